@@ -31,8 +31,8 @@ $(KERNELS): .venv/.requirements pyproject.toml $(wildcard $(CORE)/source/*.[ch])
 
 .venv/.requirements: requirements.lock
 	$(call timed,downloading what armload requires into .venv (1.5 GB): a minute or two the first time,$(PYTHON) -m venv .venv && $(PIP) --require-hashes --no-deps -r requirements.lock)
-	@for cc in $$CC cc gcc clang; do command -v $$cc >/dev/null && exit; done; \
-	  echo "== no C compiler was found: downloading one, ziglang"; $(PIP) --require-hashes --no-deps -r $(CORE)/source/compiler.lock
+	@PYTHONPATH=identification $(BIN)/python -c "from armload_core.c_compiler import c_compiler as cc; exit(cc() is None)" || { \
+	  echo "== no C compiler was found: downloading one, ziglang"; $(PIP) --require-hashes --no-deps -r $(CORE)/source/compiler.lock; }
 	@touch $@
 
 lint: env

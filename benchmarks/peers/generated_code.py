@@ -28,6 +28,7 @@ from armload_controller.export.subject import ExportSubject
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_core.arrays import FloatArray
+from armload_core.c_compiler import c_compiler
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from benchmarks import sagging_panda
 from benchmarks.peers.peer_environment import PEERS_PYTHON
@@ -104,7 +105,7 @@ class Measured:
 
 def run() -> None:
     """Print the tables."""
-    compiler = shutil.which("gcc") or shutil.which("cc")
+    compiler = c_compiler()
     if compiler is None:
         print("Generated C: skipped, there is no C compiler on this machine")
         return
@@ -115,7 +116,7 @@ def run() -> None:
             _compare(subject, Path(folder), compiler)
 
 
-def _compare(subject: ExportSubject, folder: Path, compiler: str) -> None:
+def _compare(subject: ExportSubject, folder: Path, compiler: list[str]) -> None:
     """One arm."""
     chain, payload, name = subject.chain, subject.payload.model, f"armload_{subject.identifier}"
     states = np.random.default_rng(0).uniform(-1.5, 1.5, (STATES, 3, chain.n))
@@ -155,7 +156,9 @@ def _row(title: str, seconds: float, first_s: float, done: Operations | None) ->
     print(f"  {title:48s} {seconds * 1e9:7.0f} ns {seconds / first_s:5.2f} x {counted}")
 
 
-def _timed(folder: Path, compiler: str, name: str, states: FloatArray, calls: dict[str, str]) -> dict[str, Measured]:
+def _timed(
+    folder: Path, compiler: list[str], name: str, states: FloatArray, calls: dict[str, str]
+) -> dict[str, Measured]:
     """Each function, in alternate rounds; in separate objects, so that no call is moved out of the loop."""
     fields = {
         "name": name,
@@ -170,7 +173,7 @@ def _timed(folder: Path, compiler: str, name: str, states: FloatArray, calls: di
     (folder / "main.c").write_text(_HARNESS % fields)
     sources = ["main.c", f"{name}.c", *(["casadi_torque.c"] if "peer" in calls else [])]
     flags = ["-std=c99", "-O2", "-Wno-missing-braces"]
-    subprocess.run([compiler, *flags, *sources, "-o", "benchmark", "-lm"], cwd=folder, check=True)
+    subprocess.run([*compiler, *flags, *sources, "-o", "benchmark", "-lm"], cwd=folder, check=True)
     done = subprocess.run([folder / "benchmark"], capture_output=True, text=True, check=True)
     numbers = np.array(done.stdout.split(), dtype=float)
     times = numbers[: ROUNDS * len(calls)].reshape(ROUNDS, len(calls))

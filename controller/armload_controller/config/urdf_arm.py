@@ -31,7 +31,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmBody
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import TENSOR_ELEMENTS, InertialParameters, symmetric_tensor
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
@@ -353,8 +353,7 @@ def _inertial(tree: UrdfTree, owner: str, inertial: ElementTree.Element, pose: F
     """An `<inertial>` expressed in another frame; `pose` is the (4, 4) pose of its link in that frame."""
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     values = [tree.number(owner, "mass", mass, "value")]
-    values += [tree.number(owner, "inertia", inertia, key) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")]
-    kg, ixx, iyy, izz, ixy, ixz, iyz = np.nan_to_num(values)
-    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-    body = InertialParameters.from_center_of_mass(float(kg), np.zeros(3), tensor)
+    values += [tree.number(owner, "inertia", inertia, key) for key in TENSOR_ELEMENTS]
+    kg, *elements = np.nan_to_num(values)
+    body = InertialParameters.from_center_of_mass(float(kg), np.zeros(3), symmetric_tensor(elements))
     return body.transformed(pose @ tree.pose(owner, inertial))

@@ -19,7 +19,8 @@ import numpy as np
 
 from armload_controller.config.robot import Robot
 from armload_controller.export.subject import identifier_of
-from armload_controller.export.wording import comment, exact, printable
+from armload_controller.export.urdf import inertial_lines
+from armload_controller.export.wording import exact, printable, xml_comment
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.calibration.possible_links import PossibleLinks
@@ -51,7 +52,8 @@ def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
     lines += ['  <link name="world"/>', '  <link name="base"/>']
     lines += _fixed("base_joint", '"world"', '"base"', _standing(calibration.level(chain).gravity_m_s2))
     for i, (name, parent, child) in enumerate(zip(names, ['"base"', *links[:-1]], links, strict=True)):
-        lines += [f"  <link name={child}>", *_inertial(possible.links[i]), "  </link>"]
+        link = inertial_lines(InertialParameters(possible.links[i]))
+        lines += [f"  <link name={child}>", *(f"    {line}" for line in link), "  </link>"]
         lines += [
             f'  <joint name={name} type="revolute">',
             f"    <parent link={parent}/>",
@@ -91,7 +93,7 @@ def _comment(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
         "URDF has no elements for these:",
         *(f"{what} {_numbers(np.asarray(values).ravel())}" for what, values in of.items()),
     )
-    return ["<!--", *(line.replace("--", "- -") for line in comment(paragraphs, " ")), "-->"]
+    return xml_comment(paragraphs)
 
 
 def _standing(gravity_m_s2: FloatArray) -> FloatArray:
@@ -114,19 +116,6 @@ def _fixed(name: str, parent: str, child: str, pose: FloatArray) -> list[str]:
         f"    <child link={child}/>",
         f"    {_origin(pose)}",
         "  </joint>",
-    ]
-
-
-def _inertial(theta: FloatArray) -> list[str]:
-    """A link's mass and inertia."""
-    body = InertialParameters(theta)
-    (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = ([exact(value) for value in row] for row in body.inertia_about_com)
-    return [
-        "    <inertial>",
-        f'      <origin xyz="{_numbers(body.center_of_mass_m)}" rpy="0 0 0"/>',
-        f'      <mass value="{exact(body.mass_kg)}"/>',
-        f'      <inertia ixx="{ixx}" ixy="{ixy}" ixz="{ixz}" iyy="{iyy}" iyz="{iyz}" izz="{izz}"/>',
-        "    </inertial>",
     ]
 
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import shlex
-import shutil
 import subprocess
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from armload_controller.control_errors import ExportError
+from armload_core.c_compiler import INSTALL_ONE, c_compiler
 
 _FLAGS = ("-std=gnu99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-s")
 _LIBRARY = "library.so"
@@ -21,7 +19,7 @@ _LIBRARY = "library.so"
 def compiled_library(sources: Mapping[str, str], file: str) -> bytes:
     """A shared library for this computer's processor; the same sources and compiler give the same bytes.
 
-    The compiler is `CC`, cc, gcc or clang, whichever comes first, or else PyPI's ziglang; `CFLAGS` are added.
+    The compiler is that of `c_compiler`; `CFLAGS` are added.
 
     Args:
         sources: Texts by file name; those that end in .c are compiled.
@@ -30,7 +28,9 @@ def compiled_library(sources: Mapping[str, str], file: str) -> bytes:
     Raises:
         ExportError: there is no C compiler, or it failed.
     """
-    compiler = _compiler(file)
+    compiler = c_compiler()
+    if compiler is None:
+        raise ExportError(file, f"holds a compiled library, but no C compiler was found. {INSTALL_ONE}")
     with TemporaryDirectory() as folder:
         for name, text in sources.items():
             (Path(folder) / name).write_text(text, encoding="ascii")
@@ -45,24 +45,3 @@ def compiled_library(sources: Mapping[str, str], file: str) -> bytes:
                 file, f"the C compiler {shlex.join(compiler)} ended with {done.returncode}: {done.stderr.strip()}"
             )
         return (Path(folder) / _LIBRARY).read_bytes()
-
-
-def _compiler(file: str) -> list[str]:
-    """The command of a C compiler.
-
-    Raises:
-        ExportError: there is none.
-    """
-    if os.environ.get("CC"):
-        return shlex.split(os.environ["CC"])
-    for name in ("cc", "gcc", "clang"):
-        if shutil.which(name):
-            return [name]
-    if importlib.util.find_spec("ziglang"):
-        # by default zig compiles for this very processor
-        return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
-    raise ExportError(
-        file,
-        "holds a compiled library, but no C compiler was found. Install one (Debian, Ubuntu: apt install gcc) or "
-        "PyPI's (pip install ziglang)",
-    )

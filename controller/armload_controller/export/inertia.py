@@ -16,11 +16,11 @@ from enum import Enum
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.model.payload import PARAMETER_NAMES, PayloadResult
+from armload_identification.model.payload import PARAMETER_NAMES, TENSOR_ELEMENTS, PayloadResult
 
-TENSOR = PARAMETER_NAMES[4:]
+TENSOR = TENSOR_ELEMENTS
 """Elements of a format with a complete tensor, or with principal moments and axes."""
-MOMENTS = PARAMETER_NAMES[4:7]
+MOMENTS = TENSOR_ELEMENTS[:3]
 """Elements of a format with moments about the flange's axes and without products."""
 
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from armload_controller.export.subject import ExportSubject
-from armload_controller.export.urdf import inertial_lines, xml_comment
+from armload_controller.export.urdf import inertial_lines, payload_comment
 from armload_controller.export.wording import bracketed, comment, positional, provenance
 
 
@@ -41,7 +41,7 @@ def _xacro(subject: ExportSubject) -> str:
     name = f"{subject.identifier}_payload"
     lines = [
         '<?xml version="1.0"?>',
-        *xml_comment(
+        *payload_comment(
             subject,
             f"Include the file and call {name} with parent, the link whose frame is the flange of the robot's "
             "configuration; prefix is prepended to the names of link and joint.",
@@ -49,7 +49,7 @@ def _xacro(subject: ExportSubject) -> str:
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">',
         f'  <xacro:macro name="{name}" params="parent prefix:=\'\'">',
         '    <link name="${prefix}payload">',
-        *(f"      {line}" for line in inertial_lines(subject)),
+        *(f"      {line}" for line in inertial_lines(subject.payload.model)),
         "    </link>",
         '    <joint name="${prefix}payload_joint" type="fixed">',
         '      <parent link="${parent}"/>',

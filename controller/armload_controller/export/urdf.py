@@ -15,7 +15,8 @@ from __future__ import annotations
 
 from armload_controller.export.inertia import TENSOR, complete_inertia
 from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import comment, exact, provenance
+from armload_controller.export.wording import exact, provenance, xml_comment
+from armload_identification.model.payload import InertialParameters
 
 
 def export_urdf(subject: ExportSubject) -> dict[str, str]:
@@ -27,22 +28,21 @@ def export_urdf(subject: ExportSubject) -> dict[str, str]:
     Returns:
         Text by file name.
     """
-    lines = xml_comment(
+    lines = payload_comment(
         subject,
         "The inertial element of a link whose frame is the flange of the robot's configuration. A link can have only "
         "one: if the flange's link already has one, add the payload as a separate link (armload export, format ros2).",
     )
-    lines += inertial_lines(subject)
+    lines += inertial_lines(subject.payload.model)
     return {f"{subject.identifier}_payload_inertial.xml": "\n".join(lines) + "\n"}
 
 
-def inertial_lines(subject: ExportSubject) -> list[str]:
-    """The `<inertial>` element of the payload in the flange frame, line by line.
+def inertial_lines(body: InertialParameters) -> list[str]:
+    """The `<inertial>` element of a body in its link's frame, line by line.
 
     Args:
-        subject: The payload.
+        body: The body.
     """
-    body = subject.payload.model
     x, y, z = (exact(c) for c in body.center_of_mass_m)
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = (
         [exact(element) for element in row] for row in body.inertia_about_com
@@ -56,19 +56,19 @@ def inertial_lines(subject: ExportSubject) -> list[str]:
     ]
 
 
-def xml_comment(subject: ExportSubject, purpose: str) -> list[str]:
+def payload_comment(subject: ExportSubject, purpose: str) -> list[str]:
     """A comment with provenance, purpose, units, signs and the source of the inertia.
 
     Args:
         subject: The payload.
         purpose: Purpose of the element.
     """
-    paragraphs = (
-        provenance(subject),
-        purpose,
-        "Mass in kg, centre of mass in m in the flange frame, inertia in kg m2 about the centre of mass in the "
-        "flange's axes, as tensor elements (ixy = -int xy dm).",
-        complete_inertia(subject.payload, TENSOR).statement,
+    return xml_comment(
+        (
+            provenance(subject),
+            purpose,
+            "Mass in kg, centre of mass in m in the flange frame, inertia in kg m2 about the centre of mass in the "
+            "flange's axes, as tensor elements (ixy = -int xy dm).",
+            complete_inertia(subject.payload, TENSOR).statement,
+        )
     )
-    # two hyphens would end the comment
-    return ["<!--", *(line.replace("--", "- -") for line in comment(paragraphs, " ")), "-->"]

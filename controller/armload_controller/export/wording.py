@@ -77,6 +77,12 @@ def comment(paragraphs: Iterable[str], prefix: str) -> list[str]:
     return lines
 
 
+def xml_comment(paragraphs: Iterable[str]) -> list[str]:
+    """Paragraphs as one XML comment."""
+    # two hyphens would end the comment
+    return ["<!--", *(line.replace("--", "- -") for line in comment(paragraphs, " ")), "-->"]
+
+
 def printable(text: str) -> str:
     """The text with a question mark for every character that is not printable ASCII, so that no name ends a line."""
     return "".join(c if c.isascii() and c.isprintable() else "?" for c in text)

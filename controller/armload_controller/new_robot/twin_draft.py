@@ -12,7 +12,7 @@ import numpy as np
 
 from armload_controller.new_robot.arm_draft import ArmDraft
 from armload_core.arrays import FloatArray
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import TENSOR_ELEMENTS, InertialParameters, tensor_elements
 from armload_identification.storage.toml_text import array, inline, number, text
 
 COUNTS_PER_TURN: Final = 2**20
@@ -104,10 +104,9 @@ def twin_simulation(
 
 def body_lines(body: InertialParameters) -> list[str]:
     """Keys of a rigid body: mass, centre of mass, inertia about it."""
-    inertia = np.round(body.inertia_about_com, 9) + 0.0
-    keys = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
+    inertia = np.round(tensor_elements(body.inertia_about_com), 9) + 0.0
     return [
         f"mass_kg = {number(round(body.mass_kg, 6))}",
         f"center_of_mass_m = {array(np.round(body.center_of_mass_m, 6) + 0.0)}",
-        f"inertia_kg_m2 = {inline({key: number(inertia[place]) for key, place in keys.items()})}",
+        f"inertia_kg_m2 = {inline({key: number(value) for key, value in zip(TENSOR_ELEMENTS, inertia, strict=True)})}",
     ]

@@ -266,13 +266,8 @@ class DriveNode:
             return self._error(
                 step, "the drive has rebooted by itself", "Check its supply; then reconnect and enable again"
             )
-        if self._missing > self._max_missing:
-            self.lost = True
-            return self._timeout(
-                step,
-                f"no feedback for {self._missing} cycles",
-                f"Check the drive's supply and cable. Allowed are {self._max_missing} (max_missing_cycles)",
-            )
+        if self.is_gone:
+            return self.gone(step)
         if now_s - self._heard_s > self.heartbeat_limit_s:
             self.lost = True
             return self._timeout(
@@ -309,11 +304,8 @@ class DriveNode:
     def gone(self, step: str) -> ServoTimeout:
         """Error for a drive whose feedback has stopped; marks the drive as lost."""
         self.lost = True
-        return self._timeout(
-            step,
-            f"no feedback for {self._missing} cycles",
-            f"Check the drive's supply and cable. Allowed are {self._max_missing} (max_missing_cycles)",
-        )
+        settings = self.settings
+        return ServoTimeout.no_feedback(settings.node_id, settings.joint, step, self._missing, self._max_missing)
 
     def _fault(self, step: str) -> ServoFault | None:
         """Error for a fault that the drive itself reports."""

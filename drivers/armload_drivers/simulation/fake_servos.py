@@ -306,15 +306,10 @@ class FakeServos:
         self._last = reported
         self._missed = np.where(missing, self._missed + 1, 0)
         self._raise_fault(step)
-        if self._missed.max() > self._arm.max_missing_cycles:
+        missed, allowed = int(self._missed.max()), self._arm.max_missing_cycles
+        if missed > allowed:
             drive = self._drive(int(self._missed.argmax()))
-            raise ServoTimeout(
-                drive.node_id,
-                drive.joint,
-                step,
-                f"no feedback for {self._missed.max()} cycles",
-                "Check the drive's supply and its cable",
-            )
+            raise ServoTimeout.no_feedback(drive.node_id, drive.joint, step, missed, allowed)
         with_current = self._units.feedback is EffortFeedback.CURRENT
         return JointFeedback(
             cycle=self._cycle,

@@ -1,18 +1,15 @@
 """Compile the kernels: a hatchling build hook, and a program for checks with other compiler flags.
 
 The extension uses the limited API, so that one file works with every CPython from 3.11 on. It is placed in the package
-directory, in an editable installation as in the wheel. The compiler is the first found of `CC`, `cc`, `gcc`, `clang`
-and PyPI's `ziglang`.
+directory, in an editable installation as in the wheel.
 
     python identification/armload_core/source/build_extension.py FOLDER [FLAG ...]
 """
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import shlex
-import shutil
 import subprocess
 import sys
 import sysconfig
@@ -20,6 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # armload_core is not installed yet
+
+from armload_core.c_compiler import INSTALL_ONE, c_compiler
 
 SOURCE = Path(__file__).resolve().parent
 EXTENSION = "kernels.abi3.so"
@@ -58,35 +59,18 @@ def compile_extension(folder: Path, flags: tuple[str, ...] = (), include: Path =
             f"armload's kernels are compiled for this Python, but its headers are missing: no Python.h in {include}. "
             "Install them (Debian, Ubuntu: apt install python3-dev)."
         )
+    compiler = c_compiler()
+    if compiler is None:
+        raise SystemExit(f"armload's kernels are written in C, but no C compiler was found. {INSTALL_ONE}.")
     fresh = folder / f".{EXTENSION}.{os.getpid()}"
     sources = sorted(str(file) for file in SOURCE.glob("*.c"))
     more = (*shlex.split(os.environ.get("CFLAGS", "")), *flags)
-    command = [*compiler(), *FLAGS, *WARNINGS, f"-I{include}", *more, *sources, "-lm", "-o", str(fresh)]
+    command = [*compiler, *FLAGS, *WARNINGS, f"-I{include}", *more, *sources, "-lm", "-o", str(fresh)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     sys.stderr.write(done.stderr)
     if done.returncode != 0:
         raise SystemExit(f"armload's kernels were not compiled: {shlex.join(command[:1])} ended with {done.returncode}")
     fresh.replace(folder / EXTENSION)
-
-
-def compiler() -> list[str]:
-    """The command of a C compiler.
-
-    Raises:
-        SystemExit: no compiler is found.
-    """
-    if os.environ.get("CC"):
-        return shlex.split(os.environ["CC"])
-    for name in ("cc", "gcc", "clang"):
-        if shutil.which(name):
-            return [name]
-    if importlib.util.find_spec("ziglang"):
-        # by default zig compiles for the present processor
-        return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
-    raise SystemExit(
-        "armload's kernels are written in C, but no C compiler was found. Install one (Debian, Ubuntu: apt install "
-        "gcc) or PyPI's (pip install ziglang)."
-    )
 
 
 if __name__ == "__main__":

@@ -266,9 +266,7 @@ def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:
     slope[4:, 1:4] = steiner / mass
     # Euler's theorem: the Steiner part is of degree two in s, so its value is half of s times its gradient.
     slope[4:, 0] = -0.5 * steiner @ first / mass**2
-    inertia = parameters.inertia_about_com
-    about = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    return np.concatenate([[mass], parameters.center_of_mass_m, about]), slope
+    return parameters.values, slope
 
 
 class ResidualSpectrum:

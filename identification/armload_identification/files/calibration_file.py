@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration, CalibratedPayload, CalibratedRun
+from armload_identification.files.covariance_table import require_covariance
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import CalibrationFileError, ModelError
 from armload_identification.model.body_model import BodyModel
@@ -34,7 +35,6 @@ _PARTS: Final = 7
 """Unknowns per joint in the covariance: gain, rotor, load, Coulomb, viscous, root friction; one more for the links."""
 _SINGLE: Final = 3
 _SAME: Final = 1e-6
-_ROUNDING: Final = 1e-9
 
 
 class _ArmTable(Table):
@@ -170,12 +170,7 @@ class _CalibrationFile(Table):
                 raise BadValue(f"gains.{key}", getattr(self.gains, key).tolist(), "expected numbers above 0")
         if (self.body.links[self.body.base <= 0.5] != 0.0).any():
             raise BadValue("body.base", self.body.base.tolist(), "expected 1 for every parameter that is not zero")
-        covariance = self.uncertainty.covariance
-        symmetric = np.allclose(covariance, covariance.T, rtol=_ROUNDING, atol=0.0)
-        size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        scaled = covariance / np.maximum(size[:, None] * size, np.finfo(float).tiny)
-        if not symmetric or np.linalg.eigvalsh(scaled).min() < -_SAME:
-            raise BadValue("uncertainty.covariance", None, "expected a symmetric matrix without negative eigenvalues")
+        require_covariance("uncertainty.covariance", self.uncertainty.covariance)
         return self
 
 

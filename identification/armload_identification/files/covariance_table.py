@@ -12,8 +12,9 @@ from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.storage import toml_text
 from armload_identification.storage.strict_toml import BadValue, NumberList, NumberRows, Table, require_shape
 
-_ROUNDING: Final = 1e-9
-"""Allowed asymmetry of a correlation matrix, and negative eigenvalue: digits lost by other programs."""
+_ASYMMETRY: Final = 1e-9
+_BELOW_ZERO: Final = 1e-6
+"""Allowed asymmetry of a correlation matrix, and its lowest eigenvalue, negated: digits lost, by other programs too."""
 
 
 class _GainsTable(Table):
@@ -34,7 +35,7 @@ class CovarianceTable(Table):
     @model_validator(mode="after")
     def _a_covariance(self) -> CovarianceTable:
         require_shape("mass_center", self.mass_center, (4, 4))
-        _require_covariance("mass_center", self.mass_center)
+        require_covariance("mass_center", self.mass_center)
         return self
 
     @model_validator(mode="after")
@@ -43,7 +44,7 @@ class CovarianceTable(Table):
             n = self.gains.gain_nm_a.size
             require_shape("gains.slope", self.gains.slope, (4, n))
             require_shape("gains.covariance", self.gains.covariance, (n, n))
-            _require_covariance("gains.covariance", self.gains.covariance)
+            require_covariance("gains.covariance", self.gains.covariance)
         return self
 
     def covariance(self) -> MassCenterCovariance:
@@ -84,9 +85,13 @@ def covariance_lines(known: MassCenterCovariance | None) -> list[str]:
     return lines
 
 
-def _require_covariance(key: str, matrix: FloatArray) -> None:
-    """Raise unless a matrix is symmetric and positive semidefinite."""
+def require_covariance(key: str, matrix: FloatArray) -> None:
+    """Raise unless a square matrix is symmetric and positive semidefinite.
+
+    Raises:
+        BadValue: naming the key.
+    """
     size = np.sqrt(np.abs(np.diag(matrix)))
     scaled = matrix / np.maximum(np.outer(size, size), np.finfo(np.float64).tiny)
-    if not np.allclose(scaled, scaled.T, atol=_ROUNDING) or np.linalg.eigvalsh(scaled)[0] < -_ROUNDING:
+    if np.abs(scaled - scaled.T).max() > _ASYMMETRY or np.linalg.eigvalsh(scaled)[0] < -_BELOW_ZERO:
         raise BadValue(key, matrix.tolist(), "expected a covariance: symmetric, no eigenvalue below 0")

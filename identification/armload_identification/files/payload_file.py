@@ -18,10 +18,12 @@ from pydantic import Field, model_validator
 
 from armload_core.arrays import FloatArray
 from armload_identification.files.covariance_table import CovarianceTable, covariance_lines
+from armload_identification.files.inertia_table import InertiaTable
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import PayloadFileError
 from armload_identification.model.payload import (
     SMALLEST_MARGIN,
+    TENSOR_ELEMENTS,
     InertialParameters,
     PayloadResult,
 )
@@ -40,7 +42,7 @@ from armload_identification.storage.strict_toml import (
 _KEYS = (
     ("", "mass_kg"),
     *(("center_of_mass_m", key) for key in ("x", "y", "z")),
-    *(("inertia_kg_m2", key) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")),
+    *(("inertia_kg_m2", key) for key in TENSOR_ELEMENTS),
 )
 """Table and key of each of the ten values, in the order of `PARAMETER_NAMES`."""
 
@@ -87,23 +89,12 @@ class _PayloadTable(_Entries[float]):
     frame: Text
 
 
-class _InertiaTable(Table):
-    """Tensor elements about the centre of mass."""
-
-    ixx: float
-    iyy: float
-    izz: float
-    ixy: float
-    ixz: float
-    iyz: float
-
-
 class _ModelTable(Table):
     """The complete body."""
 
     mass_kg: Annotated[float, Field(gt=0)]
     center_of_mass_m: NumberList
-    inertia_kg_m2: _InertiaTable
+    inertia_kg_m2: InertiaTable
 
     def values(self) -> list[float]:
         """All ten, in the order of `_KEYS`."""
@@ -111,10 +102,7 @@ class _ModelTable(Table):
 
     def body(self) -> InertialParameters:
         """The body's inertial parameters."""
-        six = np.array(self.values()[4:])
-        return InertialParameters.from_center_of_mass(
-            self.mass_kg, self.center_of_mass_m, six[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
-        )
+        return InertialParameters.from_center_of_mass(self.mass_kg, self.center_of_mass_m, self.inertia_kg_m2.tensor())
 
 
 class _ResidualTable(Table):

@@ -11,7 +11,10 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.mass_center import MassCenterCovariance
 
-PARAMETER_NAMES = ("mass", "cx", "cy", "cz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+TENSOR_ELEMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+"""The six elements of an inertia tensor, in their order in files and results."""
+
+PARAMETER_NAMES = ("mass", "cx", "cy", "cz", *TENSOR_ELEMENTS)
 """The ten values in their order in files and results: mass, centre of mass, tensor elements."""
 
 SMALLEST_MARGIN = 1e-6
@@ -67,7 +70,7 @@ class InertialParameters:
         if not np.abs(inertia - inertia.T).max() <= 1e-9 * np.abs(inertia).max():  # also True for nan
             raise ModelError(f"inertia {inertia.tolist()} is not symmetric")
         about_origin = inertia + mass_kg * (center @ center * np.eye(3) - np.outer(center, center))
-        return cls(np.concatenate([[mass_kg], mass_kg * center, _six(about_origin)]))
+        return cls(np.concatenate([[mass_kg], mass_kg * center, tensor_elements(about_origin)]))
 
     @classmethod
     def from_pseudo_inertia(cls, pseudo_inertia: ArrayLike) -> InertialParameters:
@@ -84,7 +87,7 @@ class InertialParameters:
             raise ModelError(f"pseudo-inertia has shape {matrix.shape}; expected (4, 4)")
         sigma = matrix[:3, :3]
         inertia = np.trace(sigma) * np.eye(3) - sigma
-        return cls(np.concatenate([[matrix[3, 3]], matrix[:3, 3], _six(inertia)]))
+        return cls(np.concatenate([[matrix[3, 3]], matrix[:3, 3], tensor_elements(inertia)]))
 
     @property
     def mass_kg(self) -> float:
@@ -105,8 +108,7 @@ class InertialParameters:
     @property
     def inertia_about_origin(self) -> FloatArray:
         """(3, 3) inertia tensor about the frame's origin, in kg m2."""
-        ixx, iyy, izz, ixy, ixz, iyz = self.theta[4:]
-        return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+        return symmetric_tensor(self.theta[4:])
 
     @property
     def inertia_about_com(self) -> FloatArray:
@@ -121,7 +123,7 @@ class InertialParameters:
     @property
     def values(self) -> FloatArray:
         """(10,) mass, centre of mass, tensor elements about it, in kg, m, kg m2; in the order of `PARAMETER_NAMES`."""
-        return np.concatenate([[self.mass_kg], self.center_of_mass_m, _six(self.inertia_about_com)])
+        return np.concatenate([[self.mass_kg], self.center_of_mass_m, tensor_elements(self.inertia_about_com)])
 
     @property
     def pseudo_inertia(self) -> FloatArray:
@@ -228,6 +230,12 @@ class PayloadResult:
         return bool(np.all(self.determined[:4]))
 
 
-def _six(tensor: FloatArray) -> FloatArray:
-    """[Ixx, Iyy, Izz, Ixy, Ixz, Iyz] of a (3, 3) tensor."""
+def symmetric_tensor(elements: ArrayLike) -> FloatArray:
+    """(3, 3) tensor of its six elements, in the order of `TENSOR_ELEMENTS`."""
+    ixx, iyy, izz, ixy, ixz, iyz = np.asarray(elements, dtype=np.float64)
+    return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+
+
+def tensor_elements(tensor: FloatArray) -> FloatArray:
+    """(6,) elements of a (3, 3) tensor, in the order of `TENSOR_ELEMENTS`."""
     return np.asarray(tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.model.payload import InertialParameters, PayloadResult
+from armload_identification.model.payload import TENSOR_ELEMENTS, InertialParameters, PayloadResult
 from armload_identification.pipeline.identification import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.recording.recording import RecordingSource
@@ -23,7 +23,6 @@ from armload_identification.verdict.agreement import Agreement
 
 SCHEMA: Final = "armload/payload/1"
 _AXES: Final = ("x", "y", "z")
-_ELEMENTS: Final = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 def findings_document(
@@ -162,5 +161,5 @@ def _ten(values: Sequence[Any]) -> dict[str, Any]:
     return {
         "mass_kg": values[0],
         "center_of_mass_m": dict(zip(_AXES, values[1:4], strict=True)),
-        "inertia_kg_m2": dict(zip(_ELEMENTS, values[4:], strict=True)),
+        "inertia_kg_m2": dict(zip(TENSOR_ELEMENTS, values[4:], strict=True)),
     }

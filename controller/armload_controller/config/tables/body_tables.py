@@ -8,26 +8,10 @@ from pydantic import model_validator
 from armload_controller.config.tables.table_types import NonNegative, Positive, Vector3
 from armload_core.arrays import FloatArray
 from armload_drivers.simulation.plant_spec import RigidBody
+from armload_identification.files.inertia_table import InertiaTable
 from armload_identification.model.dynamics import ArmBody
 from armload_identification.model.payload import InertialParameters
 from armload_identification.storage.strict_toml import Table
-
-
-class InertiaTable(Table):
-    """Tensor elements, kg m2."""
-
-    ixx: float
-    iyy: float
-    izz: float
-    ixy: float
-    ixz: float
-    iyz: float
-
-    def tensor(self) -> FloatArray:
-        """(3, 3) symmetric tensor."""
-        return np.array(
-            [[self.ixx, self.ixy, self.ixz], [self.ixy, self.iyy, self.iyz], [self.ixz, self.iyz, self.izz]]
-        )
 
 
 class BodyTable(Table):

@@ -20,6 +20,7 @@ from __future__ import annotations
 from armload_controller.export.inertia import TENSOR, InertiaSource, inertia_or_point_mass
 from armload_controller.export.subject import ExportSubject
 from armload_controller.export.wording import bracketed, heading, positional
+from armload_identification.model.payload import tensor_elements
 
 
 def export_ur(subject: ExportSubject) -> dict[str, str]:
@@ -35,7 +36,7 @@ def export_ur(subject: ExportSubject) -> dict[str, str]:
     inertia = inertia_or_point_mass(subject.payload, TENSOR)
     arguments = [positional(body.mass_kg), bracketed(body.center_of_mass_m)]
     if inertia.source is not InertiaSource.POINT_MASS:
-        arguments.append(bracketed(inertia.tensor_kg_m2[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
+        arguments.append(bracketed(tensor_elements(inertia.tensor_kg_m2)))
     lines = heading(
         subject,
         "Mass in kg, centre of mass in m from the tool mount, inertia [Ixx, Iyy, Izz, Ixy, Ixz, Iyz] in kg m2 "
