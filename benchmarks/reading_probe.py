@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
 import struct
 import subprocess
 import sys
@@ -17,6 +16,7 @@ from mcap.opcode import Opcode
 from mcap.stream_reader import StreamReader
 
 from armload_identification.recording.file_reading import read_recording
+from benchmarks.peak_memory import peak_bytes
 
 WATCHED, CALIBRATION = "er50", "arm.calibration.toml"
 _RECORD = struct.Struct("<BQ")
@@ -85,5 +85,4 @@ if __name__ == "__main__":
     begun_s = time.process_time()
     way(Path(sys.argv[2]))
     used_s = time.process_time() - begun_s
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    sys.stdout.write(json.dumps({"cpu_s": used_s, "peak_mb": peak_mb}))
+    sys.stdout.write(json.dumps({"cpu_s": used_s, "peak_mb": peak_bytes() / 1e6}))

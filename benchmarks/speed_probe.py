@@ -17,6 +17,7 @@ from pathlib import Path  # noqa: E402
 from armload_controller.config.robot import load_robot  # noqa: E402
 from armload_identification.pipeline.payload_identification import identify  # noqa: E402
 from armload_identification.recording.file_reading import read_recording  # noqa: E402
+from benchmarks.peak_memory import peak_bytes  # noqa: E402
 
 
 def main() -> None:
@@ -30,7 +31,7 @@ def main() -> None:
         "wall_s": time.perf_counter() - _BEGUN_S,
         "cpu_s": used.ru_utime + used.ru_stime,
         "identify_s": time.perf_counter() - read_s,
-        "largest_bytes": used.ru_maxrss * 1024,
+        "largest_bytes": peak_bytes(),
         "mass_kg": result.parameters.mass_kg,
     }
     print(json.dumps(figures))
