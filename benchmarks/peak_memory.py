@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def peak_bytes() -> int:
-    """Greatest resident memory of this program so far; `ru_maxrss` also includes that of the program that started it."""
+    """Greatest resident memory of this program; `ru_maxrss` also includes that of the program that started it."""
     status = Path("/proc/self/status").read_text("ascii")
     found = re.search(r"^VmHWM:\s+(\d+) kB$", status, re.MULTILINE)
     if found is None:
