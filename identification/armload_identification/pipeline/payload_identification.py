@@ -39,8 +39,15 @@ from armload_identification.signals.load_signal import LoadSignal, load_signal
 from armload_identification.signals.motion import Motion
 from armload_identification.verdict.column_mistakes import looks_wrong, refuse_wrong_columns
 from armload_identification.verdict.friction_validity import friction_change, friction_notes, standard_deviations
+from armload_identification.verdict.joint_scales import joint_scales
 from armload_identification.verdict.operator_notes import misfit_notes
-from armload_identification.verdict.sanity import check_gains, check_pair, check_signs, explain_negative_mass
+from armload_identification.verdict.sanity import (
+    check_gains,
+    check_pair,
+    check_scales,
+    check_signs,
+    explain_negative_mass,
+)
 
 FLANGE: Final = "flange"
 _CONTRADICTS: Final = 2.0
@@ -203,9 +210,13 @@ def _from_difference(
         change, covariance = _friction_change(known_arm, chain, signal.unloaded)
         said = friction_notes(standard_deviations(change, covariance, known_arm.drift[:2]))
         own = ArmFriction.of(body, signal.unloaded.states.velocity_rad_s, change)
-    return completed(
+    result = completed(
         signal, regressor, fit, friction, doubts, gains, runs, transmission, arm, own, struck, said, fitted_gains, prior
     )
+    if result.uncertainty.determined[0]:
+        friction_nm = np.zeros_like(signal.torque_nm) if friction is None else friction.torque_nm
+        check_scales(joint_scales(signal, regressor @ plain.theta, friction_nm), signal.loaded.moves)
+    return result
 
 
 def _friction_change(arm: KnownArm, chain: Chain, run: Motion) -> tuple[FloatArray, FloatArray]:

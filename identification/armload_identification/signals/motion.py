@@ -76,6 +76,11 @@ class Motion:
         """Time between samples."""
         return float(self.time_s[1] - self.time_s[0])
 
+    @property
+    def moves(self) -> NDArray[np.bool_]:
+        """(n,) False for joints at rest, whose torque is the links' plus any static friction."""
+        return np.asarray(np.ptp(self.states.position_rad, axis=0) > _NO_MOTION_RAD)
+
     def with_delay(self, delay_s: float) -> Motion:
         """The same torque with the motion to which it belongs.
 

@@ -68,7 +68,8 @@ class _Trial:
     Attributes:
         cost: Sum of the logarithms of the joints' residuals, as shares of their torque.
         share: (n,) residual of each joint, as a share of its torque.
-        friction: (n,) mean friction while moving, as a share of the torque; negative where it drives the arm.
+        friction: (n,) mean friction while moving, as a share of the torque; negative where it drives the arm, 0 for
+            joints at rest: what their servos do to tiny vibrations is no friction.
     """
 
     cost: float
@@ -112,9 +113,9 @@ def looks_wrong(signal: LoadSignal, arm: BodyFit | None) -> bool:
         return False
     speed = np.mean(np.abs(signal.unloaded.states.velocity_rad_s), axis=0)
     friction = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed
-    moves = arm.torque_rms_nm > signal.averaged_noise_nm
-    odd = (arm.residual_rms_nm > _STRANGE * arm.torque_rms_nm) | (friction < -_DRIVES * arm.torque_rms_nm)
-    return bool((moves & odd).any())
+    driven = signal.unloaded.moves & (friction < -_DRIVES * arm.torque_rms_nm)
+    loud = arm.torque_rms_nm > signal.averaged_noise_nm
+    return bool((loud & (driven | (arm.residual_rms_nm > _STRANGE * arm.torque_rms_nm))).any())
 
 
 def refuse_wrong_columns(
@@ -262,6 +263,7 @@ class _System:
         usable = np.flatnonzero(run.valid)
         rows = usable[:: max(1, usable.size // _ROWS)]
         states = run.states if order is None else tuple(state[:, order] for state in run.states)
+        moves = run.moves if order is None else run.moves[order]
         q, dq, ddq = (state[rows] for state in states)
         speed = states[1]
         weight, direction = reversal_weights(speed)[rows], smooth_sign(dq, reversal_speed(speed))
@@ -297,7 +299,7 @@ class _System:
         coulomb = np.mean(direction * dq, axis=0) / distance
         viscous = np.mean(dq**2, axis=0) / distance
         friction = coulomb[:, None] * coefficient[-3 * n : -2 * n] + viscous[:, None] * coefficient[-2 * n : -n]
-        self._friction = friction / np.where(level > 0.0, level, np.inf)[:, None]
+        self._friction = friction / np.where(moves & (level > 0.0), level, np.inf)[:, None]
 
     def trial(self, columns: FloatArray) -> _Trial:
         """The fit of a correction.

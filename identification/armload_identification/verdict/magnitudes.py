@@ -28,6 +28,8 @@ _HEAVY: Final = 0.02
 """Share of the greatest torque from which the links' weight is visible in a joint's torque."""
 _FOLLOWS: Final = 0.6
 """Correlation from which a torque is due to the links, whatever its scale."""
+_FOLLOWS_CLOSELY: Final = 0.9
+"""The same for all but the most loaded joint: friction of a wrist can resemble a weight in a short run."""
 _WEAK, _STRONG = 0.1, 10.0
 """Ratios of measured to expected torque beyond which the unit, or the side of the gear, is wrong."""
 _MILLI: Final = (300.0, 3000.0)
@@ -117,21 +119,25 @@ def _refuse_strength(run: Recording, torque: FloatArray, arm: ArmMagnitudes) -> 
 def _refuse_scale(
     run: Recording, position: FloatArray, torque: FloatArray, chain: Chain, arm: ArmMagnitudes, body: ArmBody
 ) -> None:
-    """Raise for torques that are proportional to the links' weight at a wrong scale, on the joint that carries most."""
+    """Raise for torques that are proportional to the links' weight at a wrong scale, the most loaded joint first."""
     still = np.zeros_like(position)
     expected = ArmDynamics(chain, body).torque(np.nan_to_num(position), still, still)
     swing, measured = expected - expected.mean(axis=0), torque - np.nanmean(torque, axis=0)
     size = np.sqrt(np.mean(swing**2, axis=0))
-    joint = int(np.argmax(size))
-    if not size[joint] > _HEAVY * np.nan_to_num(arm.torque_max_nm[joint], nan=0.0) or size[joint] <= 0.0:
-        return
-    good = np.isfinite(measured[:, joint])
-    one, other = measured[good, joint], swing[good, joint]
-    scale = float(one @ other / (other @ other))
-    if not float(one @ other) > _FOLLOWS * float(np.sqrt((one @ one) * (other @ other))):
-        return
-    if _WEAK <= scale <= _STRONG:
-        return
+    visible = (size > _HEAVY * np.nan_to_num(arm.torque_max_nm, nan=0.0)) & (size > _HEAVY * size.max())
+    for place, joint in enumerate(np.argsort(-size)):
+        good = np.isfinite(measured[:, joint])
+        one, other = measured[good, joint], swing[good, joint]
+        along, least = float(one @ other), _FOLLOWS if place == 0 else _FOLLOWS_CLOSELY
+        if not visible[joint] or not along > least * float(np.sqrt((one @ one) * (other @ other))):
+            continue
+        scale = along / float(other @ other)
+        if not _WEAK <= scale <= _STRONG:
+            raise _wrong_scale(run, arm.joint_names[joint], scale)
+
+
+def _wrong_scale(run: Recording, joint: str, scale: float) -> RecordingError:
+    """The error for a torque that is proportional to the links' weight at a wrong scale."""
     guess = "Is this a recording of this arm, in N m or A?"
     if scale < _WEAK:
         guess = (
@@ -140,7 +146,6 @@ def _refuse_scale(
         )
     elif _MILLI[0] <= scale <= _MILLI[1]:
         guess = "Torques look like N mm, or currents like milliampere: convert them to N m or A."
-    raise RecordingError(
-        f"{run.source.path}: the torque of {arm.joint_names[joint]} is {scale:.2g} times the torque of the links' "
-        f"weight. {guess}"
+    return RecordingError(
+        f"{run.source.path}: the torque of {joint} is {scale:.2g} times the torque of the links' weight. {guess}"
     )

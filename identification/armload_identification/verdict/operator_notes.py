@@ -196,7 +196,8 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
         return []
     loud = arm.torque_rms_nm > _LOUD * signal.averaged_noise_nm
     speed = np.sqrt(np.mean(signal.states.velocity_rad_s**2, axis=0))
-    pushes = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed < -_PUSHES * arm.torque_rms_nm
+    friction = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed
+    pushes = signal.unloaded.moves & (friction < -_PUSHES * arm.torque_rms_nm)
     strange = loud & ((arm.residual_rms_nm > _STRANGE * arm.torque_rms_nm) | pushes)
     if not strange.any():
         return []
@@ -214,7 +215,7 @@ def misfit_notes(signal: LoadSignal, fit: Estimate) -> list[str]:
         fit: The plain estimate.
     """
     # A joint at rest was not fitted: its static friction can take any value.
-    moves = fit.sample_weight[signal.valid].max(axis=0) > _AT_REST
+    moves = signal.loaded.moves & (fit.sample_weight[signal.valid].max(axis=0) > _AT_REST)
     torque, left = (np.where(moves, values[signal.valid], 0.0) for values in (signal.torque_nm, fit.residual_nm))
     measured = np.mean((torque * fit.weight_1_nm) ** 2)
     misfit = np.mean((left * fit.weight_1_nm) ** 2)

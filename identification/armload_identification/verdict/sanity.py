@@ -16,6 +16,7 @@ from armload_identification.recording.reduction.phases import whole_periods
 from armload_identification.recording.reduction.repeated_values import repeated_values
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.verdict.joint_scales import JointScales
 from armload_identification.verdict.joint_words import numbered_joints
 
 _MOVES_RAD: Final = 0.05
@@ -26,8 +27,11 @@ _FEEDS_ENERGY: Final = -0.03
 _EXPLAINED: Final = 0.9
 _OPPOSED: Final = -0.8
 _CLEAR: Final = 5.0
-_IMPLAUSIBLE: Final = float(np.log(3.0))
+_FACTOR: Final = 3.0
+_IMPLAUSIBLE: Final = float(np.log(_FACTOR))
 """Logarithm of the greatest error of a nominal gain, either way: beyond it, no payload can be trusted."""
+_CERTAINLY: Final = 2.0
+"""Half widths of the 95 % interval by which a joint's scale must be beyond that factor."""
 _PARTS: Final = 200
 _GAP: Final = 5.0
 """Multiple of the usual interval from which the velocity between two samples is unknown."""
@@ -211,12 +215,41 @@ def check_gains(gains: GainFit | None) -> None:
         return
     size = np.where(gains.contradicted, np.abs(gains.log_gain), 0.0)
     joint = int(np.argmax(size))
-    if not size[joint] > _IMPLAUSIBLE:
-        return
-    raise EstimationError(
-        f"the torque of joint {joint + 1} contradicts the payload that the other joints imply by more than a factor "
-        f"of {np.exp(_IMPLAUSIBLE):.0f}: the sign of its current or torque is flipped, its torque constant, gear ratio "
-        "or unit is wrong, or its column is another joint's. Correct the configuration or the log."
+    if size[joint] > _IMPLAUSIBLE:
+        raise _contradiction(np.arange(size.size) == joint)
+
+
+def check_scales(scales: JointScales, moves: NDArray[np.bool_]) -> None:
+    """Raise if the payload's torque on a joint is many times that of the payload, or opposite to it.
+
+    A gain that is wrong by orders of magnitude is not found as a gain: the joint is then either excluded as noise, or,
+    being almost free of noise, determines the payload alone.
+
+    Args:
+        scales: Ratio of measured to predicted payload torque of the joints.
+        moves: (n,) False for joints at rest: static friction may carry the payload's torque.
+
+    Raises:
+        EstimationError: naming the joints and the possible causes.
+    """
+    certain = _CERTAINLY * scales.half_width_95
+    with np.errstate(invalid="ignore"):
+        beyond = moves & ((scales.scale - certain > _FACTOR) | (scales.scale + certain < 1.0 / _FACTOR))
+    if beyond.any():
+        within = np.abs(scales.scale - 1.0) + certain < _FACTOR - 1.0
+        # A joint almost free of noise determines the payload alone: then it is the others that seem wrong.
+        alone = within.any() and np.count_nonzero(beyond) > np.count_nonzero(within)
+        raise _contradiction(within if alone else beyond)
+
+
+def _contradiction(joints: NDArray[np.bool_]) -> EstimationError:
+    """The error for joints whose torque is not that of the payload by far."""
+    one = np.count_nonzero(joints) == 1
+    its, columns = ("its", "its column is") if one else ("their", "their columns are")
+    return EstimationError(
+        f"the torque of {numbered_joints(joints)} contradicts the payload that the other joints imply by more than a "
+        f"factor of {_FACTOR:.0f}: the sign of {its} current or torque is flipped, {its} torque constant, gear ratio "
+        f"or unit is wrong, or {columns} another joint's. Correct the configuration or the log."
     )
 
 

@@ -14,7 +14,8 @@ from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.verdict.column_mistakes import exchanged_columns, flipped_signs, looks_wrong
-from armload_identification.verdict.sanity import check_run, check_signs
+from armload_identification.verdict.joint_scales import JointScales
+from armload_identification.verdict.sanity import check_run, check_scales, check_signs
 
 pytestmark = pytest.mark.pure
 
@@ -87,11 +88,43 @@ def test_a_sign_that_only_the_payload_reveals_is_found(signal, pinocchio_arm):
         check_signs(spoiled, regressor, fit)
 
 
-@pytest.mark.parametrize(("joint", "factor"), [(2, 1.0 / 6.0), (5, 6.0)])
+@pytest.mark.parametrize(("joint", "factor"), [(2, 1.0 / 6.0), (5, 6.0), (1, 1e3), (1, 1e-3)])
 def test_a_gain_beyond_all_plausible_ones_is_an_error_and_no_percentage(pair, pinocchio_arm, joint, factor):
     runs = [scaled(run, [joint], factor) for run in pair]
     with pytest.raises(EstimationError, match=rf"joint {joint + 1} contradicts .*factor of 3: the sign .* gear ratio"):
         identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+def test_a_scale_is_refused_only_far_beyond_its_interval_and_only_in_motion():
+    def check(scale, half_width, rest=()):
+        moves = ~np.isin(np.arange(4), rest)
+        check_scales(JointScales(np.array(scale), np.array(half_width)), moves)
+
+    check([1.0, 2.8, 0.4, np.nan], [0.01, 0.1, 0.01, np.inf])
+    check([1.0, 9.0, -2.0, 1.0], [0.01, 3.1, 1.2, 0.1])
+    check([1.0, 9.0, -2.0, 1.0], [0.01, 0.1, 0.1, 0.1], rest=(1, 2))
+    with pytest.raises(EstimationError, match=r"torque of joint 2 contradicts .* its torque constant"):
+        check([1.0, 9.0, 1.0, 1.0], [0.01, 2.9, 0.1, 0.1])
+    with pytest.raises(EstimationError, match=r"torque of joints 2 and 3 contradicts .* their columns are"):
+        check([1.0, 9.0, -2.0, 1.0], [0.01, 0.1, 0.1, 0.1])
+    with pytest.raises(EstimationError, match="torque of joint 1 contradicts"):
+        check([1.0, 900.0, 1100.0, 950.0], [0.01, 20.0, 20.0, 90.0])
+
+
+def trembling(run, joint, rng):
+    """The joint at rest, with a servo that opposes its vibration."""
+    position, torque = (values.copy() for values in (run.states.position_rad, run.torque_nm))
+    velocity, acceleration = (np.array(values) for values in run.states[1:])
+    speed = 4e-4 * rng.normal(size=len(position))
+    position[:, joint], velocity[:, joint], acceleration[:, joint] = 0.3, speed, 0.0
+    torque[:, joint] = 60.0 - 3e4 * speed
+    return replace(run, states=JointStates(position, velocity, acceleration), torque_nm=torque)
+
+
+def test_a_joint_at_rest_has_no_friction_that_could_drive_the_arm(signal, pinocchio_arm):
+    run = trembling(signal.loaded, 1, np.random.default_rng(1))
+    assert list(run.moves) == [True, False, True, True, True, True]
+    assert flipped_signs(run, pinocchio_arm.chain, pinocchio_arm.transmission.coupling) == ()
 
 
 def test_a_velocity_that_is_not_the_derivative_of_the_position_is_refused(pair, pinocchio_arm):

@@ -84,3 +84,11 @@ def test_a_torque_that_does_not_follow_the_links_is_not_judged_by_them(chain_and
     run = Recording.from_arrays(time_s, position, torque_nm=noise)
     require_possible(run, chain_and_links[0], run.torque_nm, arm)
     require_possible(run, chain_and_links[0], None, arm)
+
+
+@pytest.mark.parametrize("strength", [1000.0, 0.001])
+def test_a_single_joint_in_another_unit_is_named(judged, moved, strength):
+    by_load = np.argsort(-moved[2].std(axis=0))
+    for joint in (by_load[0], by_load[2]):
+        with pytest.raises(RecordingError, match=rf"torque of {NAMES[joint]} is \S+ times .* links' weight"):
+            judged(strength=np.where(np.arange(6) == joint, strength, 1.0), torque_max_nm=np.full(6, np.nan))
