@@ -32,6 +32,7 @@ from armload_identification.report.content import ReportContent, ShownRuns
 from armload_identification.results.findings import Findings
 from armload_identification.results.payload_over_time import PayloadOverTime
 from armload_identification.verdict.agreement import Tolerance
+from armload_identification.verdict.magnitudes import require_possible_mass
 
 RunPair = tuple[Recording | FilePath, Recording | FilePath]
 """A loaded run, and one of the same motion without the payload."""
@@ -108,7 +109,8 @@ def identify(
 
     Raises:
         RecordingError: recordings that do not fit the arm or each other, or are implausible.
-        EstimationError: neither unloaded run nor calibration, or data that no payload explains.
+        EstimationError: neither unloaded run nor calibration, data that no payload explains, or a mass that this arm
+            cannot carry.
 
     Examples:
         >>> import armload
@@ -148,6 +150,8 @@ def identify(
         robot=arm.name,
         kinematics_sha256=arm.chain.kinematics_sha256,
     )
+    if arm.rated_payload_kg is not None:
+        require_possible_mass(payload.model.mass_kg, payload.interval_95[0], arm.rated_payload_kg, arm.name)
     if used.calibration is not None:
         name = next(iter(used.calibration_sha256))
         taken = (
@@ -217,7 +221,7 @@ def validate(
 
     Raises:
         PayloadFileError: the payload's file cannot be read, or it is not given in the flange frame.
-        RecordingError: recordings that do not fit the arm or each other.
+        RecordingError: recordings that do not fit the arm or each other, or that the payload was identified from.
 
     Examples:
         >>> import armload
@@ -274,11 +278,21 @@ def _validated(
 ) -> Findings:
     """The findings with the verdict of a pair of runs."""
     loaded, unloaded = (_run(arm, run) for run in pair)
+    _require_unseen(loaded, findings.payload)
     judged = payload_validation.validate(
         loaded, unloaded, used.chain, used.transmission, findings.payload, tolerance, arm=used.known
     )
     sources = (loaded.source, unloaded.source)
     return replace(findings, content=replace(findings.content, validation=judged, validation_sources=sources))
+
+
+def _require_unseen(loaded: Recording, payload: PayloadResult) -> None:
+    """Raise for a validation with the recording that the payload was identified from: it would agree with itself."""
+    if loaded.source.between_s is None and loaded.source.sha256 in payload.provenance.recordings_sha256.values():
+        raise RecordingError(
+            f"{loaded.source.path}: the payload was identified from this recording, which therefore cannot validate "
+            "it. Give a pair of runs of another motion, or a part of the recording that was not used (--between)."
+        )
 
 
 def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:

@@ -47,6 +47,10 @@ class MeasuredArm(Protocol):
         """Columns of other programs' logs; None if the arm's file does not state them."""
 
     @property
+    def rated_payload_kg(self) -> float | None:
+        """Rated payload; None if unknown."""
+
+    @property
     def calibration_file(self) -> Path | None:
         """The calibration named in the robot file; None if it names none."""
 

@@ -92,6 +92,11 @@ class Robot:
         return self.source.chain
 
     @property
+    def rated_payload_kg(self) -> float:
+        """Rated payload of the robot."""
+        return self.payloads.rated_kg
+
+    @property
     def calibration_file(self) -> Path | None:
         """The calibration that the file names, relative to the file; None if it names none.
 

@@ -98,6 +98,11 @@ class UrdfArm:
         return None
 
     @property
+    def rated_payload_kg(self) -> None:
+        """None: a URDF does not state it."""
+        return None
+
+    @property
     def calibration_file(self) -> None:
         """None: a URDF names no calibration."""
         return None

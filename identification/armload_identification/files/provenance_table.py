@@ -20,6 +20,7 @@ class ProvenanceTable(Table):
     configuration_sha256: Text
     calibration_sha256: dict[str, Text] = Field(default={})
     recordings_sha256: dict[str, Text]
+    validation_sha256: dict[str, Text] = Field(default={})
 
     def provenance(self) -> Provenance:
         """As in a result."""
@@ -30,6 +31,7 @@ class ProvenanceTable(Table):
             self.calibration_sha256,
             self.robot,
             self.kinematics_sha256,
+            self.validation_sha256,
         )
 
 
@@ -51,7 +53,10 @@ def provenance_lines(provenance: Provenance) -> list[str]:
     ]
     if provenance.calibration_sha256:
         lines += ["", "[provenance.calibration_sha256]", *_hashes(provenance.calibration_sha256)]
-    return [*lines, "", "[provenance.recordings_sha256]", *_hashes(provenance.recordings_sha256)]
+    lines += ["", "[provenance.recordings_sha256]", *_hashes(provenance.recordings_sha256)]
+    if provenance.validation_sha256:
+        lines += ["", "[provenance.validation_sha256]", *_hashes(provenance.validation_sha256)]
+    return lines
 
 
 def _hashes(files: Mapping[str, str]) -> list[str]:

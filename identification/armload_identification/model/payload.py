@@ -174,10 +174,11 @@ class Provenance:
     Attributes:
         armload_version: Version of the program.
         configuration_sha256: Hash of the robot's configuration file.
-        recordings_sha256: File name and hash of each recording.
+        recordings_sha256: File name and hash of each recording that it was identified from.
         calibration_sha256: File name and hash of the arm's calibration; empty without one.
         robot: Name of the arm; empty if unknown.
         kinematics_sha256: Its `Chain.kinematics_sha256`; empty if unknown.
+        validation_sha256: File name and hash of each recording that it was validated with; empty if unknown.
     """
 
     armload_version: str
@@ -186,6 +187,7 @@ class Provenance:
     calibration_sha256: dict[str, str] = field(default_factory=dict)
     robot: str = ""
     kinematics_sha256: str = ""
+    validation_sha256: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

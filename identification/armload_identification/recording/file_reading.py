@@ -120,6 +120,7 @@ def _read(
         attachments=dict(reader.attachments),
         truncated=account.truncated,
         joint_names=account.joint_names,
+        between_s=between_s,
     )
     return recording_of(joined(kept), excitation, source) if reduction is None else reduction.recording(source)
 

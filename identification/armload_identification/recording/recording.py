@@ -40,6 +40,7 @@ class RecordingSource:
         truncated: Whether the file ends in the middle of a record; everything before was read.
         joint_names: Names of the joints in the order of the columns; empty if the recording does not name them.
         ignored_joints: Names of joints in the file that the arm does not have.
+        between_s: Times since the first row between which rows were used; None for the whole recording.
     """
 
     path: Path
@@ -52,6 +53,7 @@ class RecordingSource:
     truncated: bool = False
     joint_names: tuple[str, ...] = ()
     ignored_joints: tuple[str, ...] = ()
+    between_s: tuple[float, float] | None = None
 
     def run(self) -> dict[str, Any]:
         """The `run.json` attachment; empty without one.

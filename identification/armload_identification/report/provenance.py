@@ -54,7 +54,7 @@ def file_rows(
     used = {source.sha256 for source in (*fitted, *validating)}
     rows += [
         FileRow("named in the payload file", name, "", "", sha256)
-        for name, sha256 in provenance.recordings_sha256.items()
+        for name, sha256 in (*provenance.recordings_sha256.items(), *provenance.validation_sha256.items())
         if sha256 not in used
     ]
     return tuple(rows)

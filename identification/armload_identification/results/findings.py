@@ -101,8 +101,7 @@ class Findings:
     def with_validation_in_provenance(self) -> Findings:
         """The same with the recordings of the validation added to the payload's provenance."""
         hashes = hashes_by_name(self.content.validation_sources)
-        provenance = self.payload.provenance
-        provenance = replace(provenance, recordings_sha256=provenance.recordings_sha256 | hashes)
+        provenance = replace(self.payload.provenance, validation_sha256=hashes)
         return replace(self, payload=replace(self.payload, provenance=provenance))
 
     def save(self, path: str | PathLike[str]) -> None:

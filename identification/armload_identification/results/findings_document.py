@@ -75,6 +75,7 @@ def payload_fields(payload: PayloadResult) -> dict[str, Any]:
         "kinematics_sha256": payload.provenance.kinematics_sha256,
         "configuration_sha256": payload.provenance.configuration_sha256,
         "recordings_sha256": dict(payload.provenance.recordings_sha256),
+        "validation_sha256": dict(payload.provenance.validation_sha256),
         "calibration_sha256": dict(payload.provenance.calibration_sha256),
     }
 

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.identification_errors import RecordingError
+from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
 from armload_identification.recording.recording import Recording
@@ -33,6 +33,8 @@ _FOLLOWS_CLOSELY: Final = 0.9
 _WEAK, _STRONG = 0.1, 10.0
 """Ratios of measured to expected torque beyond which the unit, or the side of the gear, is wrong."""
 _MILLI: Final = (300.0, 3000.0)
+_TOO_HEAVY, _TOO_LIGHT = 3.0, 1e-3
+"""Multiples of the rated payload beyond which a mass is not one that the arm carries, or that its torques show."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,4 +150,30 @@ def _wrong_scale(run: Recording, joint: str, scale: float) -> RecordingError:
         guess = "Torques look like N mm, or currents like milliampere: convert them to N m or A."
     return RecordingError(
         f"{run.source.path}: the torque of {joint} is {scale:.2g} times the torque of the links' weight. {guess}"
+    )
+
+
+def require_possible_mass(mass_kg: float, interval_kg: FloatArray, rated_kg: float, arm: str) -> None:
+    """Raise for a mass that an arm cannot carry, or is far too small to be measured with it.
+
+    Args:
+        mass_kg: The identified mass.
+        interval_kg: (2,) its 95 % interval; NaN if it is not determined.
+        rated_kg: The arm's rated payload.
+        arm: Name of the arm, for messages.
+
+    Raises:
+        EstimationError: naming the mass, the rated payload and the likely causes.
+    """
+    low_kg, high_kg = interval_kg
+    if low_kg > _TOO_HEAVY * rated_kg:
+        size, units = f"{mass_kg / rated_kg:.2g} times", "N mm or milliampere, gear ratios applied twice"
+    elif high_kg < _TOO_LIGHT * rated_kg:
+        size, units = f"{100.0 * mass_kg / rated_kg:.1g} % of", "torques of the motors, gear ratios not applied"
+    else:
+        return
+    raise EstimationError(
+        f"the mass would be {mass_kg:.3g} kg, {size} the rated payload of {arm}, {rated_kg:g} kg. Check units "
+        f"({units}), gear_ratio, torque_constant_nm_a, the order and signs of the joints, and that recordings, robot "
+        "file and calibration are of this arm."
     )

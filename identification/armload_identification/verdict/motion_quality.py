@@ -79,13 +79,19 @@ class MotionQuality:
         )
 
     def undetermined(self, name: str, mass_kg: float, half_width_kg: float) -> EstimationError:
-        """The error for a mass that the motion does not determine.
+        """The error for a mass that the motion does not determine, or that is negative.
 
         Args:
             name: Name of the run in messages.
             mass_kg: The estimated mass.
             half_width_kg: Half width of its 95 % interval.
         """
+        if mass_kg < -half_width_kg:
+            return EstimationError(
+                f"{name}: the mass is negative, {mass_kg:.3g} kg +- {half_width_kg:.2g} kg: the torque is not that "
+                "of the calibrated arm. Check the joint order, units and signs of the recording, that it is of this "
+                "arm, and that nothing was taken off the arm, or its base tilted, since the calibration."
+            )
         remedy = self.missing or "record a longer run"
         return EstimationError(
             f"{name}: the mass is not determined: the estimate is {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. Either "

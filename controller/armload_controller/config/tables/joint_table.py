@@ -7,7 +7,7 @@ import math
 from pydantic import model_validator
 
 from armload_controller.config.tables.drive_tables import DriveTable
-from armload_controller.config.tables.table_types import Positive, Share
+from armload_controller.config.tables.table_types import GearRatio, JointPosition, JointSpeed, Positive, Share
 from armload_identification.storage.strict_toml import Table
 
 
@@ -15,15 +15,15 @@ class JointTable(Table):
     """One joint and its limits."""
 
     name: str
-    position_min_rad: float
-    position_max_rad: float
-    velocity_max_rad_s: Positive
+    position_min_rad: JointPosition
+    position_max_rad: JointPosition
+    velocity_max_rad_s: JointSpeed
     acceleration_max_rad_s2: Positive
     jerk_max_rad_s3: Positive
     torque_max_nm: Positive
     arm_torque_share: Share | None = None
     torque_noise_nm: Positive
-    gear_ratio: Positive | None = None
+    gear_ratio: GearRatio | None = None
     torque_constant_nm_a: Positive | None = None
     drive: DriveTable | None = None
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 
-from armload_controller.config.tables.table_types import PoseTable, Vector3
+from armload_controller.config.tables.table_types import Angle, PoseTable, Vector3
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
 from armload_identification.storage.strict_toml import BadValue, Table
@@ -16,10 +16,10 @@ from armload_identification.storage.strict_toml import BadValue, Table
 class DhRowTable(Table):
     """One Denavit-Hartenberg row."""
 
-    alpha_rad: float
+    alpha_rad: Angle
     a_m: float
     d_m: float
-    theta_rad: float
+    theta_rad: Angle
 
 
 class OriginTable(PoseTable):

@@ -3,15 +3,19 @@
 import contextlib
 import doctest
 import json
+import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import armload
-from armload_identification.identification_errors import RecordingError
+from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.verdict.agreement import Outcome
 
@@ -141,6 +145,27 @@ def test_validating_the_file_says_what_the_identification_said(found, recorded_e
     page = (tmp_path / "report.html").read_text()
     assert "plain least squares estimate" in page
     assert 'id="identification"' not in page
+
+
+def test_a_payload_is_not_validated_with_the_recording_that_it_was_identified_from(found, recorded_er50):
+    """It agreed with itself: "Right within the tolerance"."""
+    pair = [str(recorded_er50 / f"runs/today/{load}_identification.mcap") for load in ("loaded", "unloaded")]
+    with pytest.raises(RecordingError, match=r"loaded_identification.mcap: the payload was identified from this"):
+        armload.validate("er50", found.payload, *pair)
+    part = [armload.read_recording(file, "er50", between_s=(0.0, 20.0)) for file in pair]
+    assert armload.validate("er50", found.payload, *part).outcome is not None
+
+
+def test_a_mass_that_the_arm_cannot_carry_is_refused(recorded_er50, tmp_path):
+    """Gear ratios ten times too large gave 98 kg on an arm for 16 kg."""
+    configs = Path(str(resources.files("armload_configs")))
+    for name in ("er50_identification.toml", "er50_validation.toml"):
+        shutil.copy(configs / name, tmp_path)
+    text = re.sub(r"gear_ratio = (\d+)", r"gear_ratio = \g<1>0", (configs / "er50.toml").read_text())
+    (tmp_path / "er50.toml").write_text(text)
+    pair = [str(recorded_er50 / f"runs/today/{load}_identification.mcap") for load in ("loaded", "unloaded")]
+    with pytest.raises(EstimationError, match=r"the mass would be 9\d(\.\d)? kg, 6.\d times the rated payload of er50"):
+        armload.identify(str(tmp_path / "er50.toml"), *pair)
 
 
 def test_a_run_of_another_arm_is_refused(recorded_er50):

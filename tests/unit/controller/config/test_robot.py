@@ -109,6 +109,18 @@ def test_every_assumed_number_is_marked():
         ("[robot]", "[robot", "", "not valid TOML"),
         ("torque_constant_nm_a = 0.9 ", "", "joints[1].torque_constant_nm_a", "missing"),
         ("start_position_rad = [0.0,", "start_position_rad = [5.0,", "simulation.start_position_rad", "-2.9 and 2.9"),
+        ("gear_ratio = 120.0", "gear_ratio = 0.008", "joints[1].gear_ratio", "the inverse of this value is 125"),
+        ("position_min_rad = -2.9", "position_min_rad = -166", "joints[1].position_min_rad", "would be -2.8972 rad"),
+        ("position_max_rad = 2.9", "position_max_rad = 166", "joints[1].position_max_rad", "would be 2.8972 rad"),
+        ("velocity_max_rad_s = 2.0", "velocity_max_rad_s = 120", "joints[1].velocity_max_rad_s", "2.0944 rad/s"),
+        ("alpha_rad = 3.141592653589793", "alpha_rad = 180", "kinematics.rows[1].alpha_rad", "would be 3.1416 rad"),
+        ("theta_rad = -1.5707963267948966", "theta_rad = -90", "kinematics.rows[2].theta_rad", "-1.5708 rad"),
+        (
+            "rpy_rad = [0.0, 0.0, 0.0] }  # the frame",
+            "rpy_rad = [0, 45, 0] } #",
+            "kinematics.flange.rpy_rad[2]",
+            "0.785",
+        ),
         ('validation = "er50_validation.toml"', 'validation = "nope.toml"', "excitation.validation", "armload design"),
     ],
 )

@@ -37,7 +37,9 @@ def result(seed: int = 0, determined: tuple[int, ...] = tuple(range(10))) -> Pay
         np.full((10, 2), np.nan),
         np.array([1.5, 2.25, 0.1]),
         np.array([1.0, 2.0, 0.125]),
-        Provenance("0.1.0", "c0ffee", {"loaded 1.mcap": "aa", 'un"loaded\\.mcap': "bb"}),
+        Provenance(
+            "0.1.0", "c0ffee", {"loaded 1.mcap": "aa", 'un"loaded\\.mcap': "bb"}, validation_sha256={"2.csv": "c"}
+        ),
     )
     ranges = np.where(flags[:, None], plain.values[:, None] + [-0.01, 0.01 / 3], np.nan)
     return replace(plain, interval_95=ranges)

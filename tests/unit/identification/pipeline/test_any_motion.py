@@ -194,6 +194,16 @@ def test_an_empty_arm_has_no_mass(pinocchio_arm, known):
     assert all(window.found is None for window in identify_windows(empty, chain, transmission, arm, 5.0))
 
 
+def test_a_negative_mass_is_not_taken_for_insufficient_motion(pinocchio_arm, known):
+    """As of exchanged joints, a flipped sign, or a tool taken off since the calibration."""
+    chain, transmission, arm = known
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), True, seed=9, with_phase=False)
+    empty = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), False, seed=9, with_phase=False)
+    lighter = replace(empty, current_a=2.0 * empty.current_a - run.current_a)
+    with pytest.raises(EstimationError, match=r"the mass is negative, -\d.* Check the joint order"):
+        identify(lighter, None, chain, transmission, arm=arm)
+
+
 def test_wrong_use_is_named(known, loaded):
     chain, transmission, arm = known
     with pytest.raises(RecordingError, match=r"expected at least one window of 900 s"):

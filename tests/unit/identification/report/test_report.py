@@ -396,9 +396,9 @@ def test_dropped_rows_and_further_recordings_are_listed(clear):
         clear.sources[0], rows_dropped=3, reasons={"not finite": 2, "truncated last row": 1}, truncated=True
     )
     about = subject(clear)
-    more = {**about.payload.provenance.recordings_sha256, "loaded_validation.mcap": "d" * 64}
+    more = {"loaded_validation.mcap": "d" * 64}
     about = replace(
-        about, payload=replace(about.payload, provenance=replace(about.payload.provenance, recordings_sha256=more))
+        about, payload=replace(about.payload, provenance=replace(about.payload.provenance, validation_sha256=more))
     )
     rows = file_rows((lossy, clear.sources[1]), (), about.payload.provenance)
     assert rows[0].rows.endswith("3 dropped (2 not finite, 1 truncated last row)")

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.identification_errors import RecordingError
+from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
 from armload_identification.recording.recording import Recording
-from armload_identification.verdict.magnitudes import ArmMagnitudes, require_possible
+from armload_identification.verdict.magnitudes import ArmMagnitudes, require_possible, require_possible_mass
 
 pytestmark = pytest.mark.pure
 
@@ -92,3 +92,20 @@ def test_a_single_joint_in_another_unit_is_named(judged, moved, strength):
     for joint in (by_load[0], by_load[2]):
         with pytest.raises(RecordingError, match=rf"torque of {NAMES[joint]} is \S+ times .* links' weight"):
             judged(strength=np.where(np.arange(6) == joint, strength, 1.0), torque_max_nm=np.full(6, np.nan))
+
+
+@pytest.mark.parametrize(
+    ("mass_kg", "half_width_kg", "text"),
+    [
+        (57.4, 6.7, "57.4 kg, 4.6 times the rated payload of ur10e, 12.5 kg. Check units .N mm or milliampere"),
+        (0.00095, 0.00005, "0.00095 kg, 0.008 % of the rated payload of ur10e, 12.5 kg. Check units .torques of the"),
+    ],
+)
+def test_a_mass_that_the_arm_cannot_carry_or_feel_is_refused(mass_kg, half_width_kg, text):
+    with pytest.raises(EstimationError, match=text):
+        require_possible_mass(mass_kg, mass_kg + half_width_kg * np.array([-1.0, 1.0]), 12.5, "ur10e")
+
+
+@pytest.mark.parametrize("interval_kg", [(0.011, 0.013), (20.0, 60.0), (np.nan, np.nan)])
+def test_a_mass_that_may_be_within_the_arms_range_passes(interval_kg):
+    require_possible_mass(57.4, np.array(interval_kg), 12.5, "ur10e")
