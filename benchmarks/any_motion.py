@@ -25,7 +25,7 @@ from armload_identification.recording.recording import Recording
 from armload_identification.signals.alignment import fit_motion, time_shift
 from benchmarks.calibrated import calibrated
 from benchmarks.estimator_time import least_times_us
-from benchmarks.real_currents import FOLDER, MASS_KG
+from benchmarks.real_currents import FOLDER, MASS_KG, absent
 from benchmarks.verdict import Tally
 
 PAIRS = {"a": "", "b": "_b"}
@@ -51,8 +51,7 @@ class Pair:
 def run_measured(tally: Tally) -> None:
     """The UR10e; skipped with a reason if the measured data are not next to the checkout."""
     tally.heading("3d. A payload from any motion of the UR10e")
-    if not FOLDER.is_dir():
-        tally.postpone("payloads from any motion", f"the measured recordings are not at {FOLDER}")
+    if absent(tally, "payloads from any motion"):
         return
     robot = load_robot("ur10e")
     others = [_read(robot, path.name) for path in sorted((FOLDER / "other_paths").glob("*.csv"))]

@@ -34,7 +34,8 @@ from benchmarks.calibrated import calibrated
 from benchmarks.recordings import DriveScales, record
 from benchmarks.setups import Twin, twin_spec
 from benchmarks.steady_state import SteadyPeriod, Streaming, steady_period
-from benchmarks.streams import Stream, as_recorded, point_to_point, streamed
+from benchmarks.streamed_arm import Stream, streamed
+from benchmarks.streams import as_recorded, point_to_point
 from benchmarks.trials import workers
 from benchmarks.verdict import Tally, progress_line
 

@@ -27,7 +27,7 @@ from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.recording import Recording
 from benchmarks.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid
 from benchmarks.calibrated import calibrated, identified_with
-from benchmarks.real_currents import FOLDER, MASS_KG
+from benchmarks.real_currents import FOLDER, MASS_KG, absent
 from benchmarks.recordings import DriveScales, record
 from benchmarks.setups import Twin, twin_spec
 from benchmarks.steady_state import SteadyPeriod, Streaming, steady_period
@@ -92,8 +92,7 @@ class Outcome:
 def run_measured(tally: Tally) -> None:
     """The UR10e; skipped with a reason if the measured data are not next to the checkout."""
     tally.heading("3b. One UR10e from its runs, one pair left out")
-    if not FOLDER.is_dir():
-        tally.postpone("the UR10e's calibration", f"the measured recordings are not at {FOLDER}")
+    if absent(tally, "the UR10e's calibration"):
         return
     robot = load_robot("ur10e")
     started = time.process_time()

@@ -32,7 +32,7 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.agreement import Agreement, Known, Outcome, Tolerance, compare_known
 from benchmarks.bodies import ER50_PAYLOADS
 from benchmarks.calibrated import calibrated_from_pair
-from benchmarks.real_currents import FOLDER, MASS_KG, Pair, measured_pairs
+from benchmarks.real_currents import MASS_KG, Pair, absent, measured_pairs
 from benchmarks.recordings import record
 from benchmarks.setups import Twin, setup_of, shipped_motion
 from benchmarks.statistics import Census
@@ -87,8 +87,7 @@ def run(tally: Tally, pool: Executor, census: Census) -> None:
 def run_measured(tally: Tally) -> None:
     """Halves of the UR10e's pairs; skipped with a reason if the measured data are not next to the checkout."""
     tally.heading("7. The verdict on the UR10e: halves of two pairs, 25 s each, wrong / right / cannot tell")
-    if not FOLDER.is_dir():
-        tally.postpone("the verdict on the UR10e", f"the measured recordings are not at {FOLDER}")
+    if absent(tally, "the verdict on the UR10e"):
         return
     robot = load_robot("ur10e")
     pairs = measured_pairs(robot)

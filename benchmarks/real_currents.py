@@ -40,11 +40,17 @@ class Pair:
     unloaded: Recording
 
 
+def absent(tally: Tally, criterion: str) -> bool:
+    """Whether the measured data are not next to the checkout; the criterion is postponed then."""
+    if not FOLDER.is_dir():
+        tally.postpone(criterion, f"the measured recordings are not at {FOLDER}")
+    return not FOLDER.is_dir()
+
+
 def run(tally: Tally, census: Census) -> None:
     """Print tables and criteria; postponed, with the reason, if the measured data are not in `shared`."""
     tally.heading("3. Real currents: UR10e, a weighed mass of 2.805 kg mounted twice")
-    if not FOLDER.is_dir():
-        tally.postpone("both UR10e pairs", f"the measured recordings are not at {FOLDER}")
+    if absent(tally, "both UR10e pairs"):
         return
     robot = load_robot("ur10e")
     pairs = measured_pairs(robot)

@@ -62,6 +62,31 @@ class DriveScales:
         """Number of axes."""
         return int(self.noise_nm.size)
 
+    def reported_effort(
+        self, axis_torque_nm: FloatArray, sample_s: float, rng: np.random.Generator, noise_scale: float = 1.0
+    ) -> tuple[FloatArray | None, FloatArray | None]:
+        """(K, n) motor current in A or joint torque in N m, with noise and quantised; None for the other.
+
+        Args:
+            axis_torque_nm: (K, n) without noise, as the drives' gains scale it.
+            sample_s: Time between samples.
+            rng: Draws the noise, white, sigma = noise at 100 Hz * sqrt(rate / 100 Hz).
+            noise_scale: Factor on the noise and on the drives' unit of effort, to see what remains without them.
+                Both, because quantisation averages out only with noise.
+        """
+        torque = rng.standard_normal(axis_torque_nm.shape)
+        torque *= noise_scale * self.noise_nm * np.sqrt(NOISE_CYCLE_S / sample_s)
+        torque += axis_torque_nm
+        effort = np.rint(torque * (self.effort_units_per_nm / noise_scale)) * noise_scale * self.effort_per_unit
+        if self.feedback is EffortFeedback.CURRENT:
+            return effort, None
+        return None, effort @ np.linalg.inv(self.coupling)
+
+    def reported_position(self, axis_position_rad: FloatArray) -> FloatArray:
+        """(K, n) joint positions in rad, from the counts of the encoders."""
+        counts = np.rint(axis_position_rad * self.counts_per_rad)
+        return np.asarray((counts / self.counts_per_rad) @ self.coupling.T)
+
 
 def record(
     period: SteadyPeriod,
@@ -77,23 +102,17 @@ def record(
         period: The steady motion.
         scales: Units and noise of the drives.
         periods: M.
-        rng: Draws the noise, white, sigma = noise at 100 Hz * sqrt(rate / 100 Hz).
+        rng: Draws the noise.
         gain_error: (n,) e; the motor gives 1 + e times the torque that the drive reports.
-        noise_scale: Factor on the noise and on the drives' unit of effort, to see what remains without them.
-            Both, because quantisation averages out only with noise.
+        noise_scale: As of `DriveScales.reported_effort`.
 
     Returns:
         The recording, as it would be read from a file.
     """
     n, samples = scales.n, period.samples * periods
-    sigma = noise_scale * scales.noise_nm * np.sqrt(NOISE_CYCLE_S / period.sample_s)
-    torque = rng.standard_normal((samples, n))
-    torque *= sigma
-    torque += np.tile(period.axis_torque_nm[:, :n] / (1.0 + gain_error), (periods, 1))
-    effort = np.rint(torque * (scales.effort_units_per_nm / noise_scale)) * noise_scale * scales.effort_per_unit
-    counts = np.rint(period.axis_position_rad[:, :n] * scales.counts_per_rad)
-    position = (counts / scales.counts_per_rad) @ scales.coupling.T
-    tells_current = scales.feedback is EffortFeedback.CURRENT
+    steady_nm = np.tile(period.axis_torque_nm[:, :n] / (1.0 + gain_error), (periods, 1))
+    current_a, torque_nm = scales.reported_effort(steady_nm, period.sample_s, rng, noise_scale)
+    position = scales.reported_position(period.axis_position_rad[:, :n])
     time_s = np.arange(samples, dtype=np.float64) * np.float64(period.sample_s)
     # Nothing is read back from a file, so a unique name serves as the hash.
     name = f"seeded {rng.integers(2**62):x}"
@@ -101,8 +120,8 @@ def record(
         time_s=time_s,
         position_rad=np.tile(position, (periods, 1)),
         velocity_rad_s=None,
-        current_a=effort if tells_current else None,
-        torque_nm=None if tells_current else effort @ np.linalg.inv(scales.coupling),
+        current_a=current_a,
+        torque_nm=torque_nm,
         phase_s=time_s + period.sample_s,
         excitation=Excitation(period.trajectory, periods),
         source=RecordingSource(Path(name), name, "mcap", samples, 0, {}),

@@ -14,7 +14,7 @@ inertia turns into 0.1 N m above 2 Hz. `ideal_period` has neither.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -33,12 +33,12 @@ from armload_controller.motion.setpoints import plan_leg, plan_measured
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
-from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.mujoco_model import build_model
-from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from benchmarks import streamed_arm
 from benchmarks.cache import cache_directory, cached, fingerprint
+from benchmarks.streamed_arm import noiseless, streamed
 
 _MODULES = (
     armload_drivers.simulation.mujoco_plant,
@@ -47,6 +47,7 @@ _MODULES = (
     armload_drivers.cia402.process_data.drive_units,
     armload_controller.motion.setpoints,
     armload_identification.excitation.fourier,
+    streamed_arm,
 )
 _SOURCES = (
     Path(__file__),
@@ -140,12 +141,6 @@ def ideal_period(spec: PlantSpec, streaming: Streaming, trajectory: FourierTraje
     return SteadyPeriod(trajectory, sample_s, state.position_rad @ to_axis.T, torque @ spec.coupling, nothing, nothing)
 
 
-def noiseless(spec: PlantSpec) -> PlantSpec:
-    """The same arm without the noise and gain errors that `recordings` adds."""
-    joints = tuple(replace(joint, torque_noise_nm=0.0) for joint in spec.joints)
-    return replace(spec, joints=joints, seed=0, torque_gain_error=None, torque_gain_drift_per_s=None)
-
-
 def period_key(spec: PlantSpec, streaming: Streaming, trajectory: FourierTrajectory) -> str:
     """Hash of everything that a period depends on, code and libraries included."""
     arm = streaming.arm
@@ -156,26 +151,11 @@ def period_key(spec: PlantSpec, streaming: Streaming, trajectory: FourierTraject
 
 def _simulate(spec: PlantSpec, streaming: Streaming, trajectory: FourierTrajectory) -> dict[str, FloatArray]:
     """Stream two periods and keep the second."""
-    arm, n = streaming.arm, len(spec.joints)
-    cycle_s, units = arm.cycle_s, ArmUnits(arm)
+    arm, cycle_s = streaming.arm, streaming.arm.cycle_s
     plan = plan_leg(plan_measured(Excitation(trajectory, 2), streaming.limits, cycle_s), cycle_s)
-    plant = ArmPlant(replace(spec, start_position_rad=plan.position_rad[0]))
-    for axis in range(n):
-        plant.set_powered(axis, True)
     rows = np.flatnonzero([segment is Segment.PERIODS for segment in plan.segment])
-    cycles = rows.size // 2
-    nothing = np.zeros(n)
-    position, torque = np.empty((2, 2 * cycles, n))
-    for row in range(int(rows[-1]) + 1):
-        plant.advance((row + 1) * cycle_s)
-        # Rows are counted from the first period; a sample at a SYNC belongs to the row that this SYNC latches.
-        kept = row - int(rows[0])
-        if kept >= 0 and kept % streaming.keep_every == 0:
-            sample = plant.sample(cycle_s)
-            position[kept], torque[kept] = sample.axis_position_rad, sample.axis_torque_nm
-        target = units.targets(JointCommand(plan.position_rad[row], nothing, nothing))
-        for axis in range(n):
-            plant.set_target(axis, target.position_counts[axis] / units.axes[axis].counts_per_rad, cycle_s)
+    stream = streamed(spec, arm, plan.position_rad[: rows[-1] + 1])
+    position, torque, cycles = stream.axis_position_rad[rows], stream.axis_torque_nm[rows], rows.size // 2
     first = slice(0, cycles, streaming.keep_every)
     second = slice(cycles, 2 * cycles, streaming.keep_every)
     settled = int(_SETTLED * len(torque[first]))

@@ -1,11 +1,6 @@
-"""What the drives of a simulated arm report while it follows any setpoints, and random point-to-point motion.
-
-As in `steady_state`, the arm moves once without noise; noise, quantisation and gain errors are added per seed.
-"""
+"""Recordings of a seed: any streamed motion with its drives' noise, units and gains; random point-to-point motion."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass, replace
 
 import numpy as np
 from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
@@ -13,32 +8,12 @@ from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ControlError
 from armload_core.arrays import FloatArray
-from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
-from armload_drivers.cia402.process_data.drive_units import ArmUnits
-from armload_drivers.servos import JointCommand
-from armload_drivers.simulation.mujoco_plant import NOISE_CYCLE_S, ArmPlant
-from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_identification.recording.recording import Recording
 from benchmarks.recordings import DriveScales
-from benchmarks.steady_state import noiseless
+from benchmarks.streamed_arm import Stream
 
 SLOWEST, RANGE_RAD, PAUSE_S = 0.3, 1.2, 0.3
 _TRIES = 200
-
-
-@dataclass(frozen=True, eq=False)
-class Stream:
-    """K samples of n axes, without noise.
-
-    Attributes:
-        sample_s: Time between samples.
-        axis_position_rad: (K, n) of the encoders.
-        axis_torque_nm: (K, n) torque, as the drives report it without a gain error.
-    """
-
-    sample_s: float
-    axis_position_rad: FloatArray
-    axis_torque_nm: FloatArray
 
 
 def point_to_point(robot: Robot, seed: int, lasts_s: float) -> FloatArray:
@@ -89,29 +64,6 @@ def _free_place(
     raise ControlError(f"no way from {here.tolist()} in {_TRIES} tries")
 
 
-def streamed(spec: PlantSpec, arm: ArmSettings, setpoint_rad: FloatArray) -> Stream:
-    """A simulated arm that follows setpoints, one per cycle.
-
-    Args:
-        spec: The arm with its load; noise, seed and gain errors are ignored.
-        arm: Its drives.
-        setpoint_rad: (K, n) joint positions.
-    """
-    units, cycle_s, nothing = ArmUnits(arm), arm.cycle_s, np.zeros(setpoint_rad.shape[1])
-    plant = ArmPlant(replace(noiseless(spec), start_position_rad=setpoint_rad[0]))
-    for axis in range(plant.n):
-        plant.set_powered(axis, True)
-    position, torque = np.empty((2, *setpoint_rad.shape))
-    for row, target_rad in enumerate(setpoint_rad):
-        plant.advance((row + 1) * cycle_s)
-        sample = plant.sample(cycle_s)
-        position[row], torque[row] = sample.axis_position_rad, sample.axis_torque_nm
-        target = units.targets(JointCommand(target_rad, nothing, nothing))
-        for axis, scale in enumerate(units.axes):
-            plant.set_target(axis, target.position_counts[axis] / scale.counts_per_rad, cycle_s)
-    return Stream(cycle_s, position, torque)
-
-
 def as_recorded(
     stream: Stream, scales: DriveScales, rng: np.random.Generator, gain_error: FloatArray, name: str
 ) -> Recording:
@@ -124,15 +76,7 @@ def as_recorded(
         gain_error: (n,) e; the motor gives 1 + e times the torque that the drive reports.
         name: Of the recording.
     """
-    sigma = scales.noise_nm * np.sqrt(NOISE_CYCLE_S / stream.sample_s)
-    torque = stream.axis_torque_nm / (1.0 + gain_error) + sigma * rng.standard_normal(stream.axis_torque_nm.shape)
-    effort = np.rint(torque * scales.effort_units_per_nm) * scales.effort_per_unit
-    position = np.rint(stream.axis_position_rad * scales.counts_per_rad) / scales.counts_per_rad
-    tells_current = scales.feedback is EffortFeedback.CURRENT
-    return Recording.from_arrays(
-        np.arange(len(position)) * stream.sample_s,
-        position @ scales.coupling.T,
-        current_a=effort if tells_current else None,
-        torque_nm=None if tells_current else effort @ np.linalg.inv(scales.coupling),
-        name=name,
-    )
+    current_a, torque_nm = scales.reported_effort(stream.axis_torque_nm / (1.0 + gain_error), stream.sample_s, rng)
+    position = scales.reported_position(stream.axis_position_rad)
+    time_s = np.arange(len(position)) * stream.sample_s
+    return Recording.from_arrays(time_s, position, current_a=current_a, torque_nm=torque_nm, name=name)

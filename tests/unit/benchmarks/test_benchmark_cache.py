@@ -11,7 +11,8 @@ from armload_controller.config.robot import load_robot
 from armload_identification.excitation.fourier import FourierTrajectory
 from benchmarks.cache import cached, fingerprint
 from benchmarks.setups import Twin, twin_spec
-from benchmarks.steady_state import Streaming, noiseless, period_key
+from benchmarks.steady_state import Streaming, period_key
+from benchmarks.streamed_arm import noiseless
 
 ROBOT = load_robot("er50")
 

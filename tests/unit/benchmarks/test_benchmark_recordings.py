@@ -18,7 +18,8 @@ from armload_identification.pipeline.payload_identification import identify
 from benchmarks.recordings import DriveScales, record
 from benchmarks.setups import Motion, Twin, setup_of, twin_spec
 from benchmarks.statistics import Census, Errors
-from benchmarks.steady_state import Streaming, noiseless, steady_period
+from benchmarks.steady_state import Streaming, steady_period
+from benchmarks.streamed_arm import noiseless
 from benchmarks.trials import identified, trial
 
 pytest.importorskip("mujoco")
