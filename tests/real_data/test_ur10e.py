@@ -67,7 +67,7 @@ def test_the_gain_of_joint_5_is_found_to_be_off_and_no_interval_hides_it(ur10e_i
     assert abs(z - 0.0435) < width[2]
 
 
-@pytest.mark.parametrize("suffix", ["", "_b"])
+@pytest.mark.parametrize("suffix", ["", pytest.param("_b", marks=pytest.mark.long)])
 @pytest.mark.parametrize("joint", range(6))
 def test_a_flipped_sign_is_found_in_both_runs(ur10e, ur10e_pair, suffix, joint):
     sign = np.where(np.arange(6) == joint, -1.0, 1.0)

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from matplotlib.figure import Figure
 
 _NAMESPACE: Final = re.compile(r"^\{[^}]*\}")
-_NEEDLESS_DIGITS: Final = re.compile(r"(\.\d\d)\d+")
+_NEEDLESS_DIGITS: Final = re.compile(r"(?<=\.\d\d)\d+")
 """Digits below a hundredth of a point: invisible, but a third of the page."""
 _LEFT_OUT: Final = frozenset({"metadata", "style"})
 _REFERRING: Final = frozenset({"href", "clip-path"})
@@ -48,7 +48,7 @@ def _clean(element: ElementTree.Element, name: str) -> None:
         elif key in _REFERRING:
             attributes[key] = value.replace("#", f"#{name}-")
         elif key != "style":
-            attributes[key] = _NEEDLESS_DIGITS.sub(r"\1", value)
+            attributes[key] = _NEEDLESS_DIGITS.sub("", value)
     element.attrib.clear()
     element.attrib.update(attributes)
     for child in list(element):

@@ -252,13 +252,17 @@ def test_every_command_with_a_result_has_the_option():
     assert without == {"drives reset", "simulate"}
 
 
+def test_of_a_validation_there_is_no_identification(document):
+    assert document("validate")["identification"] is None
+
+
+@pytest.mark.long
 def test_one_schema_serves_identify_validate_and_report(document):
     found = document("identify")
     assert found["payload"]["mass_kg"] == pytest.approx(9.81, abs=0.2)
     assert found["files"]["payload"].endswith("p.toml")
     assert Path(found["files"]["report"]).is_file()
     assert found["validation"]["joints"][0]["name"] == found["joint_names"][0]
-    assert document("validate")["identification"] is None
     assert document("report")["recordings"]["identification"][0]["file"].endswith("loaded_identification.mcap")
 
 

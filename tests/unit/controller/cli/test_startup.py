@@ -62,36 +62,37 @@ def test_no_help_loads_what_it_does_not_use():
     assert {words: names for words, names in loaded.items() if names} == {}
 
 
-def test_the_list_of_heavy_modules_is_not_empty_talk(tmp_path):
-    """A command that runs does load them, under these names, and the reader for armload's own recordings."""
-    recording = tmp_path / "x.mcap"
+@pytest.fixture(scope="module")
+def after_commands(tmp_path_factory):
+    """A program that reads a recording and runs commands: the heavy packages that it has loaded, and its threads."""
+    recording = tmp_path_factory.mktemp("startup") / "x.mcap"
     recording.write_bytes(MAGIC + b"cut short")
-    loaded = answer(
-        "import json, sys\n"
+    return answer(
+        "import json, os, sys\n"
         "from pathlib import Path\n"
-        "from armload_identification.recording.reader_registry import reader_of\n"
-        "from armload_identification.recording.reading_options import ReadingOptions\n"
-        f"reader_of(Path({str(recording)!r}), ReadingOptions())\n"
-        "from typer.testing import CliRunner\n"
-        "from armload_controller.cli.main import app\n"
-        "assert CliRunner().invoke(app, ['identify', 'nonsense', '--loaded', 'x']).exit_code == 1\n"
-        f"print(json.dumps([name for name in {HEAVY!r} if name in sys.modules]))"
-    )
-    assert {"numpy", "pydantic", "rich", "mcap"} <= set(loaded)
-
-
-def test_linear_algebra_runs_in_one_thread():
-    """Set before the libraries are loaded, even if the environment sets more threads."""
-    threads = answer(
-        "import json, os\n"
         "os.environ['OPENBLAS_NUM_THREADS'] = '2'\n"
         "from typer.testing import CliRunner\n"
         "from armload_controller.cli.main import app\n"
         "assert CliRunner().invoke(app, ['compare', 'nothing', 'nothing']).exit_code == 1\n"
+        "assert CliRunner().invoke(app, ['identify', 'nonsense', '--loaded', 'x']).exit_code == 1\n"
+        "from armload_identification.recording.reader_registry import reader_of\n"
+        "from armload_identification.recording.reading_options import ReadingOptions\n"
+        f"reader_of(Path({str(recording)!r}), ReadingOptions())\n"
+        f"heavy = [name for name in {HEAVY!r} if name in sys.modules]\n"
         "import numpy, scipy.linalg\n"
         "from threadpoolctl import threadpool_info\n"
-        "print(json.dumps([library['num_threads'] for library in threadpool_info()]))"
+        "threads = [library['num_threads'] for library in threadpool_info()]\n"
+        "print(json.dumps({'heavy': heavy, 'threads': threads}))"
     )
-    if not threads:
+
+
+def test_the_list_of_heavy_modules_is_not_empty_talk(after_commands):
+    """A command that runs does load them, under these names, and the reader for armload's own recordings."""
+    assert {"numpy", "pydantic", "rich", "mcap"} <= set(after_commands["heavy"])
+
+
+def test_linear_algebra_runs_in_one_thread(after_commands):
+    """Set before the libraries are loaded, even if the environment sets more threads."""
+    if not after_commands["threads"]:
         pytest.skip("no library of linear algebra that threadpoolctl knows")
-    assert set(threads) == {1}
+    assert set(after_commands["threads"]) == {1}

@@ -115,7 +115,7 @@ def test_a_optimal_halves_what_the_condition_number_leaves_uncertain(results):
 
 
 def test_the_same_seed_gives_the_same_motion_and_another_seed_another():
-    first, again, other = (designed("a-optimal", seed, harmonics=2) for seed in (4, 4, 5))
+    first, again, other = (designed("a-optimal", seed, harmonics=1) for seed in (4, 4, 5))
     assert np.array_equal(first.trajectory.sin_rad, again.trajectory.sin_rad)
     assert np.array_equal(first.trajectory.offset_rad, again.trajectory.offset_rad)
     assert not np.allclose(first.trajectory.sin_rad, other.trajectory.sin_rad, atol=0.05)
