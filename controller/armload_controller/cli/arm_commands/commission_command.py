@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.attendance import attended
+from armload_controller.cli.attendance import attended, operator_at
 from armload_controller.cli.options import (
     BitrateOption,
     CalibrationOption,
@@ -177,9 +177,7 @@ def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequenc
     from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.session.arm_access import open_arm
     from armload_controller.session.commissioning import record_half
-    from armload_controller.session.live_view import shown_live
-    from armload_controller.session.run_session import Consent, Load, Operator
-    from armload_controller.session.stop_signals import StopSignals
+    from armload_controller.session.run_session import Load
     from armload_drivers.servos import JointServos
 
     arm, directory = plan.arm, plan.directory
@@ -187,16 +185,13 @@ def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequenc
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
         return open_arm(arm, load, screen.step, simulated_drives=plan.simulated_drives)
 
-    with ExitStack() as stack:
-        signals = stack.enter_context(StopSignals(control))
-        consent = Consent(lambda question: signals.ask(question, screen.confirm), given=plan.yes)
-        operator = stack.enter_context(shown_live(Operator(screen, control, consent), arm, plan.live))
+    with operator_at(arm, screen, control, agreed=plan.yes, live=plan.live) as operator:
         for load in halves:
             if load not in todo:
                 screen.step(f"{load}: already recorded in {directory}, used")
                 continue
             if load is Load.LOADED and len(halves) > 1:
-                _mount(arm, screen, consent, arm.bus.interface == VIRTUAL)
+                _mount(arm, screen, operator.consent, arm.bus.interface == VIRTUAL)
             begun_s = time.monotonic()
             created = plan.now.isoformat(timespec="seconds")
             summaries = record_half(arm, load, open_servos, directory, operator, created, plan.mass_kg)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.attendance import attended
+from armload_controller.cli.attendance import attended, operator_at
 from armload_controller.cli.options import (
     BitrateOption,
     CalibrationOption,
@@ -24,22 +24,20 @@ from armload_controller.cli.options import (
     SimulatedDrivesOption,
     YesOption,
 )
+from armload_controller.cli.output.feedforward_output import offset_account, show_comparisons
 from armload_controller.cli.output.json_output import JsonOption, print_document
 from armload_controller.cli.output.output_files import require_folder
 from armload_controller.motion.motion_control import MotionControl
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from armload_controller.analysis.arm_in_use import ArmInUse
-    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.feedforward.adaptation import Decision
     from armload_controller.feedforward.adaptation_rules import DeclaredMass
     from armload_controller.feedforward.offset_check import OffsetVerdict
     from armload_controller.motion.checked_path import CheckedPath
     from armload_controller.session.feedforward_comparison import Comparison, ComparisonRuns
-    from armload_controller.session.run_session import Operator, ServosFactory
+    from armload_controller.session.run_session import Load, Operator, RunSession, ServosFactory
     from armload_identification.model.payload import InertialParameters, PayloadResult
 
 IDENTIFIED, IDEAL = "identified payload", "true payload"
@@ -106,9 +104,7 @@ def feedforward(
     from armload_controller.feedforward.adaptation_rules import DeclaredMass
     from armload_controller.session.arm_access import open_arm, require_rules
     from armload_controller.session.comparison_figure import require_picture
-    from armload_controller.session.live_view import live_at, shown_live
-    from armload_controller.session.run_session import Consent, Load, Operator
-    from armload_controller.session.stop_signals import StopSignals
+    from armload_controller.session.live_view import live_at
     from armload_drivers.servos import JointServos
 
     require_one_kind(payload, expect, adapt=adapt, compare=compare)
@@ -128,21 +124,59 @@ def feedforward(
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
         return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
 
-    with ExitStack() as stack:
-        signals = stack.enter_context(StopSignals(control))
-        consent = Consent(lambda question: signals.ask(question, screen.confirm), given=yes)
-        operator = stack.enter_context(shown_live(Operator(screen, control, consent), arm, live_at(live, live_address)))
+    with operator_at(arm, screen, control, agreed=yes, live=live_at(live, live_address)) as operator:
+        bench = _Bench(arm, path, used, open_servos, operator)
         if isinstance(given, DeclaredMass):
-            outcome = _adapt(arm, path, used, given, open_servos, operator, decisions)
+            outcome = _adapt(bench, given, decisions)
         elif compare:
-            outcome = _compare(arm, path, given, used, open_servos, operator)
+            outcome = _compare(bench, given)
         else:
-            outcome = _try_offset(arm, path, given, used, open_servos, operator)
-    if not compare:
-        screen.result(_account(outcome.verdict))
-    drawn = _shown(screen, outcome, arm.name, picture) if compare else None
+            outcome = _try_offset(bench, given)
+    if compare:
+        show_comparisons(screen, outcome.comparisons, arm.name, picture)
+    else:
+        screen.result(offset_account(outcome.verdict))
     if as_json:
-        print_document(feedforward_document(arm.name, outcome.verdict, outcome.comparisons, drawn, outcome.decisions))
+        print_document(
+            feedforward_document(
+                arm.name, outcome.verdict, outcome.comparisons, picture if compare else None, outcome.decisions
+            )
+        )
+
+
+@dataclass(frozen=True)
+class _Bench:
+    """What every run of the command requires.
+
+    Attributes:
+        arm: The arm.
+        path: The checked trajectory.
+        used: The arm as calibrated, if it is.
+        open_servos: Opens the arm.
+        operator: The person at the arm.
+    """
+
+    arm: Robot
+    path: CheckedPath
+    used: ArmInUse
+    open_servos: ServosFactory
+    operator: Operator
+
+    def session(self, load: Load) -> AbstractContextManager[RunSession]:
+        """A session with a load on the flange."""
+        from armload_controller.session.run_session import run_session
+
+        return run_session(self.arm, load, self.open_servos, self.operator)
+
+    def runs(self) -> ComparisonRuns:
+        """Runs that use the arm's calibration, if any."""
+        from armload_controller.feedforward.body_torque import held_torque
+        from armload_controller.session.feedforward_comparison import ComparisonRuns
+
+        known = self.used.calibration
+        if known is None:
+            return ComparisonRuns(self.arm, self.path)
+        return ComparisonRuns(self.arm, self.path, held_torque(known.body), known.commanded(self.arm.drives.coupling))
 
 
 @dataclass(frozen=True)
@@ -158,17 +192,6 @@ class _Outcome:
     verdict: OffsetVerdict
     comparisons: Sequence[Comparison] = ()
     decisions: Sequence[Decision] = ()
-
-
-def _shown(screen: Screen, outcome: _Outcome, robot: str, picture: Path) -> Path:
-    """Show comparisons as tables, and draw them."""
-    from armload_controller.session.comparison_figure import draw
-
-    for comparison in outcome.comparisons:
-        screen.table(comparison_table(comparison))
-    draw(outcome.comparisons, robot, picture)
-    screen.step(f"picture: {picture}")
-    return picture
 
 
 def _usable(arm: Robot, payload: Path) -> PayloadResult:
@@ -188,30 +211,12 @@ def _usable(arm: Robot, payload: Path) -> PayloadResult:
     return result
 
 
-def _runs(arm: Robot, path: CheckedPath, used: ArmInUse) -> ComparisonRuns:
-    """Runs that use the arm's calibration, if any."""
-    from armload_controller.feedforward.body_torque import held_torque
-    from armload_controller.session.feedforward_comparison import ComparisonRuns
-
-    known = used.calibration
-    if known is None:
-        return ComparisonRuns(arm, path)
-    return ComparisonRuns(arm, path, held_torque(known.body), known.commanded(arm.drives.coupling))
-
-
-def _try_offset(
-    arm: Robot,
-    path: CheckedPath,
-    payload: PayloadResult,
-    used: ArmInUse,
-    open_servos: ServosFactory,
-    operator: Operator,
-) -> _Outcome:
+def _try_offset(bench: _Bench, payload: PayloadResult) -> _Outcome:
     """Try the torque offset at the present position."""
-    from armload_controller.session.run_session import Load, run_session
+    from armload_controller.session.run_session import Load
 
-    with run_session(arm, Load.LOADED, open_servos, operator) as session:
-        return _Outcome(_runs(arm, path, used).try_offset(session, payload))
+    with bench.session(Load.LOADED) as session:
+        return _Outcome(bench.runs().try_offset(session, payload))
 
 
 def require_one_kind(payload: Path | None, expect: str | None, *, adapt: bool, compare: bool) -> None:
@@ -250,15 +255,7 @@ def declared_mass(arm: Robot, expect: str | None) -> DeclaredMass:
     return DeclaredMass(least_kg, most_kg, arm.payloads.rated_kg)
 
 
-def _adapt(
-    arm: Robot,
-    path: CheckedPath,
-    used: ArmInUse,
-    declared: DeclaredMass,
-    open_servos: ServosFactory,
-    operator: Operator,
-    decisions: Path,
-) -> _Outcome:
+def _adapt(bench: _Bench, declared: DeclaredMass, decisions: Path) -> _Outcome:
     """The run with torque adapted to the estimate; every decision is shown and logged immediately."""
     import json
     from concurrent.futures import ThreadPoolExecutor
@@ -267,9 +264,10 @@ def _adapt(
     from armload_controller.control_errors import CommissioningError
     from armload_controller.feedforward.adaptation import at_once
     from armload_controller.session.adapted_run import adapted_run
-    from armload_controller.session.run_session import Load, run_session
+    from armload_controller.session.run_session import Load
 
-    calibration, _ = used.calibrated("--adapt requires a calibrated arm")
+    arm, display = bench.arm, bench.operator.display
+    calibration, _ = bench.used.calibrated("--adapt requires a calibrated arm")
     try:
         log = decisions.open("a", encoding="utf-8")
     except OSError as error:
@@ -280,13 +278,13 @@ def _adapt(
     def report(decision: Decision) -> None:
         log.write(json.dumps({"robot": arm.name, **decision.to_dict()}) + "\n")
         log.flush()
-        operator.display.step(str(decision))
+        display.step(str(decision))
 
     with log, ThreadPoolExecutor(1, thread_name_prefix="estimate") as executor:
         beside = at_once if arm.bus.interface == VIRTUAL else executor.submit
-        with run_session(arm, Load.LOADED, open_servos, operator) as session:
-            adapted = adapted_run(arm, path, calibration, declared, session, beside, report)
-    operator.display.step(f"written: {decisions}, {len(adapted.decisions)} decisions")
+        with bench.session(Load.LOADED) as session:
+            adapted = adapted_run(arm, bench.path, calibration, declared, session, beside, report)
+    display.step(f"written: {decisions}, {len(adapted.decisions)} decisions")
     return _Outcome(adapted.verdict, decisions=adapted.decisions)
 
 
@@ -305,31 +303,24 @@ def _checked_path(arm: Robot, excitation: Path | None, *, whole: bool) -> Checke
     return check_path(run, arm.motion_constraints, 1 / arm.bus.cycle_hz, file=file, key=key)
 
 
-def _compare(
-    arm: Robot,
-    path: CheckedPath,
-    payload: PayloadResult,
-    used: ArmInUse,
-    open_servos: ServosFactory,
-    operator: Operator,
-) -> _Outcome:
+def _compare(bench: _Bench, payload: PayloadResult) -> _Outcome:
     """All runs; in simulation also those of the empty arm and of the true payload. The smallest addition is first."""
     from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction
     from armload_controller.session.feedforward_comparison import FollowingRun
-    from armload_controller.session.run_session import Load, run_session
+    from armload_controller.session.run_session import Load
 
-    runs = _runs(arm, path, used)
+    arm, used, runs = bench.arm, bench.used, bench.runs()
     in_this_process = arm.bus.interface == VIRTUAL
     body = None if used.calibration is None else used.calibration.body
     empty: FollowingRun | None = None
     if in_this_process:
-        with run_session(arm, Load.UNLOADED, open_servos, operator) as session:
+        with bench.session(Load.UNLOADED) as session:
             empty = runs.plain(session, "empty")
-    with run_session(arm, Load.LOADED, open_servos, operator) as session:
+    with bench.session(Load.LOADED) as session:
         without = runs.plain(session, "loaded, without feed-forward")
         fed, verdict = runs.with_feedforward(session, payload, "loaded, with feed-forward", None)
-        operator.display.step(_account(verdict))
+        bench.operator.display.step(offset_account(verdict))
         results = {IDENTIFIED: fed}
         if body is not None:
             for label, term in ((FRICTION, LoadFriction(used.chain, body)), (ARM, ArmTorque(used.chain, body))):
@@ -354,42 +345,3 @@ def _as_result(payload: PayloadResult, truth: InertialParameters) -> PayloadResu
     import numpy as np
 
     return replace(payload, model=truth, determined=np.ones(10, dtype=np.bool_))
-
-
-def _account(verdict: OffsetVerdict) -> str:
-    """The result of the check, in one line."""
-    used = [
-        f"{name} {100 * gain:.0f} %"
-        for name, gain, usable in zip(verdict.joint_names, verdict.gain, verdict.usable, strict=True)
-        if usable
-    ]
-    left = [name for name, usable in zip(verdict.joint_names, verdict.usable, strict=True) if not usable]
-    text = f"torque offset trial at standstill, response: {', '.join(used)}"
-    return text + (
-        f"; no torque is added on {', '.join(left)}: the weight is too small, or the response is uneven" if left else ""
-    )
-
-
-def comparison_table(comparison: Comparison) -> Table:
-    """RMS of the error per joint, and its reduction by feed-forward."""
-    from rich.table import Table
-
-    from armload_controller.session.feedforward_comparison import Measure
-
-    what = comparison.measure
-    table = Table(title=f"{what[0].upper()}{what[1:]}, RMS over time", title_justify="left")
-    table.add_column("joint")
-    for column in ("weight N m", "without mrad", *comparison.with_rad):
-        table.add_column(column, justify="right")
-    for i, name in enumerate(comparison.joint_names):
-        shares = [f"{100 * comparison.reduction(label)[i]:z.1f} % less" for label in comparison.with_rad]
-        mark = " *" if i in comparison.gravity_loaded else ""
-        weight, before = comparison.weight_nm[i], 1e3 * comparison.without_rms_rad[i]
-        table.add_row(name + mark, f"{weight:.1f}", f"{before:.3f}", *shares)
-    table.caption = "* carries the payload's weight"
-    if comparison.measure is Measure.TORQUES:
-        table.caption += (
-            ". The part that follows from the commanded motion alone, the servo's lag, is subtracted from every run; "
-            "the rest is due to torque (weight, inertia, friction) and cycle jitter"
-        )
-    return table
