@@ -1,17 +1,23 @@
 """A master that shares no code with this project: canopen's CiA 402 profile, PDO objects and SYNC.
 
-The profile sends RPDOs only if they are asynchronous, or as a periodic task. As its users do, this master presets the
-target, starts the task, and writes to the map.
+`network_with_drives` connects it to simulated drives. The profile sends RPDOs only if they are asynchronous, or as a
+periodic task. As its users do, this master presets the target, starts the task, and writes to the map.
 """
 
 import time
+import uuid
+from contextlib import contextmanager
 
+import can
 import canopen
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes, export_od, import_od
 from canopen.profiles.p402 import BaseNode402
 
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+
 U8, U16, U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32
 I8, I16, I32 = datatypes.INTEGER8, datatypes.INTEGER16, datatypes.INTEGER32
+TEXT = datatypes.VISIBLE_STRING
 
 PATIENCE_S = 5.0
 PERIOD_S = 0.02
@@ -23,8 +29,8 @@ def description(path):
     """Write an EDS file for this master; returns canopen's object dictionary."""
     od = canopen.ObjectDictionary()
     for index, kind in (
-        (0x1000, U32), (0x1001, U8), (0x1017, U16), (0x603F, U16), (0x6040, U16), (0x6041, U16), (0x6060, I8),
-        (0x6061, I8), (0x6064, I32), (0x6077, I16), (0x607A, I32), (0x60B2, I16), (0x6502, U32),
+        (0x1000, U32), (0x1001, U8), (0x1008, TEXT), (0x1017, U16), (0x603F, U16), (0x6040, U16), (0x6041, U16),
+        (0x6060, I8), (0x6061, I8), (0x6064, I32), (0x6077, I16), (0x607A, I32), (0x60B2, I16), (0x6502, U32),
     ):  # fmt: skip
         od.add_object(_variable(index, 0, kind))
     records = {0x1018: {1: U32, 2: U32}, 0x608F: {1: U32, 2: U32}, 0x6091: {1: U32, 2: U32}, 0x60C1: {1: I32}}
@@ -46,6 +52,24 @@ def _variable(index, subindex, kind):
     entry = ODVariable(f"object {index:04X}:{subindex}", index, subindex)
     entry.data_type, entry.access_type, entry.pdo_mappable = kind, "rw", index >= 0x6000
     return entry
+
+
+@contextmanager
+def network_with_drives(arm, plant):
+    """A connected network on a virtual bus with an arm's simulated drives, in real time."""
+    channel = uuid.uuid4().hex
+    with (
+        can.Bus(interface="virtual", channel=channel) as drives_bus,
+        can.Bus(interface="virtual", channel=channel) as bus,
+        SimulatedDrives(arm, plant, drives_bus, time.monotonic),
+    ):
+        network = canopen.Network(bus)
+        network.NOTIFIER_CYCLE = PERIOD_S
+        network.connect()
+        try:
+            yield network
+        finally:
+            network.disconnect()
 
 
 class Master:
@@ -74,6 +98,11 @@ class Master:
             time.sleep(0.01)
         assert 0 in seen
         assert self.node.sdo[0x1000].raw & 0xFFFF == 402
+
+    def counts_per_turn(self):
+        """Encoder counts per turn of the axis, from 608F and 6091."""
+        sdo = self.node.sdo
+        return sdo[0x608F][1].raw / sdo[0x608F][2].raw * sdo[0x6091][1].raw / sdo[0x6091][2].raw
 
     def configure(self, mode, split):
         """Map PDOs: controlword and target in one PDO, or in two of which the first is asynchronous."""

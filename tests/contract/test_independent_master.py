@@ -1,70 +1,22 @@
 """The simulated drives under an independent master: plain canopen in its own thread, in real time."""
 
 import time
-import uuid
 
-import can
-import canopen
 import pytest
-from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 from canopen.sdo import SdoAbortedError
 
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
-from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
-
-U8, U16, U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32
-I8, I32 = datatypes.INTEGER8, datatypes.INTEGER32
-
-
-def variable(index, subindex, kind, name):
-    entry = ODVariable(name, index, subindex)
-    entry.data_type = kind
-    entry.access_type = "rw"
-    entry.pdo_mappable = index >= 0x6000
-    return entry
-
-
-def record(index, kinds):
-    entry = ODRecord(f"record {index:04X}", index)
-    for subindex, kind in kinds.items():
-        entry.add_member(variable(index, subindex, kind, f"{index:04X}:{subindex}"))
-    return entry
-
-
-def description():
-    """The part of a device description that this master needs."""
-    od = canopen.ObjectDictionary()
-    for index, kind in (
-        (0x1000, U32), (0x1008, datatypes.VISIBLE_STRING), (0x1017, U16), (0x6040, U16), (0x6041, U16),
-        (0x6060, I8), (0x6061, I8), (0x6064, I32), (0x607A, I32),
-    ):  # fmt: skip
-        od.add_object(variable(index, 0, kind, f"{index:04X}"))
-    od.add_object(record(0x1018, {0: U8, 1: U32, 2: U32}))
-    for base in (0x1400, 0x1800):
-        od.add_object(record(base, {0: U8, 1: U32, 2: U8, 3: U16, 5: U16}))
-    for base in (0x1600, 0x1A00):
-        od.add_object(record(base, {0: U8} | dict.fromkeys(range(1, 9), U32)))
-    return od
+from tests.independent_master import description, network_with_drives
 
 
 @pytest.fixture
-def bench(arm_settings):
+def bench(arm_settings, tmp_path):
     """A network with one of the drives as its remote node, and the plant."""
     arm = arm_settings()
     plant = IdealPlant([0.1, -0.2, 0.3])
-    channel = uuid.uuid4().hex
-    with (
-        can.Bus(interface="virtual", channel=channel) as drives_bus,
-        can.Bus(interface="virtual", channel=channel) as bus,
-        SimulatedDrives(arm, plant, drives_bus, time.monotonic),
-    ):
-        network = canopen.Network(bus)
-        network.NOTIFIER_CYCLE = 0.02
-        network.connect()
-        node = network.add_node(3, description())
-        yield network, node, plant
-        network.disconnect()
+    with network_with_drives(arm, plant) as network:
+        yield network, network.add_node(3, description(tmp_path / "drive.eds")), plant
 
 
 def test_boot_and_identity(bench):

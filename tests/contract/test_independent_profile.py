@@ -1,17 +1,11 @@
 """The simulated drives of the shipped arms under canopen's own CiA 402 profile, in one process in real time."""
 
-import time
-import uuid
-
-import can
-import canopen
 import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
-from tests.independent_master import Master, description
+from tests.independent_master import Master, description, network_with_drives
 
 
 @pytest.mark.parametrize("split", [False, True], ids=["one PDO", "two PDOs"])
@@ -22,29 +16,17 @@ def test_a_node_is_booted_enabled_moved_by_a_degree_and_disabled(tmp_path, robot
     arm = load_robot(robot).drives.settings
     start = np.array([0.1, -0.2, 0.3, 0.0, 0.5, -0.1])
     plant = IdealPlant(start)
-    channel = uuid.uuid4().hex
-    with (
-        can.Bus(interface="virtual", channel=channel) as drives_bus,
-        can.Bus(interface="virtual", channel=channel) as bus,
-        SimulatedDrives(arm, plant, drives_bus, time.monotonic),
-    ):
-        network = canopen.Network(bus)
-        network.NOTIFIER_CYCLE = 0.02
-        network.connect()
-        try:
-            master = Master(network, arm.drives[2].node_id, description(tmp_path / "drive.eds"))
-            master.boot()
-            sdo = master.node.sdo
-            turn = sdo[0x608F][1].raw / sdo[0x608F][2].raw * sdo[0x6091][1].raw / sdo[0x6091][2].raw
-            degree = round(turn / 360.0)
-            master.configure(mode, split)
-            begin = master.enable()
-            assert plant.powered == [axis == 2 for axis in range(6)]
-            np.testing.assert_allclose(plant.position_rad, start, atol=2.0 * np.pi / turn)
-            assert master.move(degree) == begin + degree
-            np.testing.assert_allclose(plant.position_rad[2] - start[2], np.deg2rad(1.0), rtol=1e-3)
-            master.disable()
-            assert not any(plant.powered)
-            master.leave()
-        finally:
-            network.disconnect()
+    with network_with_drives(arm, plant) as network:
+        master = Master(network, arm.drives[2].node_id, description(tmp_path / "drive.eds"))
+        master.boot()
+        turn = master.counts_per_turn()
+        degree = round(turn / 360.0)
+        master.configure(mode, split)
+        begin = master.enable()
+        assert plant.powered == [axis == 2 for axis in range(6)]
+        np.testing.assert_allclose(plant.position_rad, start, atol=2.0 * np.pi / turn)
+        assert master.move(degree) == begin + degree
+        np.testing.assert_allclose(plant.position_rad[2] - start[2], np.deg2rad(1.0), rtol=1e-3)
+        master.disable()
+        assert not any(plant.powered)
+        master.leave()

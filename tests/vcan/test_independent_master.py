@@ -51,9 +51,7 @@ def test_a_node_is_booted_enabled_moved_by_a_degree_and_disabled(tmp_path, robot
         network.connect(interface="socketcan", channel="vcan0")
         master = Master(network, node_id, description(tmp_path / "drive.eds"))
         master.boot()
-        sdo = master.node.sdo
-        turn = sdo[0x608F][1].raw / sdo[0x608F][2].raw * sdo[0x6091][1].raw / sdo[0x6091][2].raw
-        degree = round(turn / 360.0)
+        degree = round(master.counts_per_turn() / 360.0)
         master.configure(mode, split)
         begin = master.enable()
         degrees, powered = ask(drives)

@@ -47,7 +47,6 @@ class MotionPlan:
         acceleration_rad_s2: (N, n) joint accelerations.
         phase_s: (N,) phase on the path.
         phase_rate: (N,) ds/dt.
-        phase_acceleration_1_s: (N,) its derivative.
         segment: N parts of the run.
     """
 
@@ -56,7 +55,6 @@ class MotionPlan:
     acceleration_rad_s2: FloatArray
     phase_s: FloatArray
     phase_rate: FloatArray
-    phase_acceleration_1_s: FloatArray
     segment: tuple[Segment, ...]
 
     def __len__(self) -> int:
@@ -109,8 +107,8 @@ def plan_leg(leg: Leg, cycle_s: float) -> MotionPlan:
     interpolator = LegInterpolator(leg, cycle_s, MotionControl())
     rows = [(PhaseState(leg.start_s, 0.0, 0.0), interpolator.first_segment), *interpolator.remaining()]
     states = [state for state, _ in rows]
-    s, rate, acceleration = np.array([(x.phase_s, x.rate, x.acceleration_1_s) for x in states]).T
-    return MotionPlan(*along(leg.path, states), s, rate, acceleration, tuple(segment for _, segment in rows))
+    s, rate = np.array([(x.phase_s, x.rate) for x in states]).T
+    return MotionPlan(*along(leg.path, states), s, rate, tuple(segment for _, segment in rows))
 
 
 class RuckigFollower:

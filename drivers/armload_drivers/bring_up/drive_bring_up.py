@@ -46,7 +46,6 @@ class DriveReport:
         node_id: Node id.
         name: Device name (1008); empty if not reported.
         identity: 1018, as reported.
-        supported_modes: 6502.
         polarity: 607E; 0 if not reported.
         missing: Objects that the drive lacks, or that do not hold the required value, as text.
         safety: Findings on every safety property; empty before they were checked.
@@ -57,7 +56,6 @@ class DriveReport:
     node_id: int
     name: str
     identity: Identity
-    supported_modes: int
     polarity: int
     missing: tuple[str, ...]
     safety: tuple[SafetyFinding, ...]
@@ -84,7 +82,7 @@ class DriveSetup(DriveDialogue):
         super().__init__(drive, arm, image=image, sdo=sdo, timeouts=timeouts, master_node_id=master_node_id)
         self._objects = DriveObjects(sdo)
         self._identity = Identity(None, None)
-        self._modes = self._polarity = self._device_type = 0
+        self._polarity = self._device_type = 0
         self._rated_current_a: float | None = None
         self._safety: tuple[SafetyFinding, ...] = ()
 
@@ -224,7 +222,6 @@ class DriveSetup(DriveDialogue):
             node_id=self.settings.node_id,
             name=self._read_name(),
             identity=self._identity,
-            supported_modes=self._modes,
             polarity=self._polarity,
             missing=tuple(str(entry) for entry in self._objects.missing),
             safety=self._safety,
@@ -261,7 +258,6 @@ class DriveSetup(DriveDialogue):
                 f"mode {int(mode)} ({mode.name}) is not offered, only {', '.join(offered) or 'none'} (6502)",
                 "Set this drive's mode in the configuration to one it offers: 7 or 8",
             )
-        self._modes = modes or 0
 
     def _read_scale(self) -> None:
         """Read polarity and scale, and check them against the configuration."""

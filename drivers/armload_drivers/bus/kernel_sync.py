@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Protocol
 
 from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.bus.sync_sources import Clock, SyncTick, sync_data
+from armload_drivers.bus.sync_sources import FEEDBACK_SHARE, Clock, SyncTick, sync_data
 from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
 from armload_drivers.driver_errors import BusError, ForeignMaster
 
@@ -155,7 +155,6 @@ class BcmSync:
 
     Args:
         producer: Usually a `BroadcastManager`.
-        feedback_share: Share of the cycle that feedback may take; the rest is left to the caller.
         clock: Monotonic clock; SYNCs are stamped on it.
         stamp_clock: Clock of the frames' stamps. It may step: stamps are used only for the age of frames.
     """
@@ -165,12 +164,10 @@ class BcmSync:
     def __init__(
         self,
         producer: SyncProducer,
-        feedback_share: float = 0.6,
         clock: Clock = time.monotonic,
         stamp_clock: Clock = time.time,
     ) -> None:
         self._producer = producer
-        self._feedback_share = feedback_share
         self._clock, self._stamp_clock = clock, stamp_clock
         self._cycle_s = self._asked_s = 0.0
         self._counter = 0
@@ -236,7 +233,7 @@ class BcmSync:
 
     def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
         """Wait for a share of the cycle."""
-        link.pump_until(complete, self._feedback_share * self._cycle_s)
+        link.pump_until(complete, FEEDBACK_SHARE * self._cycle_s)
 
     def end(self, link: BusLink) -> None:
         """Stop SYNC."""

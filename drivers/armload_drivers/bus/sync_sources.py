@@ -16,7 +16,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 import can
 
@@ -25,6 +25,9 @@ from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
 
 Clock = Callable[[], float]
 """Returns a monotonic time in seconds."""
+
+FEEDBACK_SHARE: Final = 0.6
+"""Share of the cycle that feedback may take; the rest is left to the caller."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,14 +110,12 @@ class TimerSync:
     """SYNC at absolute deadlines, sent by the calling thread.
 
     Args:
-        feedback_share: Share of the cycle that feedback may take; the rest is left to the caller.
         clock: Monotonic clock.
     """
 
     heard = False
 
-    def __init__(self, feedback_share: float = 0.6, clock: Clock = time.monotonic) -> None:
-        self._feedback_share = feedback_share
+    def __init__(self, clock: Clock = time.monotonic) -> None:
         self._clock = clock
         self._cycle_s = 0.0
         self._due_s = 0.0
@@ -146,7 +147,7 @@ class TimerSync:
 
     def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
         """Wait for a share of the cycle."""
-        link.pump_until(complete, self._feedback_share * self._cycle_s)
+        link.pump_until(complete, FEEDBACK_SHARE * self._cycle_s)
 
     def end(self, link: BusLink) -> None:
         """Nothing to stop."""

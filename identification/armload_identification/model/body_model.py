@@ -15,7 +15,6 @@ References:
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +25,6 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.model.links_and_drives import LinksAndDrives, require_finite
 from armload_identification.model.regressor import PARAMETERS
-
-LINK_PARAMETERS: Final = ("m", "mx", "my", "mz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-"""Names of a link's ten parameters, the inertia about the origin of its joint frame."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,12 +71,7 @@ class ReportContent:
     validation_sources: tuple[RecordingSource, ...] = ()
 
     @classmethod
-    def of_identification(
-        cls,
-        identification: Identification,
-        validation: Validation | None = None,
-        validation_sources: tuple[RecordingSource, ...] = (),
-    ) -> ReportContent:
+    def of_identification(cls, identification: Identification, validation: Validation | None = None) -> ReportContent:
         """From an identification, and its validation if there is one."""
         fitted = ShownRuns(
             identification.signal,
@@ -84,7 +79,7 @@ class ReportContent:
             identification.residual_rms_nm,
             identification.sources,
         )
-        return cls(identification, fitted, validation, validation_sources)
+        return cls(identification, fitted, validation)
 
     @property
     def motion(self) -> tuple[LoadSignal, RecordingSource | None] | None:

@@ -35,14 +35,12 @@ class MeasuredMotion:
         spline: (n,)-valued quintic spline of the time since `start_s`.
         start_s: Time stamp of the first sample.
         duration_s: Time of the last sample since the first.
-        knot_spacing_s: Chosen spacing of the knots.
         fit_rad: (n,) RMS of the samples about the spline.
     """
 
     spline: BSpline
     start_s: float
     duration_s: float
-    knot_spacing_s: float
     fit_rad: FloatArray
 
 
@@ -64,7 +62,7 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
     elapsed = time_s - time_s[0]
     interval_s = float(np.median(np.diff(elapsed)))
     spacing_s = min(_COARSEST_KNOTS_S, elapsed[-1] / 4.0)
-    best: tuple[float, float, BSpline, FloatArray] | None = None
+    best: tuple[float, BSpline, FloatArray] | None = None
     while spacing_s > 0.0:
         knots = _knots(elapsed, spacing_s)
         coefficients = knots.size - _DEGREE - 1
@@ -74,7 +72,7 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
             # The sum of logarithms prevents joints with a large stroke from dominating.
             score = float(np.sum(np.log(misfit + 1e-18)) - 2 * misfit.size * np.log1p(-coefficients / elapsed.size))
             if best is None or score < best[0]:
-                best = (score, spacing_s, spline, np.sqrt(misfit))
+                best = (score, spline, np.sqrt(misfit))
         spacing_s *= 0.5
         if spacing_s < _SAMPLES_PER_KNOT * interval_s:
             break
@@ -82,7 +80,7 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
         raise RecordingError(
             f"{elapsed.size} samples over {elapsed[-1]:.3g} s are not enough to fit a motion. Record a longer run."
         )
-    return MeasuredMotion(best[2], float(time_s[0]), float(elapsed[-1]), best[1], best[3])
+    return MeasuredMotion(best[1], float(time_s[0]), float(elapsed[-1]), best[2])
 
 
 def _knots(elapsed: FloatArray, spacing_s: float) -> FloatArray:

@@ -110,11 +110,11 @@ def never():
 
 
 def test_feedback_has_a_share_of_the_cycle(clock, link):
-    sync = TimerSync(feedback_share=0.5, clock=clock)
+    sync = TimerSync(clock=clock)
     sync.begin(link, 0.01, 0)
     patient = Patient()
     sync.await_feedback(patient, never)
-    assert patient.waited_s == pytest.approx([0.005])
+    assert patient.waited_s == pytest.approx([0.006])
 
 
 def test_lockstep_takes_in_what_the_drives_have_sent_and_does_not_wait(clock):
