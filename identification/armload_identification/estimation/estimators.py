@@ -44,13 +44,14 @@ def least_noise(signal: LoadSignal) -> FloatArray:
 
 
 def steadiness(signal: LoadSignal) -> FloatArray:
-    """(K, n) weights that exclude reversals, according to how well they cancel between the two runs.
+    """(K, n) weights that exclude joints at rest, and reversals, according to how well they cancel between two runs.
 
     Args:
         signal: The torque difference.
     """
     repeated = signal.periodic and min(signal.periods) > 0
-    return reversal_weights(signal.states.velocity_rad_s, _REPEATED_REVERSAL if repeated else REVERSAL)
+    position, velocity, _ = signal.states
+    return reversal_weights(position, velocity, _REPEATED_REVERSAL if repeated else REVERSAL)
 
 
 @dataclass(frozen=True, eq=False)

@@ -89,7 +89,16 @@ def make_physical(fit: Estimate) -> PhysicalEstimate:
         pull = _PULL * np.diag(1.0 / size)
         rows.append(pull)
         target.append(pull @ compact.theta)
-    theta = project(np.vstack(rows), np.concatenate(target), _interior(plain))
+    try:
+        theta = project(np.vstack(rows), np.concatenate(target), _interior(plain))
+    except EstimationError as error:
+        if fit.rank == fit.theta.size:
+            raise
+        raise EstimationError(
+            f"the motion determines only {fit.rank} of {fit.theta.size} parameter directions, which no physically "
+            "possible payload completes: it moves too few joints, or the columns or their order do not belong to this "
+            "arm. Record a longer motion of all joints."
+        ) from error
     return PhysicalEstimate(
         parameters=InertialParameters(theta),
         changed=True,

@@ -21,11 +21,11 @@ from armload_identification.signals.alignment import MeasuredMotion, fit_motion
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.periods import fold
+from armload_identification.signals.reversals import MOVES_RAD, moving_joints
 
 SCATTER: Final = "scatter between periods"
 ABOVE_BAND: Final = "the signal above the motion's band"
 
-_NO_MOTION_RAD: Final = 0.01
 _STANDING: Final = 0.02
 """The arm counts as moving from this share of its greatest speed; standstill is cut off at both ends."""
 _MOST_HOLES: Final = 10
@@ -78,8 +78,8 @@ class Motion:
 
     @property
     def moves(self) -> NDArray[np.bool_]:
-        """(n,) False for joints at rest, whose torque is the links' plus any static friction."""
-        return np.asarray(np.ptp(self.states.position_rad, axis=0) > _NO_MOTION_RAD)
+        """(n,) False for joints at rest."""
+        return moving_joints(self.states.position_rad)
 
     def with_delay(self, delay_s: float) -> Motion:
         """The same torque with the motion to which it belongs.
@@ -321,9 +321,9 @@ def require_motion(run: Recording) -> None:
     Raises:
         RecordingError: no joint moves.
     """
-    if (np.ptp(run.position_rad, axis=0) < _NO_MOTION_RAD).all():
+    if not moving_joints(run.position_rad).any():
         raise RecordingError(
-            f"{run.source.path}: no joint moves more than {_NO_MOTION_RAD} rad, so nothing can be identified. "
+            f"{run.source.path}: no joint moves more than {MOVES_RAD} rad, so nothing can be identified. "
             "Record a run along an excitation, and check the position columns."
         )
 

@@ -107,15 +107,16 @@ def looks_wrong(signal: LoadSignal, arm: BodyFit | None) -> bool:
         signal: The pair.
         arm: The body fitted to the unloaded run; None if the arm was calibrated.
     """
-    if (_slope(signal) < _ALIKE).any():
+    moves = signal.unloaded.moves
+    if (moves & (_slope(signal) < _ALIKE)).any():
         return True
     if arm is None:
         return False
     speed = np.mean(np.abs(signal.unloaded.states.velocity_rad_s), axis=0)
     friction = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed
-    driven = signal.unloaded.moves & (friction < -_DRIVES * arm.torque_rms_nm)
-    loud = arm.torque_rms_nm > signal.averaged_noise_nm
-    return bool((loud & (driven | (arm.residual_rms_nm > _STRANGE * arm.torque_rms_nm))).any())
+    loud = moves & (arm.torque_rms_nm > signal.averaged_noise_nm)
+    odd = (arm.residual_rms_nm > _STRANGE * arm.torque_rms_nm) | (friction < -_DRIVES * arm.torque_rms_nm)
+    return bool((loud & odd).any())
 
 
 def refuse_wrong_columns(
@@ -177,7 +178,7 @@ def _slope(signal: LoadSignal) -> FloatArray:
 
 
 def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int, ...]:
-    """Motors whose current or torque has the wrong sign.
+    """Motors whose current or torque has the wrong sign, of those whose joints move.
 
     Args:
         run: A run, with or without a payload.
@@ -187,13 +188,13 @@ def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int,
     Returns:
         Their indices; none if the run is right as it is, or if no signs explain it.
     """
-    n = chain.n
+    n, moving = chain.n, np.flatnonzero(run.moves)
     system = _System(run, chain, coupling, base_columns(chain, coupling))
     as_it_is = system.trial(np.eye(n))
     best = as_it_is.cost + _NO_WORSE
     flipped: tuple[int, ...] = ()
-    for count in range(1, (n if n <= _ALL_SIGNS else 2) + 1):
-        for joints in combinations(range(n), count):
+    for count in range(1, (moving.size if n <= _ALL_SIGNS else 2) + 1):
+        for joints in combinations(map(int, moving), count):
             sign = np.ones(n)
             sign[list(joints)] = -1.0
             trial = system.trial(np.diag(sign))
@@ -203,7 +204,7 @@ def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int,
 
 
 def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Exchange | None:
-    """Two joints whose columns are exchanged.
+    """Two joints whose columns are exchanged, of those that move.
 
     Args:
         run: A run, with or without a payload.
@@ -218,7 +219,7 @@ def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Excha
     system = _System(run, chain, coupling, base)
     as_it_is = system.trial(np.eye(n))
     best, found = as_it_is.cost - _MUCH, None
-    for joints in combinations(range(n), 2):
+    for joints in combinations(map(int, np.flatnonzero(run.moves)), 2):
         order = np.arange(n)
         order[list(joints)] = joints[::-1]
         moved = _System(run, chain, coupling, base, order)
@@ -263,10 +264,9 @@ class _System:
         usable = np.flatnonzero(run.valid)
         rows = usable[:: max(1, usable.size // _ROWS)]
         states = run.states if order is None else tuple(state[:, order] for state in run.states)
-        moves = run.moves if order is None else run.moves[order]
         q, dq, ddq = (state[rows] for state in states)
         speed = states[1]
-        weight, direction = reversal_weights(speed)[rows], smooth_sign(dq, reversal_speed(speed))
+        weight, direction = reversal_weights(states[0], speed)[rows], smooth_sign(dq, reversal_speed(speed))
         torque = run.torque_nm[rows]
         own = np.zeros((len(q), n, 3, n))
         for joint in range(n):
@@ -299,7 +299,7 @@ class _System:
         coulomb = np.mean(direction * dq, axis=0) / distance
         viscous = np.mean(dq**2, axis=0) / distance
         friction = coulomb[:, None] * coefficient[-3 * n : -2 * n] + viscous[:, None] * coefficient[-2 * n : -n]
-        self._friction = friction / np.where(moves & (level > 0.0), level, np.inf)[:, None]
+        self._friction = friction / np.where(level > 0.0, level, np.inf)[:, None]
 
     def trial(self, columns: FloatArray) -> _Trial:
         """The fit of a correction.

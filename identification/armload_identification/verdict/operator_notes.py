@@ -19,8 +19,6 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
 
-_AT_REST: Final = 0.1
-"""Upper bound of the weights of a joint at rest."""
 _POOR_FIT: Final = 0.5
 _FEW_PERIODS: Final = 2
 _LOUD: Final = 5.0
@@ -194,10 +192,9 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
     """Joints of the unloaded run whose torque is not explained by the arm's links and positive friction."""
     if arm is None:
         return []
-    loud = arm.torque_rms_nm > _LOUD * signal.averaged_noise_nm
+    loud = signal.unloaded.moves & (arm.torque_rms_nm > _LOUD * signal.averaged_noise_nm)
     speed = np.sqrt(np.mean(signal.states.velocity_rad_s**2, axis=0))
-    friction = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed
-    pushes = signal.unloaded.moves & (friction < -_PUSHES * arm.torque_rms_nm)
+    pushes = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed < -_PUSHES * arm.torque_rms_nm
     strange = loud & ((arm.residual_rms_nm > _STRANGE * arm.torque_rms_nm) | pushes)
     if not strange.any():
         return []
@@ -215,7 +212,7 @@ def misfit_notes(signal: LoadSignal, fit: Estimate) -> list[str]:
         fit: The plain estimate.
     """
     # A joint at rest was not fitted: its static friction can take any value.
-    moves = signal.loaded.moves & (fit.sample_weight[signal.valid].max(axis=0) > _AT_REST)
+    moves = signal.loaded.moves
     torque, left = (np.where(moves, values[signal.valid], 0.0) for values in (signal.torque_nm, fit.residual_nm))
     measured = np.mean((torque * fit.weight_1_nm) ** 2)
     misfit = np.mean((left * fit.weight_1_nm) ** 2)

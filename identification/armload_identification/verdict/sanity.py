@@ -186,7 +186,7 @@ def check_signs(signal: LoadSignal, regressor: FloatArray, fit: Estimate) -> Non
     measured = signal.torque_nm[signal.valid]
     loud = np.sqrt(np.mean(measured**2, axis=0)) > _CLEAR * signal.averaged_noise_nm / np.sqrt(len(measured))
     left = np.mean(fit.residual_nm[signal.valid] ** 2, axis=0) > (1.0 - _EXPLAINED) * np.mean(measured**2, axis=0)
-    for joint in np.flatnonzero(loud & left):
+    for joint in np.flatnonzero(signal.loaded.moves & loud & left):
         others = np.arange(measured.shape[1]) != joint
         alone = estimate_reweighted(
             regressor[:, others], signal.torque_nm[:, others], signal.valid, signal.averaged_noise_nm[others]

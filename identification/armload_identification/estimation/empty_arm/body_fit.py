@@ -127,7 +127,7 @@ class _System:
         self._parts = [(len(run.torque_nm), run.interval_s) for run in runs]
         valid = np.concatenate([run.valid for run in runs])
         self._used_samples = int(np.count_nonzero(valid))
-        self._weight = np.where(valid[:, None], reversal_weights(dq), 0.0)
+        self._weight = np.where(valid[:, None], reversal_weights(q, dq), 0.0)
         self._valid = valid
         base = base_columns(chain, coupling)
         self._base, self._rotor_base = base[: PARAMETERS * n], base[PARAMETERS * n :]
