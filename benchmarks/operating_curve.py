@@ -29,7 +29,8 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.verdict.agreement import Agreement, Known, Outcome, Tolerance, compare_known
+from armload_identification.verdict.agreement import Agreement, Known, Outcome, compare_known
+from armload_identification.verdict.tolerance import Tolerance
 from benchmarks.bodies import ER50_PAYLOADS
 from benchmarks.calibrated import calibrated_from_pair
 from benchmarks.real_currents import MASS_KG, Pair, absent, measured_pairs

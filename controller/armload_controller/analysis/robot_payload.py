@@ -31,8 +31,8 @@ from armload_identification.recording.recording import Recording
 from armload_identification.report.content import ReportContent, ShownRuns
 from armload_identification.results.findings import Findings
 from armload_identification.results.payload_over_time import PayloadOverTime
-from armload_identification.verdict.agreement import Tolerance
 from armload_identification.verdict.magnitudes import require_possible_mass
+from armload_identification.verdict.tolerance import Tolerance
 
 RunPair = tuple[Recording | FilePath, Recording | FilePath]
 """A loaded run, and one of the same motion without the payload."""

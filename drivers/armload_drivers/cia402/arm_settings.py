@@ -162,7 +162,6 @@ class ArmSettings:
         bitrate: Bits per second.
         heartbeat_s: Heartbeat period in both directions.
         max_missing_cycles: Greatest number of consecutive cycles in which a joint's feedback may be missing.
-        max_bus_load: Greatest permitted worst-case bus load, as a share.
         other_nodes: Node ids of CiA 402 drives on the bus that do not belong to the arm.
         sync_counter: Overflow value of the SYNC counter (1019), 2 to 240; 0 sends SYNC without one.
     """
@@ -173,6 +172,5 @@ class ArmSettings:
     bitrate: int
     heartbeat_s: float
     max_missing_cycles: int
-    max_bus_load: float = 0.7
     sync_counter: int = 0
     other_nodes: frozenset[int] = frozenset()

@@ -15,10 +15,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_drivers.driver_errors import BusOverload
+
+MAX_BUS_LOAD: Final = 0.7
+"""Greatest permitted worst-case load, as a share of the bus."""
 
 
 def frame_bits(data_bytes: int) -> int:
@@ -34,14 +38,12 @@ class BusLoad:
         cycle_us: Bus time of the frames of one cycle (SYNC and all PDOs).
         cycle_share: `cycle_us` as a share of the cycle.
         heartbeat_share: Share of the heartbeats of master and drives.
-        limit: Share that the configuration allows.
         highest_cycle_hz: The highest integer rate within the limit; 0 if there is none.
     """
 
     cycle_us: float
     cycle_share: float
     heartbeat_share: float
-    limit: float
     highest_cycle_hz: int
 
     @property
@@ -52,7 +54,7 @@ class BusLoad:
     @property
     def fits(self) -> bool:
         """Whether the share stays within the limit."""
-        return self.share <= self.limit
+        return self.share <= MAX_BUS_LOAD
 
 
 def forecast(arm: ArmSettings) -> BusLoad:
@@ -66,12 +68,11 @@ def forecast(arm: ArmSettings) -> BusLoad:
     cycle_bus_s = bits / arm.bitrate
     heartbeats_s = (len(images) + 1) * frame_bits(1) / arm.bitrate
     heartbeat_share = heartbeats_s / arm.heartbeat_s
-    room = max(0.0, arm.max_bus_load - heartbeat_share)
+    room = max(0.0, MAX_BUS_LOAD - heartbeat_share)
     return BusLoad(
         cycle_us=cycle_bus_s * 1e6,
         cycle_share=cycle_bus_s / arm.cycle_s,
         heartbeat_share=heartbeat_share,
-        limit=arm.max_bus_load,
         highest_cycle_hz=math.floor(room / cycle_bus_s),
     )
 
@@ -91,5 +92,5 @@ def require_room(arm: ArmSettings) -> BusLoad:
         remedy = f"no cycle rate fits at {arm.bitrate} bit/s; raise the bit rate"
     raise BusOverload(
         f"{len(arm.drives)} drives at {1 / arm.cycle_s:.0f} Hz load the bus by up to {load.share:.0%}, the limit is "
-        f"{arm.max_bus_load:.0%}: {remedy}"
+        f"{MAX_BUS_LOAD:.0%}: {remedy}"
     )

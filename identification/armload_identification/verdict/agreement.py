@@ -32,9 +32,9 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import student_half_width
-from armload_identification.identification_errors import ModelError
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
+from armload_identification.verdict.tolerance import Tolerance
 
 FLOOR: Final = np.array([0.005, 0.001, 0.001, 0.001])
 """Standard deviation in kg and m of errors that no covariance contains: the servo's sag under load, remounting."""
@@ -52,27 +52,6 @@ class Outcome(StrEnum):
     RIGHT = "right"
     WRONG = "wrong"
     CANNOT_TELL = "cannot tell"
-
-
-@dataclass(frozen=True, slots=True)
-class Tolerance:
-    """Tolerated error of a payload.
-
-    Attributes:
-        mass_share: As a share of its mass.
-        center_m: As a distance of its centre of mass.
-
-    Raises:
-        ModelError: a tolerance that is not positive.
-    """
-
-    mass_share: float = 0.02
-    center_m: float = 0.010
-
-    def __post_init__(self) -> None:
-        for name, value in (("share of the mass", self.mass_share), ("distance of the centre of mass", self.center_m)):
-            if not (np.isfinite(value) and value > 0.0):
-                raise ModelError(f"the tolerance's {name} is {value}; expected a number above 0, such as 0.02 or 0.01")
 
 
 @dataclass(frozen=True, eq=False, slots=True)

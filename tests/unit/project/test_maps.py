@@ -1,5 +1,6 @@
-"""The READMEs that describe a folder name all of its content."""
+"""The READMEs that describe a folder name all of its content, and nothing that is not there."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ from armload_controller.config.robot import shipped_robots
 from armload_controller.config.tables.robot_file import RobotFile
 
 ROOT = Path(__file__).parents[3]
+ROOMS = ("drivers", "controller", "identification", "identification/armload_core")
 
 
 @pytest.mark.parametrize("table", RobotFile.model_fields)
@@ -26,3 +28,17 @@ def test_every_room_of_the_controller_is_on_the_map():
     text = (ROOT / "controller" / "README.md").read_text()
     rooms = {file.parent.name for file in (ROOT / "controller" / "armload_controller").glob("*/__init__.py")}
     assert rooms == {line.split("`")[1].rstrip("/") for line in text.splitlines() if line.startswith("| `")}
+
+
+def test_every_module_of_the_drivers_is_on_the_map():
+    text = (ROOT / "drivers" / "README.md").read_text()
+    modules = {file.stem for file in (ROOT / "drivers" / "armload_drivers").rglob("*.py")} - {"__init__"}
+    assert {name for name in modules if not re.search(rf"\b{name}\b", text)} == set()
+
+
+@pytest.mark.parametrize("page", ["CONTRIBUTING.md", *(f"{room}/README.md" for room in ROOMS)])
+def test_a_map_names_no_file_that_is_not_there(page):
+    there = {file.name for room in (*ROOMS, "tests", "benchmarks") for file in (ROOT / room).rglob("*.*")}
+    named = re.findall(r"`(?:[\w-]+/)*(\w+\.(?:py|c|h))`", (ROOT / page).read_text())
+    assert named
+    assert set(named) - there == set()

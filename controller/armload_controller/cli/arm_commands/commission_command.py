@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from armload_identification.model.payload import InertialParameters
     from armload_identification.recording.recording import Recording
     from armload_identification.results.findings import Findings
-    from armload_identification.verdict.agreement import Tolerance
+    from armload_identification.verdict.tolerance import Tolerance
 
 
 PAYLOAD_NAME, REPORT_NAME, CALIBRATION_NAME = "payload.toml", "report.html", "arm.calibration.toml"

@@ -6,16 +6,18 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from armload_identification.verdict.tolerance import Tolerance
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from armload_controller.cli.screen import Screen
-    from armload_identification.verdict.agreement import Outcome, Tolerance
+    from armload_identification.verdict.agreement import Outcome
 
 EXIT_WRONG: Final = 3
 EXIT_CANNOT_TELL: Final = 4
 
-TOLERANCE: Final = (0.02, 0.010)
+TOLERANCE: Final = (Tolerance().mass_share, Tolerance().center_m)
 ToleranceOption = Annotated[
     tuple[float, float],
     typer.Option(
@@ -32,8 +34,6 @@ def tolerance_of(values: tuple[float, float]) -> Tolerance:
     Raises:
         ModelError: a number that is not positive.
     """
-    from armload_identification.verdict.agreement import Tolerance
-
     return Tolerance(*values)
 
 

@@ -12,7 +12,7 @@ from armload_drivers.driver_errors import BusOverload
 pytestmark = pytest.mark.pure
 
 
-def arm(joints, cycle_hz, *, bitrate=1_000_000, heartbeat_s=0.1, limit=0.7, torque_offset=True):
+def arm(joints, cycle_hz, *, bitrate=1_000_000, heartbeat_s=0.1, torque_offset=True):
     drives = tuple(
         DriveSettings(
             joint=f"joint_{node}",
@@ -32,7 +32,7 @@ def arm(joints, cycle_hz, *, bitrate=1_000_000, heartbeat_s=0.1, limit=0.7, torq
         )
         for node in range(1, joints + 1)
     )
-    return ArmSettings(drives, np.eye(joints), 1 / cycle_hz, bitrate, heartbeat_s, 3, limit)
+    return ArmSettings(drives, np.eye(joints), 1 / cycle_hz, bitrate, heartbeat_s, 3)
 
 
 @pytest.mark.parametrize(("data_bytes", "bits"), [(0, 55), (1, 65), (6, 115), (8, 135)])

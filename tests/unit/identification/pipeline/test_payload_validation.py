@@ -13,8 +13,9 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.pipeline.payload_validation import judge, validate
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.verdict.agreement import Outcome, Tolerance
+from armload_identification.verdict.agreement import Outcome
 from armload_identification.verdict.payload_verdict import known_payload
+from armload_identification.verdict.tolerance import Tolerance
 from armload_identification.verdict.verdict_text import sentences
 
 pytestmark = pytest.mark.pure

@@ -27,8 +27,8 @@ from armload_identification.report.parameters import headline, parameter_rows
 from armload_identification.report.provenance import file_rows
 from armload_identification.report.report import render_report, write_report
 from armload_identification.report.verdict_box import verdict_box
-from armload_identification.verdict.agreement import Tolerance
 from armload_identification.verdict.payload_verdict import known_payload
+from armload_identification.verdict.tolerance import Tolerance
 
 pytestmark = pytest.mark.pure
 

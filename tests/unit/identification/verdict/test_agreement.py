@@ -13,11 +13,11 @@ from armload_identification.verdict.agreement import (
     Known,
     LengthNeeded,
     Outcome,
-    Tolerance,
     compare_known,
     length_needed,
 )
 from armload_identification.verdict.payload_verdict import with_gains
+from armload_identification.verdict.tolerance import Tolerance
 
 pytestmark = pytest.mark.pure
 
