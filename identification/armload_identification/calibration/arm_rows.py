@@ -189,10 +189,7 @@ def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
         raise RecordingError(
             f"{name}: {time_s[-1]:.1f} s long, expected {_SHORTEST_S:g} s or more. Record a whole excitation."
         )
-    position, even = (
-        np.column_stack([np.interp(grid, time_s, column) for column in values.T])
-        for values in (recording.position_rad, effort)
-    )
+    position, even = (_means(time_s, values, grid) for values in (recording.position_rad, effort))
     motion = make_interp_spline(grid, low_pass(position, _FINE_S, _MOTION_HZ), k=_DEGREE)
     after = np.clip(np.searchsorted(time_s, grid), 1, time_s.size - 1)
     return RunSignals(
@@ -206,6 +203,22 @@ def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
         periodic=False,
         from_torque=from_torque,
     )
+
+
+def _means(time_s: FloatArray, values: FloatArray, grid_s: FloatArray) -> FloatArray:
+    """(K, n) means over `_FINE_S` about each time of the grid, of straight lines between the samples.
+
+    Without means, noise of faster recordings would be aliased: at 1 kHz white noise on the rows was 3 times as large,
+    and a tone at 99 Hz appeared unattenuated at 1 Hz.
+    """
+    edges = np.clip(np.append(grid_s, grid_s[-1] + _FINE_S) - 0.5 * _FINE_S, 0.0, time_s[-1])
+    step = np.diff(time_s)[:, None]
+    integral = np.vstack([np.zeros_like(values[:1]), np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0)])
+    before = np.clip(np.searchsorted(time_s, edges, side="right") - 1, 0, time_s.size - 2)
+    since = (edges - time_s[before])[:, None]
+    slope = np.diff(values, axis=0)[before] / step[before]
+    until = integral[before] + since * (values[before] + 0.5 * since * slope)
+    return np.asarray(np.diff(until, axis=0) / np.diff(edges)[:, None])
 
 
 def _folded(recording: Recording, effort: FloatArray, name: str, from_torque: bool) -> RunSignals:

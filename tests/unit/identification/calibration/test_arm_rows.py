@@ -92,3 +92,17 @@ def test_a_run_with_gaps_throughout_has_no_rows(pinocchio_arm, fast):
     rows = rows_of(pinocchio_arm, gaps)
     assert rows.links.shape == (0, 6, 60)
     assert rows.payload_rate.shape == (0, 6, 10)
+
+
+def test_noise_of_a_fast_recording_is_averaged_and_not_aliased(pinocchio_arm):
+    """At 100 Hz a tone of 99 Hz looks like one of 1 Hz; white noise on a row is a third of that at 100 Hz."""
+    trajectory = pinocchio_arm.trajectory(5, period_s=4.0, harmonics=2)
+    run = without_phase(pinocchio_arm.run(trajectory, False, seed=1, periods=1, cycle_s=1e-3, noise=0.0))
+    clean = run_signals(run, pinocchio_arm.transmission)
+    tone = np.sin(2.0 * np.pi * 99.0 * run.time_s)[:, None] * np.ones(6)
+    white = np.random.default_rng(2).normal(size=tone.shape)
+    for noise, most in ((tone, 0.02), (white, 0.1)):
+        noisy = replace(run, current_a=run.current_a + noise / pinocchio_arm.transmission.gain_nm_a)
+        signals = run_signals(noisy, pinocchio_arm.transmission)
+        shift = signals.row_window().mean(signals.effort_nm - clean.effort_nm)
+        assert (np.sqrt(np.mean(shift**2, axis=0)) < most).all()
