@@ -184,7 +184,7 @@ def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
     if whole_periods(recording):
         return _folded(recording, effort, name, from_torque)
     time_s = recording.time_s - recording.time_s[0]
-    grid = np.arange(int(time_s[-1] / _FINE_S)) * _FINE_S
+    grid = np.arange(int(time_s[-1] / _FINE_S), dtype=np.float64) * _FINE_S
     if grid.size * _FINE_S < _SHORTEST_S:
         raise RecordingError(
             f"{name}: {time_s[-1]:.1f} s long, expected {_SHORTEST_S:g} s or more. Record a whole excitation."
