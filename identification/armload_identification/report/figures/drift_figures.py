@@ -22,9 +22,9 @@ _ROW_IN: Final = 1.25
 _ENDS_IN: Final = 0.6
 _COLUMNS: Final = 3
 _HEADINGS: Final = {
-    Figure.FRICTION: "change of friction from the calibration, N m",
-    Figure.GAIN: "change of gain from the calibration, %",
-    Figure.RESIDUAL: "residual relative to the calibration's",
+    Figure.FRICTION: "change of friction, N m",
+    Figure.GAIN: "change of gain, %",
+    Figure.RESIDUAL: "relative residual",
 }
 
 
@@ -41,7 +41,7 @@ def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Drawing:
         height_in = _ROW_IN * len(names) + _ENDS_IN
         drawing = Drawing(figsize=(_WIDE_IN, height_in))
         # Fixed: a computed layout takes longer than the rest of the report.
-        drawing.subplots_adjust(0.1, 0.4 / height_in, 0.99, 1.0 - 0.2 / height_in, 0.3, 0.3)
+        drawing.subplots_adjust(0.1, 0.4 / height_in, 0.97, 1.0 - 0.2 / height_in, 0.3, 0.3)
         grid = drawing.subplots(len(names), len(figures), sharex=True, squeeze=False)
         for joint, name in enumerate(names):
             for column, figure in enumerate(figures):

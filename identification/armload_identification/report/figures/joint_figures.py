@@ -28,8 +28,6 @@ COLORS: Final = {"ink": INK, "raw": RAW, "smoothed": SMOOTHED, "predicted": PRED
 PREDICTED_DASHES: Final = (5.0, 1.5)
 
 FIGURE_STYLE: Final = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "armload",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 7.5,
     "axes.linewidth": 0.6,

@@ -7,11 +7,14 @@ import re
 from typing import Final
 from xml.etree import ElementTree
 
+import matplotlib
 from matplotlib.figure import Figure
 
 _NAMESPACE: Final = re.compile(r"^\{[^}]*\}")
 _NEEDLESS_DIGITS: Final = re.compile(r"(?<=\.\d\d)\d+")
 """Digits below a hundredth of a point: invisible, but a third of the page."""
+_TEXT_STAYS_TEXT: Final = {"svg.fonttype": "none", "svg.hashsalt": "armload"}
+"""Read by Matplotlib while it writes; outlines of letters would also lose their size to `_NEEDLESS_DIGITS`."""
 _LEFT_OUT: Final = frozenset({"metadata", "style"})
 _REFERRING: Final = frozenset({"href", "clip-path"})
 
@@ -20,12 +23,13 @@ def inline_svg(figure: Figure, name: str, title: str) -> str:
     """A figure as the text of an `svg` element that fills the available width.
 
     Args:
-        figure: Drawn with `svg.fonttype` "none", so that text stays text, and a fixed `svg.hashsalt`.
+        figure: The figure.
         name: Prefix of every id, unique on the page.
         title: Description of the figure, for readers who cannot see it.
     """
     written = io.BytesIO()
-    figure.savefig(written, format="svg", metadata={"Date": None})
+    with matplotlib.rc_context(_TEXT_STAYS_TEXT):
+        figure.savefig(written, format="svg", metadata={"Date": None})
     root = ElementTree.fromstring(written.getvalue())
     _clean(root, name)
     for attribute in ("width", "height", "version"):
