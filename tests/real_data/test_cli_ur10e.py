@@ -28,5 +28,5 @@ def test_what_is_known_is_kept(armload, pairs, tmp_path):
     assert again.exit_code == 0, again.output
     both = armload("compare", payload, payload)
     assert both.exit_code == 0, both.output
-    assert "0.00%" in both.output
+    assert "0.00 %" in both.output
     assert "not determined" in both.output

@@ -69,9 +69,9 @@ class DeclaredMass:
             )
         if self.most_kg > self.greatest_kg:
             raise AdaptationRefused(
-                f"expected mass up to {self.most_kg:g} kg: adaptive torque is limited to {RATED_SHARE:.0%} of the "
-                f"rated {self.rated_kg:g} kg, {self.greatest_kg:g} kg. Identify such a payload, and use its file for "
-                "the feed-forward"
+                f"expected mass up to {self.most_kg:g} kg: adaptive torque is limited to "
+                f"{100.0 * RATED_SHARE:.0f} % of the rated {self.rated_kg:g} kg, {self.greatest_kg:g} kg. Identify "
+                "such a payload, and use its file for the feed-forward"
             )
 
     @property

@@ -281,7 +281,7 @@ def _body(file: DraftedFile, arm: ArmDraft, links: Sequence[InertialParameters])
         )
     file.unchecked.append("rotor inertias: none; motions require more torque than computed from this file")
     if assumed:
-        file.unchecked.append(f"friction: {FRICTION_SHARE:.0%} of a joint's maximum torque if none is given")
+        file.unchecked.append(f"friction: {100.0 * FRICTION_SHARE:.0f} % of a joint's maximum torque if none is given")
 
 
 def _coulomb(arm: ArmDraft, joint: int) -> tuple[float, str]:
@@ -290,7 +290,7 @@ def _coulomb(arm: ArmDraft, joint: int) -> tuple[float, str]:
     if 0.0 < given < _WORST_FRICTION * float(np.nan_to_num(greatest, nan=np.inf)):
         return given, ""
     assumed = round(FRICTION_SHARE * float(np.nan_to_num(greatest, nan=0.0)), 6)
-    return assumed, f"  # assumed: {FRICTION_SHARE:.0%} of the greatest torque"
+    return assumed, f"  # assumed: {100.0 * FRICTION_SHARE:.0f} % of the greatest torque"
 
 
 def _bus(file: DraftedFile, name: str, bus: BusDraft | None, *, twin: bool) -> None:
@@ -348,7 +348,9 @@ def _joint(file: DraftedFile, arm: ArmDraft, joint: int, *, has_body: bool) -> N
             f"accelerations (full speed after {FULL_SPEED_AFTER_S:g} s), jerks and the noise of the torque"
         )
         if not has_body:
-            file.unchecked.append(f"fraction of the joints' torque that the arm itself requires: {BODY_SHARE:.0%}")
+            file.unchecked.append(
+                f"fraction of the joints' torque that the arm itself requires: {100.0 * BODY_SHARE:.0f} %"
+            )
     file.add("")
 
 

@@ -91,6 +91,6 @@ def require_room(arm: ArmSettings) -> BusLoad:
     else:
         remedy = f"no cycle rate fits at {arm.bitrate} bit/s; raise the bit rate"
     raise BusOverload(
-        f"{len(arm.drives)} drives at {1 / arm.cycle_s:.0f} Hz load the bus by up to {load.share:.0%}, the limit is "
-        f"{MAX_BUS_LOAD:.0%}: {remedy}"
+        f"{len(arm.drives)} drives at {1 / arm.cycle_s:.0f} Hz load the bus by up to {100.0 * load.share:.0f} %, the "
+        f"limit is {100.0 * MAX_BUS_LOAD:.0f} %: {remedy}"
     )

@@ -384,8 +384,8 @@ class _Calibration:
             if abs(payload.mass_kg - others_kg) > _DISAGREES * float(np.hypot(deviation, np.sqrt(scale))):
                 warnings.append(
                     f"mounting '{name}': {payload.mass_kg:.3f} kg was entered, all other data give {others_kg:.3f} +- "
-                    f"{2.0 * deviation:.3f} kg ({payload.mass_kg / others_kg - 1.0:+.1%}). Weigh it again, or find out "
-                    "which weighed mass is wrong."
+                    f"{2.0 * deviation:.3f} kg ({100.0 * (payload.mass_kg / others_kg - 1.0):+.1f} %). Weigh it "
+                    "again, or find out which weighed mass is wrong."
                 )
         return warnings
 
@@ -409,7 +409,7 @@ class _Calibration:
         doubtful = np.flatnonzero((share > _DOUBTFUL) & (self._peak > _UNMOVED_RAD_S))
         if not doubtful.size:
             return []
-        joints = named_joints([f"{joint + 1} ({share[joint]:.0%})" for joint in doubtful])
+        joints = named_joints([f"{joint + 1} ({100.0 * share[joint]:.0f} %)" for joint in doubtful])
         return [
             f"for other motions, the error of the predicted torque of {joints} may be this large (95 %): add "
             "runs with other motions, especially if payloads will be identified without an unloaded run."

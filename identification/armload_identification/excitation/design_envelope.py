@@ -203,14 +203,14 @@ class Envelope:
         excess = float(worst[row])
         if row < torque:
             kind = ("range", "speed", "acceleration", "jerk")[row // self.n]
-            return f"exceeds the {kind} of joint {row % self.n + 1} by {excess:.1%}"
+            return f"exceeds the {kind} of joint {row % self.n + 1} by {100.0 * excess:.1f} %"
         if row < clearance:
-            return f"requires {excess:.1%} more torque than joint {(row - torque) % self.n + 1} may use"
+            return f"requires {100.0 * excess:.1f} % more torque than joint {(row - torque) % self.n + 1} may use"
         if row < speed:
             part, other = self.workspace.between[row - clearance]
             return f"brings {part} {excess * CLEARANCE_SCALE_M:.3f} m too close to {other}"
         name = "" if self.speed is None else self.speed.points.names[row - speed]
-        return f"is {excess:.1%} too fast at {name}"
+        return f"is {100.0 * excess:.1f} % too fast at {name}"
 
     def margins(self, trajectory: FourierTrajectory) -> LimitMargins:
         """Smallest margins of a trajectory, also between samples.

@@ -168,7 +168,7 @@ def _said(drift: ArmDrift, figure: Figure, joint: int, change: float) -> str:
     word = "higher" if change > 0.0 else "lower"
     if figure is Figure.FRICTION:
         share = abs(change) / max(float(drift.friction_nm[joint]), np.finfo(float).tiny)
-        return f"friction is {abs(change):.3g} N m ({share:.0%}) {word}"
+        return f"friction is {abs(change):.3g} N m ({100.0 * share:.0f} %) {word}"
     if figure is Figure.GAIN:
-        return f"the gain is {abs(change):.2%} {word}"
+        return f"the gain is {100.0 * abs(change):.2f} % {word}"
     return f"the residual is {np.exp(abs(change)):.2g} times {word}"

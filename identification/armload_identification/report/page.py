@@ -9,13 +9,16 @@ import jinja2
 from markupsafe import Markup, escape
 
 from armload_identification.identification_errors import ReportError
+from armload_identification.report.numerals import MINUS, NO_BREAK
 from armload_identification.storage.replace_file import replace_file
 
 _IN_BACKTICKS = re.compile(r"`([^`\n]+)`")
+_NEGATIVE = re.compile(r"(?<![\w.+/-])-(?=\d)")
+_PERCENT = re.compile(r"(?<=\d) %")
 
 
 def rendered(template: str, **values: object) -> str:
-    """A page from its template; undefined values are errors, text is escaped, and `words` in backticks are set as code.
+    """A page from its template; undefined values are errors, text is escaped and typeset, with `words` as code.
 
     Args:
         template: The template's file, in this package.
@@ -25,18 +28,24 @@ def rendered(template: str, **values: object) -> str:
         loader=jinja2.PackageLoader("armload_identification.report", "."),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
-        finalize=_with_code,
+        finalize=_typeset,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     return environment.get_template(template).render(values)
 
 
-def _with_code(value: object) -> object:
-    """Text with `words` in backticks as code; anything else unchanged."""
-    if not isinstance(value, str) or isinstance(value, Markup) or "`" not in value:
+def _typeset(value: object) -> object:
+    """Text with the signs of a printed page, and `words` in backticks as code; anything else unchanged."""
+    if not isinstance(value, str) or isinstance(value, Markup):
         return value
-    return Markup(_IN_BACKTICKS.sub(r"<code>\1</code>", str(escape(value))))
+    parts = _IN_BACKTICKS.split(value)  # every second one is code
+    parts[::2] = (_PERCENT.sub(f"{NO_BREAK}%", _NEGATIVE.sub(MINUS, part.replace("+-", "±"))) for part in parts[::2])
+    if len(parts) == 1:
+        return parts[0]
+    return Markup("").join(
+        escape(part) if k % 2 == 0 else Markup("<code>{}</code>").format(part) for k, part in enumerate(parts)
+    )
 
 
 def write_page(path: Path, page: str) -> None:

@@ -12,7 +12,7 @@ def named_joints(names: Sequence[str]) -> str:
     """'joint 2' or 'joints 1, 2 and 5'.
 
     Args:
-        names: One or more joints, each as its number from 1, with a remark or not: '3 (12%)'.
+        names: One or more joints, each as its number from 1, with a remark or not: '3 (12 %)'.
     """
     return f"joint{'' if len(names) == 1 else 's'} {listed(names)}"
 

@@ -93,8 +93,8 @@ def _on_gains(loaded: Recording, transmission: Transmission) -> list[str]:
         allowed = _DEVIATIONS_95 * transmission.deviation.max()
         return [
             "Drive gains are nominal: a common relative error of the gains gives the same relative error of the mass. "
-            f"The intervals allow for {allowed:.0%} (95 %) on each joint. Calibrate the gains with a weighed payload: "
-            "`armload calibrate`."
+            f"The intervals allow for errors of up to {100.0 * allowed:.0f} % on each joint, in 95 % of cases. "
+            "Calibrate the gains with a weighed payload: `armload calibrate`."
         ]
     return [
         f"Nominal drive gains are used for {numbered_joints(~transmission.calibrated)}: the calibration could not "
@@ -109,13 +109,14 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
     notes = []
     for joint in np.flatnonzero(gains.contradicted):
         size, half_width = gains.log_gain[joint], gains.half_width_95[joint]
-        low, high = (f"{np.expm1(value):+.1%}" for value in (size - half_width, size + half_width))
-        off = f"{abs(np.expm1(size)):.1%} {'higher' if size > 0.0 else 'lower'}"
+        low, high = (f"{100.0 * np.expm1(value):+.1f} %" for value in (size - half_width, size + half_width))
+        off = f"{100.0 * abs(np.expm1(size)):.1f} % {'higher' if size > 0.0 else 'lower'}"
         allowed = _DEVIATIONS_95 * gains.assumed_deviation[joint]
         notes.append(
             f"The data contradict the drive gain of joint {joint + 1}: according to the other joints it is {off} "
-            f"than assumed (95 %: {low} to {high}), and the intervals allow for {allowed:.1%}. It was estimated with "
-            "the payload. Check its torque constant and gear ratio, or calibrate the arm: `armload calibrate`."
+            f"than assumed (95 %: {low} to {high}), and the intervals allow for {100.0 * allowed:.1f} %. "
+            "It was estimated with the payload. Check its torque constant and gear ratio, or calibrate the arm: "
+            "`armload calibrate`."
         )
     if gains.beyond.any():
         listed = numbered_joints(gains.contradicted | gains.beyond)
@@ -129,7 +130,7 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
         listed = named_joints([f"{joint + 1} ({_unnoticed(gains.noticeable[joint])})" for joint in hidden])
         notes.append(
             f"This pair cannot check the drive gain of {listed}: only a larger error is reported with a "
-            "probability of at least 90%. Several runs with a weighed payload can: `armload calibrate`."
+            "probability of at least 90 %. Several runs with a weighed payload can: `armload calibrate`."
         )
     return notes
 
@@ -137,16 +138,16 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
 def _unnoticed(noticeable: float) -> str:
     """Range of a gain's error that may go unreported."""
     limit = float(np.expm1(min(noticeable, 1.0)))
-    return f"up to {limit:.0%}" if limit < _UNLIMITED else "any error"
+    return f"up to {100.0 * limit:.0f} %" if limit < _UNLIMITED else "any error"
 
 
 def _on_signal(signal: LoadSignal) -> list[str]:
     notes = []
     lossy = np.flatnonzero(signal.smoothing_loss > SMOOTHING_LOSS_LIMIT)
     if lossy.size:
-        listed = named_joints([f"{joint + 1} ({signal.smoothing_loss[joint]:.0%})" for joint in lossy])
+        listed = named_joints([f"{joint + 1} ({100.0 * signal.smoothing_loss[joint]:.0f} %)" for joint in lossy])
         notes.append(
-            f"Smoothing removed more than {SMOOTHING_LOSS_LIMIT:.0%} of the signal of {listed}: it is mostly "
+            f"Smoothing removed more than {100.0 * SMOOTHING_LOSS_LIMIT:.0f} % of the signal of {listed}: it is mostly "
             "noise, or sampled too slowly."
         )
     if (~signal.valid).any():
@@ -218,8 +219,8 @@ def misfit_notes(signal: LoadSignal, fit: Estimate) -> list[str]:
     misfit = np.mean((left * fit.weight_1_nm) ** 2)
     if misfit > _POOR_FIT * measured:
         return [
-            f"A payload explains only {1.0 - misfit / measured:.0%} of the torque difference: it is very light, or "
-            "columns, joint order or configuration do not belong to this arm."
+            f"A payload explains only {100.0 * (1.0 - misfit / measured):.0f} % of the torque difference: it is very "
+            "light, or columns, joint order or configuration do not belong to this arm."
         ]
     size, rest = np.sqrt(np.mean(torque**2, axis=0)), np.sqrt(np.mean(left**2, axis=0))
     strange = (size > _LOUD * signal.averaged_noise_nm) & (rest > _POOR_FIT * size)

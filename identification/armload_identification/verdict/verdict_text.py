@@ -66,7 +66,7 @@ def agreement_sentences(agreement: Agreement, source: str) -> list[str]:
             return [
                 found,
                 "This does not contradict the payload, but is too uncertain to confirm it: the smallest error that "
-                f"would be detected is {agreement.noticeable_kg:.2g} kg ({share:.1%}) of mass or "
+                f"would be detected is {agreement.noticeable_kg:.2g} kg ({100.0 * share:.1f} %) of mass or "
                 f"{1e3 * agreement.noticeable_m:.2g} mm of the centre of mass, {_direction(agreement)}.",
             ]
 
@@ -78,7 +78,7 @@ def _what_is_off(agreement: Agreement) -> str:
     if beyond[0]:
         way = "low" if difference[0] > 0.0 else "high"
         share = abs(difference[0]) / agreement.judged_kg
-        off.append(f"the payload's mass is {abs(difference[0]):.3f} kg ({share:.1%}) too {way}")
+        off.append(f"the payload's mass is {abs(difference[0]):.3f} kg ({100.0 * share:.1f} %) too {way}")
     if beyond[1:].any():
         moved = ", ".join(f"{-1e3 * difference[1 + i]:+.1f} mm in {_AXES[i]}" for i in np.flatnonzero(beyond[1:]))
         whose = "its" if off else "the payload's"
@@ -108,14 +108,14 @@ def _off(agreement: Agreement) -> str:
     """Differences with their intervals."""
     mass, *center = agreement.difference
     width = agreement.half_width_95
-    share = mass / agreement.judged_kg
+    share = abs(mass) / agreement.judged_kg
     moved = ", ".join(
         f"{axis} {1e3 * value:+.1f} +- {1e3 * half:.1f}"
         for axis, value, half in zip(_AXES, center, width[1:], strict=True)
     )
     higher = "higher" if mass >= 0.0 else "lower"
     return (
-        f"a mass {abs(mass):.3f} kg {higher} ({share:+.1%}) +- {width[0]:.3f} kg and a centre of mass "
+        f"a mass {abs(mass):.3f} kg {higher} ({100.0 * share:.1f} %) +- {width[0]:.3f} kg and a centre of mass "
         f"{1e3 * agreement.distance_m:.1f} mm away ({moved} mm)"
     )
 

@@ -32,11 +32,11 @@ def gains_table(result: ArmCalibration, joint_names: Sequence[str]) -> Table:
             name,
             f"{result.nominal[j]:.4g}",
             gain,
-            f"{result.gain_half_width_95[j] / result.gain_nm_a[j]:.2%}",
-            f"{result.gain_nm_a[j] / result.nominal[j] - 1.0:+.2%}",
+            f"{100.0 * result.gain_half_width_95[j] / result.gain_nm_a[j]:.2f} %",
+            f"{100.0 * (result.gain_nm_a[j] / result.nominal[j] - 1.0):+.2f} %",
             f"{result.body.load_friction[j]:.3f}",
             f"{load[j]:.3f}",
-            f"{left[j]:.1%}",
+            f"{100.0 * left[j]:.1f} %",
         )
     if not result.determined.all():
         table.caption = "in brackets: not determined, or hardly better than assumed"

@@ -93,4 +93,4 @@ def status_table(status: ArmStatus) -> Table:
 def bus_line(status: ArmStatus) -> str:
     """State of the bus in one line."""
     passive = ", error passive" if status.error_passive else ""
-    return f"bus load {status.bus_load:.1%}, {status.error_frames} error frames{passive}"
+    return f"bus load {100.0 * status.bus_load:.1f} %, {status.error_frames} error frames{passive}"

@@ -48,7 +48,7 @@ def validation_table(validation: Validation, joint_names: Sequence[str]) -> Tabl
             name,
             f"{measured:.3f}",
             f"{left:.3f}",
-            f"{left / measured:.1%}" if measured > 0.0 else "",
+            f"{100.0 * left / measured:.1f} %" if measured > 0.0 else "",
             f"{scales.scale[i]:.3f} +- {scales.half_width_95[i]:.3f}" if scales.determined[i] else "",
         )
     return table

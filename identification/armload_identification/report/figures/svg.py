@@ -7,7 +7,7 @@ import re
 from typing import Final
 from xml.etree import ElementTree
 
-import matplotlib
+import matplotlib.style
 from matplotlib.figure import Figure
 
 _NAMESPACE: Final = re.compile(r"^\{[^}]*\}")
@@ -28,7 +28,7 @@ def inline_svg(figure: Figure, name: str, title: str) -> str:
         title: Description of the figure, for readers who cannot see it.
     """
     written = io.BytesIO()
-    with matplotlib.rc_context(_TEXT_STAYS_TEXT):
+    with matplotlib.style.context(_TEXT_STAYS_TEXT):
         figure.savefig(written, format="svg", metadata={"Date": None})
     root = ElementTree.fromstring(written.getvalue())
     _clean(root, name)

@@ -55,7 +55,7 @@ def test_a_gain_that_is_off_is_named_with_its_size(found, joint, off):
     (note,) = [note for note in result.notes if "contradict" in note]
     assert f"joint {joint + 1}" in note
     size = np.expm1(result.gains.log_gain[joint])
-    assert f"it is {abs(size):.1%} {'higher' if size > 0.0 else 'lower'} than assumed" in note
+    assert f"it is {100.0 * abs(size):.1f} % {'higher' if size > 0.0 else 'lower'} than assumed" in note
     held = np.abs(result.uncertainty.values - PAYLOAD.values) <= result.uncertainty.half_width_95
     assert held[:4].all()
 
@@ -106,7 +106,7 @@ def test_gains_that_a_pair_cannot_judge_are_named():
     result = identify(*SaggingPanda().pair(0, with_phase=True), chain(), nominal_transmission(exact=False))
     assert (result.gains.noticeable[1:6] < 0.06).all()
     (note,) = [note for note in result.notes if "cannot check" in note]
-    assert re.search(r"joint 1 \(up to \d+%\):", note)
+    assert re.search(r"joint 1 \(up to \d+ %\):", note)
 
 
 @pytest.mark.long
@@ -122,7 +122,9 @@ def test_a_limit_holds_whatever_the_error():
     assert not within.gains.contradicted.any()
     assert np.flatnonzero(beyond.gains.contradicted).tolist() == [0]
     assert np.log(1.2) < beyond.gains.noticeable[0] < 1.15 * within.gains.noticeable[0] < np.log(1.6)
-    assert any(f"joints 1 (up to {np.expm1(within.gains.noticeable[0]):.0%})" in note for note in within.notes)
+    assert any(
+        f"joints 1 (up to {100.0 * np.expm1(within.gains.noticeable[0]):.0f} %)" in note for note in within.notes
+    )
     assert any("cannot check the drive gain of joints 1 (any error)" in note for note in unlimited.notes)
 
 

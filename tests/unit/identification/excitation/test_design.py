@@ -305,7 +305,7 @@ def test_a_chosen_period_is_as_fast_as_the_path_allows(crowded):
 def test_an_arm_that_cannot_even_stand_is_told_so():
     weak = TorqueLimits.from_body(ARM, Crowded.body, PAYLOAD, np.array([60.0, 60.0, 40.0]))
     with pytest.raises(
-        ExcitationError, match=r"none of 1 starts .* within all limits; .* requires \d+\.\d% more torque than joint 3 "
+        ExcitationError, match=r"none of 1 starts .* within all limits; .* requires \d+\.\d % more torque than joint 3 "
     ):
         design(
             criterion_of("a-optimal"),

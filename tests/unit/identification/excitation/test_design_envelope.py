@@ -112,12 +112,12 @@ def test_a_distance_to_keep_is_part_of_the_limit_and_of_the_clearance_told(envel
 @pytest.mark.parametrize(
     ("row", "text"),
     [
-        (1, "exceeds the range of joint 2 by 25.0%"),
-        (N + 2, "exceeds the speed of joint 3 by 25.0%"),
-        (4 * N - 1, "exceeds the jerk of joint 3 by 25.0%"),
-        (4 * N + N + 1, "requires 25.0% more torque than joint 2 may use"),
+        (1, "exceeds the range of joint 2 by 25.0 %"),
+        (N + 2, "exceeds the speed of joint 3 by 25.0 %"),
+        (4 * N - 1, "exceeds the jerk of joint 3 by 25.0 %"),
+        (4 * N + N + 1, "requires 25.0 % more torque than joint 2 may use"),
         (4 * N + 4 * N, "brings link 1 0.050 m too close to 'floor'"),
-        (-1, "is 25.0% too fast at tool centre point"),
+        (-1, "is 25.0 % too fast at tool centre point"),
     ],
 )
 def test_the_limit_that_is_exceeded_most_is_named(envelope, row, text):

@@ -22,7 +22,7 @@ from armload_identification.report.figures.center_figure import center_views
 from armload_identification.report.figures.joint_figures import thin_out, torque_figure
 from armload_identification.report.next_steps import next_steps
 from armload_identification.report.numerals import align, decimals_for, numeral, scientific
-from armload_identification.report.page import _with_code
+from armload_identification.report.page import _typeset
 from armload_identification.report.parameters import headline, parameter_rows
 from armload_identification.report.provenance import file_rows
 from armload_identification.report.report import render_report, write_report
@@ -256,11 +256,11 @@ def test_plain_and_reported_are_both_shown_where_they_differ(bare, full, noisy):
 
 def test_every_note_is_told_and_the_gravest_comes_first(bare, noisy, without_curves):
     for note in noisy.notes:
-        assert note[1:].replace("`", "") in bare.text
+        assert re.sub("<.*?>", "", str(_typeset(note[1:]))) in bare.text
     blind = subject(noisy)
     blind = replace(blind, payload=replace(blind.payload, determined=np.zeros(10, bool)))
     text = Page(render_report(blind, ReportContent.of_identification(noisy))).text
-    assert 0 < text.index("Do not use this payload for feed-forward") < text.index(noisy.notes[0][1:].replace("`", ""))
+    assert 0 < text.index("Do not use this payload for feed-forward") < text.index(noisy.notes[0][1:60])
 
 
 def test_the_joint_table_has_noise_and_residual_of_both_runs(full, clear, validation):
@@ -290,7 +290,7 @@ def test_the_first_screen_has_the_verdict_and_what_is_wrong(clear, validation, p
     box = verdict_box(failed, NAMES)
     assert (box.kind, box.title) == ("failed", "Wrong")
     excess_kg = wrong.model.mass_kg - validation.measured.parameters.mass_kg
-    assert box.text.startswith(f"The payload's mass is {excess_kg:.3f} kg (33.3%) too high.")
+    assert box.text.startswith(f"The payload's mass is {excess_kg:.3f} kg (33.3 %) too high.")
     assert "too high" in box.text
     for name, disagrees in zip(NAMES, failed.verdict.of_payload.disagree, strict=True):
         assert (f"{name} 0.6" in box.text) == disagrees
@@ -410,7 +410,15 @@ def test_dropped_rows_and_further_recordings_are_listed(clear):
 def test_commands_are_set_as_code_and_foreign_text_in_them_stays_text(full_text, bare_text):
     assert "<code>armload calibrate</code>" in full_text + bare_text
     assert "`" not in re.sub(r"<svg.*?</svg>", "", full_text + bare_text, flags=re.DOTALL)
-    assert _with_code("a `<b>` c") == "a <code>&lt;b&gt;</code> c"
+    assert _typeset("a `<b>` c") == "a <code>&lt;b&gt;</code> c"
+
+
+def test_text_on_a_page_has_the_signs_of_print_and_commands_keep_theirs():
+    said = _typeset("x -3.3 +- 4.5 mm (-1 %), joints 1-3, run-2 of 2026-02-03: `--seed -1` & <b>")
+    minus, no_break = "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
+    numbers = f"x {minus}3.3 ± 4.5 mm ({minus}1{no_break}%), joints 1-3, run-2 of 2026-02-03"
+    assert said == numbers + ": <code>--seed -1</code> &amp; &lt;b&gt;"
+    assert _typeset("x -3") == f"x {minus}3"
 
 
 def test_foreign_text_stays_text(full, full_text):
