@@ -257,33 +257,20 @@ def declared_mass(arm: Robot, expect: str | None) -> DeclaredMass:
 
 def _adapt(bench: _Bench, declared: DeclaredMass, decisions: Path) -> _Outcome:
     """The run with torque adapted to the estimate; every decision is shown and logged immediately."""
-    import json
     from concurrent.futures import ThreadPoolExecutor
 
     from armload_controller.config.tables.drive_tables import VIRTUAL
-    from armload_controller.control_errors import CommissioningError
     from armload_controller.feedforward.adaptation import at_once
     from armload_controller.session.adapted_run import adapted_run
+    from armload_controller.session.decision_log import DecisionLog
     from armload_controller.session.run_session import Load
 
     arm, display = bench.arm, bench.operator.display
     calibration, _ = bench.used.calibrated("--adapt requires a calibrated arm")
-    try:
-        log = decisions.open("a", encoding="utf-8")
-    except OSError as error:
-        raise CommissioningError(
-            f"{decisions}: {error.strerror}: choose a --decisions file that can be written"
-        ) from error
-
-    def report(decision: Decision) -> None:
-        log.write(json.dumps({"robot": arm.name, **decision.to_dict()}) + "\n")
-        log.flush()
-        display.step(str(decision))
-
-    with log, ThreadPoolExecutor(1, thread_name_prefix="estimate") as executor:
+    with DecisionLog(decisions, arm.name, display) as log, ThreadPoolExecutor(1, "estimate") as executor:
         beside = at_once if arm.bus.interface == VIRTUAL else executor.submit
         with bench.session(Load.LOADED) as session:
-            adapted = adapted_run(arm, bench.path, calibration, declared, session, beside, report)
+            adapted = adapted_run(arm, bench.path, calibration, declared, session, beside, log.report)
     display.step(f"written: {decisions}, {len(adapted.decisions)} decisions")
     return _Outcome(adapted.verdict, decisions=adapted.decisions)
 
