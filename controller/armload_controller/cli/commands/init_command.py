@@ -17,7 +17,7 @@ from armload_controller.cli.output.output_files import require_folder
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.new_robot.arm_draft import ArmDraft
-    from armload_controller.new_robot.draft_text import DraftedFile
+    from armload_controller.new_robot.drafted_file import DraftedFile
     from armload_controller.new_robot.drive_drafts import BusDraft
     from armload_controller.new_robot.workspace_draft import WorkspaceDraft
     from armload_core.arrays import FloatArray
@@ -163,8 +163,8 @@ def _arm(
     from armload_controller.config.urdf_arm import read_urdf_arm
     from armload_controller.new_robot.arm_draft import draft_of_urdf
     from armload_controller.new_robot.arm_interview import interviewed
-    from armload_controller.new_robot.draft_text import tool_sphere
     from armload_controller.new_robot.drive_drafts import path_beside
+    from armload_controller.new_robot.payload_draft import tool_sphere
     from armload_controller.new_robot.workspace_draft import workspace_of_spheres, workspace_of_urdf
     from armload_identification.identification_errors import ModelError
 

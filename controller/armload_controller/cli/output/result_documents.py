@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from armload_controller.feedforward.adaptation import Decision
     from armload_controller.feedforward.offset_check import OffsetVerdict
     from armload_controller.new_robot.arm_draft import ArmDraft
-    from armload_controller.new_robot.draft_text import DraftedFile
+    from armload_controller.new_robot.drafted_file import DraftedFile
     from armload_controller.session.feedforward_comparison import Comparison as FollowingComparison
     from armload_drivers.bring_up.drive_check import ArmCheck
     from armload_drivers.bring_up.inspection import ArmStatus, FoundNode

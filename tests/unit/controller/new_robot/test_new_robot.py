@@ -9,16 +9,17 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.config.urdf_arm import read_urdf_arm
 from armload_controller.control_errors import ConfigurationError
-from armload_controller.new_robot.arm_draft import draft_of_urdf, rpy_rad
+from armload_controller.new_robot.arm_draft import draft_of_urdf
 from armload_controller.new_robot.arm_interview import interviewed
-from armload_controller.new_robot.draft_text import draft_file, tool_sphere
+from armload_controller.new_robot.draft_text import draft_file
 from armload_controller.new_robot.drive_drafts import BusDraft, bus_address, drives_found, nodes_described
+from armload_controller.new_robot.payload_draft import tool_sphere
 from armload_controller.new_robot.workspace_draft import workspace_of_urdf
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.simulation.drives.drive_eds import drive_eds
-from armload_identification.model.chain import pose_from_xyz_rpy
+from armload_identification.model.chain import pose_from_xyz_rpy, rpy_rad
 from armload_identification.model.dynamics import ArmDynamics
 from tests.urdf_simulation import PinocchioArm
 
