@@ -9,9 +9,9 @@ from armload_controller.control_errors import CommissioningError
 from armload_controller.session.feedforward_comparison import Comparison
 from armload_identification.extras import Extra, require_extra
 from armload_identification.report.figures.figure_file import write_figure
+from armload_identification.report.figures.figure_style import BLUE, GREEN, VERMILION
 
-COLORS = ("#0072b2", "#009e73", "#d55e00")
-"""Distinguishable with red-green colour blindness."""
+COLORS = (BLUE, GREEN, VERMILION)
 
 
 def require_picture(path: Path) -> None:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.joint_figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED
+from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, VERMILION
 from armload_identification.report.figures.svg import inline_svg
 from armload_identification.report.page import rendered, write_page
 
@@ -123,14 +123,14 @@ def watch_svg(history: WatchHistory, name: str, title: str) -> str:
         figure = Figure(figsize=(_WIDE_IN, _HIGH_IN), layout="constrained")
         axes = figure.add_subplot()
         axes.axhline(0.0, color=INK, linewidth=0.7)
-        axes.fill_between(time_s, shown - width, shown + width, color=SMOOTHED, alpha=0.25, linewidth=0)
-        axes.plot(time_s, shown, color=SMOOTHED, linewidth=1.4)
+        axes.fill_between(time_s, shown - width, shown + width, color=BLUE, alpha=0.25, linewidth=0)
+        axes.plot(time_s, shown, color=BLUE, linewidth=1.4)
         for event in history.events:
             if event.marked:
-                axes.axvline(event.time_s, color=PREDICTED, linewidth=0.9)
+                axes.axvline(event.time_s, color=VERMILION, linewidth=0.9)
                 axes.annotate(
                     event.text, (event.time_s, 1.0), (3.0, -2.0), xycoords=("data", "axes fraction"),
-                    textcoords="offset points", rotation=90, va="top", fontsize=7, color=PREDICTED,
+                    textcoords="offset points", rotation=90, va="top", fontsize=7, color=VERMILION,
                 )  # fmt: skip
         axes.set_xlabel("time, s")
         axes.set_ylabel("mass, kg")

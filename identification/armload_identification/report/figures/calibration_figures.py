@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.joint_figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED, ticks
+from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, VERMILION
+from armload_identification.report.figures.joint_figures import ticks
 from armload_identification.report.figures.svg import inline_svg
 
 _WIDE_IN: Final = 7.0
@@ -35,7 +36,7 @@ def gains_figure(change: FloatArray, half_width_95: FloatArray, determined: list
         axes = figure.add_subplot()
         axes.axhline(0.0, color=INK, linewidth=0.7)
         for joint, middle, width, known in zip(joints, 100.0 * change, 100.0 * half_width_95, determined, strict=True):
-            color = SMOOTHED if known else PREDICTED
+            color = BLUE if known else VERMILION
             axes.errorbar(joint, middle, width, color=color, marker="o", markersize=4, capsize=4, linewidth=1.4)
         axes.set_xticks(joints, [f"joint {joint}" for joint in joints])
         axes.set_xlim(0.5, change.size + 0.5)
@@ -64,7 +65,7 @@ def drift_figure(days: FloatArray, labels: list[str], change: FloatArray, usual:
         axes = figure.add_subplot()
         axes.axhspan(-2.0 * usual, 2.0 * usual, color="#e3e3e3", linewidth=0)
         axes.axhline(0.0, color=INK, linewidth=0.7)
-        axes.plot(days, change, "o", color=SMOOTHED, markersize=3.5)
+        axes.plot(days, change, "o", color=BLUE, markersize=3.5)
         places, first = np.unique(days, return_index=True)
         step = max(1, -(-len(places) // _MOST_DAYS))
         axes.set_xticks(places[::step], [labels[index] for index in first[::step]])

@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.joint_figures import INK, PREDICTED, SMOOTHED, ticks
+from armload_identification.report.figures.figure_style import BLUE, INK, VERMILION
+from armload_identification.report.figures.joint_figures import ticks
 from armload_identification.verdict.control_limits import ControlChart
 
 DATES: Final = 4
@@ -44,10 +45,10 @@ def draw_control_chart(
     axes.fill_between(place[known], drawn(-chart.limit[known]), drawn(chart.limit[known]), color=_BAND, linewidth=0)
     axes.plot(place[known], drawn(chart.level[known]), color=INK, linewidth=0.7, drawstyle="steps-post")
     loud = chart.outside | chart.alone
-    for rows, color, marker in ((known & ~loud, SMOOTHED, "o"), (known & loud, PREDICTED, "D")):
+    for rows, color, marker in ((known & ~loud, BLUE, "o"), (known & loud, VERMILION, "D")):
         axes.plot(place[rows], drawn(chart.values[rows]), marker, color=color, markersize=2.8)
     for change in chart.changes:
-        axes.axvline(place[change.index], color=PREDICTED, linewidth=0.8, dashes=(3.0, 2.0))
+        axes.axvline(place[change.index], color=VERMILION, linewidth=0.8, dashes=(3.0, 2.0))
     axes.yaxis.set_major_locator(ticks(4))
 
 

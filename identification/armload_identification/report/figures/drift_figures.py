@@ -15,7 +15,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.pipeline.arm_drift import ArmDrift, Figure
 from armload_identification.pipeline.warm_up import WARM_S, WarmUp
 from armload_identification.report.figures.control_chart_axes import DATES, days_of, draw_control_chart, draw_dates
-from armload_identification.report.figures.joint_figures import FIGURE_STYLE, PREDICTED, SMOOTHED, ticks
+from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, VERMILION
+from armload_identification.report.figures.joint_figures import ticks
 
 _WIDE_IN: Final = 7.0
 _ROW_IN: Final = 1.25
@@ -94,9 +95,9 @@ def warm_up_drawing(warming: WarmUp, names: Sequence[str]) -> Drawing:
             if joint >= len(names):
                 axes.set_axis_off()
                 continue
-            axes.plot(warming.at_work_s / 60.0, warming.friction_nm[:, joint], "o", color=SMOOTHED, markersize=2.0)
+            axes.plot(warming.at_work_s / 60.0, warming.friction_nm[:, joint], "o", color=BLUE, markersize=2.0)
             if warming.slope_nm[joint] != 0.0:
-                axes.plot(minutes / 60.0, warming.curve_nm(minutes)[:, joint], color=PREDICTED)
+                axes.plot(minutes / 60.0, warming.curve_nm(minutes)[:, joint], color=VERMILION)
             axes.set_title(f"{joint + 1} {names[joint]}", fontsize=7.5)
             axes.set_ylabel("friction, N m")
             axes.yaxis.set_major_locator(ticks(4))

@@ -1,7 +1,6 @@
 """The figures of the report: the motion, and measured against predicted torque, one figure per joint.
 
-Drawn without pyplot and its global state. Colours are Okabe and Ito's, which colour-blind readers can distinguish; in
-grey the lines differ by width and dashes.
+In grey the lines differ by width and dashes.
 """
 
 from __future__ import annotations
@@ -15,39 +14,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from armload_core.arrays import FloatArray
+from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, GREEN, INK, VERMILION
 from armload_identification.report.figures.svg import inline_svg
 from armload_identification.signals.load_signal import LoadSignal
 
-INK: Final = "#1a1a1a"
 RAW: Final = "#b9c4cc"
-SMOOTHED: Final = "#0072b2"
-PREDICTED: Final = "#d55e00"
-RESIDUAL: Final = "#009e73"
+SMOOTHED, PREDICTED, RESIDUAL = BLUE, VERMILION, GREEN
 COLORS: Final = {"ink": INK, "raw": RAW, "smoothed": SMOOTHED, "predicted": PREDICTED, "residual": RESIDUAL}
 """For the legend, which is part of the page."""
 PREDICTED_DASHES: Final = (5.0, 1.5)
-
-FIGURE_STYLE: Final = {
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 7.5,
-    "axes.linewidth": 0.6,
-    "axes.edgecolor": "#8c8c8c",
-    "axes.labelcolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titley": 1.0,  # otherwise placing the title takes a fifth of the time
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e3e3e3",
-    "grid.linewidth": 0.5,
-    "xtick.color": "#8c8c8c",
-    "ytick.color": "#8c8c8c",
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "lines.linewidth": 1.0,
-}
 _BINS: Final = 600
 """Longer series are drawn as the minimum and maximum of this many segments, which is the resolution of the page."""
 _WIDE_IN: Final = 7.0

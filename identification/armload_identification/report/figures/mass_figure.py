@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from armload_identification.report.figures.figure_style import BLUE
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-_COLOR = "#0072b2"
 
 
 def mass_figure(marks: Sequence[tuple[float, float, float]], gaps: Sequence[tuple[float, float]], title: str) -> Figure:
@@ -25,7 +25,7 @@ def mass_figure(marks: Sequence[tuple[float, float, float]], gaps: Sequence[tupl
     axis = figure.subplots()
     if marks:
         time_s, mass_kg, half_kg = zip(*marks, strict=True)
-        axis.errorbar(time_s, mass_kg, yerr=half_kg, fmt="o", color=_COLOR, capsize=3, label="mass, 95 % interval")
+        axis.errorbar(time_s, mass_kg, yerr=half_kg, fmt="o", color=BLUE, capsize=3, label="mass, 95 % interval")
     for number, (start_s, end_s) in enumerate(gaps):
         axis.axvspan(start_s, end_s, color="#dddddd", lw=0, label="too little motion" if number == 0 else None)
     axis.set_xlabel("time since the first movement, s")

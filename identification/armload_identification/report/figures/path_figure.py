@@ -1,7 +1,4 @@
-"""The picture of an excitation: the motion of joints and tool, and the use of every limit.
-
-Drawn without pyplot and its global state. Colours are Okabe and Ito's, which colour-blind readers can distinguish.
-"""
+"""The picture of an excitation: the motion of joints and tool, and the use of every limit."""
 
 from __future__ import annotations
 
@@ -21,33 +18,25 @@ from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.geometry.workspace import Box, Workspace
 from armload_identification.identification_errors import ExcitationError
+from armload_identification.report.figures.figure_style import (
+    BLUE,
+    FIGURE_STYLE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    VERMILION,
+)
 
-COLORS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1a1a1a")
-_INK: Final = "#1a1a1a"
-_GREY: Final = "#8c8c8c"
+COLORS: Final = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY_BLUE, INK)
 _FORBIDDEN: Final = "#e8d5d0"
 _WALL: Final = "#a0522d"
-_STYLE: Final = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "armload",
-    "font.sans-serif": ["DejaVu Sans"],
+_STYLE: Final = FIGURE_STYLE | {
     "font.size": 8.0,
     "axes.titlesize": 8.5,
     "axes.titlelocation": "left",
-    "axes.linewidth": 0.6,
-    "axes.edgecolor": _GREY,
-    "axes.labelcolor": _INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titley": 1.0,  # otherwise placing the title takes a fifth of the time
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e3e3e3",
-    "grid.linewidth": 0.5,
-    "xtick.color": _GREY,
-    "ytick.color": _GREY,
-    "xtick.labelcolor": _INK,
-    "ytick.labelcolor": _INK,
     "lines.linewidth": 1.1,
 }
 _SAMPLES: Final = 600
@@ -138,14 +127,14 @@ class _Tool:
         """
         points = self.joints_m[:, :, plane]
         for box in self.workspace.boxes:
-            axes.add_patch(Polygon(_outline(box, plane), closed=True, facecolor=_FORBIDDEN, edgecolor=_GREY))
+            axes.add_patch(Polygon(_outline(box, plane), closed=True, facecolor=_FORBIDDEN, edgecolor=GREY))
             x, y = box.pose[list(plane), 3]
-            axes.text(x, y, box.name, ha="center", va="center", color=_GREY)
+            axes.text(x, y, box.name, ha="center", va="center", color=GREY)
         for centres, joints in zip(self.centres_m, points[:: _SAMPLES // _POSTURES], strict=True):
-            axes.plot(*np.vstack([np.zeros(2), joints]).T, color=_GREY, linewidth=0.8, alpha=0.7)
+            axes.plot(*np.vstack([np.zeros(2), joints]).T, color=GREY, linewidth=0.8, alpha=0.7)
             spheres = zip(centres[:, plane], self.workspace.spheres, strict=True)
             circles = [Circle(center, sphere.radius_m) for center, sphere in spheres if sphere.link > 0]
-            axes.add_collection(PatchCollection(circles, color=_GREY, alpha=0.06, linewidths=0.0))
+            axes.add_collection(PatchCollection(circles, color=GREY, alpha=0.06, linewidths=0.0))
         axes.plot(*points[:, -1].T, color=COLORS[0], linewidth=1.6)
         axes.plot(*points[0, -1], marker="o", color=COLORS[0], markersize=4)
         axes.autoscale_view()
@@ -187,7 +176,7 @@ def _use(axes: Axes, trajectory: FourierTrajectory, envelope: Envelope, names: t
     share = np.array([100.0 * (1.0 - left / limit) for left, limit in limits.values()]).T
     axes.imshow(share, cmap="Blues", vmin=0.0, vmax=160.0, aspect="auto")
     for (row, column), value in np.ndenumerate(share):
-        axes.text(column, row, f"{value:.0f}", ha="center", va="center", color=_INK)
+        axes.text(column, row, f"{value:.0f}", ha="center", va="center", color=INK)
     axes.set_xticks(range(len(limits)), list(limits))
     axes.set_yticks(range(len(names)), names)
     axes.tick_params(length=0.0)

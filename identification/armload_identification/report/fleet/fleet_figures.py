@@ -14,7 +14,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.many_arms.arm_runs import UNITS
 from armload_identification.many_arms.fleet_review import FigureReview
 from armload_identification.report.figures.control_chart_axes import days_of, draw_control_chart, draw_dates
-from armload_identification.report.figures.joint_figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED
+from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, VERMILION
 from armload_identification.report.figures.svg import inline_svg
 
 CHARTS: Final = 3
@@ -80,7 +80,7 @@ def strip(figure: FigureReview) -> str:
 
     loud = chart.outside | chart.alone
     marks = "".join(
-        f'<circle cx="{place:.1f}" cy="{up(value):.1f}" r="1.6" fill="{PREDICTED if off else SMOOTHED}"/>'
+        f'<circle cx="{place:.1f}" cy="{up(value):.1f}" r="1.6" fill="{VERMILION if off else BLUE}"/>'
         for place, value, off in zip(x.tolist(), chart.values.tolist(), loud.tolist(), strict=True)
     )
     label = escape(f"{figure.quantity} over {len(figure.recorded)} runs")
