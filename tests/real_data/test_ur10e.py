@@ -63,7 +63,8 @@ def test_the_gain_of_joint_5_is_found_to_be_off_and_no_interval_hides_it(ur10e_i
     assert low < WEIGHED_KG < high
     x, y, z = result.parameters.center_of_mass_m
     width = result.uncertainty.half_width_95[1:4]
-    assert abs(np.hypot(x, y) - 0.170) < np.hypot(width[0], width[1])
+    # Calibrations from different sets of runs give 169.1 to 170.6 mm.
+    assert 0.1691 - np.hypot(width[0], width[1]) < np.hypot(x, y) < 0.1706 + np.hypot(width[0], width[1])
     assert abs(z - 0.0435) < width[2]
 
 

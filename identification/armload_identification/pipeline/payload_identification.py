@@ -23,6 +23,7 @@ from armload_identification.estimation.friction_columns import unloaded_body
 from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.estimation.sampled_torque import sampling_doubt
 from armload_identification.estimation.servo_sag import on_one_motion
 from armload_identification.estimation.uncertainty import quantify
 from armload_identification.identification_errors import EstimationError, ModelError
@@ -203,7 +204,9 @@ def _from_difference(
     if plain.mass_kg <= 0.0:
         width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf
         raise explain_negative_mass(plain.mass_kg, float(width))
-    doubts = np.zeros((0, *signal.torque_nm.shape)) if friction is None else friction.doubts_nm
+    doubts = sampling_doubt(chain, signal.states, fit.theta[:10], signal.interval_s)
+    if friction is not None:
+        doubts = np.concatenate([friction.doubts_nm, doubts])
     said: tuple[str, ...] = ()
     own = ArmFriction.of(body, signal.unloaded.states.velocity_rad_s)
     if known_arm is not None:

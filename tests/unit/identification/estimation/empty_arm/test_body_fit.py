@@ -91,7 +91,8 @@ def test_friction_is_found(body):
     np.testing.assert_allclose(model.coulomb_nm, 4.0, atol=0.4)
     np.testing.assert_allclose(model.viscous_nm_s_rad, 5.0, atol=0.4)
     np.testing.assert_allclose(model.load_friction[:3], 0.05, atol=0.015)
-    np.testing.assert_allclose(model.offset_nm, 0.0, atol=0.6)
+    # Three standard deviations, measured with six other noises; joint 2's offset resembles gravity.
+    assert (np.abs(model.offset_nm) < [0.11, 1.4, 0.06, 0.07, 0.03, 0.02]).all(), model.offset_nm
     assert body.determined == body.base_parameters
 
 
