@@ -46,8 +46,8 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 
 COMMON_DEVIATION: Final = 0.01
-"""Relative standard deviation of an error common to all nominal gains, such as warm magnets: no data reveal it, and it
-does not average out over the axes."""
+"""Relative standard deviation of an error common to all nominal gains, such as warm magnets: it does not average out
+over the axes, and only a known mass reveals it."""
 UNKNOWN_DEVIATION: Final = 1.0
 """Standard deviation of the logarithm of a contradicted gain. With 0.1, an error of 20 % was pulled towards 0 while the
 noise was estimated, and the rest of it counted as noise."""
@@ -88,7 +88,9 @@ class GainFit:
         noticeable: (n,) error of a log gain that is named with a probability of 90 %, if it is the only one;
             computed from the noise with that gain free, so that it does not grow with the error.
         slope: (p, n) derivative of theta by the logarithm of each assumed gain.
-        covariance: (n, n) of the logarithms of the estimated gains, without their common error.
+        covariance: (n, n) of the logarithms of the estimated gains, without `common_deviation`.
+        common_deviation: Standard deviation of an error common to all gains, which was not fitted: 0 if a known mass
+            reveals it.
         held: The fit of payload and friction with the gains held at their estimates: the same estimate, for
             comparison with another that is made with the same gains.
     """
@@ -101,6 +103,7 @@ class GainFit:
     noticeable: FloatArray
     slope: FloatArray
     covariance: FloatArray
+    common_deviation: float
     held: Estimate
 
 
@@ -156,7 +159,12 @@ def fit_with_gains(
             deviation = np.minimum(deviation, system.by_others(found, covariance)[1])
             contradicted[axis] = searching = True
             break
-    gains = system.gains(found, contradicted, beyond, deviation)
+    scale_known = bool(prior.target.any())
+    if scale_known:
+        nominal = (transmission.deviation > 0.0) & ~contradicted
+        found = system.solve(covariance + COMMON_DEVIATION**2 * np.outer(nominal, nominal), found, found.noise_nm)
+    common = 0.0 if scale_known else COMMON_DEVIATION
+    gains = system.gains(found, contradicted, beyond, deviation, common)
     return found.fit, system.friction(found, arm), gains, found.signal
 
 
@@ -316,7 +324,12 @@ class _System:
         )
 
     def gains(
-        self, found: _Found, contradicted: NDArray[np.bool_], beyond: NDArray[np.bool_], deviation: FloatArray
+        self,
+        found: _Found,
+        contradicted: NDArray[np.bool_],
+        beyond: NDArray[np.bool_],
+        deviation: FloatArray,
+        common: float,
     ) -> GainFit:
         """The gains of a solution.
 
@@ -325,6 +338,7 @@ class _System:
             contradicted: (n,) True for those that the data contradict.
             beyond: (n,) True for those that they contradict beyond the third that is treated as unknown.
             deviation: (n,) standard deviation of the other axes' estimate of each.
+            common: Standard deviation of their common error.
         """
         axes, known = self._axes, self._known_friction.size
         half_width = np.zeros(contradicted.size)
@@ -348,6 +362,7 @@ class _System:
             noticeable=noticeable,
             slope=slope,
             covariance=covariance,
+            common_deviation=common,
             held=self.held(found),
         )
 

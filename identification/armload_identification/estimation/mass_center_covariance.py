@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.gain_columns import COMMON_DEVIATION, GainFit
+from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.least_squares import Estimate, Prior
 from armload_identification.estimation.uncertainty import (
     ResidualSpectrum,
@@ -59,7 +59,7 @@ class GainShare:
         slope = shifts_by(fit, transmission.gain_shares(torque_nm)).T
         if gains is None:
             return cls(used, slope, transmission.covariance)
-        return cls(used * np.exp(gains.log_gain), slope, gains.covariance + COMMON_DEVIATION**2)
+        return cls(used * np.exp(gains.log_gain), slope, gains.covariance + gains.common_deviation**2)
 
 
 def mass_center_covariance(

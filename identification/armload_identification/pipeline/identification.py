@@ -13,7 +13,7 @@ from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.empty_arm.blows import struck_samples
 from armload_identification.estimation.empty_arm.body_fit import BodyFit
 from armload_identification.estimation.friction_columns import FrictionDifference
-from armload_identification.estimation.gain_columns import COMMON_DEVIATION, GainFit
+from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.least_squares import Estimate, Prior
 from armload_identification.estimation.mass_center_covariance import GainShare, mass_center_covariance
 from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
@@ -118,7 +118,7 @@ def completed(
     shifts = shifts_by(fit, np.concatenate([_gain_doubts(taken_as_they_are, signal), doubts_nm]))
     shifts = np.vstack([shifts, shifts_by_knowledge(fit, prior)])
     if fitted_gains is not None:
-        shifts = np.vstack([shifts, COMMON_DEVIATION * fitted_gains.slope.sum(axis=1)])
+        shifts = np.vstack([shifts, fitted_gains.common_deviation * fitted_gains.slope.sum(axis=1)])
     uncertainty = quantify(fit, physical.parameters, shifts)
     held = fit if fitted_gains is None else fitted_gains.held
     share = None if gains is None else GainShare.of(held, signal.torque_nm, gains, fitted_gains)

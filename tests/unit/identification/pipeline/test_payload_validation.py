@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.files.payload_file import format_payload, parse_payload
 from armload_identification.identification_errors import PayloadFileError, RecordingError
 from armload_identification.model.payload import InertialParameters
@@ -136,6 +137,21 @@ def test_nominal_gains_in_common_hardly_widen_the_comparison(second_pair, pinocc
     apart = judge(by_its_own, pinocchio_arm.chain, known_payload(found), Tolerance()).verdict.agreement
     deviation = [np.sqrt(agreement.covariance[0, 0]) for agreement in (none, common, apart)]
     assert deviation[0] < deviation[1] < 0.5 * deviation[2]
+
+
+def test_a_weighed_mass_leaves_no_common_error_of_the_gains(second_pair, pinocchio_arm):
+    """It sets the gains' scale for the validation as well, so that smaller errors are noticed, not greater ones."""
+    arm = pinocchio_arm
+    trajectory = arm.trajectory(seed=3)
+    pair = [arm.run(trajectory, load, seed=21 + load) for load in (True, False)]
+    noticeable = []
+    for known in (None, KnownPayload(mass_kg=arm.payload.mass_kg)):
+        found = identify(*pair, arm.chain, arm.transmission, known=known)
+        assert found.gains.common_deviation == (0.01 if known is None else 0.0)
+        validation = validate(*second_pair, arm.chain, arm.transmission, payload_result(found, "0", "0" * 64))
+        assert validation.outcome is Outcome.RIGHT
+        noticeable.append(validation.verdict.agreement.noticeable_kg)
+    assert noticeable[1] < noticeable[0]
 
 
 def test_what_cannot_be_told_comes_with_what_would_show_it(measured, pinocchio_arm, payload):
