@@ -46,6 +46,7 @@ WINDOWS_S = (20.0, 10.0, 5.0)
 IN_THE_LOOP_S = 20.0
 RUN_S, EMPTY_S = 62.0, 60.0
 COVERAGE, CHANCE = 0.93, 0.01
+WINDOWS_PER_ALARM = 20
 PAYLOADS = {
     "er50": ("gearbox, far off-centre", "spindle"),
     "prbt": ("flat sheet, off-centre", "gripper with a part"),
@@ -61,11 +62,15 @@ _ROLES = ("identification", "validation")
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """One window, or the end of a part in the loop: errors in kg and m, and half widths; NaN if refused."""
+    """One window, or the end of a part in the loop: errors in kg and m, and half widths; NaN if refused.
+
+    In the loop also the number of changes of the payload, all of them false.
+    """
 
     mass_kg: float
     half_width_kg: float
     center_m: float
+    changes: int = 0
 
 
 def run(tally: Tally, pool: Executor, seeds: Sequence[int] = range(SEEDS)) -> None:
@@ -126,6 +131,13 @@ def _report(tally: Tally, what: str, found: list[Found], rated_kg: float) -> Non
         f"{held}",
         held >= least,
     )
+    if "loop" in what:
+        alarms = sum(one.changes for one in found)
+        tally.judge(
+            f"{what}: false changes of the payload, at most one in {WINDOWS_PER_ALARM} windows",
+            f"{alarms} in {len(found)}",
+            alarms * WINDOWS_PER_ALARM <= len(found),
+        )
 
 
 def _seed(name: str, twin: Twin, seed: int) -> dict[str, list[Found]]:
@@ -161,7 +173,7 @@ def _seed(name: str, twin: Twin, seed: int) -> dict[str, list[Found]]:
         estimator.update_all(time_s[rows], position[rows], effort[rows])
         live = estimator.estimate()
         off = float(np.linalg.norm(live.values[1:] - truth.center_of_mass_m))
-        in_the_loop.append(Found(live.mass_kg - truth.mass_kg, float(live.half_width_95[0]), off))
+        in_the_loop.append(Found(live.mass_kg - truth.mass_kg, float(live.half_width_95[0]), off, live.changes))
     return found
 
 

@@ -20,12 +20,18 @@ static const double MISFIT_MEMORY_S = 10.0;
 static const double SCATTER_MEMORY_S = 2.0;
 static const double WAIT_S = 0.25;       /* a scatter comes into use after three of these intervals */
 static const double USUAL_SCATTER = 2.0; /* of a calibrated arm; the test for changes allows for the excess over it */
+static const double FIRST_MEMORY_S = 0.5; /* memories grow from this with the joint's time of motion */
+static const double USUAL_MISFIT = 10.0; /* the test also allows for a misfit above this */
 static const double SCATTER_COLOUR = 3.0; /* errors of the model are correlated for longer than noise */
 static const double FRICTION_LAW = 0.01; /* error of the friction model, as a share of friction, that the test allows */
+static const double LOAD_LAW = 0.25;     /* the same of the load-dependent friction that is due to the payload */
 static const double SIMULTANEOUS_S = 0.002; /* error of the torque's delay that the test allows */
 static const double CHANGE_MEMORY_S = 1.0;
 static const double CHANGE_TEST = 20.0;
-static const double STATIC_TEST = 8.0;   /* of mass and centre of mass, for any inertia */
+static const double STATIC_TEST = 8.0;   /* of mass and centre of mass, for any inertia, on an arm like its model */
+static const double STATIC_MOST = 20.0;  /* on any other arm */
+static const double USUAL_LEVEL = 1.1;   /* mean of that test on an arm like its model */
+static const double LEVEL_MEMORY_S = 20.0;
 static const double COMPACT = 30.0;      /* prior information on a change's inertia: 0.13 m of lever; payload: 0.3 m */
 static const double KNOWN_S = 5.0;       /* time of motion before the first test, for an estimate of the scatter */
 static const double ANEW_S = 2.0;        /* time of motion before the next test, for an estimate of the payload */
@@ -192,7 +198,7 @@ void estimator_begin(payload_estimator *e)
     memset(e->joint, 0, sizeof e->joint);
     clear_front(e);
     clear_change(e);
-    e->watched_s = e->waited_s = 0.0;
+    e->watched_s = e->waited_s = e->level = 0.0;
     for (int j = 0; j < e->n; j++) {
         joint_information *f = e->joint + j;
         f->misfit = f->scatter = f->learnt = 1.0;
@@ -421,14 +427,16 @@ static void add_row(payload_estimator *e, int joint, const double *h, const doub
     for (int k = 0; k < BODY_PARAMETERS; k++) {
         variance += open[k] * open[k];
     }
-    const double spread = (1.0 + SCATTER_COLOUR * fmax(own->scatter - USUAL_SCATTER, 0.0)) / weight + variance + law * law;
+    const double excess = fmax(fmax(own->scatter - USUAL_SCATTER, own->misfit - USUAL_MISFIT), 0.0);
+    const double spread = (1.0 + SCATTER_COLOUR * excess) / weight + variance + law * law;
     const double bound = CLIP * sqrt(spread);
     const double off = target - expected, innovation = fmax(fmin(off, bound), -bound);
     /* The weight is reduced for correlated rows; an innovation's size, however, is that of a single row's noise. */
     const double single = 1.0 / (weight * e->parameter[ESTIMATOR_COLOUR][joint]);
     if (e->suspected == 0.0) {
         const double size = innovation * innovation / (own->misfit * single + variance);
-        own->misfit = fmax(own->misfit * (1.0 + elapsed / MISFIT_MEMORY_S * (size - 1.0)), 1.0);
+        const double memory_s = fmin(MISFIT_MEMORY_S, FIRST_MEMORY_S + own->moved_s);
+        own->misfit = fmax(own->misfit * (1.0 + elapsed / memory_s * (size - 1.0)), 1.0);
     }
     *seen = (surprise){joint, innovation, own->learnt * single + variance, h};
     const double counts = weight * (expected + innovation);
@@ -464,7 +472,9 @@ static void learn_scatter(payload_estimator *e, const surprise *seen, int count,
             left -= seen[i].h[k] * change[k];
         }
         const double size = left * left / seen[i].usual;
-        own->learnt = fmax(own->learnt * (1.0 + elapsed / SCATTER_MEMORY_S * (size - 1.0)), 1.0);
+        const double memory_s = fmin(SCATTER_MEMORY_S, FIRST_MEMORY_S + own->moved_s);
+        own->learnt = fmax(own->learnt * (1.0 + elapsed / memory_s * (size - 1.0)), 1.0);
+        own->moved_s += elapsed;
     }
     e->waited_s += elapsed;
     if (e->waited_s < WAIT_S) {
@@ -503,7 +513,9 @@ static void watch_change(payload_estimator *e, double now, double counted, const
         of_all += change[k] * change[k];
         of_static += k < INERTIA ? 0.0 : change[k] * change[k];
     }
-    const int significant = of_all > CHANGE_TEST && of_static > STATIC_TEST;
+    /* The bound follows the statistic's own mean, which model errors raise without a change of payload. */
+    const double needed = fmin(STATIC_TEST * fmax(e->level / USUAL_LEVEL, 1.0), STATIC_MOST);
+    const int significant = of_all > CHANGE_TEST && of_static > needed;
     if (significant) {
         solve_upper((const double(*)[BODY_PARAMETERS])factor, change);
         for (int k = 0; k < BODY_PARAMETERS; k++) {
@@ -511,8 +523,12 @@ static void watch_change(payload_estimator *e, double now, double counted, const
         }
     }
     learn_scatter(e, seen, count, found, counted);
-    e->watched_s += count ? counted : 0.0;
-    e->change_test = e->watched_s < KNOWN_S || of_static <= STATIC_TEST ? 0.0 : of_all;
+    if (count) {
+        e->watched_s += counted;
+        const double memory_s = fmin(LEVEL_MEMORY_S, 1.0 + e->watched_s);
+        e->level += counted / memory_s * (fmin(of_static, STATIC_TEST) - e->level);
+    }
+    e->change_test = e->watched_s < KNOWN_S || of_static <= needed ? 0.0 : of_all;
     /* The first row above the bound starts the evidence; a gap between rows adds no more than one row. */
     if (e->change_test <= CHANGE_TEST) {
         e->evidence = e->suspected = 0.0;
@@ -633,7 +649,9 @@ static void take_row(payload_estimator *e)
             h[k] *= through;
         }
         const double noise = e->parameter[ESTIMATOR_NOISE][j] / gated;
-        const double law = hypot(FRICTION_LAW * friction, SIMULTANEOUS_S * rate[j]);
+        const double load = LOAD_LAW * e->parameter[ESTIMATOR_LOAD][j] * payload[j];
+        const double law = sqrt(FRICTION_LAW * friction * FRICTION_LAW * friction + load * load
+                                + SIMULTANEOUS_S * rate[j] * SIMULTANEOUS_S * rate[j]);
         add_row(e, j, h, f, law, row->torque[j] - arm, 1.0 / (noise * noise), counted, seen + count++);
     }
     watch_change(e, row->time, counted, seen, count);

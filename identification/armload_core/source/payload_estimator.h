@@ -16,7 +16,9 @@
 
    A change of payload shows in the innovations of the last second. They are compared with the joint's scatter, a misfit
    with a memory of seconds, as it was a second ago: a change is detected before it counts as scatter. The oscillation
-   of an elastic joint looks like a change of inertia; therefore a change must also show in mass and centre of mass. */
+   of an elastic joint looks like a change of inertia; therefore a change must also show in mass and centre of mass.
+   Errors of the model look like a change for as long as the arm keeps its direction; what remains of them after the
+   misfit is allowed for raises the mean of the test over 20 s, and with it the bound. */
 
 #ifndef ARMLOAD_PAYLOAD_ESTIMATOR_H
 #define ARMLOAD_PAYLOAD_ESTIMATOR_H
@@ -81,7 +83,7 @@ typedef struct {
     double payload[BODY_PARAMETERS][BODY_PARAMETERS], payload_right[BODY_PARAMETERS]; /* lower half */
     double own[FRICTION_STATES][FRICTION_STATES], with_payload[BODY_PARAMETERS][FRICTION_STATES];
     double right[FRICTION_STATES], change[FRICTION_STATES], inverse[FRICTION_STATES][FRICTION_STATES];
-    double misfit;
+    double misfit, moved_s;
     double scatter, waiting[WAITING], learnt; /* in use, waiting, and newest */
 } joint_information;
 
@@ -106,6 +108,7 @@ typedef struct {
     int noticing; /* whether a change was detected, but the old payload not forgotten yet */
     double noticed, noticed_mass;
     double watched_s, waited_s; /* time of motion, and since the scatters were shifted */
+    double level; /* mean of the test of mass and centre of mass */
     double change_test, suspected, evidence, changed, change_mass, changes;
     double contact_ratio, touched_since;
 
