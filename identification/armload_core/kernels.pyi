@@ -20,10 +20,10 @@ BODY_PARAMETERS: int
 BOX_NUMBERS: int
 """Numbers of a box: rotation with its axes as columns, stored row by row (9), centre (3), half edge lengths (3)."""
 
-def regressor_into(
-    joints: int, packed: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray, /
+def payload_regressor_into(
+    packed: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray, /
 ) -> None:
-    """Regressor of the flange (joints = 0) or of a link, into zeroed out (N, n, 10)."""
+    """Regressor of a body on the flange, into out (N, n, 10)."""
 
 def body_regressor_into(packed: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray, /) -> None:
     """Regressors of all links side by side, into zeroed out (N, n, 10 n)."""

@@ -30,9 +30,9 @@ enum { BOX_NUMBERS = 15 };
 typedef struct {
     const char *name;
 
-    /* Regressor of the flange (joints == 0) or of link `joints` into zeroed out (samples, n, 10). */
-    void (*regressor)(const double *packed, int n, int joints, ptrdiff_t samples, const double *q, const double *dq,
-                      const double *ddq, double *out);
+    /* Regressor of a body on the flange into out (samples, n, 10). */
+    void (*payload_regressor)(const double *packed, int n, ptrdiff_t samples, const double *q, const double *dq,
+                              const double *ddq, double *out);
 
     /* Regressors of all links side by side into zeroed out (samples, n, 10 n). */
     void (*body_regressor)(const double *packed, int n, ptrdiff_t samples, const double *q, const double *dq,

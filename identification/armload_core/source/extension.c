@@ -15,34 +15,21 @@ const batch_kernels *batch;
     {"q", 'd', 0, 2, {SAMPLES, JOINTS}}, {"dq", 'd', 0, 2, {SAMPLES, JOINTS}}, {"ddq", 'd', 0, 2, {SAMPLES, JOINTS}}
 /* clang-format on */
 
-PyDoc_STRVAR(regressor_doc, "regressor_into(joints, packed, q, dq, ddq, out, /)\n--\n\n"
-                            "Regressor of the flange (joints = 0) or of a link.");
+PyDoc_STRVAR(payload_regressor_doc, "payload_regressor_into(packed, q, dq, ddq, out, /)\n--\n\n"
+                                    "Regressor of a body on the flange.");
 
-static PyObject *regressor_into(PyObject *module, PyObject *const *args, Py_ssize_t given)
+static PyObject *payload_regressor_into(PyObject *module, PyObject *const *args, Py_ssize_t given)
 {
     enum { ARM, Q, DQ, DDQ, OUT, COUNT };
     static const operand wanted[COUNT] = {CHAIN, STATES, {"out", 'd', 1, 3, {SAMPLES, JOINTS, BODY_PARAMETERS}}};
     Py_buffer views[COUNT];
     sizes size;
     (void)module;
-    if (given < 1) {
-        PyErr_SetString(PyExc_TypeError, "expected the number of the link, and arrays");
+    if (open_arrays(args, given, wanted, COUNT, views, &size) < 0) {
         return NULL;
     }
-    const long joints = PyLong_AsLong(args[0]);
-    if (joints == -1 && PyErr_Occurred()) {
-        return NULL;
-    }
-    if (open_arrays(args + 1, given - 1, wanted, COUNT, views, &size) < 0) {
-        return NULL;
-    }
-    if (joints < 0 || joints > size.joints) {
-        PyErr_Format(PyExc_ValueError, "link %ld of a chain of %d joints", joints, size.joints);
-        close_arrays(views, COUNT);
-        return NULL;
-    }
-    Py_BEGIN_ALLOW_THREADS batch->regressor(views[ARM].buf, size.joints, (int)joints, size.samples, views[Q].buf,
-                                            views[DQ].buf, views[DDQ].buf, views[OUT].buf);
+    Py_BEGIN_ALLOW_THREADS batch->payload_regressor(views[ARM].buf, size.joints, size.samples, views[Q].buf,
+                                                    views[DQ].buf, views[DDQ].buf, views[OUT].buf);
     Py_END_ALLOW_THREADS close_arrays(views, COUNT);
     Py_RETURN_NONE;
 }
@@ -360,7 +347,7 @@ PyDoc_STRVAR(joint_rows_doc, "joint_rows_into(records, at, channels, arrays, joi
                              "Rows of numbers from the messages of a recording.");
 
 static PyMethodDef FUNCTIONS[] = {
-    {"regressor_into", FASTCALL(regressor_into), METH_FASTCALL, regressor_doc},
+    {"payload_regressor_into", FASTCALL(payload_regressor_into), METH_FASTCALL, payload_regressor_doc},
     {"body_regressor_into", FASTCALL(body_regressor_into), METH_FASTCALL, body_regressor_doc},
     {"payload_torque_into", FASTCALL(payload_torque_into), METH_FASTCALL, payload_torque_doc},
     {"arm_torque_into", FASTCALL(arm_torque_into), METH_FASTCALL, arm_torque_doc},

@@ -19,7 +19,7 @@ void estimator_arm(const payload_estimator *e, const double *position, const dou
 {
     const char *const object = (const char *)e - offsetof(payload_estimator_object, estimator);
     const payload_estimator_object *const self = (const payload_estimator_object *)(const void *)object;
-    batch->regressor(self->chain, e->n, 0, 1, position, velocity, acceleration, regressor);
+    batch->payload_regressor(self->chain, e->n, 1, position, velocity, acceleration, regressor);
     batch->arm_torque(self->chain, e->n, self->links, 1, position, velocity, acceleration, links);
 }
 

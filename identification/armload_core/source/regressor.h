@@ -1,22 +1,17 @@
 /* Regressors of many samples. Included after `body_columns.h`. */
 
-ENTRY void regressor(const double *packed, int n, int joints, ptrdiff_t samples, const double *q, const double *dq,
-                     const double *ddq, double *out)
+ENTRY void payload_regressor(const double *packed, int n, ptrdiff_t samples, const double *q, const double *dq,
+                             const double *ddq, double *out)
 {
-    const int reached = joints == 0 ? n : joints;
     for (ptrdiff_t t = 0; t < samples; t += LANES) {
         const group g = group_at(t, samples);
         frame frames[MOST_JOINTS];
         motion m;
         lanes rows[MOST_JOINTS][BODY_PARAMETERS];
-        gather_motion(&g, n, reached, q, dq, ddq, &m);
-        forward_pass(packed, reached, &m, frames);
-        if (joints == 0) {
-            flange_columns(packed, n, frames, rows);
-        } else {
-            body_columns(frames, joints, turned_of(packed, n, joints - 1), NULL, rows);
-        }
-        scattered(&g, rows[0], BODY_PARAMETERS * reached, out, BODY_PARAMETERS * n, 0);
+        gather_motion(&g, n, n, q, dq, ddq, &m);
+        forward_pass(packed, n, &m, frames);
+        flange_columns(packed, n, frames, rows);
+        scattered(&g, rows[0], BODY_PARAMETERS * n, out, BODY_PARAMETERS * n, 0);
     }
 }
 

@@ -36,7 +36,7 @@ ENTRY void sines_cosines(ptrdiff_t count, const double *angle, double *sine, dou
 
 const batch_kernels VARIANT = {
     .name = NAME,
-    .regressor = regressor,
+    .payload_regressor = payload_regressor,
     .body_regressor = body_regressor,
     .arm_torque = arm_torque,
     .arm_torque_slope = arm_torque_slope,

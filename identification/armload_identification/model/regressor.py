@@ -87,28 +87,10 @@ def payload_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike)
     References:
         Chen 2016, eqs. (4), (5).
     """
-    return _regressor(chain, 0, q, dq, ddq)
-
-
-def link_regressor(chain: Chain, link: int, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
-    """Regressor of one link's ten parameters in its own joint frame.
-
-    Args:
-        chain: The arm.
-        link: 1 to n; link i is moved by joint i. Rows of joints beyond it are zero.
-        q: (N, n) or (n,) joint positions in rad.
-        dq: Velocities in rad/s, same shape.
-        ddq: Accelerations in rad/s2, same shape.
-
-    Returns:
-        (N, n, 10), or (n, 10) for a single sample.
-
-    Raises:
-        ModelError: a shape that does not fit, or no such link.
-    """
-    if not 1 <= link <= chain.n:
-        raise ModelError(f"link {link} requested from a chain of {chain.n}; expected 1 to {chain.n}")
-    return _regressor(chain, link, q, dq, ddq)
+    states, single = _states(chain, q, dq, ddq)
+    out = np.empty((states[0].shape[0], chain.n, PARAMETERS))
+    kernels.payload_regressor_into(chain.packed, *states, out)
+    return out[0] if single else out
 
 
 def body_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
@@ -148,15 +130,6 @@ def rotor_columns(ddq: FloatArray, coupling: FloatArray) -> FloatArray:
     """
     to_axis = np.linalg.inv(coupling)
     return np.asarray((ddq @ to_axis.T)[:, :, None] * to_axis[None, :, :])
-
-
-def _regressor(chain: Chain, joints: int, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
-    """Regressor of a link, or of the flange for joints == 0."""
-    states, single = _states(chain, q, dq, ddq)
-    shape = (states[0].shape[0], chain.n, PARAMETERS)
-    out = np.empty(shape) if joints in (0, chain.n) else np.zeros(shape)
-    kernels.regressor_into(joints, chain.packed, *states, out)
-    return out[0] if single else out
 
 
 def _states(

@@ -17,7 +17,6 @@ from armload_identification.model.dynamics import ArmBody, ArmDynamics
 from armload_identification.model.regressor import (
     body_regressor,
     feedforward_model,
-    link_regressor,
     payload_regressor,
     payload_torque,
 )
@@ -98,7 +97,6 @@ def test_regressors_and_torques_are_pinocchios(n, any_arm, any_body, in_pinocchi
         for model in (empty, loaded)
     )
     close(body_regressor(chain, *motion), bodies)
-    close(link_regressor(chain, n, *motion), bodies[:, :, -10:])
     close(payload_regressor(chain, *motion) @ payload.theta, carrying - torque)
     close(payload_torque(chain, payload.theta, *motion), carrying - torque)
     still = np.zeros(n)
@@ -116,7 +114,6 @@ def test_every_number_of_samples_gives_what_one_at_a_time_does(samples, any_arm,
     weight = rng.normal(size=(samples, 6)) * rng.integers(0, 2, (samples, 1))
     for found, one in (
         (payload_regressor(chain, *motion), lambda *s: payload_regressor(chain, *s)),
-        (link_regressor(chain, 3, *motion), lambda *s: link_regressor(chain, 3, *s)),
         (body_regressor(chain, *motion), lambda *s: body_regressor(chain, *s)),
         (payload_torque(chain, theta, *motion), lambda *s: payload_torque(chain, theta, *s)),
         (arm.torque(*motion), arm.torque),
@@ -286,24 +283,20 @@ class TestRefusals:
             ({"out": np.zeros((4, 6))}, TypeError, "out: expected a C-contiguous writable array"),
             ({"out": np.broadcast_to(0.0, (4, 6, 10))}, TypeError, "out: expected a C-contiguous writable array"),
             ({"out": bytes(1920)}, TypeError, "out: expected"),
-            ({"joints": 7}, ValueError, "link 7 of a chain of 6 joints"),
-            ({"joints": -1}, ValueError, "link -1"),
-            ({"joints": "1"}, TypeError, "integer"),
         ],
     )
     def test_arrays_that_do_not_fit(self, change, error, message, any_arm):
         given = {
-            "joints": 0,
             "packed": any_arm(np.random.default_rng(0), 6)[0].packed,
             **{name: np.zeros((4, 6)) for name in ("q", "dq", "ddq")},
             "out": np.zeros((4, 6, 10)),
         }
-        kernels.regressor_into(*given.values())
+        kernels.payload_regressor_into(*given.values())
         with pytest.raises(error, match=message):
-            kernels.regressor_into(*(given | change).values())
+            kernels.payload_regressor_into(*(given | change).values())
 
     def test_another_number_of_arrays(self):
-        for function in (kernels.regressor_into, kernels.information_into, kernels.clearances_into):
+        for function in (kernels.payload_regressor_into, kernels.information_into, kernels.clearances_into):
             with pytest.raises(TypeError, match="expected"):
                 function()
 

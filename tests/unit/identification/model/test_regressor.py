@@ -15,7 +15,6 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import (
     body_regressor,
     feedforward_model,
-    link_regressor,
     payload_regressor,
     payload_torque,
 )
@@ -120,7 +119,6 @@ def test_links_side_by_side_are_the_body():
     bodies = body_regressor(chain, q, dq, ddq)
     for link in range(1, 6):
         columns = bodies[:, :, 10 * (link - 1) : 10 * link]
-        np.testing.assert_allclose(columns, link_regressor(chain, link, q, dq, ddq), rtol=0, atol=1e-12)
         assert np.all(columns[:, link:, :] == 0.0)
         head = payload_regressor(chain.head(link), q[:, :link], dq[:, :link], ddq[:, :link])
         np.testing.assert_allclose(columns[:, :link], head, rtol=0, atol=1e-11)
@@ -245,8 +243,6 @@ def test_shapes_that_do_not_fit_are_refused():
         payload_regressor(chain, good[:, :5], good[:, :5], good[:, :5])
     with pytest.raises(ModelError, match="ten finite numbers"):
         payload_torque(chain, np.zeros(9), good, good, good)
-    with pytest.raises(ModelError, match="expected 1 to 6"):
-        link_regressor(chain, 0, good, good, good)
 
 
 def test_the_kernels_load_nothing_heavy():
