@@ -44,7 +44,7 @@ _WEIGHTLESS_KG: Final = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class LivePayload:
-    """Payload of an arm, as far as determined by its motion.
+    """Payload of an arm, as far as determined by its motion; prints as mass and centre of mass with intervals.
 
     Attributes:
         time_s: Time stamp of the last sample.
@@ -84,6 +84,17 @@ class LivePayload:
         """The mass."""
         return float(self.values[0])
 
+    def __str__(self) -> str:
+        """Mass and centre of mass with their intervals, as far as they are determined."""
+        if not self.determined[0]:
+            return "not determined"
+        texts = [f"{self.mass_kg:.3f} +- {self.half_width_95[0]:.3f} kg"]
+        for axis, value, half, sure in zip(
+            "xyz", 1e3 * self.values[1:], 1e3 * self.half_width_95[1:], self.determined[1:], strict=True
+        ):
+            texts.append(f"{axis} {value:.1f} +- {half:.1f} mm" if sure else f"{axis} not determined")
+        return ", ".join(texts)
+
     def possible_body(self) -> InertialParameters | None:
         """The possible body nearest to the estimate; takes tens of milliseconds, so not for the control loop.
 
@@ -116,6 +127,9 @@ class PayloadEstimator:
 
     Attributes:
         calibration: The arm.
+        update: Call it as update(time_s, position_rad, effort) for every sample; the arrays are float64, the effort is
+            in A or N m as calibrated. A sample that is not finite, or not later than the previous one, is ignored.
+        update_all: The same for many samples: (k,), (k, n), (k, n).
 
     Raises:
         ModelError: the calibration belongs to another arm.

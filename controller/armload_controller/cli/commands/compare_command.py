@@ -8,7 +8,13 @@ from typing import Annotated
 import typer
 
 from armload_controller.cli.output.json_output import JsonOption, print_document
-from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, show_verdict, tolerance_of
+from armload_controller.cli.output.verdict_output import (
+    TOLERANCE,
+    ToleranceOption,
+    exit_status,
+    show_verdict,
+    tolerance_of,
+)
 
 
 def compare(
@@ -21,9 +27,10 @@ def compare(
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare a payload with CAD: the verdict, and relative errors in the paper's convention.
+    """Compare a payload with CAD: the verdict, and relative errors. Exit status 3: wrong; 4: this cannot tell.
 
-    The verdict covers mass and centre of mass; with a calibration, as they are with its gains.
+    The verdict covers mass and centre of mass; with a calibration, as they are with its gains. The errors follow the
+    paper's convention.
     """
     from armload_controller.cli.output.cad_table import comparison_table
     from armload_controller.cli.output.result_documents import comparison_document
@@ -51,3 +58,4 @@ def compare(
     show_verdict(screen, agreement.outcome, agreement_sentences(agreement, "CAD gives"))
     if as_json:
         print_document(comparison_document(result, agreement))
+    raise typer.Exit(exit_status(agreement.outcome))

@@ -208,6 +208,7 @@ def test_compare_gives_the_verdict_beside_the_errors(commissioned, armload, tmp_
     assert "verdict: Right within the tolerance" in same.output
     write_payload(cad, replace(payload, model=InertialParameters(2 * payload.model.theta)))
     other = armload("compare", output / "payload.toml", cad)
+    assert other.exit_code == 3
     assert "verdict: WRONG" in other.output
     assert "CAD gives a mass" in other.output
 

@@ -45,6 +45,12 @@ def test_the_payload_is_found_sample_by_sample(estimator, streams, pinocchio_arm
     assert found.changes == 0
     assert found.refused == 0
     assert (found.moving_s > 5.0).all()
+    printed = str(found)
+    assert printed.startswith(
+        f"{found.mass_kg:.3f} +- {found.half_width_95[0]:.3f} kg, x {1e3 * found.values[1]:.1f} +- "
+    )
+    assert "array" not in printed
+    assert str(replace(found, determined=np.zeros(4, bool))) == "not determined"
     body = found.possible_body()
     assert body.is_physical
     np.testing.assert_allclose(body.theta[:4], found.theta[:4], atol=0.02)
