@@ -82,17 +82,33 @@ def read_runs(robot: Robot, paths: Sequence[Path], progress: Callable[[int, int]
     return ArmRuns(tuple(runs), weighed, tuple(left_out))
 
 
-def runs_as_recorded(recordings: Sequence[Recording]) -> ArmRuns:
-    """Runs with the payloads that the recordings themselves state.
+def runs_of_commissioning(recordings: Sequence[Recording], mass_kg: float | None) -> ArmRuns:
+    """Runs of one commissioning, with the mass that it was given last.
+
+    A mass that contradicts the data is refused after the recordings were made. They still state it, but it must not
+    enter a calibration.
 
     Args:
-        recordings: Recordings of one arm.
+        recordings: The recordings.
+        mass_kg: Mass of the payload; None if it was not weighed.
 
     Raises:
-        RunTableError: a recording does not state its payload.
+        RunTableError: a recording does not state whether it was loaded.
     """
     runs = tuple(MountedRun(recording, _mounting_of(recording)) for recording in recordings)
-    return ArmRuns(runs, _weighed_as_recorded(runs), ())
+    weighed = {} if mass_kg is None else {run.mounting: WeighedPayload(mass_kg) for run in runs if run.mounting}
+    return ArmRuns(runs, weighed, ())
+
+
+def masses_otherwise_recorded(recordings: Sequence[Recording], mass_kg: float | None) -> tuple[float, ...]:
+    """Masses in kg that recordings of a payload state and that are not its mass.
+
+    Args:
+        recordings: The recordings.
+        mass_kg: Mass of the payload; None if it was not weighed.
+    """
+    said = {recording.source.run().get("mass_kg") for recording in recordings}
+    return tuple(sorted(float(mass) for mass in said if mass is not None and mass != mass_kg))
 
 
 def _mounting_of(recording: Recording) -> str:

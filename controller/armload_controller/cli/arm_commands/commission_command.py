@@ -136,7 +136,7 @@ def commission(
             _show_half(screen, directory, as_json=as_json)
             return
         truth = arm.simulation.payload(arm.simulation.payload_name) if arm.bus.interface == VIRTUAL else None
-        findings = _evaluate(arm, directory, screen, truth, now, allowed, calibration, known)
+        findings = _evaluate(plan, screen, truth, allowed, calibration, known)
     if as_json:
         print_document(findings.to_dict() | {"files": _files(directory)})
     require_not_wrong(findings)
@@ -229,11 +229,9 @@ def _account(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
 
 
 def _evaluate(
-    arm: Robot,
-    directory: Path,
+    plan: _Plan,
     screen: Screen,
     truth: InertialParameters | None,
-    now: datetime,
     tolerance: Tolerance,
     calibration: Path | None,
     known: KnownPayload | None,
@@ -246,6 +244,7 @@ def _evaluate(
     from armload_controller.cli.output.findings_output import show_findings
     from armload_controller.session.commissioning import ROLES, read_pair
 
+    arm, directory = plan.arm, plan.directory
     first, second = (read_pair(arm, directory, role) for role in ROLES)
     pair = (second.loaded, second.unloaded)
     findings = identify(
@@ -253,8 +252,9 @@ def _evaluate(
     )
     findings = replace(findings, truth=truth).with_validation_in_provenance()
     findings.save(directory / PAYLOAD_NAME)
-    calibrated = _calibrate(arm, directory, (first.unloaded, first.loaded, second.unloaded, second.loaded))
-    findings.report(directory / REPORT_NAME, now)
+    runs = (first.unloaded, first.loaded, second.unloaded, second.loaded)
+    calibrated = _calibrate(arm, directory, runs, plan.mass_kg)
+    findings.report(directory / REPORT_NAME, plan.now)
     show_findings(screen, findings)
     screen.step(f"payload: {directory / PAYLOAD_NAME}")
     screen.step(f"report:  {directory / REPORT_NAME}")
@@ -263,20 +263,25 @@ def _evaluate(
     return findings
 
 
-def _calibrate(arm: Robot, directory: Path, runs: Sequence[Recording]) -> list[str]:
+def _calibrate(arm: Robot, directory: Path, runs: Sequence[Recording], mass_kg: float | None) -> list[str]:
     """Calibrate the arm from the four runs, for the next commissioning, if they suffice; returns lines to show."""
     from armload_controller.analysis.robot_calibration import calibrate_from_runs
-    from armload_controller.config.robot_runs import runs_as_recorded
+    from armload_controller.config.robot_runs import masses_otherwise_recorded, runs_of_commissioning
     from armload_identification.files.calibration_file import write_calibration
     from armload_identification.identification_errors import EstimationError, RunTableError
 
     path = directory / CALIBRATION_NAME
     try:
-        result = calibrate_from_runs(arm, runs_as_recorded(runs))
+        result = calibrate_from_runs(arm, runs_of_commissioning(runs, mass_kg))
     except (EstimationError, RunTableError) as problem:
         return [f"warning: no calibration was written: {problem}"]
     write_calibration(path, result)
-    notes = (*(f"left out: {name}: {reason}" for name, reason in result.left_out), *result.warnings)
+    notes = [*(f"left out: {name}: {reason}" for name, reason in result.left_out), *result.warnings]
+    for recorded_kg in masses_otherwise_recorded(runs, mass_kg):
+        notes.append(
+            f"the recordings state {recorded_kg:g} kg, which was not used. `armload calibrate` would use it: give it a "
+            "table of runs with the right mass_kg."
+        )
     return [
         *(f"calibration: {text}" for text in notes),
         f"calibration: {path}, for the next payload: --calibration {path}",

@@ -14,11 +14,18 @@ import pytest
 import armload as armload_package
 from armload_controller.analysis.arm_in_use import arm_in_use
 from armload_controller.config.robot import load_robot
-from armload_controller.config.robot_runs import is_run_table, read_runs
+from armload_controller.config.robot_runs import (
+    is_run_table,
+    masses_otherwise_recorded,
+    read_runs,
+    runs_of_commissioning,
+)
 from armload_controller.control_errors import ConfigurationError
 from armload_identification.excitation.excitation_file import read_excitation
 from armload_identification.files.calibration_file import read_calibration, write_calibration
 from armload_identification.identification_errors import CalibrationFileError, ReportError, RunTableError
+from armload_identification.recording.recording import Recording
+from armload_identification.recording.run_format import RUN_ATTACHMENT
 from armload_identification.report.calibration_report import render_calibration_report
 
 
@@ -54,6 +61,23 @@ def test_a_table_among_recordings_is_refused(ur10e, tmp_path):
     table.write_text("recording,mounting,mass_kg\na.csv,,\n")
     with pytest.raises(RunTableError, match="a table of runs cannot be combined"):
         read_runs(ur10e, [table, tmp_path / "log.csv"])
+
+
+def test_a_commissioning_calibrates_with_the_mass_of_its_command_not_with_one_that_was_refused():
+    """The recordings state 5 kg, which contradicted the data; the payload was then entered as 3 kg, or not at all."""
+    time_s = 0.01 * np.arange(40)
+    runs = []
+    for load, said in (("unloaded", {}), ("loaded", {"mass_kg": 5.0})):
+        made = Recording.from_arrays(
+            time_s, np.sin(time_s)[:, None], torque_nm=np.cos(time_s)[:, None], name=f"a/{load}"
+        )
+        source = replace(made.source, attachments={RUN_ATTACHMENT: json.dumps({"load": load, **said})})
+        runs.append(replace(made, source=source))
+    assert runs_of_commissioning(runs, None).weighed == {}
+    ((mounting, payload),) = runs_of_commissioning(runs, 3.0).weighed.items()
+    assert (mounting, payload.mass_kg) == (runs_of_commissioning(runs, 3.0).runs[1].mounting, 3.0)
+    assert masses_otherwise_recorded(runs, None) == masses_otherwise_recorded(runs, 3.0) == (5.0,)
+    assert masses_otherwise_recorded(runs, 5.0) == ()
 
 
 def test_nothing_usable_is_an_error_that_names_everything(armload, tmp_path):
