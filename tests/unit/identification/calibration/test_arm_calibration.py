@@ -202,7 +202,7 @@ def colder(run, joint, arm):
 def test_a_body_from_one_motion_says_how_little_it_knows_of_others(runs, pinocchio_arm, nominal, result):
     found = calibrated(runs[:1], {}, pinocchio_arm, nominal)
     (text,) = [text for text in found.warnings if text.startswith("for other motions")]
-    named = {int(joint): int(share) / 100.0 for joint, share in re.findall(r"(\d) \((\d+)%\)", text)}
+    named = {int(joint): int(share) / 100.0 for joint, share in re.findall(r"(\d) \((\d+) %\)", text)}
     assert len(named) >= 2
     # Its residual on the other motion is as stated, without the friction at reversals and the noise.
     other = run_signals(runs[3].recording, found.transmission(nominal))

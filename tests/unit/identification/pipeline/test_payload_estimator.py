@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from armload_core import kernels
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
-from armload_identification.pipeline.payload_estimator import LOAD_LAW, PayloadEstimator
+from armload_identification.pipeline.payload_estimator import COLOUR, LOAD_LAW, PayloadEstimator
+from armload_identification.recording.reading_options import Effort
 from armload_identification.verdict.friction_validity import FAR, standard_deviations
 
 pytestmark = pytest.mark.pure
@@ -373,3 +375,37 @@ def test_wrong_use_is_named(calibration, pinocchio_arm, estimator):
     turned = Chain(chain.placement, chain.axis, chain.flange, -chain.gravity_m_s2)
     with pytest.raises(ModelError, match="different kinematics"):
         PayloadEstimator(calibration, turned, pinocchio_arm.transmission)
+
+
+def test_the_interval_counts_rows_twice_and_adds_the_arms_errors_and_the_law_of_its_friction(
+    calibration, estimator, streams, pinocchio_arm
+):
+    def found_with(changed):
+        other = PayloadEstimator(changed, pinocchio_arm.chain, pinocchio_arm.transmission)
+        other.update_all(*streams[1])
+        return other.estimate()
+
+    estimator.update_all(*streams[1])
+    found = estimator.estimate()
+    rows = np.empty((10, 10))
+    estimator._kernel.read_into(np.empty(10), rows, np.empty((3, 6)), np.empty(6), np.empty(kernels.ESTIMATOR_STATUS))
+    np.testing.assert_allclose(found.covariance, COLOUR * rows)
+    unsure = found_with(replace(calibration, covariance=9.0 * calibration.covariance))
+    np.testing.assert_allclose(unsure.covariance, found.covariance, rtol=0.1)
+    assert (unsure.half_width_95 > 1.2 * found.half_width_95).all()
+    body = calibration.body
+    # Only for the interval: as a constant of the estimator it would no longer fit the data.
+    estimator.calibration = replace(calibration, body=replace(body, load_friction=body.load_friction + 0.2))
+    rubbing = estimator.estimate()
+    assert rubbing.half_width_95[0] > NORMAL_HALF_WIDTH * 0.2 * LOAD_LAW * rubbing.mass_kg
+
+
+def test_reported_torque_is_used_with_its_gains_as_current_is(calibration, estimator, streams, pinocchio_arm):
+    time_s, position, current = streams[1]
+    nominal = pinocchio_arm.transmission
+    factor = calibration.gain_nm_a / nominal.gain_nm_a
+    reporting = replace(calibration, effort=Effort.TORQUE, gain_nm_a=factor)
+    of_torque = PayloadEstimator(reporting, pinocchio_arm.chain, nominal)
+    of_torque.update_all(time_s, position, np.ascontiguousarray(nominal.joint_torque(current)))
+    estimator.update_all(time_s, position, current)
+    np.testing.assert_allclose(of_torque.estimate().values, estimator.estimate().values, rtol=0.02)

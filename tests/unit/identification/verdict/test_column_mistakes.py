@@ -142,3 +142,15 @@ def test_a_velocity_that_is_not_the_derivative_of_the_position_is_refused(pair, 
         check_run(replace(run, position_rad=velocity, velocity_rad_s=run.position_rad), pinocchio_arm.transmission)
     with pytest.raises(RecordingError, match=r"velocity of joints 1 and 2 is not the derivative"):
         check_run(replace(run, velocity_rad_s=velocity[:, [1, 0, 2, 3, 4, 5]]), pinocchio_arm.transmission)
+
+
+def test_an_exchange_that_does_not_explain_the_run_is_not_named(signal, pinocchio_arm):
+    """Joints 2 and 3 exchanged, and noise instead of joint 5's torque, for which no exchange can account."""
+    run, coupling = signal.loaded, pinocchio_arm.transmission.coupling
+    axis = (run.torque_nm @ coupling)[:, [0, 2, 1, 3, 4, 5]]
+    for noise, named in ((0.0, (1, 2)), (1.0, None)):
+        torque = axis.copy()
+        torque[:, 4] = (1.0 - noise) * axis[:, 4] + noise * np.random.default_rng(1).normal(size=len(axis))
+        spoiled = replace(run, torque_nm=torque @ np.linalg.inv(coupling))
+        found = exchanged_columns(spoiled, pinocchio_arm.chain, coupling)
+        assert (None if found is None else found.joints) == named

@@ -14,6 +14,7 @@ from armload_identification.identification_errors import EstimationError, Record
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.reduction.repeated_values import repeated_values
 from armload_identification.verdict.sanity import check_run
 
 pytestmark = pytest.mark.pure
@@ -126,6 +127,16 @@ def same(table):
 def test_what_cannot_be_right_is_refused(tables, outcome, loaded, unloaded, said):
     with pytest.raises((RecordingError, EstimationError), match=said):
         outcome(loaded(tables[0]), unloaded(tables[1]))
+
+
+def test_a_coarse_signal_that_often_repeats_its_values_is_not_saturated(pinocchio_arm):
+    """Steps of a fifth of the greatest current, without noise: its greatest value too stays for a while."""
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(), False, seed=3, periods=1, noise=0.0)
+    step = np.abs(run.current_a).max(axis=0) / 5.0
+    coarse = replace(run, current_a=step * np.round(run.current_a / step))
+    repeats = repeated_values(coarse.current_a)
+    assert (repeats.at_bound >= 7).any()
+    check_run(coarse, pinocchio_arm.transmission)
 
 
 @pytest.mark.parametrize(
