@@ -37,6 +37,7 @@ def main() -> int:
         any_motion_simulated.run(tally, pool)
         other_payloads.run(tally, pool, Twin.NORMATIVE, census)
         other_payloads.run(tally, pool, Twin.HARSH, census)
+        coverage.run_first(tally, pool)
         coverage.run(tally, pool, census)
         operating_curve.run(tally, pool, census)
     tally.heading("6. Physically possible, and honest")
