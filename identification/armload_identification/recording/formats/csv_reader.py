@@ -1,7 +1,8 @@
 """CSV logs of other programs, with every dropped row counted.
 
 Rows that cannot be read are dropped and counted by reason: too few or too many columns (a truncated last row has its
-own reason), or text instead of a number. Nothing is guessed or filled in.
+own reason), or text instead of a number. Nothing is filled in. Columns may also be separated by semicolons or tabs, as
+spreadsheets write them; a comma is then a decimal comma.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _BLOCK_LINES: Final = 2**12
 
 
 class CsvReader:
-    """Reads a comma separated file, with or without a header line.
+    """Reads a file of comma, semicolon or tab separated values, with or without a header line.
 
     Args:
         path: The file.
@@ -46,7 +47,11 @@ class CsvReader:
             RecordingError: the file is empty, or a requested column does not exist.
         """
         layout: _Layout | None = None
-        for lines, last in self._lines(account):
+        separator = ","
+        for read, last in self._lines(account):
+            if layout is None:
+                separator = _separator(read[0])
+            lines = read if separator == "," else [_with_commas(line, separator) for line in read]
             if layout is None:
                 header = _header(lines[0])
                 body = lines if header is None else lines[1:]
@@ -131,6 +136,16 @@ def _text(line: bytes) -> str:
     """A line without its ending; empty if it is blank."""
     text = line.decode("utf-8", errors="replace").rstrip("\r")
     return text if text.strip() else ""
+
+
+def _separator(first_line: str) -> str:
+    """What separates the columns."""
+    return next((separator for separator in (";", "\t") if separator in first_line), ",")
+
+
+def _with_commas(line: str, separator: str) -> str:
+    """A line with decimal points, and commas between the columns."""
+    return line.replace(",", ".").replace(separator, ",")
 
 
 def _header(first_line: str) -> list[str] | None:

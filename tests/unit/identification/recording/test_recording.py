@@ -173,6 +173,20 @@ def test_csv_with_and_without_a_header_line(tmp_path):
     assert plain.excitation is None
 
 
+@pytest.mark.parametrize("header", ["", "t,q1,q2,dq1,dq2,i1,i2\n"])
+@pytest.mark.parametrize(("separator", "point"), [(";", ","), (";", "."), ("\t", "."), ("\t", ",")])
+def test_columns_may_be_separated_as_spreadsheets_write_them(tmp_path, header, separator, point):
+    """A table with semicolons had "0 usable rows", or a header without a time column."""
+    plain, other = tmp_path / "plain.csv", tmp_path / "other.csv"
+    text = header + "\n".join(f"{0.01 * k},{0.1 * k},-1.5,0.0,0.0,{k}.25,1e-3" for k in range(30)) + "\n"
+    plain.write_text(text)
+    other.write_text(text.replace(",", separator).replace(".", point))
+    read = [read_recording(path, COLUMNS) for path in (plain, other)]
+    assert read[1].source.rows_dropped == 0
+    for name in ("time_s", "position_rad", "velocity_rad_s", "current_a"):
+        np.testing.assert_array_equal(getattr(read[1], name), getattr(read[0], name))
+
+
 def test_garbage_rows_are_dropped_and_counted_by_reason(tmp_path):
     rows = csv_rows(100)
     good = list(rows)
