@@ -146,7 +146,7 @@ def _seed(name: str, twin: Twin, seed: int) -> dict[str, list[Found]]:
     rng = np.random.default_rng([seed, ARMS.index(name), TWINS.index(twin)])
     gain_error = HARSH_GAIN_ERROR * rng.uniform(-1.0, 1.0, robot.n) if twin is Twin.HARSH else np.zeros(robot.n)
     calibration = calibration_of(robot, twin, rng, gain_error)
-    body = _shelf()[PAYLOADS[name][1]]
+    body = shelf()[PAYLOADS[name][1]]
     spec = twin_spec(robot, twin, body.rigid_body())
     moved = streamed(spec, robot.drives.settings, point_to_point(robot, 1000 + seed, RUN_S))
     loaded = as_recorded(moved, scales_of(robot), rng, gain_error, f"loaded {seed}")
@@ -191,7 +191,7 @@ def calibration_of(robot: Robot, twin: Twin, rng: np.random.Generator, gain_erro
         MountedRun(as_recorded(empty_stream(robot.name, twin, number), scales, rng, gain_error, f"empty {number}"), "")
         for number in range(2)
     ]
-    known = {weighed: WeighedPayload(_shelf()[weighed].mass_kg)}
+    known = {weighed: WeighedPayload(shelf()[weighed].mass_kg)}
     return calibrated(runs, known, robot.chain, robot.drives.transmission)
 
 
@@ -263,7 +263,8 @@ def scales_of(robot: Robot) -> DriveScales:
     return DriveScales.of(robot.drives.settings, robot.limits.torque_noise_nm, robot.n)
 
 
-def _shelf() -> dict[str, Cuboid]:
+def shelf() -> dict[str, Cuboid]:
+    """All payloads by name."""
     return {cuboid.what: cuboid for cuboid in (*ER50_PAYLOADS, *PRBT_PAYLOADS)}
 
 
@@ -271,7 +272,7 @@ def _shelf() -> dict[str, Cuboid]:
 def _period(name: str, twin: Twin, role: str, what: str) -> SteadyPeriod:
     """A period of a shipped excitation."""
     robot = load_robot(name)
-    body = _shelf()[what].rigid_body() if what else None
+    body = shelf()[what].rigid_body() if what else None
     streaming = Streaming(robot.drives.settings, robot.limits.motion)
     return steady_period(twin_spec(robot, twin, body), streaming, robot.excitations[role].trajectory)
 
