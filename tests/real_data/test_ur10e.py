@@ -82,7 +82,7 @@ def test_a_wrong_weighed_mass_is_refused_with_both_numbers(ur10e, ur10e_pair):
         identify(*ur10e_pair(""), ur10e.chain, ur10e.drives.transmission, known=KnownPayload(mass_kg=5.0))
 
 
-@pytest.mark.parametrize("joints", [(0, 1), (4, 5)])
+@pytest.mark.parametrize("joints", [(0, 1), pytest.param((4, 5), marks=pytest.mark.long)])
 def test_exchanged_joints_are_named(ur10e, ur10e_pair, joints):
     order = np.arange(6)
     order[list(joints)] = joints[::-1]

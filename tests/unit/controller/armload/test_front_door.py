@@ -117,9 +117,13 @@ def test_printed_it_is_a_table_with_the_verdict(found):
     assert found.verdict.title in lines[12]
 
 
-def test_it_is_saved_and_reported(found, tmp_path):
+def test_it_is_saved(found, tmp_path):
     found.save(tmp_path / "payload.toml")
     assert armload.read_payload(tmp_path / "payload.toml").model.mass_kg == found.payload.model.mass_kg
+
+
+@pytest.mark.long
+def test_it_is_reported(found, tmp_path):
     found.report(tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     assert found.verdict.title in page
