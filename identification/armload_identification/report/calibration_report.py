@@ -123,7 +123,7 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
         runs=tuple(_run_row(calibration, run) for run in calibration.runs),
         drift=tuple(_drift(calibration, names)),
         delay=f"{numeral(1e3 * calibration.body.torque_delay_s, 1)}{NO_BREAK}ms",
-        tilt=f"{numeral(float(tilt), 2)}{NO_BREAK}°",
+        tilt=f"{numeral(float(tilt), 2)}°",
         colors=COLORS,
     )
 

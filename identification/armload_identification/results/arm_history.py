@@ -71,10 +71,10 @@ class ArmHistory:
                 (
                     f"{joint + 1} {name}",
                     f"{self.drift.friction_nm[joint]:.2f}",
-                    "" if friction is None else f"{friction:+.2f}",
-                    "" if gain is None else f"{100.0 * gain:+.2f} %",
+                    "" if friction is None else f"{friction:+z.2f}",
+                    "" if gain is None else f"{100.0 * gain:+z.2f} %",
                     "" if residual is None else f"{np.exp(residual):.2f}",
-                    "" if warming is None else f"{warming:+.2f}",
+                    "" if warming is None else f"{warming:+z.2f}",
                 )
             )
         return rows

@@ -80,7 +80,7 @@ def _what_is_off(agreement: Agreement) -> str:
         share = abs(difference[0]) / agreement.judged_kg
         off.append(f"the payload's mass is {abs(difference[0]):.3f} kg ({100.0 * share:.1f} %) too {way}")
     if beyond[1:].any():
-        moved = ", ".join(f"{-1e3 * difference[1 + i]:+.1f} mm in {_AXES[i]}" for i in np.flatnonzero(beyond[1:]))
+        moved = ", ".join(f"{-1e3 * difference[1 + i]:+z.1f} mm in {_AXES[i]}" for i in np.flatnonzero(beyond[1:]))
         whose = "its" if off else "the payload's"
         off.append(f"{whose} centre of mass is off by {moved}")
     text = " and ".join(off) or "mass and centre of mass together do not match, though either alone might"
@@ -110,7 +110,7 @@ def _off(agreement: Agreement) -> str:
     width = agreement.half_width_95
     share = abs(mass) / agreement.judged_kg
     moved = ", ".join(
-        f"{axis} {1e3 * value:+.1f} +- {1e3 * half:.1f}"
+        f"{axis} {1e3 * value:+z.1f} +- {1e3 * half:.1f}"
         for axis, value, half in zip(_AXES, center, width[1:], strict=True)
     )
     higher = "higher" if mass >= 0.0 else "lower"

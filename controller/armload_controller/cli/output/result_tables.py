@@ -68,7 +68,7 @@ def possibility(identification: Identification) -> str:
 def _error(index: int, value: float, truth: float) -> str:
     """Per cent for the mass, mm for the centre of mass, kg m2 for the inertia."""
     if index == 0:
-        return f"{(value / truth - 1) * 100:+.2f} %"
+        return f"{(value / truth - 1) * 100:+z.2f} %"
     if PARAMETER_NAMES[index].startswith("c"):
-        return f"{(value - truth) * 1e3:+.1f} mm"
-    return f"{value - truth:+.4f}"
+        return f"{(value - truth) * 1e3:+z.1f} mm"
+    return f"{value - truth:+z.4f}"

@@ -97,4 +97,4 @@ def moment_text(moment: WatchedMoment) -> str:
     if not found.determined[1:].any():
         return at + mass + lost
     center = zip(1e3 * found.values[1:], 1e3 * np.asarray(found.half_width_95[1:]), found.determined[1:], strict=True)
-    return f"{at}{mass}  centre {', '.join(f'{c:.0f} +- {w:.0f}' if sure else '?' for c, w, sure in center)} mm{lost}"
+    return f"{at}{mass}  centre {', '.join(f'{c:z.0f} +- {w:.0f}' if sure else '?' for c, w, sure in center)} mm{lost}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from io import StringIO
 from types import SimpleNamespace
 
@@ -133,3 +134,5 @@ def test_on_a_terminal_there_is_one_table_and_events_above_it(robot, calibration
         for moment in moments:
             show(moment)
     assert [line for line in lines.file.getvalue().splitlines() if line == moment_text(moments[-1])]
+    centred = replace(moments[-1].payload, values=np.array([1.0, -1e-5, 1e-5, 0.1]), determined=np.ones(4, dtype=bool))
+    assert "centre 0 +- " in moment_text(replace(moments[-1], payload=centred))
