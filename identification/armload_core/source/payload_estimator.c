@@ -693,8 +693,12 @@ void estimator_update(payload_estimator *e, double time_s, const double *positio
         return;
     }
     if (e->started && since <= -CLOCK_BACK_S) {
+        /* How long the clock stood is unknown: the next row counts as a memory later. The rows are kept, because the
+           errors of the calibration act on the estimate through them. */
         e->row_time = -HUGE_VAL;
-        e->remembered = e->next_row = 0;
+        for (int i = 0; i < e->remembered; i++) {
+            e->row[i].time += since - e->memory_s;
+        }
         e->touched_since = -HUGE_VAL;
         clear_front(e);
         clear_change(e);

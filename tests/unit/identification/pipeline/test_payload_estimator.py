@@ -286,7 +286,11 @@ def test_a_clock_that_is_set_begins_a_new_window(estimator, streams, pinocchio_a
     time_s, position, current = streams[1]
     half = len(time_s) // 2
     estimator.update_all(time_s[:half], position[:half], current[:half])
-    estimator.update_all(time_s[half:] - 1e5, position[half:].copy(), current[half:].copy())
+    before = estimator.estimate()
+    estimator.update(time_s[half] - 1e5, position[half], current[half])
+    # The calibration's share of the interval was lost until there were rows again: 0.15 kg instead of 0.52 kg on er50.
+    np.testing.assert_allclose(estimator.estimate().half_width_95, before.half_width_95, rtol=1e-6)
+    estimator.update_all(time_s[half + 1 :] - 1e5, position[half + 1 :].copy(), current[half + 1 :].copy())
     assert estimator.estimate().mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
 
 
