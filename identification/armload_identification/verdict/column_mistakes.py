@@ -89,14 +89,14 @@ class _Trial:
 
 @dataclass(frozen=True)
 class _Exchange:
-    """Two joints whose columns are exchanged.
+    """Joints whose columns are exchanged: two, or the currents or torques of three in a cycle.
 
     Attributes:
         joints: Their indices.
         what: Which of their columns: positions, currents or torques, or all.
     """
 
-    joints: tuple[int, int]
+    joints: tuple[int, ...]
     what: str
 
 
@@ -204,7 +204,7 @@ def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int,
 
 
 def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Exchange | None:
-    """Two joints whose columns are exchanged, of those that move.
+    """Joints whose columns are exchanged, of those that move: two, or the currents or torques of three in a cycle.
 
     Args:
         run: A run, with or without a payload.
@@ -230,6 +230,13 @@ def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Excha
         ):
             if trial.cost < best and trial.possible:
                 best, found = trial.cost, _Exchange(joints, what)
+    for three in combinations(map(int, np.flatnonzero(run.moves)), 3):
+        for shift in (1, 2):
+            order = np.arange(n)
+            order[list(three)] = np.roll(three, shift)
+            trial = system.trial(np.eye(n)[order])
+            if trial.cost < best and trial.possible:
+                best, found = trial.cost, _Exchange(three, _TORQUES)
     return found
 
 
