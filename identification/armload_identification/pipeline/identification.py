@@ -138,7 +138,7 @@ def completed(
         arm_friction=arm_friction,
         sources=tuple(run.source for run in runs),
         notes=(
-            *notes_on(runs, transmission, signal, arm, fit, friction, fitted_gains, physical, uncertainty),
+            *notes_on(runs, transmission, signal, arm, fit, friction, fitted_gains, physical, uncertainty, struck),
             *_on_blows(signal, struck),
             *arm_notes,
         ),

@@ -16,7 +16,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.period_average import ON_GRID
-from armload_identification.recording.reduction.phases import periodic_phase, require_even, whole
+from armload_identification.recording.reduction.phases import SETTLING_S, periodic_phase, require_even, whole
 
 _FITTED: Final = 0.25
 """Greatest ratio of the fitted motion's coefficients to samples."""
@@ -77,6 +77,8 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
     values = np.hstack([torque_nm[rows], recording.position_rad[rows]])
     average = recording.average
     held = whole(phase, trajectory.period_s) if average is None else 1
+    if held > 1:
+        values[phase - phase[0] < SETTLING_S] = np.nan
     table = _on_grid(phase / step, values, held, phases)
     count = np.isfinite(table[:, :, 0]).sum(axis=0)
     valid = count > 0

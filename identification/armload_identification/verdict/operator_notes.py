@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armload_identification.estimation.empty_arm.body_fit import BodyFit
 from armload_identification.estimation.friction_columns import FrictionDifference
@@ -45,6 +46,7 @@ def notes_on(
     gains: GainFit | None,
     physical: PhysicalEstimate,
     uncertainty: Uncertainty,
+    struck: NDArray[np.bool_],
 ) -> list[str]:
     """Notes on recordings, gains, signal and result.
 
@@ -58,6 +60,7 @@ def notes_on(
         gains: The fitted gains, or None.
         physical: The physically possible estimate.
         uncertainty: Intervals.
+        struck: (K,) True for samples excluded as blows, which are no gaps.
     """
     return [
         *_on_arm(signal, arm),
@@ -65,7 +68,7 @@ def notes_on(
         *_on_recordings(runs),
         *_on_gains(runs[0], transmission),
         *_on_contradictions(gains),
-        *_on_signal(signal),
+        *_on_signal(signal, struck),
         *_on_result(fit, friction, physical, uncertainty),
     ]
 
@@ -141,7 +144,7 @@ def _unnoticed(noticeable: float) -> str:
     return f"up to {100.0 * limit:.0f} %" if limit < _UNLIMITED else "any error"
 
 
-def _on_signal(signal: LoadSignal) -> list[str]:
+def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
     notes = []
     lossy = np.flatnonzero(signal.smoothing_loss > SMOOTHING_LOSS_LIMIT)
     if lossy.size:
@@ -150,8 +153,9 @@ def _on_signal(signal: LoadSignal) -> list[str]:
             f"Smoothing removed more than {100.0 * SMOOTHING_LOSS_LIMIT:.0f} % of the signal of {listed}: it is mostly "
             "noise, or sampled too slowly."
         )
-    if (~signal.valid).any():
-        notes.append(f"{np.count_nonzero(~signal.valid)} of {signal.valid.size} samples are in gaps and were not used.")
+    gaps = np.count_nonzero(~signal.valid & ~struck)
+    if gaps:
+        notes.append(f"{gaps} of {signal.valid.size} samples are in gaps and were not used.")
     if signal.periodic and 0 < min(count for count in signal.periods if count) < _FEW_PERIODS:
         notes.append(
             "A run contains only one period, so its noise was taken from the signal above the motion's band, and the "

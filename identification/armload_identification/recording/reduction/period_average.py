@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import PeriodAverage, Recording, RecordingSource
-from armload_identification.recording.reduction.phases import phases_of, require_even, shortest_period, whole_between
+from armload_identification.recording.reduction.phases import (
+    SETTLING_S,
+    phases_of,
+    require_even,
+    shortest_period,
+    whole_between,
+)
 from armload_identification.recording.reduction.reduction import WrongReduction
 from armload_identification.recording.reduction.repeated_values import RepeatCounter
 from armload_identification.recording.row_block import RowBlock, joined
@@ -122,6 +128,7 @@ class _PhaseGrid:
         self._last_s = float(phase[-1])
         place = phase / self._step_s - self._offset
         values = np.hstack([effort, rows.position_rad])
+        values[phase - self._first_s < SETTLING_S] = np.nan
         if self._interpolated:
             index, values = self._between(place, values)
         else:

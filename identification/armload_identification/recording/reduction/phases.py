@@ -23,6 +23,10 @@ _UNEVEN: Final = 0.02
 """Allowed deviation of the phase from a uniform advance, as a share of a period."""
 _FEWEST: Final = 8
 """Least number of phases per period, however slowly it was sampled."""
+SETTLING_S: Final = 0.3
+"""Start of a run that is left out of its average period: the arm enters the excitation with another acceleration, so
+that its servos' lag differs by up to 3 mrad on `er50`. In the average this was a jump from the period's end to its
+start, which looked like an impact."""
 
 
 def whole_periods(recording: Recording) -> int:

@@ -13,7 +13,7 @@ from armload_identification.signals.alignment import fit_motion, time_shift
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.load_signal import load_signal
-from armload_identification.signals.motion import ABOVE_BAND, SCATTER
+from armload_identification.signals.motion import ABOVE_BAND, SCATTER, motion_of
 from armload_identification.signals.periods import fold
 
 pytestmark = pytest.mark.pure
@@ -321,3 +321,15 @@ def test_runs_that_do_not_belong_together_are_refused(pair, pinocchio_arm):
     small = replace(unloaded, position_rad=unloaded.position_rad[:, :3], current_a=unloaded.current_a[:, :3])
     with pytest.raises(RecordingError, match=r"6 joints.* has 3"):
         load_signal(loaded, small, transmission)
+
+
+def test_the_start_of_a_run_is_not_in_its_average_period(pinocchio_arm):
+    """The servos' lag is that of the approach until they have settled."""
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(), True, seed=1)
+    elapsed = run.phase_s - run.phase_s[0]
+    lag = 3e-3 * np.exp(-elapsed / 0.04) * (elapsed < 0.29)
+    late = replace(run, position_rad=run.position_rad - lag[:, None], current_a=run.current_a + 1e3 * lag[:, None])
+    expected, found = (motion_of(either, pinocchio_arm.transmission) for either in (run, late))
+    np.testing.assert_array_equal(found.states.acceleration_rad_s2, expected.states.acceleration_rad_s2)
+    np.testing.assert_array_equal(found.raw_nm, expected.raw_nm)
+    assert found.valid.all()
