@@ -47,7 +47,7 @@ def record(robot, folder, make_servos, loads=tuple(Load)):
 
 
 def write_short_robot(folder):
-    """Write prbt's file with excitations of 4 s, which determine mass and centre of mass; returns its path."""
+    """Write prbt's file with excitations of 4 s, which hardly determine a centre of mass; returns its path."""
     text = (resources.files("armload_configs") / "prbt.toml").read_text("utf-8")
     for role, sign in zip(ROLES, (1.0, -1.0), strict=True):
         turned = 0.5 * sign * np.arange(6)[:, None]

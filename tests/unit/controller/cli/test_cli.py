@@ -202,7 +202,9 @@ def test_compare_gives_the_verdict_beside_the_errors(commissioned, armload, tmp_
     output, _ = commissioned
     payload = read_payload(output / "payload.toml")
     cad = tmp_path / "cad.toml"
-    write_payload(cad, replace(payload, mass_center=None))
+    values, known = payload.model.values, np.array([0.1, *[0.01] * 3, *[0.01] * 6])
+    interval = np.stack([values - known, values + known], axis=1)
+    write_payload(cad, replace(payload, mass_center=None, determined=np.ones(10, dtype=bool), interval_95=interval))
     same = armload("compare", output / "payload.toml", cad, "--tolerance", "0.3", "0.2")
     assert same.exit_code == 0, same.output
     assert "verdict: Right within the tolerance" in same.output
