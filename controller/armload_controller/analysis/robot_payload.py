@@ -221,7 +221,7 @@ def validate(
 
     Raises:
         PayloadFileError: the payload's file cannot be read, or it is not given in the flange frame.
-        RecordingError: recordings that do not fit the arm or each other, or that the payload was identified from.
+        RecordingError: recordings that do not fit the arm or each other.
 
     Examples:
         >>> import armload
@@ -278,21 +278,17 @@ def _validated(
 ) -> Findings:
     """The findings with the verdict of a pair of runs."""
     loaded, unloaded = (_run(arm, run) for run in pair)
-    _require_unseen(loaded, findings.payload)
     judged = payload_validation.validate(
         loaded, unloaded, used.chain, used.transmission, findings.payload, tolerance, arm=used.known
     )
+    judged = replace(judged, verdict=replace(judged.verdict, own_run=_is_own(loaded, findings.payload)))
     sources = (loaded.source, unloaded.source)
     return replace(findings, content=replace(findings.content, validation=judged, validation_sources=sources))
 
 
-def _require_unseen(loaded: Recording, payload: PayloadResult) -> None:
-    """Raise for a validation with the recording that the payload was identified from: it would agree with itself."""
-    if loaded.source.between_s is None and loaded.source.sha256 in payload.provenance.recordings_sha256.values():
-        raise RecordingError(
-            f"{loaded.source.path}: the payload was identified from this recording, which therefore cannot validate "
-            "it. Give a pair of runs of another motion, or a part of the recording that was not used (--between)."
-        )
+def _is_own(loaded: Recording, payload: PayloadResult) -> bool:
+    """Whether the payload was identified from this recording; a part of it may be one that was not used."""
+    return loaded.source.between_s is None and loaded.source.sha256 in payload.provenance.recordings_sha256.values()
 
 
 def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:

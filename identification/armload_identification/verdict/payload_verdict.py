@@ -50,17 +50,20 @@ class PayloadVerdict:
         of_payload: Every joint's measured torque as a multiple of the prediction with the payload in question.
         of_measured: The same with the measured payload; a deviation here contradicts the other joints.
         remedy: How an error equal to the tolerance could be detected.
+        own_run: Whether the payload was identified from this run, which can contradict it but not confirm it.
     """
 
     agreement: Agreement
     of_payload: JointScales
     of_measured: JointScales
     remedy: Remedy
+    own_run: bool = False
 
     @property
     def outcome(self) -> Outcome:
         """Right, wrong, cannot tell."""
-        return self.agreement.outcome
+        outcome = self.agreement.outcome
+        return Outcome.CANNOT_TELL if self.own_run and outcome is Outcome.RIGHT else outcome
 
 
 def known_payload(result: PayloadResult) -> Known:

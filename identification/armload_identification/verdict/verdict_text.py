@@ -17,6 +17,10 @@ TITLES: Final = {
     Outcome.WRONG: "Wrong",
     Outcome.CANNOT_TELL: "Cannot tell",
 }
+_OWN_RUN: Final = (
+    "The payload was identified from this recording, which therefore cannot confirm it. Validate it with a pair of "
+    "runs of another motion."
+)
 _AXES: Final = ("x", "y", "z")
 _ALONG: Final = 0.9
 """Cosine from which a direction is named after an axis."""
@@ -32,6 +36,8 @@ def sentences(verdict: PayloadVerdict, joint_names: Sequence[str]) -> list[str]:
         joint_names: Names of the joints, from the base.
     """
     text = agreement_sentences(verdict.agreement, "The second pair of runs gives")
+    if verdict.own_run and verdict.outcome is Outcome.CANNOT_TELL:
+        return [text[0], _OWN_RUN]
     match verdict.outcome:
         case Outcome.RIGHT:
             return text
