@@ -190,7 +190,9 @@ class _Calibration:
         while len(self._used) > 1:
             off = [float((run.residual_rms_nm / fit.noise_nm).max()) for run in fit.runs]
             worst = int(np.argmax(off))
-            if off[worst] < _SUSPECT:
+            rows, least = self._rows_and_least([index for index in range(len(off)) if index != worst])
+            # The rest of a short pair fits whatever it is, so that nothing contradicts it.
+            if off[worst] < _SUSPECT or rows < least:
                 break
             without = self._fit(worst)
             if off[worst] < CONTRADICTS and (fit.noise_nm / without.noise_nm).max() < _QUIETER:
@@ -269,16 +271,20 @@ class _Calibration:
 
     def _refuse_too_little(self) -> None:
         """Raise if there are too few rows for the unknowns: any arm would fit them."""
-        rows = sum(int(np.count_nonzero(rows.weight > MOVING)) for rows in self._rows)
-        mountings = tuple({run.mounting for run in self._used if run.mounting})
-        of = Unknowns(self._chain.n, int(np.count_nonzero(self._base)), mountings)
-        unknowns = of.size + PER_RUN * of.n * len(self._used)
-        if rows < _ROWS_PER_UNKNOWN * unknowns:
+        rows, least = self._rows_and_least(range(len(self._used)))
+        if rows < least:
             raise EstimationError(
                 f"the runs are too short to calibrate the arm: {rows} independent rows of joints in motion for "
-                f"{unknowns} unknowns, at least {_ROWS_PER_UNKNOWN * unknowns} are required. Use longer excitations, "
+                f"{least // _ROWS_PER_UNKNOWN} unknowns, at least {least} are required. Use longer excitations, "
                 "or more runs."
             )
+
+    def _rows_and_least(self, runs: Sequence[int]) -> tuple[int, int]:
+        """Number of rows of moving joints of some runs, and the least number from which an arm can be fitted."""
+        rows = sum(int(np.count_nonzero(self._rows[index].weight > MOVING)) for index in runs)
+        mountings = tuple({self._used[index].mounting for index in runs} - {""})
+        of = Unknowns(self._chain.n, int(np.count_nonzero(self._base)), mountings)
+        return rows, _ROWS_PER_UNKNOWN * (of.size + PER_RUN * of.n * len(runs))
 
     def _refuse_other_mounting(self) -> None:
         """Raise if the runs show another mounting or an inverted joint."""

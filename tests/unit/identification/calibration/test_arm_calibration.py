@@ -371,6 +371,14 @@ def test_a_payload_in_its_place_is_not_called_remounted(four, weighed, pinocchio
     assert "another inertia than in the other runs of 'weighed'" in reasons["wide.mcap"]
 
 
+def test_a_run_is_not_left_out_where_too_little_would_remain(four, weighed, pinocchio_arm, nominal):
+    """What remains of a short pair fits whatever it is, so that any other run seems to contradict it."""
+    runs = [replace(run, recording=run.recording.rows(slice(0, 500))) for run in four[:2]]
+    current = runs[1].recording.current_a.copy()
+    current[:, 1] += 3.0 * np.std(current[:, 1]) * (np.arange(500) // 30 % 5 == 2)
+    assert calibrated(changed(runs, 1, current_a=current), weighed, pinocchio_arm, nominal).left_out == ()
+
+
 def test_a_sign_that_is_flipped_is_named(runs, weighed, pinocchio_arm, nominal):
     found = calibrated(changed(runs, 0, **scaled(runs[0], 1, -1.0)), weighed, pinocchio_arm, nominal)
     ((name, reason),) = found.left_out
