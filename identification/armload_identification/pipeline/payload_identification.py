@@ -218,7 +218,10 @@ def _from_difference(
     )
     if result.uncertainty.determined[0]:
         friction_nm = np.zeros_like(signal.torque_nm) if friction is None else friction.torque_nm
-        check_scales(joint_scales(signal, regressor @ plain.theta, friction_nm), signal.loaded.moves)
+        payload_nm = regressor @ plain.theta
+        size_nm = np.sqrt(np.mean(payload_nm[signal.valid] ** 2, axis=0))
+        scales = joint_scales(signal, payload_nm, friction_nm)
+        check_scales(scales, size_nm, np.abs(body.coulomb_nm), signal.loaded.moves)
     return result
 
 

@@ -107,13 +107,17 @@ def test_a_gain_beyond_all_plausible_ones_is_an_error_and_no_percentage(pair, pi
 
 
 def test_a_scale_is_refused_only_far_beyond_its_interval_and_only_in_motion():
-    def check(scale, half_width, rest=()):
+    def check(scale, half_width, rest=(), friction_nm=1.0):
         moves = ~np.isin(np.arange(4), rest)
-        check_scales(JointScales(np.array(scale), np.array(half_width)), moves)
+        payload_nm = np.array([1.0, 0.1, 1.0, 1.0])
+        check_scales(JointScales(np.array(scale), np.array(half_width)), payload_nm, np.full(4, friction_nm), moves)
 
     check([1.0, 2.8, 0.4, np.nan], [0.01, 0.1, 0.01, np.inf])
     check([1.0, 9.0, -2.0, 1.0], [0.01, 3.1, 1.2, 0.1])
     check([1.0, 9.0, -2.0, 1.0], [0.01, 0.1, 0.1, 0.1], rest=(1, 2))
+    check([1.0, -0.9, 1.0, 1.0], [0.01, 0.1, 0.1, 0.1], friction_nm=1.1)
+    with pytest.raises(EstimationError, match="torque of joint 2 contradicts"):
+        check([1.0, -0.9, 1.0, 1.0], [0.01, 0.1, 0.1, 0.1], friction_nm=0.9)
     with pytest.raises(EstimationError, match=r"torque of joint 2 contradicts .* its torque constant"):
         check([1.0, 9.0, 1.0, 1.0], [0.01, 2.9, 0.1, 0.1])
     with pytest.raises(EstimationError, match=r"torque of joints 2 and 3 contradicts .* their columns are"):
