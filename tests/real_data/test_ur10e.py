@@ -45,6 +45,7 @@ def test_pair_b_is_weighed_and_its_garbage_is_counted(ur10e_identified):
     assert any("10 of 6107 rows dropped" in note for note in result.notes)
 
 
+@pytest.mark.long
 def test_the_remounted_payload_is_turned_about_the_flange_axis(ur10e_identified):
     first, second = (ur10e_identified(suffix).parameters for suffix in ("", "_b"))
     angle = [np.arctan2(c[1], c[0]) for c in (first.center_of_mass_m, second.center_of_mass_m)]
@@ -77,6 +78,7 @@ def test_a_flipped_sign_is_found_in_both_runs(ur10e, ur10e_pair, suffix, joint):
         identify(*runs, ur10e.chain, ur10e.drives.transmission)
 
 
+@pytest.mark.long
 def test_a_wrong_weighed_mass_is_refused_with_both_numbers(ur10e, ur10e_pair):
     with pytest.raises(EstimationError, match=r"weighed mass 5 kg contradicts the data: without it, the mass is 2\.78"):
         identify(*ur10e_pair(""), ur10e.chain, ur10e.drives.transmission, known=KnownPayload(mass_kg=5.0))

@@ -102,6 +102,7 @@ def at_terminal(desk, typed):
         return b"".join(shown).decode(), process.wait()
 
 
+@pytest.mark.long
 def test_at_a_terminal_it_is_done_and_the_command_is_shown(desk):
     shown, status = at_terminal(desk, b"3\narm.urdf\nnew.toml\n2.5\n")
     assert "joints[1].velocity_max_rad_s" in shown

@@ -250,6 +250,7 @@ LINES = (
 
 @example([(GOOD.splitlines().index("SupportedObjects=3") + 1, "1=none")], 0)
 @given(st.lists(st.tuples(st.integers(0, 60), LINES | WEIRD), max_size=12), st.integers(0, len(GOOD)))
+@pytest.mark.long
 def test_mutated_and_truncated_files_raise_nothing_else(changes, end):
     lines = GOOD.splitlines()
     for at, line in changes:

@@ -379,6 +379,7 @@ def test_a_run_is_not_left_out_where_too_little_would_remain(four, weighed, pino
     assert calibrated(changed(runs, 1, current_a=current), weighed, pinocchio_arm, nominal).left_out == ()
 
 
+@pytest.mark.long
 def test_a_sign_that_is_flipped_is_named(runs, weighed, pinocchio_arm, nominal):
     found = calibrated(changed(runs, 0, **scaled(runs[0], 1, -1.0)), weighed, pinocchio_arm, nominal)
     ((name, reason),) = found.left_out
