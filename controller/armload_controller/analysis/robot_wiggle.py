@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from armload_controller.analysis.arm_in_use import ArmInUse, FilePath, arm_in_use
+from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
 from armload_controller.analysis.robot_excitation import (
     POSITION_MARGIN_RAD,
     RATE_SHARE,
@@ -23,6 +23,7 @@ from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.paths import PLANNED_SPEED_M_S
 from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
 from armload_identification.excitation.excitation_file import write_excitation
@@ -166,7 +167,7 @@ def design_wiggle(
         BlockedWay: the approach from the pose to the motion is not free.
     """
     used = arm_in_use(robot, calibration)
-    _, known = used.calibrated("predicting what a motion will determine requires the arm's calibration")
+    found, known = used.calibrated("predicting what a motion will determine requires the arm's calibration")
     at = _place(robot, at_rad)
     envelope = _about(robot, at, within_rad, speed_m_s)
     cycle_s = 1.0 / robot.bus.cycle_hz if robot.has_bus else _WITHOUT_BUS_S
@@ -177,7 +178,7 @@ def design_wiggle(
         path.approach_from(at)
         return path
 
-    _require_gains(used, mass_share)
+    _require_gains(found, mass_share)
     prospect = MassProspect(used.chain, known, robot.payloads.expected)
     wiggle = shortest_wiggle(
         prospect,
@@ -197,21 +198,20 @@ def design_wiggle(
     return DesignedWiggle(robot, at, wiggle, envelope, checked(wiggle.trajectory, wiggle.periods), command)
 
 
-def _require_gains(used: ArmInUse, mass_share: float) -> None:
+def _require_gains(calibration: ArmCalibration, mass_share: float) -> None:
     """Raise if the gains are not known well enough for the required mass, whatever the motion.
 
     A mass is a combination of what the joints show, with weights w of sum 1, so its relative variance due to the gains
     is w^T C w >= 1 / (1^T C^-1 1).
     """
-    calibrated, _ = used.calibrated("predicting what a motion will determine requires the arm's calibration")
-    n = calibrated.n
-    information = float(np.linalg.inv(calibrated.covariance[:n, :n]).sum())
+    n = calibration.n
+    information = float(np.linalg.inv(calibration.covariance[:n, :n]).sum())
     least = NORMAL_HALF_WIDTH / np.sqrt(information)
     if mass_share >= least:
         return
     remedy = (
         "more runs with weighed payloads"
-        if calibrated.scale_weighed
+        if calibration.scale_weighed
         else "a weighed payload (mass_kg): without one, the scale of its gains is nominal"
     )
     raise ExcitationError(

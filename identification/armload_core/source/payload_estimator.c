@@ -405,6 +405,13 @@ typedef struct {
     const double *h;
 } surprise;
 
+/* The level of a joint's squared errors after a row with `size` times it: a mean at first, then with a fixed memory. */
+static double followed(double level, double size, double elapsed, double memory_s, double moved_s)
+{
+    const double grown_s = fmin(memory_s, FIRST_MEMORY_S + moved_s);
+    return fmax(level * (1.0 + elapsed / grown_s * (size - 1.0)), 1.0);
+}
+
 /* Add a joint's row to the information; `h` and `f` in the units of the states, `law` the model's error that the test for
    changes allows. */
 static void add_row(payload_estimator *e, int joint, const double *h, const double *f, double law, double target,
@@ -435,8 +442,7 @@ static void add_row(payload_estimator *e, int joint, const double *h, const doub
     const double single = 1.0 / (weight * e->parameter[ESTIMATOR_COLOUR][joint]);
     if (e->suspected == 0.0) {
         const double size = innovation * innovation / (own->misfit * single + variance);
-        const double memory_s = fmin(MISFIT_MEMORY_S, FIRST_MEMORY_S + own->moved_s);
-        own->misfit = fmax(own->misfit * (1.0 + elapsed / memory_s * (size - 1.0)), 1.0);
+        own->misfit = followed(own->misfit, size, elapsed, MISFIT_MEMORY_S, own->moved_s);
     }
     *seen = (surprise){joint, innovation, own->learnt * single + variance, h};
     const double counts = weight * (expected + innovation);
@@ -472,8 +478,7 @@ static void learn_scatter(payload_estimator *e, const surprise *seen, int count,
             left -= seen[i].h[k] * change[k];
         }
         const double size = left * left / seen[i].usual;
-        const double memory_s = fmin(SCATTER_MEMORY_S, FIRST_MEMORY_S + own->moved_s);
-        own->learnt = fmax(own->learnt * (1.0 + elapsed / memory_s * (size - 1.0)), 1.0);
+        own->learnt = followed(own->learnt, size, elapsed, SCATTER_MEMORY_S, own->moved_s);
         own->moved_s += elapsed;
     }
     e->waited_s += elapsed;

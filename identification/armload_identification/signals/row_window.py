@@ -109,7 +109,7 @@ class RowWindow:
         Args:
             values: (K, ...).
         """
-        return self._weighted(values, self.weight)
+        return weighted_sums(values, self.samples, self.weight)
 
     def slope(self, values: FloatArray) -> FloatArray:
         """(R, ...) derivatives of the weighted means, per s.
@@ -117,13 +117,7 @@ class RowWindow:
         Args:
             values: (K, ...).
         """
-        return self._weighted(values, self.slope_weight)
-
-    def _weighted(self, values: FloatArray, weights: FloatArray) -> FloatArray:
-        found = np.zeros((self.middle.size, *values.shape[1:]))
-        for samples, weight in zip(self.samples.T, weights, strict=True):
-            found += weight * values[samples]
-        return found
+        return weighted_sums(values, self.samples, self.slope_weight)
 
     def usable(self, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(R,) True for rows with a complete window of valid samples.
@@ -140,3 +134,17 @@ class RowWindow:
             direction: (K, n) direction of motion, -1 to 1.
         """
         return np.asarray(np.maximum((np.abs(self.mean(direction)) - _ONWARD) / (1.0 - _ONWARD), 0.0))
+
+
+def weighted_sums(values: FloatArray, samples: NDArray[np.intp], weights: FloatArray) -> FloatArray:
+    """(R, ...) weighted sums over the samples of each row.
+
+    Args:
+        values: (K, ...).
+        samples: (R, w) indices of each row's samples.
+        weights: (w,).
+    """
+    found = np.zeros((len(samples), *values.shape[1:]))
+    for places, weight in zip(samples.T, weights, strict=True):
+        found += weight * values[places]
+    return found

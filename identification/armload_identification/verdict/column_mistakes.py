@@ -188,13 +188,13 @@ def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int,
     Returns:
         Their indices; none if the run is right as it is, or if no signs explain it.
     """
-    n, moving = chain.n, np.flatnonzero(run.moves)
+    n, moving = chain.n, np.flatnonzero(run.moves).tolist()
     system = _System(run, chain, coupling, base_columns(chain, coupling))
     as_it_is = system.trial(np.eye(n))
     best = as_it_is.cost + _NO_WORSE
     flipped: tuple[int, ...] = ()
-    for count in range(1, (moving.size if n <= _ALL_SIGNS else 2) + 1):
-        for joints in combinations(map(int, moving), count):
+    for count in range(1, (len(moving) if n <= _ALL_SIGNS else 2) + 1):
+        for joints in combinations(moving, count):
             sign = np.ones(n)
             sign[list(joints)] = -1.0
             trial = system.trial(np.diag(sign))
@@ -219,7 +219,8 @@ def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Excha
     system = _System(run, chain, coupling, base)
     as_it_is = system.trial(np.eye(n))
     best, found = as_it_is.cost - _MUCH, None
-    for joints in combinations(map(int, np.flatnonzero(run.moves)), 2):
+    moving = np.flatnonzero(run.moves).tolist()
+    for joints in combinations(moving, 2):
         order = np.arange(n)
         order[list(joints)] = joints[::-1]
         moved = _System(run, chain, coupling, base, order)
@@ -230,7 +231,7 @@ def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Excha
         ):
             if trial.cost < best and trial.possible:
                 best, found = trial.cost, _Exchange(joints, what)
-    for three in combinations(map(int, np.flatnonzero(run.moves)), 3):
+    for three in combinations(moving, 3):
         for shift in (1, 2):
             order = np.arange(n)
             order[list(three)] = np.roll(three, shift)

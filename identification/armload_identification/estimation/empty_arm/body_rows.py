@@ -21,7 +21,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import body_regressor
 from armload_identification.signals.motion import Motion
 from armload_identification.signals.reversals import REVERSAL, TURN_OVER, moving_weights
-from armload_identification.signals.row_window import RowWindow
+from armload_identification.signals.row_window import RowWindow, weighted_sums
 
 _ROW_S: Final = 0.05
 _MODEL_S: Final = 0.01
@@ -105,7 +105,7 @@ class BodySamples:
         Args:
             links: (b,) base parameters.
         """
-        return self._mean(self.direction * np.abs(self.links @ links), self.coarse.weight)
+        return weighted_sums(self.direction * np.abs(self.links @ links), self._place, self.coarse.weight)
 
     def rows(self, run: Motion, moving: NDArray[np.bool_]) -> BodyRows:
         """The rows of the run.
@@ -128,16 +128,9 @@ class BodySamples:
             jerk_rad_s3=window.slope(ddq),
             direction=window.mean(direction),
             weight=np.where(window.usable(run.valid)[:, None], weight, 0.0),
-            links=self._mean(self.links, self.coarse.weight),
-            links_rate=self._mean(self.links, self.coarse.slope_weight),
+            links=weighted_sums(self.links, self._place, self.coarse.weight),
+            links_rate=weighted_sums(self.links, self._place, self.coarse.slope_weight),
         )
-
-    def _mean(self, values: FloatArray, weights: FloatArray) -> FloatArray:
-        """(N, ...) weighted sums over the rows' windows of (M, ...) values."""
-        found = np.zeros((self.coarse.middle.size, *values.shape[1:]))
-        for place, weight in zip(self._place.T, weights, strict=True):
-            found += weight * values[place]
-        return found
 
     @cached_property
     def _place(self) -> NDArray[np.intp]:
