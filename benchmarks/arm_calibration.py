@@ -115,16 +115,14 @@ def run_measured(tally: Tally) -> None:
         found[name] = _identified(robot, calibration, loaded, unloaded)
         _judge_mass(tally, f"pair {name}, the other runs calibrate", found[name], MASS_WITHIN)
         _judge_mass(tally, f"loaded run {name} alone", _identified(robot, calibration, loaded, None), 2.0 * MASS_WITHIN)
-    one, two = (found[name].parameters.center_of_mass_m for name in PAIRS)
-    for what, first, second, within in (
-        ("radius", np.hypot(*one[:2]), np.hypot(*two[:2]), RADIUS_WITHIN_M),
-        ("height", one[2], two[2], HEIGHT_WITHIN_M),
-    ):
-        tally.judge(
-            f"{what} of the two mountings' centres of mass within {within * 1e3:g} mm of each other",
-            f"{first * 1e3:.2f} and {second * 1e3:.2f} mm",
-            abs(first - second) <= within,
-        )
+    _judge_centers(tally, "", found)
+    among = {}
+    for name, other in zip(PAIRS, reversed(PAIRS), strict=True):
+        calibration = _calibrated(robot, list(runs.values()), {other: MASS_KG})
+        loaded, unloaded = (runs[key].recording for key in _pair_files(name))
+        among[name] = _identified(robot, calibration, loaded, unloaded)
+        _judge_mass(tally, f"pair {name} among the runs, its mass not given", among[name], MASS_WITHIN)
+    _judge_centers(tally, "its own runs among the calibration's, mass not given: ", among)
     _judge_halves(tally, robot, runs)
 
 
@@ -200,6 +198,20 @@ def _judge_mass(tally: Tally, what: str, found: Identification, within: float) -
         f"{error:+.2%} +- {width:.2%}",
         abs(error) <= min(within, width),
     )
+
+
+def _judge_centers(tally: Tally, with_what: str, found: dict[str, Identification]) -> None:
+    """Comparison of the two mountings' centres of mass."""
+    one, two = (found[name].parameters.center_of_mass_m for name in PAIRS)
+    for what, first, second, within in (
+        ("radius", np.hypot(*one[:2]), np.hypot(*two[:2]), RADIUS_WITHIN_M),
+        ("height", one[2], two[2], HEIGHT_WITHIN_M),
+    ):
+        tally.judge(
+            f"{with_what}{what} of the two mountings' centres of mass within {within * 1e3:g} mm of each other",
+            f"{first * 1e3:.2f} and {second * 1e3:.2f} mm",
+            abs(first - second) <= within,
+        )
 
 
 def _judge_halves(tally: Tally, robot: Robot, runs: dict[str, MountedRun]) -> None:
