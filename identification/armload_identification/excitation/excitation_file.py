@@ -80,6 +80,8 @@ _MARGINS = tuple(name for name in _MarginsTable.model_fields if name not in _NAM
 class _ExcitationFile(Table):
     """The file."""
 
+    content = "an excitation"
+
     excitation: _ExcitationTable
     design: _DesignTable | None = None
     margins: _MarginsTable | None = None

@@ -126,6 +126,8 @@ class _UncertaintyTable(Table):
 class _CalibrationFile(Table):
     """The file."""
 
+    content = "an arm's calibration"
+
     arm: _ArmTable
     gains: _GainsTable
     friction: _FrictionTable

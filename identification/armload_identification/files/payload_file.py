@@ -115,6 +115,8 @@ class _ResidualTable(Table):
 class _PayloadFile(Table):
     """The file."""
 
+    content = "a payload"
+
     determined: _Entries[bool]
     model: _ModelTable
     payload: _PayloadTable

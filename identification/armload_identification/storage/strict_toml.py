@@ -12,7 +12,7 @@ import math
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,13 @@ Text = Annotated[str, Field(min_length=1)]
 
 
 class Table(BaseModel):
-    """A table without unknown keys and with finite numbers only."""
+    """A table without unknown keys and with finite numbers only.
+
+    Attributes:
+        content: What a file with this root table contains, for messages, such as "a payload"; empty for other tables.
+    """
+
+    content: ClassVar[str] = ""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
@@ -169,7 +175,8 @@ def validated(
     try:
         return tables.model_validate(values)
     except ValidationError as problem:
-        raise error(source, *_explained(problem, tables, within)) from problem
+        other = _other_content(values, tables)
+        raise error(source, *(("", None, other) if other else _explained(problem, tables, within))) from problem
 
 
 def _number_list(value: object) -> NDArray[np.float64]:
@@ -237,6 +244,16 @@ def _explained(problem: ValidationError, tables: type[Table], within: str) -> tu
     if more:
         expected += f" (and {more} more problem{'s' if more > 1 else ''} in this file)"
     return key, found, expected
+
+
+def _other_content(values: Mapping[str, Any], tables: type[Table]) -> str:
+    """The message for a file of another kind, most of whose tables are unknown; empty if it is none."""
+    unknown = [key for key in values if key not in tables.model_fields]
+    required = [name for name, field in tables.model_fields.items() if field.is_required()]
+    missing = [name for name in required if name not in values]
+    if not tables.content or len(unknown) < 2 or 2 * len(unknown) < len(values) or 2 * len(missing) <= len(required):
+        return ""
+    return f"not {tables.content}: contains {', '.join(unknown)} instead of {', '.join(missing)}"
 
 
 def _wanted(problem: ErrorDetails) -> str:

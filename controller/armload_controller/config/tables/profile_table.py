@@ -41,5 +41,7 @@ class DriveProfileTable(Table):
 class ProfileFile(Table):
     """The whole file."""
 
+    content = "a drive's profile"
+
     product: ProductTable
     drive: DriveProfileTable

@@ -83,6 +83,8 @@ class LogTable(Table):
 class RobotFile(Table):
     """All tables of the file."""
 
+    content = "a robot's configuration"
+
     robot: RobotTable
     kinematics: KinematicsTable
     transmission: TransmissionTable | None = None

@@ -37,6 +37,8 @@ class Joint(Table):
 
 
 class Arm(Table):
+    content = "an arm"
+
     joints: list[Joint]
     tools: dict[str, Drive] = Field(default={})
     offset: NumberList | None = None
@@ -142,6 +144,13 @@ def test_the_other_problems_of_a_file_are_counted():
     assert str(refused(wrong)) == (
         "arm.toml: joints[1].velocity_max_rad_s is missing: it is required (and 1 more problem in this file)"
     )
+
+
+def test_a_file_of_another_kind_is_named_as_such_and_a_misspelt_table_is_not():
+    assert str(refused("[payload]\nmass_kg = 1.0\n[residual]\nrms = 2.0")) == (
+        "arm.toml: not an arm: contains payload, residual instead of joints"
+    )
+    assert str(refused("[[jiontes]]\nname = 1")).startswith("arm.toml: joints is missing: ")
 
 
 @pytest.mark.parametrize("value", ["[]", "[1.0, nan]", "[true]", "3", "[[1.0]]", f"[0x{'f' * 300}]"])
