@@ -12,6 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from threadpoolctl import threadpool_limits
+
 from armload_identification.excitation.excitation_file import parse_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.identification_errors import RecordingError
@@ -67,7 +69,9 @@ def read_recording(
     for reduction in _reductions(shown, excitation):
         try:
             garbage = GarbageFilter(shown, with_effort=with_effort)
-            return _read(reader, garbage, excitation, reduction, short_rows, between_s)
+            # One thread: a second one saves no time with products of blocks, and costs half of the processor time.
+            with threadpool_limits(1):
+                return _read(reader, garbage, excitation, reduction, short_rows, between_s)
         except WrongReduction:
             continue
         except OSError as error:
