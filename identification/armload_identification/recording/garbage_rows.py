@@ -35,6 +35,11 @@ _LONGEST_INTERVAL_S: Final = 0.5
 _SHORTEST_INTERVAL_S: Final = 1e-5
 _TIME_UNITS: Final = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
 _USUAL_INTERVAL_S: Final = (1e-4, 0.11)
+_CREEP_RAD_S: Final = 0.01
+"""A joint that never moves faster than this does not move; with time stamps in ms, 10 rad/s would look like it."""
+_MOVED_RAD: Final = 0.1
+_BRIEF: Final = 5
+"""Rows over which a median position hides those that are wrong."""
 _LARGEST_ANGLE_RAD: Final = 6.0 * np.pi
 """Joints that turn further are logged modulo one turn; greater angles are in degrees."""
 _REASONS: Final = ("not finite", "impossible value", "time out of range", "time not increasing", "position jumps")
@@ -125,6 +130,8 @@ class GarbageFilter:
         verdict, self._interval_s = _verdict(window, self._interval_s)
         if first and np.count_nonzero(verdict == _KEPT) > 1:
             refuse_time_unit(self.path, self._interval_s)
+            valid = np.flatnonzero(verdict == _KEPT)
+            refuse_creeping(self.path, self._interval_s, window.time_s[valid], window.position_rad[valid])
         settled = rows.size - left
         verdict = verdict[known : known + settled]
         if self._before is not None:
@@ -283,6 +290,30 @@ def refuse_time_unit(path: Path, interval_s: float) -> None:
         "to "
         f"{_LONGEST_INTERVAL_S:g}. {advice}"
     )
+
+
+def refuse_creeping(path: Path, interval_s: float, time_s: FloatArray, position: FloatArray) -> None:
+    """Raise for time stamps in milliseconds of a log so fast that their interval could be one of seconds.
+
+    Args:
+        path: The file, for the message.
+        interval_s: Median time between its rows.
+        time_s: (N,) time stamps.
+        position: (N, n) positions in rad.
+
+    Raises:
+        RecordingError: rows as of a slow log, and joints that move far, but at speeds of no motion.
+    """
+    if interval_s <= _USUAL_INTERVAL_S[1] or len(position) < 2 * _BRIEF:
+        return
+    position = np.median(sliding_window_view(position, _BRIEF, axis=0), axis=-1)
+    step_s = np.diff(time_s[_BRIEF // 2 : _BRIEF // 2 + len(position)])
+    fastest = float((np.abs(np.diff(position, axis=0)) / step_s[:, None]).max())
+    if np.ptp(position, axis=0).max() > _MOVED_RAD and fastest < _CREEP_RAD_S:
+        raise RecordingError(
+            f"{path}: the interval of the time stamps is {interval_s:.3g}, and no joint moves faster than "
+            f"{fastest:.2g} rad/s. The time stamps look like milliseconds: convert them to seconds."
+        )
 
 
 def refuse_mixed_units(path: Path, time_s: FloatArray, position: FloatArray, velocity: FloatArray) -> None:

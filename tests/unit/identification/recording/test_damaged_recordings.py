@@ -246,6 +246,14 @@ def test_velocities_show_the_unit_of_a_fast_log(tmp_path, unit_s, name):
         read_recording(path, timed_csv(path, unit_s, 0.3 * unit_s, velocity=True))
 
 
+def test_joints_that_creep_show_the_milliseconds_of_a_fast_log(tmp_path):
+    """3.3 kHz: in ms, an interval that could be that of a slow log in s."""
+    path = tmp_path / "log.csv"
+    with pytest.raises(RecordingError, match=r"log.csv: .* is 0.3, .* 0.001 rad/s. The time stamps look like milli"):
+        read_recording(path, timed_csv(path, 1e-3, 3e-4))
+    assert read_recording(path, timed_csv(path, 1.0, 0.3)).size == 400
+
+
 def test_a_log_with_hardly_any_rows_in_its_time_asks_for_no_memory():
     time_s = np.concatenate([2e-5 * np.arange(40), [50.0]])
     position = np.column_stack([np.sin(time_s), np.cos(time_s)])
