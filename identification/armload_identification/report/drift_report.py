@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import UTC
 from pathlib import Path
 from typing import Final
 
@@ -65,6 +66,8 @@ def write_drift_report(
             advice=advice,
             left_out=left_out,
             runs=drift.runs,
+            began=[f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC" for moment in drift.began]
+            or [run.recorded or "\N{EN DASH}" for run in drift.runs],
             charts=Markup(
                 inline_svg(
                     charts_drawing(drift, names),

@@ -53,12 +53,14 @@ def draw_control_chart(
 
 
 def draw_dates(axes: Axes, place: FloatArray) -> None:
-    """Label an axis of days with dates, and with hours if there are few days.
+    """Label an axis of days with dates, and with hours if there are few days; a single moment is the middle of a day.
 
     Args:
         axes: The axes.
         place: (r,) days, from `days_of`.
     """
+    if np.ptp(place) == 0.0:
+        axes.set_xlim(place[0] - 0.5, place[0] + 0.5)
     axes.xaxis.set_major_locator(ticks(DATES))
     text = "{:%d %b\n%H:%M}" if np.ptp(place) < _FEW_DAYS else "{:%d %b\n%Y}"
     axes.xaxis.set_major_formatter(lambda day, _position: text.format(datetime.fromtimestamp(day * _DAY_S, UTC)))

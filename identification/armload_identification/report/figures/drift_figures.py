@@ -58,8 +58,8 @@ def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Drawing:
 
 
 def _places(drift: ArmDrift) -> tuple[FloatArray, bool]:
-    """Position of every run on the axis, and whether it is a date."""
-    if drift.began:
+    """Position of every run on the axis, and whether it is a date; runs of one commissioning state the same moment."""
+    if len(set(drift.began)) > 1:
         return days_of(drift.began), True
     return np.arange(1.0, len(drift.runs) + 1.0), False
 

@@ -13,18 +13,19 @@ from markupsafe import Markup
 from armload_identification.many_arms.arm_runs import UNITS, Kind
 from armload_identification.many_arms.fleet_review import ArmReview, FigureReview, FleetReview, Suspicion
 from armload_identification.report.fleet.fleet_figures import CHARTS, charts_figure, strip
-from armload_identification.report.numerals import NO_BREAK, decimals_for, numeral
+from armload_identification.report.numerals import NO_BREAK, common_decimals, decimals_for, numeral
 from armload_identification.report.page import rendered, write_page
 
 MOST_SUSPICIOUS: Final = 10
 """Number of arms shown with their charts."""
 _MOST_PROBLEMS: Final = 50
+_MOST_DIGITS: Final = 4
 _TEMPLATE: Final = "fleet/fleet.html.j2"
 
 
 @dataclass(frozen=True)
 class _Panel:
-    """A suspicious arm."""
+    """A suspicious arm; without charts if none of its recordings has a result."""
 
     name: str
     model: str
@@ -36,8 +37,18 @@ class _Panel:
 class _Figure:
     """A quantity in the table of all arms."""
 
+    name: str
     text: str
     strip: Markup
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """A recording without a result."""
+
+    arm: str
+    recording: str
+    why: str
 
 
 @dataclass(frozen=True)
@@ -46,7 +57,8 @@ class _Row:
 
     name: str
     model: str
-    runs: str
+    runs: int
+    without_result: str
     latest: str
     figures: tuple[_Figure, ...]
     suspicion: str
@@ -87,7 +99,10 @@ def render_fleet_report(review: FleetReview, armload_version: str) -> str:
         suspicious=len(suspicious),
         panels=tuple(_panel(arm, number) for number, arm in enumerate(suspicious[:MOST_SUSPICIOUS], 1)),
         rows=tuple(_row(arm) for arm in review.arms),
-        problems=review.problems[:_MOST_PROBLEMS],
+        problems=tuple(
+            _Problem(run.arm, run.recording, run.problem.removeprefix(f"{run.recording}: "))
+            for run in review.problems[:_MOST_PROBLEMS]
+        ),
     )
 
 
@@ -97,30 +112,37 @@ def _panel(arm: ArmReview, number: int) -> _Panel:
     others = [_most_off(arm, (kind,)) for kind in (Kind.MASS, Kind.GAIN, Kind.FRICTION)]
     shown = list(dict.fromkeys([*named, *(figure for figure in others if figure is not None)]))[:CHARTS]
     title = f"{arm.arm}: {', '.join(str(figure.quantity) for figure in shown)} over the runs."
-    return _Panel(arm.arm, arm.model, arm.suspicions, Markup(charts_figure(shown, f"charts-{number}", title)))
+    charts = Markup(charts_figure(shown, f"charts-{number}", title) if shown else "")
+    return _Panel(arm.arm, arm.model, arm.suspicions, charts)
 
 
 def _row(arm: ArmReview) -> _Row:
     """A line of the table."""
-    figures = (_most_off(arm, (kind,)) for kind in (Kind.MASS, Kind.GAIN, Kind.FRICTION))
+    figures = (_shown(kind, _most_off(arm, (kind,))) for kind in (Kind.MASS, Kind.GAIN, Kind.FRICTION))
     return _Row(
         name=arm.arm,
         model=arm.model,
-        runs=f"{arm.runs}" + (f", {arm.without_result} without result" if arm.without_result else ""),
+        runs=arm.runs,
+        without_result=f"{arm.without_result}" if arm.without_result else "",
         latest=f"{arm.latest:%Y-%m-%d}",
-        figures=tuple(_Figure("", Markup()) if figure is None else _shown(figure) for figure in figures),
+        figures=tuple(figures),
         suspicion="" if not arm.suspicions else f"{arm.deviations:.0f}",
     )
 
 
-def _shown(figure: FigureReview) -> _Figure:
-    """The latest value of a quantity, and its strip."""
-    unit, scale = UNITS[figure.quantity.kind]
-    decimals = decimals_for(scale * float(figure.chart.deviation[-1]), scale * float(figure.values[-1]))
+def _shown(kind: Kind, figure: FigureReview | None) -> _Figure:
+    """The latest value of a quantity, and its strip; both empty if it was never determined."""
+    if figure is None:
+        return _Figure(kind.value, "", Markup())
+    unit, scale = UNITS[kind]
+    value = scale * float(figure.values[-1])
+    decimals = decimals_for(scale * float(figure.chart.deviation[-1]), value)
+    if kind is not Kind.GAIN:
+        # A single run, or copies of one, have no spread to round to.
+        decimals = min(decimals, common_decimals(value, _MOST_DIGITS))
     of = f"{figure.quantity.of}: " if figure.quantity.of else ""
-    signed = figure.quantity.kind is Kind.GAIN
-    number = numeral(scale * float(figure.values[-1]), decimals, signed=signed)
-    return _Figure(f"{of}{number}{NO_BREAK}{unit}", Markup(strip(figure)))
+    number = numeral(value, decimals, signed=kind is Kind.GAIN)
+    return _Figure(kind.value, f"{of}{number}{NO_BREAK}{unit.replace(' ', NO_BREAK)}", Markup(strip(figure)))
 
 
 def _most_off(arm: ArmReview, kinds: Iterable[Kind]) -> FigureReview | None:

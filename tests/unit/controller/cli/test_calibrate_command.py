@@ -219,6 +219,8 @@ def test_drift_holds_runs_against_the_calibration(armload, calibrated, today, tm
     page = (tmp_path / "drift.html").read_text()
     assert "Nothing has changed." in page
     assert page.count('role="img"') == 1
+    assert page.count(">run</text>") == 3  # all four state the moment of the commissioning
+    assert len(re.findall(r">\d{4}-\d\d-\d\d \d\d:\d\d UTC</td>", page)) == 4
     assert all(run.name in page for run in names)
     assert "<script" not in page
     assert "http" not in page.replace("http-equiv", "")

@@ -113,7 +113,13 @@ def test_one_recording_is_a_fleet_too():
     (arm,) = review_fleet([run]).arms
     assert not arm.suspicions
     assert arm.figures[MASS].values.tolist() == [run.figures[MASS][0]]
-    assert "No arm is suspicious." in render_fleet_report(review_fleet([run]), "1.2")
+    page = render_fleet_report(review_fleet([run]), "1.2")
+    assert "No arm is suspicious." in page
+    assert "1 recording up to" in page
+    friction = run.figures[max(FRICTIONS, key=lambda quantity: run.figures[quantity][0])][0]
+    shown = re.findall(r"(\d+\.\d+)\N{NO-BREAK SPACE}N\N{NO-BREAK SPACE}m", page)
+    assert [len(number) for number in shown] == [5]  # not the nine decimals of a spread that is unknown
+    assert float(shown[0]) <= round(friction, 3)
 
 
 def test_the_page_shows_the_most_suspicious_with_charts_and_all_arms(review):
@@ -123,9 +129,26 @@ def test_the_page_shows_the_most_suspicious_with_charts_and_all_arms(review):
     assert names == [arm.arm for arm in review.arms[:4]]
     assert len(names) <= MOST_SUSPICIOUS
     assert page.count('id="charts-') >= len(names)
-    assert page.count('<tr><th scope="row">cell') == ARMS + 2
+    assert page.count('<th scope="row" role="rowheader">cell') == ARMS
+    assert page.count('<tr><th scope="row">cell09') == 2
     assert "loaded.mcap is damaged" in page
     assert "http" not in page.replace("http-equiv", "")
+
+
+def test_an_arm_without_any_result_has_no_charts_and_its_reasons_do_not_repeat_the_file():
+    run = replace(fleet()[0], recording="a.mcap", problem="a.mcap: the file is truncated", figures={})
+    page = render_fleet_report(review_fleet([run]), "1.2")
+    assert "1 of 1 arm should be inspected." in page
+    assert "<figure" not in page
+    assert "control limits, three standard deviations" not in page
+    assert "<td>the file is truncated</td>" in page
+
+
+def test_the_chart_of_a_single_result_shows_its_day():
+    good, bad = fleet()[:2]
+    page = render_fleet_report(review_fleet([good, replace(bad, problem="truncated", figures={})]), "1.2")
+    assert set(re.findall(r">(\d\d [A-Z][a-z]{2})<", page)) <= {"01 Mar", "02 Mar"}
+    assert "01 Mar" in page
 
 
 def test_what_recordings_say_is_text_on_the_page():
