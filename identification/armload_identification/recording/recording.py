@@ -124,7 +124,7 @@ class Recording(RowBlock):
         if average is not None and average.effort_covariance is not None:
             average = replace(average, effort_covariance=average.effort_covariance[np.ix_(columns, columns)])
         if repeats is not None:
-            repeats = RepeatedValues(repeats.bound[columns], repeats.at_bound[columns], repeats.elsewhere[columns])
+            repeats = repeats.joints(columns)
         if excitation is not None:
             series = excitation.trajectory
             part = {name: getattr(series, name)[columns] for name in ("offset_rad", "sin_rad", "cos_rad")}

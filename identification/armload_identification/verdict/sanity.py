@@ -13,7 +13,7 @@ from armload_identification.estimation.least_squares import Estimate, estimate_r
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phases import whole_periods
-from armload_identification.recording.reduction.repeated_values import repeated_values
+from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.verdict.joint_scales import JointScales
@@ -39,6 +39,9 @@ _GAP: Final = 5.0
 """Multiple of the usual interval from which the velocity between two samples is unknown."""
 _DERIVATIVE: Final = 0.5
 """Least correlation of a change of position with the integral of its velocity; 0.9999 on the UR10e."""
+_FAR: Final = 0.1
+"""Share of its range of motion that no joint goes there and back with the same torque: at most 1e-4 on er50, prbt and
+the UR10e with torques in steps of 1 % of the greatest possible one, and 0.025 in steps of a fifth of the run's."""
 _STAYS: Final = 7
 """A signal with noise does not repeat its greatest value this often in succession by chance."""
 _RATHER_THAN_CHANCE: Final = 3
@@ -57,7 +60,8 @@ def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmissio
         transmission: Gains and coupling.
 
     Raises:
-        RecordingError: the same file twice, exchanged labels, a constant or saturated torque column, or a wrong sign.
+        RecordingError: the same file twice, exchanged labels, a constant, stuck or saturated torque column, or a wrong
+            sign.
     """
     if loaded.source.sha256 == unloaded.source.sha256:
         raise RecordingError(
@@ -75,7 +79,7 @@ def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmissio
 
 
 def check_run(run: Recording, transmission: Transmission) -> None:
-    """Raise for a run with a torque column that is constant, saturated, or of the wrong sign.
+    """Raise for a run with a torque column that is constant, stuck for a part of it, saturated, or of the wrong sign.
 
     Args:
         run: The run.
@@ -95,7 +99,9 @@ def check_run(run: Recording, transmission: Transmission) -> None:
             f"{run.source.path}: joint {still[0] + 1} moves, but its current or torque is constant at "
             f"{measured[0, still[0]]:g}. Check the mapping of its 6077 or 6078, or the column map."
         )
-    _refuse_saturation(run, measured, moves)
+    repeats = repeated_values(measured, run.position_rad) if run.repeats is None else run.repeats
+    _refuse_saturation(run, repeats, moves)
+    _refuse_stuck(run, repeats, moves)
     rows = _closed_part(run)
     step = np.diff(run.position_rad[rows], axis=0)
     work = 0.5 * (torque[rows][1:] + torque[rows][:-1]) * step
@@ -151,9 +157,20 @@ def _refuse_velocity(run: Recording) -> None:
         )
 
 
-def _refuse_saturation(run: Recording, measured: FloatArray, moves: NDArray[np.bool_]) -> None:
+def _refuse_stuck(run: Recording, repeats: RepeatedValues, moves: NDArray[np.bool_]) -> None:
+    """Raise for a run in which a joint goes there and back while its torque stays the same: friction would change."""
+    stuck = moves & (repeats.turned_rad > np.maximum(_MOVES_RAD, _FAR * np.ptp(run.position_rad, axis=0)))
+    for joint in np.flatnonzero(stuck):
+        raise RecordingError(
+            f"{run.source.path}: joint {joint + 1} goes there and back by {repeats.turned_rad[joint]:.2g} rad, but its "
+            f"current or torque stays at {repeats.turned_at[joint]:.4g} for {repeats.turned_for[joint]:.0f} samples in "
+            "a row: an old value was recorded again and again. Record the run again, or select a part without it with "
+            "--between."
+        )
+
+
+def _refuse_saturation(run: Recording, repeats: RepeatedValues, moves: NDArray[np.bool_]) -> None:
     """Raise for a run in which a moving joint's torque stays at its greatest value, longer than at any other."""
-    repeats = repeated_values(measured) if run.repeats is None else run.repeats
     stays = (repeats.at_bound >= _STAYS) & (repeats.at_bound >= _RATHER_THAN_CHANCE * repeats.elsewhere)
     for joint in np.flatnonzero(moves & stays):
         raise RecordingError(

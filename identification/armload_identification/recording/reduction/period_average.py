@@ -51,7 +51,7 @@ class PeriodAverager:
             return
         if self._repeats is None:
             self._repeats, self._current = RepeatCounter(rows.n), rows.torque_nm is None
-        self._repeats.add(effort)
+        self._repeats.add(effort, rows.position_rad)
         inside = rows.rows(np.isfinite(rows.phase_s))
         if not inside.size:
             return

@@ -1,54 +1,119 @@
-"""Longest repetition of a value in a signal, at its bound and elsewhere, to detect clipping."""
+"""Repetitions of a value in a signal, to detect clipping, and values that no longer follow the motion."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 
-_AT_BOUND = 1.0 - 1e-9
+_AT_BOUND: Final = 1.0 - 1e-9
+_LONG: Final = 50
+"""Samples of the same value from which the motion meanwhile matters; drives update their values more often."""
 
 
 @dataclass(frozen=True, eq=False)
 class RepeatedValues:
-    """Longest repetitions in n signals.
+    """Longest repetitions in the efforts of n joints.
 
     Attributes:
         bound: (n,) greatest magnitude.
         at_bound: (n,) longest sequence of repetitions of a value with that magnitude.
         elsewhere: (n,) longest sequence of repetitions of any other value.
+        turned_rad: (n,) furthest way that the joint went there and back during a long sequence.
+        turned_for: (n,) number of samples of that sequence.
+        turned_at: (n,) its value.
     """
 
     bound: FloatArray
     at_bound: FloatArray
     elsewhere: FloatArray
+    turned_rad: FloatArray
+    turned_for: FloatArray
+    turned_at: FloatArray
+
+    def joints(self, columns: NDArray[np.intp]) -> RepeatedValues:
+        """The repetitions of some joints, in a given order.
+
+        Args:
+            columns: Their columns.
+        """
+        return RepeatedValues(**{field.name: getattr(self, field.name)[columns] for field in fields(self)})
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """Motion of a joint while its value stays the same.
+
+    Attributes:
+        first: Position at the beginning.
+        low: Least position.
+        high: Greatest position.
+        way: Furthest way there and back: how far the joint had been beyond both its first and a later position.
+    """
+
+    first: float
+    low: float
+    high: float
+    way: float
+
+    @classmethod
+    def of(cls, position: FloatArray, before: _Stretch | None) -> _Stretch:
+        """A stretch, or the continuation of one.
+
+        Args:
+            position: (N,) the next positions.
+            before: The stretch so far, if they continue one.
+        """
+        if before is None:
+            first = float(position[0])
+            before = cls(first, first, first, way=0.0)
+        low = np.minimum(np.minimum.accumulate(position), before.low)
+        high = np.maximum(np.maximum.accumulate(position), before.high)
+        way = np.maximum(high - np.maximum(position, before.first), np.minimum(position, before.first) - low)
+        return cls(before.first, float(low[-1]), float(high[-1]), max(float(way.max()), before.way))
 
 
 class RepeatCounter:
     """Counts repetitions block by block.
 
     Args:
-        n: Number of signals.
+        n: Number of joints.
     """
 
     def __init__(self, n: int) -> None:
         self._bound, self._at_bound, self._elsewhere = np.zeros(n), np.zeros(n), np.zeros(n)
+        self._turned_rad, self._turned_for, self._turned_at = np.zeros(n), np.zeros(n), np.zeros(n)
         self._last, self._length = np.full(n, np.nan), np.zeros(n)
+        self._open: list[_Stretch | None] = [None] * n
 
-    def add(self, values: FloatArray) -> None:
+    def add(self, values: FloatArray, position: FloatArray) -> None:
         """Add more samples.
 
         Args:
             values: (N, n) the next samples, N at least 1.
+            position: (N, n) positions of the joints.
         """
         for signal, column in enumerate(values.T):
             starts = np.concatenate([[0], np.flatnonzero(np.diff(column) != 0.0) + 1])
-            lengths = np.diff(np.append(starts, column.size)).astype(np.float64)
+            ends = np.append(starts[1:], column.size)
+            lengths = (ends - starts).astype(np.float64)
             level = np.abs(column[starts])
             if column[0] == self._last[signal]:
                 lengths[0] += self._length[signal]
+            else:
+                self._open[signal] = None
+            # The last one may become long with the next samples.
+            for place in np.flatnonzero(np.append(lengths[:-1] >= _LONG, True)).tolist():
+                before = None if place else self._open[signal]
+                stretch = _Stretch.of(position[starts[place] : ends[place], signal], before)
+                if lengths[place] >= _LONG and stretch.way >= self._turned_rad[signal]:
+                    self._turned_rad[signal], self._turned_for[signal] = stretch.way, lengths[place]
+                    self._turned_at[signal] = column[starts[place]]
+            self._open[signal] = stretch
             self._last[signal], self._length[signal] = column[-1], lengths[-1]
             greatest = float(level.max())
             if self._bound[signal] < greatest * _AT_BOUND:
@@ -62,15 +127,17 @@ class RepeatCounter:
 
     def result(self) -> RepeatedValues:
         """The repetitions counted so far."""
-        return RepeatedValues(self._bound.copy(), self._at_bound.copy(), self._elsewhere.copy())
+        counted = (self._bound, self._at_bound, self._elsewhere, self._turned_rad, self._turned_for, self._turned_at)
+        return RepeatedValues(*(values.copy() for values in counted))
 
 
-def repeated_values(values: FloatArray) -> RepeatedValues:
+def repeated_values(values: FloatArray, position: FloatArray) -> RepeatedValues:
     """Repetitions in complete signals.
 
     Args:
         values: (N, n).
+        position: (N, n) positions of the joints.
     """
     counter = RepeatCounter(values.shape[1])
-    counter.add(values)
+    counter.add(values, position)
     return counter.result()

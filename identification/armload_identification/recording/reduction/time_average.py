@@ -57,7 +57,7 @@ class TimeAverager:
             # Half an interval earlier, so that jitter moves no sample across an edge.
             self._start_s = float(rows.time_s[0]) - 0.5 * interval_s
         if self._repeats is not None and effort is not None:
-            self._repeats.add(effort)
+            self._repeats.add(effort, rows.position_rad)
         rows = rows if self._open is None else joined([self._open, rows])
         number = self._number(rows)
         # Only pairs of intervals are closed, so that pairs can be merged at any time.

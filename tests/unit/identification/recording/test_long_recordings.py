@@ -6,7 +6,7 @@ import itertools
 import json
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -186,7 +186,8 @@ def test_means_that_are_too_long_for_the_motion_are_refused(pinocchio_arm):
     time_s = 0.1 * np.arange(30_000)
     position = np.outer(np.sin(time_s / 0.15), np.full(6, 0.3))
     source = RecordingSource(Path("shift.csv"), "", "csv", 0, 0, {})
-    run = Recording(time_s, position, None, position, None, None, None, source, repeats=repeated_values(position))
+    repeats = repeated_values(position, position)
+    run = Recording(time_s, position, None, position, None, None, None, source, repeats=repeats)
     with pytest.raises(RecordingError, match=r"0\.8 h .* means over 100 ms, .* 2 %.* --between 0s 600s"):
         check_run(run, pinocchio_arm.transmission)
 
@@ -206,19 +207,36 @@ def test_a_saturated_joint_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_p
     check_run(read_recording(write_mcap(tmp_path / "clean.mcap", run), short_rows=NOTHING), pinocchio_arm.transmission)
 
 
+def test_a_stuck_current_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_path):
+    """In one period only, so that the average period still changes."""
+    run = runs[0]
+    current = run.current_a.copy()
+    half = len(current) // 6
+    current[half : 2 * half, 4] = current[half, 4]
+    path = write_mcap(tmp_path / "stuck.mcap", replace(run, current_a=current))
+    for short_rows in (EVERYTHING, NOTHING):
+        with pytest.raises(RecordingError, match=rf"stuck.mcap: joint 5 goes there .* for {half} samples"):
+            check_run(read_recording(path, short_rows=short_rows), pinocchio_arm.transmission)
+
+
 def test_repetitions_are_counted_across_blocks():
     rng = np.random.default_rng(3)
     values = np.round(np.clip(rng.normal(size=(5000, 3)), -1.2, 1.2), 1)
     values[2000:2040, 1] = 1.2
     values[100:130, 2] = 0.3
-    whole = repeated_values(values)
+    values[3000:3800, 0] = 0.7
+    position = np.sin(np.outer(0.012 * np.arange(5000), [1.0, 0.3, 0.1]))
+    whole = repeated_values(values, position)
     counter = RepeatCounter(3)
-    for block in np.split(values, np.sort(rng.choice(4999, 60, replace=False)) + 1):
-        counter.add(block)
-    for name in ("bound", "at_bound", "elsewhere"):
-        np.testing.assert_array_equal(getattr(counter.result(), name), getattr(whole, name))
+    edges = np.sort(rng.choice(4999, 60, replace=False)) + 1
+    for block, moved in zip(np.split(values, edges), np.split(position, edges), strict=True):
+        counter.add(block, moved)
+    for field in fields(whole):
+        np.testing.assert_array_equal(getattr(counter.result(), field.name), getattr(whole, field.name))
     assert whole.at_bound[1] >= 39
     assert whole.elsewhere[2] >= 29
+    assert (whole.turned_for[0] >= 800, whole.turned_at[0]) == (True, 0.7)
+    assert whole.turned_rad[0] == pytest.approx(2.0, abs=0.02)
 
 
 def garbage_rows(rng, rows):

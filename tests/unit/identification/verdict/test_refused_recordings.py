@@ -89,6 +89,13 @@ def clipped(table):
     return table
 
 
+def stuck(table):
+    """A wrist's current as at the beginning of the second half, while its joint moves."""
+    table = table.copy()
+    table[len(table) // 2 :, 11] = table[len(table) // 2, 11]
+    return table
+
+
 def same(table):
     return table
 
@@ -106,6 +113,8 @@ def same(table):
         (scaled(CURRENT, -1.0, 4), scaled(CURRENT, -1.0, 4), "joint 5"),
         (clipped, same, "joint 2 stays at its maximum"),
         (same, clipped, "joint 2 stays at its maximum"),
+        (stuck, same, r"/loaded.csv: joint 5 goes there and back by .* for 500 samples"),
+        (same, stuck, r"/unloaded.csv: joint 5 goes there and back by"),
         (lambda t: t[:15], same, "15 usable rows"),
         (lambda t: t[::-1], same, "1 usable rows"),
     ],
@@ -120,6 +129,8 @@ def same(table):
         "one flipped",
         "saturated",
         "saturated when empty",
+        "stuck",
+        "stuck when empty",
         "nearly empty",
         "time runs backwards",
     ],
@@ -129,12 +140,12 @@ def test_what_cannot_be_right_is_refused(tables, outcome, loaded, unloaded, said
         outcome(loaded(tables[0]), unloaded(tables[1]))
 
 
-def test_a_coarse_signal_that_often_repeats_its_values_is_not_saturated(pinocchio_arm):
+def test_a_coarse_signal_that_often_repeats_its_values_is_neither_saturated_nor_stuck(pinocchio_arm):
     """Steps of a fifth of the greatest current, without noise: its greatest value too stays for a while."""
     run = pinocchio_arm.run(pinocchio_arm.trajectory(), False, seed=3, periods=1, noise=0.0)
     step = np.abs(run.current_a).max(axis=0) / 5.0
     coarse = replace(run, current_a=step * np.round(run.current_a / step))
-    repeats = repeated_values(coarse.current_a)
+    repeats = repeated_values(coarse.current_a, coarse.position_rad)
     assert (repeats.at_bound >= 7).any()
     check_run(coarse, pinocchio_arm.transmission)
 
