@@ -195,12 +195,17 @@ def test_the_command_listens_and_records(robot, armload, tmp_path, monkeypatch, 
     monkeypatch.setattr(can, "Bus", lambda **kwargs: Played())
     bus = ("--interface", "socketcan", "--channel", "can0")
     path = tmp_path / "shift.mcap"
-    run = armload("watch", "er50", *bus, "--calibration", calibration_file, "--record", path, "--json")
+    page = path.with_suffix(".html")
+    words = ("--calibration", calibration_file, "--record", path, "--report", page, "--json")
+    run = armload("watch", "er50", *bus, *words)
     assert isinstance(run.exception, BusError)
     documents = [json.loads(line) for line in run.stdout.splitlines() if line.startswith("{")]
     assert documents[-1]["bus"]["cycles"] > 0.4 * syncs
     partial = path.with_name("shift.partial.mcap")
     assert read_recording(partial).size > 50, "what was heard is kept"
+    assert f"recorded up to the error: {partial}, " in run.stderr
+    assert f"written: {page}, up to the error" in run.stderr
+    assert page.stat().st_size > 5000
 
 
 @pytest.mark.parametrize(

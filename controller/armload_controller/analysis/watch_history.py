@@ -41,6 +41,11 @@ class WatchDiary:
         self._rows.append((moment.time_s, found.mass_kg, float(found.half_width_95[0]), known))
         self._last = moment
 
+    @property
+    def empty(self) -> bool:
+        """Whether nothing was estimated and nothing happened."""
+        return not self._rows and not self._events
+
     def history(self) -> WatchHistory:
         """Everything collected so far."""
         time_s, mass_kg, width_kg, known = np.array(self._rows, dtype=np.float64).reshape(-1, 4).T

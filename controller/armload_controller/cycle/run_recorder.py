@@ -115,6 +115,11 @@ class Recorder:
         except OSError as error:
             raise self._failed(error) from error
 
+    @property
+    def partial(self) -> Path:
+        """The file of a run that has not ended, or has ended with an error."""
+        return self._partial
+
     def __enter__(self) -> Self:
         return self
 

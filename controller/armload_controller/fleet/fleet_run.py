@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,6 +22,32 @@ _LONGEST_WAIT: Final = 64
 """Greatest number of looks between two attempts at a failing job: about an hour at one look per minute."""
 
 
+@dataclass(frozen=True)
+class FleetProblem:
+    """A recording that was refused or failed.
+
+    Attributes:
+        arm: Name of its arm.
+        loaded: The loaded recording.
+        outcome: Refused or failed.
+        error: The reason.
+    """
+
+    arm: str
+    loaded: str
+    outcome: RowOutcome
+    error: str
+
+    @classmethod
+    def of(cls, row: Row) -> FleetProblem:
+        """The problem of a row.
+
+        Args:
+            row: A row whose outcome is not "identified".
+        """
+        return cls(row["arm"], row["loaded"], RowOutcome(row["outcome"]), row["error"] or row["outcome"])
+
+
 @dataclass
 class FleetTally:
     """Counts of a run over the jobs.
@@ -30,14 +56,16 @@ class FleetTally:
         listed: Number of recordings that the table names.
         skipped: Number of them that were done before.
         outcomes: Number of the others by outcome.
+        problems: Those of them that were refused or failed.
         cpu_s: CPU time of the workers.
         wall_s: Time from the first job to the last row.
-        remarks: Remarks on lines of the table that match no file.
+        remarks: Remarks on lines of the table whose files are missing.
     """
 
     listed: int = 0
     skipped: int = 0
     outcomes: Counter[str] = field(default_factory=Counter)
+    problems: list[FleetProblem] = field(default_factory=list)
     cpu_s: float = 0.0
     wall_s: float = 0.0
     remarks: tuple[str, ...] = ()
@@ -68,6 +96,7 @@ class FleetTally:
             "listed": self.listed,
             "skipped": self.skipped,
             "outcomes": {outcome.value: self.outcomes[outcome.value] for outcome in RowOutcome},
+            "problems": [asdict(problem) for problem in self.problems],
             "cpu_s": self.cpu_s,
             "wall_s": self.wall_s,
             "remarks": list(self.remarks),
@@ -114,6 +143,8 @@ def do_jobs(
     for row in do(jobs):
         store.add(row)
         tally.outcomes[row["outcome"]] += 1
+        if row["outcome"] != RowOutcome.IDENTIFIED.value:
+            tally.problems.append(FleetProblem.of(row))
         tally.cpu_s += row["cpu_s"] or 0.0
         tally.wall_s = time.monotonic() - started_s
         progress(tally.done)
@@ -122,7 +153,7 @@ def do_jobs(
 
 def looks(
     table: Path, store: RowStore, do: DoJobs, sleep: Callable[[float], None], every_s: float
-) -> Iterator[FleetTally | ConfigurationError | ListingError]:
+) -> Iterator[FleetTally | JobListing | ConfigurationError | ListingError]:
     """Run new jobs, again and again.
 
     Args:
@@ -133,19 +164,26 @@ def looks(
         every_s: Time between two looks in s.
 
     Yields:
-        The counts of a run over the jobs whose files have not changed since the previous look, if there are any; or
-        the problem with the table, which may just be being edited, or with a server.
+        The counts of a run over the jobs whose files have not changed since the previous look, if there are any; the
+        listing if its remarks are new, and the same as at the previous look; or the problem with the table, which may
+        just be being edited, or with a server.
 
     Raises:
         FleetError: rows cannot be written, or the scheduler is lost.
     """
     settled, repeats = Settled(), Repeats()
+    seen: tuple[str, ...] = ()
+    reported: tuple[str, ...] = ()
     while True:
         try:
             listing, jobs = new_jobs(table, store)
         except (ConfigurationError, ListingError) as problem:
             yield problem
         else:
+            if listing.remarks == seen != reported:
+                reported = seen
+                yield listing
+            seen = listing.remarks
             if ready := repeats.of(settled.of(jobs)):
                 tally = do_jobs(listing, ready, store, lambda jobs: repeats.noting(do(jobs)))
                 store.flush()

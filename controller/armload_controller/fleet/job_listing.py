@@ -13,6 +13,7 @@ from armload_controller.control_errors import ConfigurationError
 from armload_controller.fleet.job import Job, job_key
 from armload_controller.fleet.job_table import RECORDINGS, TableEntry
 from armload_controller.fleet.remote_files import RemoteFile, is_url, matches, with_stars
+from armload_identification.report.numerals import counted
 
 _LOADED = RECORDINGS[0]
 
@@ -23,7 +24,7 @@ class JobListing:
 
     Attributes:
         jobs: Jobs in the table's order, each recording once.
-        remarks: One sentence for each line that matches no file.
+        remarks: One sentence for each line that matches no file, and for each of its columns whose files are missing.
     """
 
     jobs: tuple[Job, ...]
@@ -52,21 +53,33 @@ def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
             remarks.append(f"{table}, line {entry.line}: no file matches {entry.recordings[_LOADED]}")
         robot = entry.robot if entry.robot in shipped_robots() else _placed(entry.robot, table)
         calibration = _placed(entry.calibration, table) if entry.calibration else ""
+        missing: dict[str, list[str]] = {name: [] for name in entry.recordings if "*" in entry.recordings[name]}
         for loaded, stars in there:
             if lines.setdefault(loaded, entry.line) != entry.line:
                 raise ConfigurationError(
-                    str(table), f"line {entry.line}, loaded", loaded, f"line {lines[loaded]} already names it"
+                    str(table),
+                    f"line {entry.line}, loaded",
+                    loaded,
+                    f"line {lines[loaded]} already names it; remove one of the two, or restrict its *",
                 )
             files = {_LOADED: look(loaded)}
             for name in RECORDINGS[1:]:
                 if name in entry.recordings:
                     files[name] = look(_partner(entry, name, stars, table))
+                    if name in missing and files[name].is_missing:
+                        missing[name].append(files[name].url)
             recordings = {name: file.url for name, file in files.items()}
             stamps = {name: file.stamp for name, file in files.items()}
             known = (content(robot), look(calibration).stamp if calibration else "", entry.payload, entry.mass_kg)
             key = job_key(entry.arm, robot, recordings, stamps, calibration, *known)
             modified = files[_LOADED].modified
             jobs.append(Job(key, entry.arm, robot, recordings, calibration, entry.payload, entry.mass_kg, modified))
+        remarks += [
+            f"{table}, line {entry.line}, {name}: {len(urls)} of {counted(len(there), 'file')} missing, such as "
+            f"{urls[0]}; each * takes the text that the one in loaded matched"
+            for name, urls in missing.items()
+            if urls
+        ]
     return JobListing(tuple(jobs), tuple(remarks))
 
 

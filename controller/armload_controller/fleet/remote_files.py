@@ -52,6 +52,11 @@ class RemoteFile:
     stamp: str
     modified: datetime | None
 
+    @property
+    def is_missing(self) -> bool:
+        """Whether there is no such file, as opposed to a server that does not answer."""
+        return self.stamp == _MISSING
+
     @classmethod
     def of(cls, url: str) -> RemoteFile:
         """Get a file's metadata.

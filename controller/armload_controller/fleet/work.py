@@ -14,7 +14,7 @@ from traceback import extract_tb
 from armload_controller.analysis.robot_payload import identify
 from armload_controller.config.robot import Robot, load_robot, shipped_robots
 from armload_controller.config.robot_recordings import read_of
-from armload_controller.control_errors import ControlError
+from armload_controller.control_errors import ControlError, FleetError
 from armload_controller.fleet.job import Job
 from armload_controller.fleet.recording_row import Row, RowOutcome, empty_row, findings_fields, recorded_fields
 from armload_controller.fleet.remote_files import local_copy
@@ -82,15 +82,19 @@ def _changed(robot: str) -> int:
     """Time in ns of the last change of a robot's file; 0 for a shipped one.
 
     Raises:
-        FileNotFoundError: the file does not exist on this machine.
+        FleetError: this machine cannot read the file.
     """
     path = Path(robot)
     if not path.is_absolute():
         return 0
-    if not path.is_file():
+    try:
+        return path.stat().st_mtime_ns
+    except OSError as problem:
         shipped = ", ".join(shipped_robots())
-        raise FileNotFoundError(f"{robot} does not exist, and no shipped robot has that name: {shipped}")
-    return path.stat().st_mtime_ns
+        raise FleetError(
+            f"{robot}: cannot be read ({problem.strerror}), and no shipped robot has that name: {shipped}. "
+            "Correct the column robot, or make the file readable for the workers."
+        ) from problem
 
 
 @lru_cache(_ROBOTS)

@@ -68,6 +68,7 @@ def watch(
     from armload_controller.cli.output.watch_output import shown_moments
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
+    from armload_drivers.driver_errors import DriverError
 
     of_bus = {"--interface": interface, "--channel": channel, "--record": record, "--load": load, "--for": for_s}
     if recording is not None and any(value is not None for value in of_bus.values()):
@@ -100,7 +101,12 @@ def watch(
                 if as_json:
                     print_document(moment.to_dict(arm.name, version("armload")))
     except KeyboardInterrupt:
-        screen.step("no longer watched")
+        screen.step("stopped watching")
+    except DriverError:
+        if report is not None and diary is not None and not diary.empty:
+            diary.write(report)
+            screen.step(f"written: {report}, up to the error")
+        raise
     if report is not None and diary is not None:
         diary.write(report)
         screen.step(f"written: {report}")
@@ -148,18 +154,25 @@ def _on_bus(
     from armload_controller.motion.motion_control import MotionControl
     from armload_controller.session.bus_watch import BusWatch, heard_cycles, recorder_of
     from armload_controller.session.stop_signals import StopSignals
+    from armload_drivers.driver_errors import DriverError
 
     control = MotionControl()
     end_s = time.monotonic() + for_s
-    with ExitStack() as stack:
-        stack.enter_context(StopSignals(control))
-        cycles = stack.enter_context(heard_cycles(arm))
-        recorder = None if record is None else stack.enter_context(recorder_of(arm, record, load))
-        screen.step(
-            f"listening to {arm.name} on {arm.bus.interface}:{arm.bus.channel}; nothing is sent. Ctrl-C ends it"
-        )
-        watching = BusWatch(arm, payload, recorder, every_s)
-        yield from watching.moments(cycles, lambda: control.goal.stop is None and time.monotonic() < end_s)
+    recorder = None
+    try:
+        with ExitStack() as stack:
+            stack.enter_context(StopSignals(control))
+            cycles = stack.enter_context(heard_cycles(arm))
+            recorder = None if record is None else stack.enter_context(recorder_of(arm, record, load))
+            screen.step(
+                f"listening to {arm.name} on {arm.bus.interface}:{arm.bus.channel}; nothing is sent. Ctrl-C ends it"
+            )
+            watching = BusWatch(arm, payload, recorder, every_s)
+            yield from watching.moments(cycles, lambda: control.goal.stop is None and time.monotonic() < end_s)
+    except DriverError:
+        if recorder is not None and recorder.rows:
+            screen.step(f"recorded up to the error: {recorder.partial}, {recorder.rows} cycles, usable as it is")
+        raise
     if recorder is not None:
         screen.step(f"written: {record}, {recorder.rows} cycles" if recorder.rows else "nothing was recorded")
 

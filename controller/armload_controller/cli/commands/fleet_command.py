@@ -14,6 +14,7 @@ from armload_controller.cli.output.output_files import make_folder, require_draw
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally
+    from armload_controller.fleet.job_listing import JobListing
 
 fleet = typer.Typer(cls=CommandGroup, help="Identify and assess the recordings of many arms.", no_args_is_help=True)
 
@@ -62,8 +63,7 @@ def identify_command(
     make_folder(output)
     with claimed(output, _CLAIM), RowStore(output) as store:
         listing, jobs = new_jobs(table, store)
-        for remark in listing.remarks:
-            screen.step(f"warning: {remark}")
+        _warn(screen, listing)
         before = len(listing.jobs) - len(jobs)
         screen.step(f"{counted(len(listing.jobs), 'recording')}, {before or 'none'} processed before")
         if not jobs:
@@ -99,6 +99,7 @@ def watch_command(
 
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally, looks
+    from armload_controller.fleet.job_listing import JobListing
     from armload_controller.fleet.row_store import RowStore
     from armload_controller.fleet.workforce import Workforce
     from armload_controller.session.folder_claim import claimed
@@ -110,14 +111,19 @@ def watch_command(
     make_folder(output)
     try:
         with claimed(output, _CLAIM), RowStore(output) as store, Workforce(scheduler, workers) as force:
-            screen.step("watching; Ctrl-C ends it")
+            screen.step(
+                f"watching {table}, every {every_s:g} s; a recording is processed once it has not changed between two "
+                "checks. Ctrl-C ends it"
+            )
             for found in looks(table, store, force.rows, sleep, every_s):
                 if isinstance(found, FleetTally):
                     _show(screen, found, output, as_json=as_json)
+                elif isinstance(found, JobListing):
+                    _warn(screen, found)
                 else:
                     screen.step(f"warning: {found}; nothing is processed until this is corrected")
     except KeyboardInterrupt:
-        screen.step("no longer watched")
+        screen.step("stopped watching; finished rows are kept")
 
 
 @fleet.command("report")
@@ -162,10 +168,18 @@ def _require_one(scheduler: str | None, workers: int | None) -> None:
         )
 
 
+def _warn(screen: Screen, listing: JobListing) -> None:
+    """Show the remarks on the table."""
+    for remark in listing.remarks:
+        screen.step(f"warning: {remark}")
+
+
 def _show(screen: Screen, tally: FleetTally, output: Path, *, as_json: bool) -> None:
     """Show the counts of a run over the jobs."""
-    from armload_controller.cli.output.fleet_output import fleet_document, tally_text
+    from armload_controller.cli.output.fleet_output import fleet_document, problem_lines, tally_text
 
     screen.result(tally_text(tally))
+    for line in problem_lines(tally, output):
+        screen.result(line)
     if as_json:
         print_document(fleet_document(tally, output))

@@ -12,6 +12,7 @@ from armload_identification.many_arms.fleet_review import FleetReview
 from armload_identification.report.numerals import counted
 
 _MOST_LINES = 10
+_MOST_REASONS = 5
 
 
 def tally_text(tally: FleetTally) -> str:
@@ -27,6 +28,25 @@ def tally_text(tally: FleetTally) -> str:
         f"{counted(tally.done, 'recording')} in {tally.wall_s:.1f} s, {tally.per_second:.2f}/s, "
         f"{tally.cpu_s / tally.done:.2f} s of CPU each: {counts}; {tally.skipped} processed before"
     )
+
+
+def problem_lines(tally: FleetTally, output: Path) -> list[str]:
+    """Why recordings were refused or failed, the first ones, and where the others are listed.
+
+    Args:
+        tally: The counts of the run.
+        output: Folder of the rows.
+    """
+    lines = [
+        f"  {problem.outcome}: {problem.arm}: "
+        + (problem.error if problem.loaded in problem.error else f"{problem.loaded}: {problem.error}")
+        for problem in tally.problems[:_MOST_REASONS]
+    ]
+    if more := len(tally.problems) - len(lines):
+        lines.append(f"  and {more} more: `armload fleet report {output}` lists them")
+    if any(problem.outcome is RowOutcome.FAILED for problem in tally.problems):
+        lines.append("  what failed is tried again by the next run; what was refused, once its files change")
+    return lines
 
 
 def fleet_document(tally: FleetTally, output: Path) -> dict[str, Any]:

@@ -84,6 +84,8 @@ def moment_text(moment: WatchedMoment) -> str:
     """Time, mass with its interval, and centre of mass; or why there is no estimate."""
     found, bus = moment.payload, moment.bus
     at = f"{moment.time_s:10.1f} s  "
+    if bus is not None and not bus.cycles:
+        return f"{at}nothing received from the arm yet"
     if bus is not None and bus.silent_s > _SILENT_S:
         return f"{at}the bus has been silent for {bus.silent_s:.0f} s"
     lost = "" if bus is None or not any(bus.missing) else f"  {sum(bus.missing)} feedback frames missing"
@@ -92,7 +94,7 @@ def moment_text(moment: WatchedMoment) -> str:
     if found is None:
         return f"{at}{0 if bus is None else bus.cycles} cycles{lost}"
     if found.moving_s.max() < SHOWN_S:
-        return f"{at}no estimate yet: no joint has moved for more than {found.moving_s.max():.1f} s{lost}"
+        return f"{at}no estimate yet: {found.moving_s.max():.1f} s of motion of {SHOWN_S:g} s needed{lost}"
     mass = f"{found.mass_kg:7.3f} +- {found.half_width_95[0]:.3f} kg"
     if not found.determined[1:].any():
         return at + mass + lost

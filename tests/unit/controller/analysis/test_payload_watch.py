@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from armload_controller.analysis.payload_watch import IDLE_LOOKS, PayloadWatch, follow
+from armload_controller.analysis.payload_watch import IDLE_LOOKS, HeardBus, PayloadWatch, WatchedMoment, follow
 from armload_controller.cli.output.watch_output import moment_text, shown_moments
 from armload_controller.cli.screen import Screen
 from armload_identification.files.calibration_file import write_calibration
@@ -136,3 +136,5 @@ def test_on_a_terminal_there_is_one_table_and_events_above_it(robot, calibration
     assert [line for line in lines.file.getvalue().splitlines() if line == moment_text(moments[-1])]
     centred = replace(moments[-1].payload, values=np.array([1.0, -1e-5, 1e-5, 0.1]), determined=np.ones(4, dtype=bool))
     assert "centre 0 +- " in moment_text(replace(moments[-1], payload=centred))
+    bus = HeardBus(0, (0,) * 6, enabled=False, silent_s=1.0)
+    assert "nothing received from the arm yet" in moment_text(WatchedMoment(0.0, None, bus=bus))

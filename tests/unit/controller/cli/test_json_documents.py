@@ -27,7 +27,8 @@ from armload_controller.cli.output.result_documents import (
 from armload_controller.config.robot import load_robot
 from armload_controller.feedforward.adaptation import Decision, DecisionKind
 from armload_controller.feedforward.offset_check import OffsetVerdict
-from armload_controller.fleet.fleet_run import FleetTally
+from armload_controller.fleet.fleet_run import FleetProblem, FleetTally
+from armload_controller.fleet.recording_row import RowOutcome
 from armload_controller.session.feedforward_comparison import Comparison, Measure
 from armload_drivers.bring_up import inspection
 from armload_drivers.bring_up.inspection import FoundNode
@@ -182,7 +183,15 @@ def made():
         nodes_document("socketcan", "can0", [node]),
         half_document(Path("runs/today")),
         fleet_report_document(fleet_review(), Path("report.html")),
-        fleet_document(FleetTally(1, 1, remarks=("line 2: no file",)), Path("fleet")),
+        fleet_document(
+            FleetTally(
+                2,
+                1,
+                problems=[FleetProblem("cell-17", "a.mcap", RowOutcome.REFUSED, "a.mcap: truncated")],
+                remarks=("line 2: no file",),
+            ),
+            Path("fleet"),
+        ),
         init_document(
             SimpleNamespace(name="arm", joint_names=joints, other_joints=("finger",)),
             SimpleNamespace(holes=["joints[1].torque_max_nm"], unchecked=["gravity"]),

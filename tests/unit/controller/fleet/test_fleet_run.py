@@ -13,6 +13,7 @@ from armload_controller.control_errors import ConfigurationError, FleetError, Li
 from armload_controller.fleet.fleet_rows import runs_of
 from armload_controller.fleet.fleet_run import FleetTally, looks
 from armload_controller.fleet.job import Job
+from armload_controller.fleet.job_listing import JobListing
 from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row, value_columns
 from armload_controller.fleet.row_store import RowStore
 from armload_identification.many_arms.arm_runs import Kind, Quantity
@@ -39,6 +40,9 @@ def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_wait
         lambda: table.write_text("arm\n"),
         lambda: table.write_text("arm,robot,loaded\none,er50," + closed_store + "/*.mcap\n"),
         lambda: table.write_text(text),
+        lambda: table.write_text(text + "two,er50,two/*.mcap\n"),
+        lambda: None,  # remarked on here
+        lambda: None,  # and no more
     ]
     done, found = [], []
 
@@ -62,8 +66,9 @@ def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_wait
         look()
     assert done == [b"begun"]
     assert [type(result) for result in found] == [ConfigurationError] * 2 + [
-        *(FleetTally, ConfigurationError, ListingError)
+        *(FleetTally, ConfigurationError, ListingError, JobListing)
     ]
+    assert "line 3: no file matches two/*.mcap" in found[-1].remarks[0]
     assert (found[2].listed, found[2].done) == (1, 1)
 
 

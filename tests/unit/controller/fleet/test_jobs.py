@@ -55,8 +55,9 @@ def test_hidden_files_do_not_match_and_a_star_at_the_end_does(cells):
 
 def test_lines_without_a_file_are_named_and_a_missing_partner_is_the_jobs_trouble(cells):
     found = jobs_of(cells, "one,er50,cell-9/*/loaded.mcap", "two,er50,cell-2/*/loaded.mcap,cell-2/*/unloaded.mcap")
-    (remark,) = found.remarks
+    remark, other = found.remarks
     assert "line 2: no file matches cell-9/*/loaded.mcap" in remark
+    assert f"line 3, unloaded: 1 of 2 files missing, such as {cells}/cell-2/tu/unloaded.mcap; each * takes" in other
     assert len(found.jobs) == 2
 
 

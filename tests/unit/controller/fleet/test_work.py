@@ -10,6 +10,7 @@ import fsspec.asyn
 import pytest
 
 import armload
+from armload_controller.cli.output.fleet_output import problem_lines
 from armload_controller.fleet.fleet_run import do_jobs, new_jobs
 from armload_controller.fleet.recording_row import RowOutcome, value_columns
 from armload_controller.fleet.row_store import RowStore, read_rows
@@ -64,6 +65,11 @@ def done(recorded_er50, server, tmp_path_factory):
         tally = do_jobs(listing, jobs, store, functools.partial(map, run_job), counts.append)
     assert (tally.listed, tally.skipped, tally.done, counts) == (8, 0, 8, list(range(1, 9)))
     assert tally.to_dict()["outcomes"] == {"identified": 2, "refused": 3, "failed": 3}
+    lines = problem_lines(tally, rows)
+    assert lines[0].startswith(f"  refused: damaged: {desk}/damaged.mcap: ")
+    assert lines[1].startswith(f"  refused: alone: {today}/loaded_identification.mcap: ")
+    assert lines[5] == f"  and 1 more: `armload fleet report {rows}` lists them"
+    assert "what failed is tried again" in lines[6]
     return table, rows, {row["arm"]: row for row in read_rows(rows, ())}
 
 
@@ -104,7 +110,7 @@ def test_a_validation_is_used(done):
         ("misconfigured", RowOutcome.REFUSED, "wrong.toml: "),
         ("gone", RowOutcome.FAILED, "FileNotFoundError: http://127.0.0.1"),
         ("lost", RowOutcome.FAILED, "lost.mcap: cannot be read"),
-        ("homeless", RowOutcome.FAILED, "/er51 does not exist, and no shipped robot has that name: er50, prbt"),
+        ("homeless", RowOutcome.FAILED, "/er51: cannot be read (No such file or directory), and no shipped"),
     ],
 )
 def test_what_goes_wrong_is_a_row(done, arm, outcome, problem):
