@@ -69,10 +69,10 @@ class RowStore:
         Raises:
             FleetError: the disk is full, or another error of the file.
         """
+        path = self._journal or self._folder / _JOURNAL.replace("*", secrets.token_hex(8))
         try:
-            if self._journal is None:
-                self._journal = self._folder / _JOURNAL.replace("*", secrets.token_hex(8))
-            with self._journal.open("a", encoding="utf-8") as journal:
+            with path.open("a", encoding="utf-8") as journal:
+                self._journal = path  # not before: a file that cannot be created cannot be converted either
                 journal.write(json.dumps(row, default=datetime.isoformat, allow_nan=False) + "\n")
                 journal.flush()
                 os.fsync(journal.fileno())
@@ -146,13 +146,27 @@ def latest_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
 
 
 def _journal_rows(journal: Path) -> Iterator[Row]:
-    """The complete rows of a journal."""
-    with journal.open(encoding="utf-8") as lines:
-        for line in lines:
-            if not line.endswith("\n"):
-                return
-            row: Row = json.loads(line)
-            yield row | {name: datetime.fromisoformat(row[name]) for name in _TIMES}
+    """The complete rows of a journal.
+
+    Raises:
+        FleetError: the file cannot be read, or contains something else; names the line.
+    """
+    number = 1
+    try:
+        with journal.open(encoding="utf-8") as lines:
+            for line in lines:
+                if not line.endswith("\n"):
+                    return
+                row: Row = json.loads(line)
+                yield row | {name: datetime.fromisoformat(row[name]) for name in _TIMES}
+                number += 1
+    except OSError as problem:
+        raise FleetError(f"{journal}: cannot be read ({problem.strerror})") from problem
+    except (ValueError, TypeError, KeyError) as problem:
+        raise FleetError(
+            f"{journal}, line {number}: not a row of `armload fleet` ({problem}); remove the line, or move the "
+            "file away: its recordings are then processed again"
+        ) from problem
 
 
 def _parquet_bytes(rows: Iterable[Row]) -> bytes:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, VERMILION
 from armload_identification.report.figures.svg import inline_svg
+from armload_identification.report.numerals import numeral
 from armload_identification.report.page import rendered, write_page
 
 _TEMPLATE: Final = "watch.html.j2"
@@ -99,9 +100,9 @@ def write_watch_report(path: Path, history: WatchHistory) -> None:
         ReportError: the file cannot be written.
     """
     title = "Mass that the arm carried over time, with its 95 % interval, and events."
-    drawing = Markup(watch_svg(history, "mass", title))
+    drawing = Markup(watch_svg(history, "mass", title) if _drawn(history).any() else "")
     far = [joint for joint in history.joints if abs(joint.friction_nm) > 3.0 * joint.usual_nm]
-    write_page(path, rendered(_TEMPLATE, history=history, drawing=drawing, far=far))
+    write_page(path, rendered(_TEMPLATE, history=history, drawing=drawing, far=far, numeral=numeral))
 
 
 def watch_svg(history: WatchHistory, name: str, title: str) -> str:
@@ -117,8 +118,7 @@ def watch_svg(history: WatchHistory, name: str, title: str) -> str:
     """
     step = max(1, len(history.time_s) // _MOST_MOMENTS)
     time_s, mass, width = (x[::step] for x in (history.time_s, history.mass_kg, history.half_width_95_kg))
-    known = history.known[::step] & (width < _WIDEST * max(_range(mass[history.known[::step]]), 1.0))
-    shown = np.where(known, mass, np.nan)
+    shown = np.where(_drawn(history)[::step], mass, np.nan)
     with matplotlib.style.context(["default", FIGURE_STYLE]):
         figure = Figure(figsize=(_WIDE_IN, _HIGH_IN), layout="constrained")
         axes = figure.add_subplot()
@@ -137,6 +137,12 @@ def watch_svg(history: WatchHistory, name: str, title: str) -> str:
         if time_s.size:
             axes.set_xlim(float(time_s[0]), max(float(time_s[-1]), float(time_s[0]) + 1.0))
         return inline_svg(figure, name, title)
+
+
+def _drawn(history: WatchHistory) -> NDArray[np.bool_]:
+    """(N,) Moments with a known mass whose interval is narrow enough for the figure."""
+    widest_kg = _WIDEST * max(_range(history.mass_kg[history.known]), 1.0)
+    return np.asarray(history.known & (history.half_width_95_kg < widest_kg))
 
 
 def _range(values: FloatArray) -> float:

@@ -70,7 +70,8 @@ def read_csv(path: Path, error: FileErrorClass, largest_bytes: int = LARGEST_BYT
     except OSError as problem:
         raise error(str(path), "", None, f"cannot be read: {problem.strerror}") from problem
     except UnicodeDecodeError as problem:
-        raise error(str(path), "", None, f"cannot be read: not UTF-8, {problem.reason}") from problem
+        expected = f"cannot be read: not UTF-8, {problem.reason}; save the table as UTF-8"
+        raise error(str(path), "", None, expected) from problem
 
 
 def parse_csv(

@@ -9,7 +9,7 @@ import typer
 
 from armload_controller.cli.command_group import CommandGroup
 from armload_controller.cli.output.json_output import JsonOption, print_document
-from armload_controller.cli.output.output_files import make_folder, require_drawable
+from armload_controller.cli.output.output_files import make_folder, require_drawable, require_writable
 
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
@@ -61,6 +61,7 @@ def identify_command(
     _require_one(scheduler, workers)
     screen = Screen(as_json=as_json)
     make_folder(output)
+    require_writable(output)
     with claimed(output, _CLAIM), RowStore(output) as store:
         listing, jobs = new_jobs(table, store)
         _warn(screen, listing)
@@ -109,6 +110,7 @@ def watch_command(
     _require_one(scheduler, workers)
     screen = Screen(as_json=as_json)
     make_folder(output)
+    require_writable(output)
     try:
         with claimed(output, _CLAIM), RowStore(output) as store, Workforce(scheduler, workers) as force:
             screen.step(

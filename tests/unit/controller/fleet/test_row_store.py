@@ -87,5 +87,12 @@ def test_a_strange_file_among_the_rows_is_named(tmp_path):
 
 
 def test_a_row_that_cannot_be_written_is_said(tmp_path):
-    with pytest.raises(FleetError, match="a row cannot be written"):
-        RowStore(tmp_path / "none").add(row(0))
+    with pytest.raises(FleetError, match="a row cannot be written"), RowStore(tmp_path / "none") as store:
+        store.add(row(0))
+
+
+@pytest.mark.parametrize("text", ["{\n", "\0\0\n", "[]\n", '{"arm": "one"}\n'])
+def test_a_journal_that_holds_something_else_is_named_with_its_line(tmp_path, text):
+    (tmp_path / "journal-a.jsonl").write_text(text)
+    with pytest.raises(FleetError, match=r"journal-a\.jsonl, line 1: not a row .* move the file away"):
+        RowStore(tmp_path)
