@@ -261,7 +261,7 @@ class _RunFit:
             name=name,
             recorded=recorded,
             length_s=float(len(self._signals.usable) * self._signals.interval_s),
-            carried=f"{self.mass_kg:.2f} kg, as found" if self.carried is None else self.carried,
+            carried=f"{self.mass_kg:z.2f} kg, as found" if self.carried is None else self.carried,
             gain_change=change + missing,
             gain_noise=noise(gain),
             gain_doubt=doubt(gain),

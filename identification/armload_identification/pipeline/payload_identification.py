@@ -109,7 +109,7 @@ def _require_symmetric(found: Identification) -> None:
     if (np.abs(center) > _CONTRADICTS * half_width).any():
         raise EstimationError(
             "the payload was declared symmetric about the flange axis, but from the data its centre of mass lies "
-            f"{1e3 * center[0]:+.1f} and {1e3 * center[1]:+.1f} mm off that axis (95 %: "
+            f"{1e3 * center[0]:+z.1f} and {1e3 * center[1]:+z.1f} mm off that axis (95 %: "
             f"+-{1e3 * half_width[0]:.1f} and {1e3 * half_width[1]:.1f} mm). Omit the symmetry, or check the flange "
             "frame."
         )

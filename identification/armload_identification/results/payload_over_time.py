@@ -42,8 +42,8 @@ class PayloadOverTime:
                 continue
             known = window.found.uncertainty
             center = window.found.parameters.center_of_mass_m
-            listed = [f"{1e3 * c:.0f}" if sure else "?" for c, sure in zip(center, known.determined[1:4], strict=True)]
-            mass = f"{window.found.parameters.mass_kg:.3f} +- {known.half_width_95[0]:.3f}"
+            listed = [f"{1e3 * c:z.0f}" if sure else "?" for c, sure in zip(center, known.determined[1:4], strict=True)]
+            mass = f"{window.found.parameters.mass_kg:z.3f} +- {known.half_width_95[0]:.3f}"
             rows.append((when, mass, ", ".join(listed), ""))
         return rows
 

@@ -21,7 +21,7 @@ def comparison_table(result: Comparison) -> Table:
     rows = zip(PAPERS_NAMES, PAPERS_UNITS, result.truth, result.estimate, result.error, result.determined, strict=True)
     for name, unit, truth, estimate, error, determined in rows:
         if determined:
-            table.add_row(name, f"{truth:.4f}", f"{estimate:.4f}", f"{100.0 * error:.2f} %", unit)
+            table.add_row(name, f"{truth:.4f}", f"{estimate:z.4f}", f"{100.0 * error:z.2f} %", unit)
         else:
             table.add_row(name, f"{truth:.4f}", NOT_DETERMINED, "", unit)
     return table

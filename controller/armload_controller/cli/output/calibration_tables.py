@@ -33,9 +33,9 @@ def gains_table(result: ArmCalibration, joint_names: Sequence[str]) -> Table:
             f"{result.nominal[j]:.4g}",
             gain,
             f"{100.0 * result.gain_half_width_95[j] / result.gain_nm_a[j]:.2f} %",
-            f"{100.0 * (result.gain_nm_a[j] / result.nominal[j] - 1.0):+.2f} %",
-            f"{result.body.load_friction[j]:.3f}",
-            f"{load[j]:.3f}",
+            f"{100.0 * (result.gain_nm_a[j] / result.nominal[j] - 1.0):+z.2f} %",
+            f"{result.body.load_friction[j]:z.3f}",
+            f"{load[j]:z.3f}",
             f"{100.0 * left[j]:.1f} %",
         )
     if not result.determined.all():
@@ -63,7 +63,7 @@ def runs_table(result: ArmCalibration) -> Table:
                 if np.isfinite(payload.weighed_kg)
                 else f" +- {NORMAL_HALF_WIDTH * payload.deviation[0]:.3f}"
             )
-            carried = f"{run.mounting}: {payload.theta[0]:.3f} kg{weighed}"
+            carried = f"{run.mounting}: {payload.theta[0]:z.3f} kg{weighed}"
         table.add_row(
             run.name,
             carried,

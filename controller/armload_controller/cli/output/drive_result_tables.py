@@ -82,8 +82,8 @@ def status_table(status: ArmStatus) -> Table:
         if drive.state is None:
             table.add_row(drive.joint, str(drive.node_id), "?", "", "", *[""] * warm, drive.trouble)
             continue
-        position = "-" if drive.position_rad is None else f"{drive.position_rad:+.5f}"
-        effort = "-" if drive.effort is None else f"{drive.effort:+.3f} {drive.effort_unit}"
+        position = "-" if drive.position_rad is None else f"{drive.position_rad:+z.5f}"
+        effort = "-" if drive.effort is None else f"{drive.effort:+z.3f} {drive.effort_unit}"
         error = "-" if drive.error_code is None else describe(drive.error_code)
         celsius = "-" if drive.temperature_celsius is None else f"{drive.temperature_celsius:.0f}"
         table.add_row(drive.joint, str(drive.node_id), drive.state.title, position, effort, *[celsius] * warm, error)

@@ -42,7 +42,7 @@ def joint_table(facts: RecordingSurvey) -> Table:
     for joint in range(facts.recording.n):
         name = facts.recording.joint_names[joint] if facts.recording.joint_names else str(joint + 1)
         low, high = facts.position_rad[joint]
-        cells = [name, f"{low:.3f} to {high:.3f}", f"{facts.speed_rad_s[joint]:.3f}"]
+        cells = [name, f"{low:z.3f} to {high:z.3f}", f"{facts.speed_rad_s[joint]:.3f}"]
         if facts.effort is not None:
             cells.append(f"{facts.effort[joint, 0]:.3g} to {facts.effort[joint, 1]:.3g}")
         table.add_row(*cells)

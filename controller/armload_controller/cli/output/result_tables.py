@@ -30,7 +30,7 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
         row = [text.name, text.estimate, text.interval, text.unit]
         if true_values is not None:
             error = _error(i, payload.values[i], true_values[i]) if payload.determined[i] else ""
-            row += [f"{true_values[i]:.4f}", error]
+            row += [f"{true_values[i]:z.4f}", error]
         table.add_row(*row)
     return table
 

@@ -95,7 +95,7 @@ def moment_text(moment: WatchedMoment) -> str:
         return f"{at}{0 if bus is None else bus.cycles} cycles{lost}"
     if found.moving_s.max() < SHOWN_S:
         return f"{at}no estimate yet: {found.moving_s.max():.1f} s of motion of {SHOWN_S:g} s needed{lost}"
-    mass = f"{found.mass_kg:7.3f} +- {found.half_width_95[0]:.3f} kg"
+    mass = f"{found.mass_kg:z7.3f} +- {found.half_width_95[0]:.3f} kg"
     if not found.determined[1:].any():
         return at + mass + lost
     center = zip(1e3 * found.values[1:], 1e3 * np.asarray(found.half_width_95[1:]), found.determined[1:], strict=True)

@@ -136,5 +136,7 @@ def test_on_a_terminal_there_is_one_table_and_events_above_it(robot, calibration
     assert [line for line in lines.file.getvalue().splitlines() if line == moment_text(moments[-1])]
     centred = replace(moments[-1].payload, values=np.array([1.0, -1e-5, 1e-5, 0.1]), determined=np.ones(4, dtype=bool))
     assert "centre 0 +- " in moment_text(replace(moments[-1], payload=centred))
+    nothing = replace(centred, values=np.array([-1e-4, 0.0, 0.0, 0.0]))
+    assert "s    0.000 +- " in moment_text(replace(moments[-1], payload=nothing)), "zero has no minus sign"
     bus = HeardBus(0, (0,) * 6, enabled=False, silent_s=1.0)
     assert "nothing received from the arm yet" in moment_text(WatchedMoment(0.0, None, bus=bus))
