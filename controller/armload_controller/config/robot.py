@@ -164,11 +164,16 @@ class Robot:
 
     @cached_property
     def _magnitudes(self) -> ArmMagnitudes:
-        """Ranges and torques that the joints can physically have."""
+        """Ranges, speeds and torques that the joints can physically have."""
         limits = self.limits.motion
         body = None if self.source.tables.body is None else self.strength.arm_body
         return ArmMagnitudes(
-            self.joint_names, limits.position_min_rad, limits.position_max_rad, self.limits.torque_max_nm, body
+            self.joint_names,
+            limits.position_min_rad,
+            limits.position_max_rad,
+            limits.velocity_max_rad_s,
+            self.limits.torque_max_nm,
+            body,
         )
 
     @cached_property

@@ -127,13 +127,17 @@ class UrdfArm:
 
     @property
     def _magnitudes(self) -> ArmMagnitudes:
-        """Ranges and torques of the joints; NaN where the file gives 0, which some files use for unspecified limits."""
+        """Ranges, speeds and torques of the joints; NaN for a limit of 0, which some files use for unspecified ones."""
         body, none = None, np.zeros(self.n)
         links = [link.theta for link in self.links if link is not None]
         if len(links) == self.n:
             body = ArmBody(np.array(links), none, none, none, np.eye(self.n))
-        torque_max_nm = np.where(self.torque_max_nm > 0.0, self.torque_max_nm, np.nan)
-        return ArmMagnitudes(self.joint_names, self.position_min_rad, self.position_max_rad, torque_max_nm, body)
+        velocity_max, torque_max = (
+            np.where(limit > 0.0, limit, np.nan) for limit in (self.velocity_max_rad_s, self.torque_max_nm)
+        )
+        return ArmMagnitudes(
+            self.joint_names, self.position_min_rad, self.position_max_rad, velocity_max, torque_max, body
+        )
 
 
 def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: str | None = None) -> UrdfArm:

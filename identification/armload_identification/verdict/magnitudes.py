@@ -24,6 +24,12 @@ _TOO_STRONG: Final = 20.0
 _WIDE: Final = 3.0
 """Multiple of a joint's range that no motion reaches: the angles are in another unit."""
 _OUTSIDE_RAD: Final = 0.2
+_TOO_FAST: Final = 3.0
+"""Multiple of a joint's greatest speed that it does not reach while all other joints keep to theirs; at most 0.88 on
+er50, prbt and the UR10e. Degrees cause a factor of 57."""
+_WITHIN: Final = 1.2
+_SPEED_OVER_S: Final = 0.1
+"""Encoder noise does not count as speed over this time."""
 _HEAVY: Final = 0.02
 """Share of the greatest torque from which the links' weight is visible in a joint's torque."""
 _FOLLOWS: Final = 0.6
@@ -45,6 +51,7 @@ class ArmMagnitudes:
         joint_names: Names of the joints, from the base to the flange.
         position_min_rad: (n,) least position; NaN or -inf if unknown.
         position_max_rad: (n,) greatest position; NaN or inf if unknown.
+        velocity_max_rad_s: (n,) greatest speed; NaN if unknown.
         torque_max_nm: (n,) greatest torque; NaN if unknown.
         body: Its links; None if unknown.
     """
@@ -52,6 +59,7 @@ class ArmMagnitudes:
     joint_names: tuple[str, ...]
     position_min_rad: FloatArray
     position_max_rad: FloatArray
+    velocity_max_rad_s: FloatArray
     torque_max_nm: FloatArray
     body: ArmBody | None
 
@@ -71,6 +79,7 @@ def require_possible(run: Recording, chain: Chain, torque_nm: FloatArray | None,
     every = slice(None, None, max(1, run.size // _ROWS))
     position = run.position_rad[every]
     _refuse_positions(run, position, arm)
+    _refuse_speeds(run, arm)
     if torque_nm is None:
         return
     torque = torque_nm[every]
@@ -102,6 +111,28 @@ def _refuse_positions(run: Recording, position: FloatArray, arm: ArmMagnitudes) 
             f"{run.source.path}: {arm.joint_names[joint]} goes from {low[joint]:.3g} to {high[joint]:.3g}, its range "
             f"is {arm.position_min_rad[joint]:.3g} to {arm.position_max_rad[joint]:.3g} rad. {question}"
         )
+
+
+def _refuse_speeds(run: Recording, arm: ArmMagnitudes) -> None:
+    """Raise for joints in degrees whose angles are so small that they could be radians."""
+    interval_s = float(np.median(np.diff(run.time_s)))
+    window = max(round(_SPEED_OVER_S / interval_s), 1)
+    if run.size <= window:
+        return
+    moved = np.abs(run.position_rad[window:] - run.position_rad[:-window])
+    speed = np.percentile(moved / (run.time_s[window:] - run.time_s[:-window])[:, None], 99.0, axis=0)
+    times = speed / arm.velocity_max_rad_s
+    fast = times > _TOO_FAST
+    # Where the others exceed them too, the limits are those of a slow test, not of the arm.
+    if not fast.any() or not (times[~fast] <= _WITHIN).any() or (times[~fast] > _WITHIN).any():
+        return
+    joint = int(np.flatnonzero(fast)[0])
+    raise RecordingError(
+        f"{run.source.path}: {arm.joint_names[joint]} reaches {speed[joint]:.3g} rad/s, {times[joint]:.2g} times its "
+        f"greatest speed, {arm.velocity_max_rad_s[joint]:.3g} rad/s, and the other joints keep to theirs. Its "
+        "positions look like degrees: convert them, or add the unit to the column names of a table "
+        f"(q{joint + 1}_deg); if they are radians, correct its speed limit."
+    )
 
 
 def _refuse_strength(run: Recording, torque: FloatArray, arm: ArmMagnitudes) -> None:

@@ -39,6 +39,9 @@ _GAP: Final = 5.0
 """Multiple of the usual interval from which the velocity between two samples is unknown."""
 _DERIVATIVE: Final = 0.5
 """Least correlation of a change of position with the integral of its velocity; 0.9999 on the UR10e."""
+_FOLLOWS: Final = 0.9
+_ABOUT: Final = 0.2
+"""Logarithm of the ratio of position to velocity within which it is that of a degree to a radian."""
 _FAR: Final = 0.1
 """Share of its range of motion that no joint goes there and back with the same torque: at most 1e-4 on er50, prbt and
 the UR10e with torques in steps of 1 % of the greatest possible one, and 0.025 in steps of a fifth of the run's."""
@@ -133,7 +136,7 @@ def _refuse_long_means(run: Recording) -> None:
 
 
 def _refuse_velocity(run: Recording) -> None:
-    """Raise for a velocity that is not the derivative of the position.
+    """Raise for a velocity that is not the derivative of the position, or is so in degrees.
 
     It is integrated over parts of the run and compared with the change of position, which noise hardly affects.
     """
@@ -155,6 +158,17 @@ def _refuse_velocity(run: Recording) -> None:
             "of its position. Columns of position and velocity are exchanged, in another joint order, or of "
             "another sign: correct the column map."
         )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        times = np.sum(change**2, axis=0) / np.sum(change * expected, axis=0)
+    follows = moves & (np.sum(change * expected, axis=0) > _FOLLOWS * size)
+    for what, factor in (("positions", 180.0 / np.pi), ("velocities", np.pi / 180.0)):
+        degrees = follows & (np.abs(np.log(np.where(follows, times, 1.0) / factor)) < _ABOUT)
+        if degrees.any():
+            joint = int(np.flatnonzero(degrees)[0])
+            raise RecordingError(
+                f"{run.source.path}: joint {joint + 1} moves {times[joint]:.3g} times as fast as its velocity "
+                f"indicates. Its {what} look like degrees: convert them to radians."
+            )
 
 
 def _refuse_stuck(run: Recording, repeats: RepeatedValues, moves: NDArray[np.bool_]) -> None:

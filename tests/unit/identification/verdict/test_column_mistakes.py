@@ -159,6 +159,17 @@ def test_a_velocity_that_is_not_the_derivative_of_the_position_is_refused(pair, 
         check_run(replace(run, velocity_rad_s=velocity[:, [1, 0, 2, 3, 4, 5]]), pinocchio_arm.transmission)
 
 
+@pytest.mark.parametrize(("what", "times"), [("positions", "57.3"), ("velocities", "0.0175")])
+def test_a_single_joint_in_degrees_is_named(pair, pinocchio_arm, what, times):
+    run = pair[0]
+    velocity = pinocchio_arm.trajectory().evaluate(run.phase_s).velocity_rad_s
+    degrees = np.where(np.arange(6) == 4, 180.0 / np.pi, 1.0)
+    run = replace(run, velocity_rad_s=velocity * (degrees if what == "velocities" else 1.0))
+    run = replace(run, position_rad=run.position_rad * (degrees if what == "positions" else 1.0))
+    with pytest.raises(RecordingError, match=rf"joint 5 moves {times} times as fast .* Its {what} look like degrees"):
+        check_run(run, pinocchio_arm.transmission)
+
+
 def test_an_exchange_that_does_not_explain_the_run_is_not_named(signal, pinocchio_arm):
     """Joints 2 and 3 exchanged, and noise instead of joint 5's torque, for which no exchange can account."""
     run, coupling = signal.loaded, pinocchio_arm.transmission.coupling

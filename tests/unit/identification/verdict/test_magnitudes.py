@@ -38,9 +38,10 @@ def body_of(links):
 
 @pytest.fixture(scope="module")
 def arm(chain_and_links, moved):
-    """Ranges, strength and links."""
+    """Ranges, speeds, strength and links."""
     strength = 2.0 * np.abs(moved[2]).max(axis=0) + 1.0
-    return ArmMagnitudes(NAMES, np.full(6, -2.0), np.full(6, 2.0), strength, body_of(chain_and_links[1]))
+    least, greatest, fastest = np.full(6, -2.0), np.full(6, 2.0), np.full(6, 2.0)
+    return ArmMagnitudes(NAMES, least, greatest, fastest, strength, body_of(chain_and_links[1]))
 
 
 @pytest.fixture
@@ -84,6 +85,19 @@ def test_a_torque_that_does_not_follow_the_links_is_not_judged_by_them(chain_and
     run = Recording.from_arrays(time_s, position, torque_nm=noise)
     require_possible(run, chain_and_links[0], run.torque_nm, arm)
     require_possible(run, chain_and_links[0], None, arm)
+
+
+def test_degrees_of_a_small_motion_show_in_its_speed(judged):
+    """A wrist that turns by less than 0.1 rad, so that its degrees are possible radians."""
+    degrees = np.append(np.ones(5), 0.08 * 180.0 / np.pi)
+    wide = {"position_min_rad": np.full(6, -6.3), "position_max_rad": np.full(6, 6.3)}
+    with pytest.raises(RecordingError, match=r"^run: wrist_3 reaches 8.\d+ rad/s, 4.\d times its .*degrees: .*q6_deg"):
+        judged(turn=degrees, **wide)
+
+
+@pytest.mark.parametrize("limit_rad_s", [0.2, 0.5, np.nan])
+def test_limits_that_all_joints_exceed_are_those_of_a_slow_test(judged, limit_rad_s):
+    judged(velocity_max_rad_s=np.full(6, limit_rad_s))
 
 
 @pytest.mark.parametrize("strength", [1000.0, 0.001])
