@@ -16,13 +16,13 @@ from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
 _OF_PAYLOAD: Final = (Kind.MASS, Kind.CENTER_X, Kind.CENTER_Y, Kind.CENTER_Z)
 _COLUMNS: Final = (
     *(name for names in value_columns()[: len(_OF_PAYLOAD)] for name in names),
-    *("payload", "robot", "robot_name", "outcome", "error", "joint_names"),
+    *("payload", "robot", "robot_name", "outcome", "error", "joint_names", "loaded_sha256"),
     *("gain_change", "gain_half_width_95", "friction_nm", "residual_rms_nm", "noise_nm"),
 )
 
 
 def runs_of(folder: Path) -> list[ArmRun]:
-    """The recordings of a fleet, each with its latest identification.
+    """The recordings of a fleet, each once, with its latest identification.
 
     Args:
         folder: Folder of the rows.
@@ -45,8 +45,19 @@ def runs_of(folder: Path) -> list[ArmRun]:
             problem="" if row["outcome"] == RowOutcome.IDENTIFIED else row["error"] or row["outcome"],
             figures=dict(_figures(row)),
         )
-        for row in _of_known_models(rows)
+        for row in _of_known_models(_each_once(rows))
     ]
+
+
+def _each_once(rows: list[Row]) -> list[Row]:
+    """The rows without earlier ones of the same content: a recording that was moved or copied has one for each path.
+
+    The spread between runs is taken from successive runs, so with every recording twice it would be zero.
+    """
+    latest: dict[tuple[str, str], Row] = {}
+    for row in sorted(rows, key=lambda row: row["identified_utc"]):
+        latest[row["arm"], row["loaded_sha256"] or row["loaded"]] = row
+    return [row for row in rows if latest[row["arm"], row["loaded_sha256"] or row["loaded"]] is row]
 
 
 def _of_known_models(rows: list[Row]) -> list[Row]:

@@ -128,6 +128,17 @@ def test_the_report_names_what_changed(armload, nights):
     assert "  1. one: mass of tool is 2.30 kg since 2026-03-07" in suspicion_lines(review_fleet(runs_of(nights)))[1]
 
 
+def test_a_recording_that_was_moved_counts_once(tmp_path):
+    with RowStore(tmp_path) as store:
+        for hour, folder in enumerate(("data", "mnt")):
+            for night in range(2):
+                job = Job(f"{folder}{night}", "one", "er50", {"loaded": f"{folder}/{night}.mcap"}, "", "", None, None)
+                made = FIRST + timedelta(days=night)
+                row = empty_row(job, "1") | {"recorded_utc": made, "identified_utc": FIRST + timedelta(hours=hour)}
+                store.add(row | {"outcome": RowOutcome.IDENTIFIED.value, "loaded_sha256": f"{night}"})
+    assert [run.recording for run in runs_of(tmp_path)] == ["mnt/0.mcap", "mnt/1.mcap"]
+
+
 def test_figures_of_a_row_are_those_that_are_determined(nights):
     run = next(run for run in runs_of(nights) if run.recording == "two/0.mcap")
     assert set(run.figures) == {
