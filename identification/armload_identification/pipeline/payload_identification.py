@@ -43,10 +43,10 @@ from armload_identification.verdict.friction_validity import friction_change, fr
 from armload_identification.verdict.joint_scales import joint_scales
 from armload_identification.verdict.operator_notes import misfit_notes
 from armload_identification.verdict.sanity import (
+    check_against_others,
     check_gains,
     check_pair,
     check_scales,
-    check_signs,
     explain_negative_mass,
 )
 
@@ -199,7 +199,7 @@ def _from_difference(
         struck = np.zeros_like(signal.valid)
     else:
         signal, fit, friction, struck = without_blows(signal, fit_to)
-    check_signs(signal, regressor, fit)
+    check_against_others(signal, regressor, fit, np.abs(body.coulomb_nm))
     plain = InertialParameters(fit.theta[:10])
     if plain.mass_kg <= 0.0:
         width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.verdict.column_mistakes import exchanged_columns, flipped_signs, looks_wrong
 from armload_identification.verdict.joint_scales import JointScales
-from armload_identification.verdict.sanity import check_run, check_scales, check_signs
+from armload_identification.verdict.sanity import check_against_others, check_run, check_scales
 
 pytestmark = pytest.mark.pure
 
@@ -94,16 +95,34 @@ def test_a_sign_that_only_the_payload_reveals_is_found(signal, pinocchio_arm):
     regressor = payload_regressor(pinocchio_arm.chain, *spoiled.states)
     fit = estimate(regressor, spoiled.torque_nm, spoiled.valid, np.ones(6))
     with pytest.raises(RecordingError, match=r"joint 6 .*payload torque that the other joints imply.* flipped"):
-        check_signs(spoiled, regressor, fit)
+        check_against_others(spoiled, regressor, fit, np.ones(6))
 
 
 @pytest.mark.parametrize(
-    ("joint", "factor"), [(2, 1.0 / 6.0), (5, 6.0), pytest.param(1, 1e3, marks=pytest.mark.long), (1, 1e-3)]
+    ("joint", "factor"),
+    [(2, 1.0 / 6.0), (5, 6.0), pytest.param(1, 1e3, marks=pytest.mark.long), (1, 1e-3), (4, 1e-3), (5, 1e-3)],
 )
 def test_a_gain_beyond_all_plausible_ones_is_an_error_and_no_percentage(pair, pinocchio_arm, joint, factor):
     runs = [scaled(run, [joint], factor) for run in pair]
     with pytest.raises(EstimationError, match=rf"joint {joint + 1} contradicts .*factor of 3: the sign .* gear ratio"):
         identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+def test_a_joint_is_judged_by_others_only_if_they_imply_its_torque(pair, pinocchio_arm):
+    """Not against friction that hides it, nor by torques that are mostly noise."""
+    runs = [scaled(run, [5], 1e-3) for run in pair]
+    small = load_signal(*runs, pinocchio_arm.transmission)
+    noise = 200.0 * np.random.default_rng(7).normal(size=small.torque_nm.shape) * (np.arange(6) < 5)
+    noisy = replace(small, loaded=replace(small.loaded, torque_nm=small.loaded.torque_nm + noise))
+    for signal, friction_nm in ((small, 1e3), (noisy, 1e-3), (small, 1e-3)):
+        regressor = payload_regressor(pinocchio_arm.chain, *signal.states)
+        fit = estimate(regressor, signal.torque_nm, signal.valid, np.append(np.ones(5), 1e-3))
+        judge = partial(check_against_others, signal, regressor, fit, np.full(6, friction_nm))
+        if signal is small and friction_nm < 1.0:
+            with pytest.raises(EstimationError, match="joint 6 contradicts"):
+                judge()
+        else:
+            judge()
 
 
 def test_a_scale_is_refused_only_far_beyond_its_interval_and_only_in_motion():
