@@ -199,7 +199,8 @@ def _from_difference(
         struck = np.zeros_like(signal.valid)
     else:
         signal, fit, friction, struck = without_blows(signal, fit_to)
-    check_against_others(signal, regressor, fit, np.abs(body.coulomb_nm))
+    friction_nm = np.abs(body.coulomb_nm)
+    check_against_others(signal, regressor, fit, friction_nm, gains_fitted=fitted_gains is not None)
     plain = InertialParameters(fit.theta[:10])
     if plain.mass_kg <= 0.0:
         width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf

@@ -37,6 +37,9 @@ _EVIDENT: Final = 0.1
 _IMPLIED: Final = 20.0
 """Standard deviations, for white noise, of a joint's torque as implied by the others, from which it is evidence. Sound
 joints of er50, prbt and the UR10e measure 0.89 to 1.06 of what the others imply."""
+_EXACT: Final = 1e-6
+_SHARE: Final = 0.75
+"""Share of the implied torque from which a joint whose gain is not fitted is accepted."""
 _PARTS: Final = 200
 _GAP: Final = 5.0
 """Multiple of the usual interval from which the velocity between two samples is unknown."""
@@ -208,29 +211,35 @@ def _closed_part(run: Recording) -> NDArray[np.intp]:
     return np.empty(0, dtype=np.intp)
 
 
-def check_against_others(signal: LoadSignal, regressor: FloatArray, fit: Estimate, friction_nm: FloatArray) -> None:
-    """Raise if a joint's sign or scale contradicts all others; nothing is computed if the fit explains every joint.
+def check_against_others(
+    signal: LoadSignal, regressor: FloatArray, fit: Estimate, friction_nm: FloatArray, *, gains_fitted: bool
+) -> None:
+    """Raise if a joint's sign or scale contradicts all others.
 
     A joint that reports a small share of its torque also has a small share of its noise. It is then fitted perfectly
-    and determines the payload, and it is the others that remain unexplained.
+    and determines the payload, and it is the others that remain unexplained, or, if its share is more than half, none.
+    Fitted gains correct a share above a third; then the joints are compared only if one of them is unexplained.
 
     Args:
         signal: The torque difference.
         regressor: (K, n, 10) Phi.
         fit: The fit to all joints.
         friction_nm: (n,) Coulomb friction as measured, with the same gains.
+        gains_fitted: Whether the drive gains were fitted with the payload.
 
     Raises:
         RecordingError: a joint measures about the opposite of what the others imply.
-        EstimationError: a joint measures less than a third of what the others imply.
+        EstimationError: a joint measures less than a third of what the others imply; without fitted gains, less than
+            three quarters.
     """
     measured = signal.torque_nm[signal.valid]
     loud = np.sqrt(np.mean(measured**2, axis=0)) > _CLEAR * signal.averaged_noise_nm / np.sqrt(len(measured))
     left = np.mean(fit.residual_nm[signal.valid] ** 2, axis=0) > (1.0 - _EXPLAINED) * np.mean(measured**2, axis=0)
     suspect = signal.loaded.moves & loud & left
-    if not suspect.any():
+    if gains_fitted and not suspect.any():
         return
-    for joint in np.flatnonzero(signal.loaded.moves & loud):
+    found: list[tuple[float, int, float, float]] = []
+    for joint in np.flatnonzero(signal.loaded.moves & loud).tolist():
         others = np.arange(measured.shape[1]) != joint
         alone = estimate_reweighted(
             regressor[:, others], signal.torque_nm[:, others], signal.valid, signal.averaged_noise_nm[others]
@@ -247,12 +256,26 @@ def check_against_others(signal: LoadSignal, regressor: FloatArray, fit: Estimat
                 "The sign of its current or torque is flipped: correct it in the configuration or the log."
             )
         doubt_nm = np.sqrt(np.mean(np.einsum("ki,ij,kj->k", own, alone.covariance, own)))
-        if payload_nm < max(_IMPLIED * float(doubt_nm), _EVIDENT * friction_nm[joint]):
+        if payload_nm <= max(_IMPLIED * float(doubt_nm), _EVIDENT * friction_nm[joint]):
             continue
         only = np.arange(measured.shape[1]) == joint
         scales = joint_scales(signal, np.where(only, regressor @ alone.theta, 0.0), np.zeros_like(signal.torque_nm))
-        if scales.scale[joint] + _CERTAINLY * scales.half_width_95[joint] < 1.0 / _FACTOR:
-            raise _contradiction(only)
+        scale, half_width = float(scales.scale[joint]), float(scales.half_width_95[joint])
+        if np.isfinite(half_width):
+            found.append((abs(scale - 1.0) / max(half_width, _EXACT), joint, scale, half_width))
+    if not found:
+        return
+    # A wrong joint contaminates what the others imply of each other, but not what they imply of it.
+    _, joint, scale, half_width = max(found)
+    greatest = scale + _CERTAINLY * half_width
+    if greatest < 1.0 / _FACTOR:
+        raise _contradiction(np.arange(measured.shape[1]) == joint)
+    if greatest < _SHARE and not gains_fitted:
+        raise EstimationError(
+            f"joint {joint + 1} measures {scale:.2f} +- {half_width:.2f} of the payload torque that the other joints "
+            "imply, so that mass and centre of mass would be wrong: its rated torque, torque constant or gear ratio is "
+            "wrong. Correct the configuration or the log."
+        )
 
 
 def check_gains(gains: GainFit | None) -> None:

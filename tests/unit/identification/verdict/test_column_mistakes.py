@@ -95,7 +95,7 @@ def test_a_sign_that_only_the_payload_reveals_is_found(signal, pinocchio_arm):
     regressor = payload_regressor(pinocchio_arm.chain, *spoiled.states)
     fit = estimate(regressor, spoiled.torque_nm, spoiled.valid, np.ones(6))
     with pytest.raises(RecordingError, match=r"joint 6 .*payload torque that the other joints imply.* flipped"):
-        check_against_others(spoiled, regressor, fit, np.ones(6))
+        check_against_others(spoiled, regressor, fit, np.ones(6), gains_fitted=True)
 
 
 @pytest.mark.parametrize(
@@ -108,6 +108,21 @@ def test_a_gain_beyond_all_plausible_ones_is_an_error_and_no_percentage(pair, pi
         identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
+@pytest.mark.parametrize(
+    ("joint", "factor", "refused"), [(4, 1.0, False), (4, 0.85, False), (4, 0.6, True), (1, 2.5, False)]
+)
+def test_a_share_of_a_reported_torque_is_refused_as_no_gain_is_fitted(pair, pinocchio_arm, joint, factor, refused):
+    """A multiple is not: it has little weight, and must not be taken for a share on the other joints."""
+    share = np.where(np.arange(6) == joint, factor, 1.0)
+    torque = [pinocchio_arm.transmission.joint_torque(run.current_a) for run in pair]
+    runs = [replace(run, current_a=None, torque_nm=share * nm) for run, nm in zip(pair, torque, strict=True)]
+    if not refused:
+        assert identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission).uncertainty.determined[0]
+        return
+    with pytest.raises(EstimationError, match=r"^joint 5 measures 0\.6\d \+- 0\.\d\d of the .* rated torque"):
+        identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
 def test_a_joint_is_judged_by_others_only_if_they_imply_its_torque(pair, pinocchio_arm):
     """Not against friction that hides it, nor by torques that are mostly noise."""
     runs = [scaled(run, [5], 1e-3) for run in pair]
@@ -117,7 +132,7 @@ def test_a_joint_is_judged_by_others_only_if_they_imply_its_torque(pair, pinocch
     for signal, friction_nm in ((small, 1e3), (noisy, 1e-3), (small, 1e-3)):
         regressor = payload_regressor(pinocchio_arm.chain, *signal.states)
         fit = estimate(regressor, signal.torque_nm, signal.valid, np.append(np.ones(5), 1e-3))
-        judge = partial(check_against_others, signal, regressor, fit, np.full(6, friction_nm))
+        judge = partial(check_against_others, signal, regressor, fit, np.full(6, friction_nm), gains_fitted=True)
         if signal is small and friction_nm < 1.0:
             with pytest.raises(EstimationError, match="joint 6 contradicts"):
                 judge()
