@@ -43,7 +43,7 @@ lint: env
 	$(BIN)/lint-imports
 
 bench: env
-	$(BIN)/python -m benchmarks
+	$(BIN)/python -m benchmarks.timing
 
 # Exit status 1 where a criterion is not met. The periods from MuJoCo are cached under ~/.cache/armload.
 paper: env
@@ -54,7 +54,7 @@ accuracy: env
 
 # The README's picture, from a commissioning.
 pictures: env
-	$(BIN)/python -m benchmarks.pictures
+	$(BIN)/python -m benchmarks.canopen_runs.pictures
 
 # Beside other programs, which have an environment of their own: FIGAROH, casadi, Pinocchio.
 peers: env benchmarks/peers/.venv/.requirements

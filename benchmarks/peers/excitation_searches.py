@@ -22,9 +22,9 @@ from rich.table import Table
 
 from armload_controller.config.robot import load_robot
 from armload_core.arrays import FloatArray
+from benchmarks.accuracy.real_currents import FOLDER
 from benchmarks.peers.peer_environment import PEERS_PYTHON
 from benchmarks.peers.peer_programs import answer_of, lines_of, without_meshes
-from benchmarks.real_currents import FOLDER
 
 SEEDS: Final = (1, 2)
 ARM_SHARE: Final = 0.5

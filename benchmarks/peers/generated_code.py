@@ -30,7 +30,7 @@ from armload_controller.motion.joint_limits import MotionLimits
 from armload_core.arrays import FloatArray
 from armload_core.c_compiler import c_compiler
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
-from benchmarks import sagging_panda
+from benchmarks.arms import sagging_panda
 from benchmarks.peers.peer_environment import PEERS_PYTHON
 
 ROUNDS: Final = 25

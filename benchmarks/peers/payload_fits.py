@@ -20,9 +20,9 @@ from rich.console import Console
 from rich.table import Table
 
 from armload_controller.config.robot import load_robot
+from benchmarks.accuracy.real_currents import FOLDER, MASS_KG
 from benchmarks.peers.peer_environment import PEERS_PYTHON
 from benchmarks.peers.peer_programs import answer_of, lines_of, without_meshes
-from benchmarks.real_currents import FOLDER, MASS_KG
 
 PAIRS: Final = {"a": ("loaded.csv", "unloaded.csv"), "b": ("loaded_b.csv", "unloaded_b.csv")}
 PROGRAMS: Final = {

@@ -26,8 +26,8 @@ from armload_drivers.simulation.plant_spec import PayloadChange
 from armload_identification.calibration.calibrate_arm import WeighedPayload
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.recording.file_reading import read_recording
-from benchmarks.canopen_master import arm_under_canopen
-from benchmarks.watch_picture import moments_of, overheard_shift
+from benchmarks.canopen_runs.canopen_master import arm_under_canopen
+from benchmarks.canopen_runs.watch_picture import moments_of, overheard_shift
 
 CYCLE_HZ, RUN_S = 50.0, 10.0
 MOUNTED_S, DROPPED_S, END_S = 8.0, 17.0, 24.0

@@ -4,7 +4,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.cycle.safety import DECISIONS, Cause, StopCategory
-from benchmarks.stops import measure, one_period
+from benchmarks.canopen_runs.stops import measure, one_period
 
 BOUNDS = {
     # Distance from the path in rad (7e-3 of it is the drives' lag), time to standstill in s.

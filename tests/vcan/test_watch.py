@@ -11,7 +11,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_identification.recording.file_reading import read_recording
-from benchmarks.canopen_master import arm_under_canopen
+from benchmarks.canopen_runs.canopen_master import arm_under_canopen
 from tests.bounded import await_that, overheard
 
 pytestmark = pytest.mark.vcan

@@ -10,7 +10,7 @@ _HEAD = """\
 # What stops an arm, and how
 
 Generated from [safety.py](armload_controller/cycle/safety.py) by `python -m armload_controller.cycle.page_of_safety`;
-do not edit. `python -m benchmarks.stops` triggers every cause on the simulated arm and measures the stop.
+do not edit. `python -m benchmarks.canopen_runs.stops` triggers every cause on the simulated arm and measures the stop.
 
 Whatever the cause, the arm is disabled at standstill with its brakes engaged before the error is reported, and it is
 never re-enabled automatically. If a step fails, the next one still follows.

@@ -1,7 +1,7 @@
 """The cycle of the CANopen master: setpoints out, heartbeat, SYNC, feedback in, and the errors of drives.
 
 It waits only for the next SYNC and its feedback, allocates no messages, and uses no SDO. Measured with six joints in
-lockstep: 60 us of the calling thread's time (`benchmarks/cycle.py`).
+lockstep: 60 us of the calling thread's time (`benchmarks/timing/cycle_time.py`).
 """
 
 from __future__ import annotations

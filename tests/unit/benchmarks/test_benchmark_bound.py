@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armload_identification.model.payload import InertialParameters
-from benchmarks.bound import cramer_rao, paper_slope, paper_values
+from benchmarks.results.bound import cramer_rao, paper_slope, paper_values
 
 BODY = InertialParameters.from_center_of_mass(
     9.814, [0.13, 0.94, -0.102], [[0.25, -0.02, 0.003], [-0.02, 0.09, 0.026], [0.003, 0.026, 0.18]]

@@ -9,10 +9,10 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_identification.excitation.fourier import FourierTrajectory
-from benchmarks.cache import cached, fingerprint
-from benchmarks.setups import Twin, twin_spec
-from benchmarks.steady_state import Streaming, period_key
-from benchmarks.streamed_arm import noiseless
+from benchmarks.arms.period_cache import cached, fingerprint
+from benchmarks.arms.setups import Twin, twin_spec
+from benchmarks.arms.steady_state import Streaming, period_key
+from benchmarks.arms.streamed_arm import noiseless
 
 ROBOT = load_robot("er50")
 

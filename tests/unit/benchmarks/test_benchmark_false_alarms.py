@@ -7,8 +7,8 @@ import pytest
 
 from armload_controller.cycle.monitors import TorqueError
 from armload_controller.session.run_session import Load
-from benchmarks.false_alarms import judge, moved, replayed, seed_of
-from benchmarks.setups import Twin, twin_spec
+from benchmarks.arms.setups import Twin, twin_spec
+from benchmarks.canopen_runs.false_alarms import judge, moved, replayed, seed_of
 from tests.short_commissioning import MIDDLE_RAD, least_robot
 
 ROBOT = least_robot()

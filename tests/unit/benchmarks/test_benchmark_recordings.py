@@ -15,12 +15,12 @@ from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.model.regressor import payload_torque
 from armload_identification.pipeline.payload_identification import identify
-from benchmarks.recordings import DriveScales, record
-from benchmarks.setups import Motion, Twin, setup_of, twin_spec
-from benchmarks.statistics import Census, Errors
-from benchmarks.steady_state import Streaming, steady_period
-from benchmarks.streamed_arm import noiseless
-from benchmarks.trials import identified, trial
+from benchmarks.arms.setups import Motion, Twin, setup_of, twin_spec
+from benchmarks.arms.simulated_recordings import DriveScales, record
+from benchmarks.arms.steady_state import Streaming, steady_period
+from benchmarks.arms.streamed_arm import noiseless
+from benchmarks.arms.trials import identified, trial
+from benchmarks.results.error_statistics import Census, Errors
 
 pytest.importorskip("mujoco")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.verdict import Tally
+from benchmarks.results.tally import Tally
 
 
 def test_one_criterion_not_met_fails_the_program(capsys):

@@ -14,7 +14,7 @@ from armload_identification.pipeline.payload_identification import identify
 from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.verdict.agreement import Known, Outcome, compare_known
 from armload_identification.verdict.tolerance import Tolerance
-from benchmarks.sagging_panda import PAYLOAD, Effects, SaggingPanda, chain, nominal_transmission
+from benchmarks.arms.sagging_panda import PAYLOAD, Effects, SaggingPanda, chain, nominal_transmission
 
 OFF = 0.05
 WRONG = 3

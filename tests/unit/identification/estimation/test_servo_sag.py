@@ -9,7 +9,7 @@ from armload_identification.estimation.friction_columns import unloaded_body
 from armload_identification.estimation.servo_sag import on_one_motion
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.load_signal import load_signal
-from benchmarks.sagging_panda import PAYLOAD, SAG_RAD, Effects, SaggingPanda, chain, nominal_transmission
+from benchmarks.arms.sagging_panda import PAYLOAD, SAG_RAD, Effects, SaggingPanda, chain, nominal_transmission
 
 QUIET = 0.02
 """Factor on the noise, so that the model's error remains."""

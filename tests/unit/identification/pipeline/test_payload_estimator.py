@@ -296,7 +296,7 @@ def test_a_clock_that_is_set_begins_a_new_window(estimator, streams, pinocchio_a
 
 @pytest.mark.parametrize("memory_s", [0.5, 60.0, 1e9])
 def test_the_information_stays_positive_definite(calibration, pinocchio_arm, streams, memory_s):
-    """A repeated motion, then standstill; for a million updates: `python -m benchmarks.any_motion`."""
+    """A repeated motion, then standstill; for a million updates: `python -m benchmarks.accuracy.measured_motion`."""
     estimator = PayloadEstimator(calibration, pinocchio_arm.chain, pinocchio_arm.transmission, memory_s=memory_s)
     time_s, position, current = streams[1]
     rng, length = np.random.default_rng(1), time_s[-1] - time_s[0] + 0.01

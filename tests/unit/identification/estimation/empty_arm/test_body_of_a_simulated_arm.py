@@ -6,9 +6,9 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_identification.estimation.empty_arm.body_fit import fit_body
 from armload_identification.signals.motion import motion_of
-from benchmarks.recordings import DriveScales, record
-from benchmarks.setups import Twin, shipped_motion, twin_spec
-from benchmarks.steady_state import steady_period
+from benchmarks.arms.setups import Twin, shipped_motion, twin_spec
+from benchmarks.arms.simulated_recordings import DriveScales, record
+from benchmarks.arms.steady_state import steady_period
 
 
 @pytest.mark.parametrize("name", ["prbt", pytest.param("er50", marks=pytest.mark.long)])

@@ -1,0 +1,1 @@
+"""Simulated arms, their payloads and recordings, and trials over many seeds."""

@@ -1,0 +1,1 @@
+"""The paper's tables; `make paper` runs all of it."""

@@ -1,0 +1,1 @@
+"""Errors, bounds and verdicts of many trials."""

@@ -1,0 +1,1 @@
+"""Time and memory; `make bench` runs all of it."""

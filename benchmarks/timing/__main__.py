@@ -1,0 +1,34 @@
+"""`make bench`: all benchmarks of time in one run, each compared with other programs.
+
+The figures depend on the machine and its load: compare within a run, not between runs.
+"""
+
+from benchmarks.canopen_runs import commissionings, false_alarms, following, stops
+from benchmarks.peers import generated_code
+from benchmarks.timing import (
+    cycle_time,
+    design_time,
+    estimator_time,
+    fleet_throughput,
+    reading,
+    regressor_time,
+    startup,
+    watching,
+)
+
+for benchmark in (
+    startup,
+    regressor_time,
+    cycle_time,
+    generated_code,
+    stops,
+    commissionings,
+    false_alarms,
+    design_time,
+    following,
+    reading,
+    watching,
+    fleet_throughput,
+    estimator_time,
+):
+    benchmark.run()
