@@ -45,7 +45,7 @@ from armload_identification.recording.reading_options import Effort
 from armload_identification.results.arm_history import ArmHistory
 from armload_identification.results.payload_over_time import PayloadOverTime
 
-PAGE = Path(__file__).resolve().parents[4] / "controller" / "JSON.md"
+PAGE = Path(__file__).resolve().parents[5] / "controller" / "JSON.md"
 COMMON = {"schema", "armload_version"}
 
 

@@ -12,7 +12,7 @@ from armload_controller.control_errors import CommissioningError
 from armload_identification.files.payload_file import read_payload
 from armload_identification.model.chain import Chain
 
-CONFIGS = Path(__file__).parents[4] / "configs" / "armload_configs"
+CONFIGS = Path(__file__).parents[5] / "configs" / "armload_configs"
 
 
 @pytest.fixture
