@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import product
 from pathlib import Path
 from typing import Final
 
@@ -23,8 +21,9 @@ from armload_identification.calibration.arm_fit import HALVES, MOVING, ArmFit, f
 from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
 from armload_identification.calibration.arm_prior import arm_prior
 from armload_identification.calibration.arm_rows import ArmRows, RunSignals, arm_rows, base_links, run_signals
+from armload_identification.calibration.mounting_mistakes import Turn, most_steps, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
-from armload_identification.calibration.run_contradictions import CONTRADICTS, ArmKnowledge, directions, explain
+from armload_identification.calibration.run_contradictions import CONTRADICTS, ArmKnowledge, explain
 from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.identification_errors import EstimationError, IdentificationError, RecordingError
@@ -58,15 +57,6 @@ _ROWS_PER_UNKNOWN: Final = 3
 """Least number of rows of moving joints per unknown: with fewer, any arm would fit."""
 _TRIED_RUNS: Final = 4
 _TRIED_SPACING: Final = 3
-_LITTLE: Final = 0.025
-"""Greatest geometric mean of the moving joints' residual shares of an arm that is mounted as configured. The UR10e has
-0.017 as mounted, and 0.035 or more with any other mounting."""
-_MUCH: Final = 0.2
-"""Residual share of one moving joint from which a joint may be inverted, which causes 0.28 or more."""
-_WHOLE: Final = "position and effort"
-_TURNED: Final = {_WHOLE: (True, True), "position": (True, False), "effort": (False, True)}
-_BETTER: Final = 0.3
-"""Least reduction of the logarithm of the joints' noise for another mounting to be accepted."""
 
 Progress = Callable[[int, int], None]
 
@@ -160,7 +150,7 @@ class _Calibration:
     ) -> None:
         self._chain, self._transmission, self._weighed = chain, transmission, weighed
         self._left_out, self._progress = left_out, progress or (lambda done, total: None)
-        self._total = 2 * len(runs) + 2 * len(directions(chain.gravity_m_s2)) + len(_TURNED) * chain.n
+        self._total = 2 * len(runs) + most_steps(chain)
         self._base = base_links(base_columns(chain, transmission.coupling), chain.n)
         self._done = 0
         self._used: list[MountedRun] = []
@@ -290,8 +280,9 @@ class _Calibration:
         """Raise if the runs show another mounting or an inverted joint."""
         # Loaded runs first: the sign of their payload's weight is known.
         order = sorted(range(len(self._used)), key=lambda index: not self._used[index].mounting)[:_TRIED_RUNS]
+        moves = self._peak > _UNMOVED_RAD_S
 
-        def left(chain: Chain, turned: Callable[[RunSignals], RunSignals] = lambda run: run) -> FloatArray:
+        def shares(chain: Chain, turned: Turn) -> FloatArray:
             rows = [
                 (
                     self._rows_of(turned(self._signals[index]), self._used[index].mounting, chain, _TRIED_SPACING),
@@ -301,68 +292,11 @@ class _Calibration:
             ]
             fit = self._fitted(rows, chain, rough=True)
             # A joint at rest has no explained torque, and its sign does not matter.
-            share = (fit.noise_nm / fit.level_nm)[self._peak > _UNMOVED_RAD_S]
-            return np.asarray(np.log(np.maximum(share, 1e-9)))
+            return np.asarray(np.log(np.maximum((fit.noise_nm / fit.level_nm)[moves], 1e-9)))
 
-        shares = left(self._chain)
-        entered = float(shares.mean())
-        others = directions(self._chain.gravity_m_s2)
-        if entered < np.log(_LITTLE):
-            self._advance(2 * len(others) + len(_TURNED) * self._chain.n)
-            return
-        found = {}
-        for how, gravity in others.items():
-            hung = Chain(self._chain.placement, self._chain.axis, self._chain.flange, gravity)
-            found[how] = float(left(hung).mean())
-            self._advance(2)
-        best = min(found, key=lambda how: found[how])
-        if found[best] >= np.log(_LITTLE) and shares.max() > np.log(_MUCH):
-            self._refuse_turned_joint(left, entered, min(entered - _BETTER, found[best]))
-        else:
-            self._advance(len(_TURNED) * self._chain.n)
-        if found[best] < entered - _BETTER:
-            raise EstimationError(
-                f"the arm is not mounted as in its configuration: the residual is {np.exp(entered - found[best]):.1f} "
-                f"times smaller if it is mounted {best}. Correct gravity_m_s2 in the robot's configuration."
-            )
-
-    def _refuse_turned_joint(
-        self, left: Callable[[Chain, Callable[[RunSignals], RunSignals]], FloatArray], entered: float, most: float
-    ) -> None:
-        """Raise if the residual is smaller with one joint inverted.
-
-        Args:
-            left: Computes the logarithms of the joints' residual shares.
-            entered: Their mean for the arm as configured.
-            most: Greatest mean with which an inverted joint is accepted.
-        """
-        turned = {}
-        for axis, (what, (position, effort)) in product(
-            np.flatnonzero(self._peak > _UNMOVED_RAD_S).tolist(), _TURNED.items()
-        ):
-            turn = partial(
-                RunSignals.turned,
-                axis=axis,
-                coupling=self._transmission.coupling,
-                position=position,
-                effort=effort,
-            )
-            turned[axis, what] = float(left(self._chain, turn).mean())
-            self._advance()
-        self._advance(len(_TURNED) * int(np.count_nonzero(self._peak <= _UNMOVED_RAD_S)))
-        joint, what = min(turned, key=lambda which: turned[which])
-        if turned[joint, what] >= most:
-            return
-        remedy = (
-            "Invert its axis in the robot's configuration"
-            if what == _WHOLE
-            else "Set the drive's polarity (607E) so that position and effort have the same direction"
-        )
-        raise EstimationError(
-            f"joint {joint + 1} is inverted relative to its configuration: the residual of the runs is "
-            f"{np.exp(entered - turned[joint, what]):.1f} times smaller with its {what} inverted. {remedy}; the "
-            "polarity of a drive that armload only listens to cannot be read."
-        )
+        finished = self._done + most_steps(self._chain)
+        refuse_other_mounting(shares, self._chain, self._transmission.coupling, moves, self._advance)
+        self._advance(finished - self._done)
 
     def _leave_out(self, worst: int, fit: ArmFit) -> None:
         """Exclude a run, and explain its contradiction to the others' fit."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.calibration import arm_fit, run_contradictions
+from armload_identification.calibration import arm_fit, mounting_mistakes, run_contradictions
 from armload_identification.calibration import calibrate_arm as calibrate_module
 from armload_identification.calibration.arm_rows import run_signals, tilt_axes
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
@@ -413,7 +413,7 @@ def test_without_a_weighed_mass_the_scale_is_the_priors(runs, pinocchio_arm, nom
 
 def test_a_joint_that_never_moves_keeps_its_gain_and_is_named(pinocchio_arm, nominal, weighed, monkeypatch):
     rough = []
-    monkeypatch.setattr(calibrate_module, "_LITTLE", 0.01)
+    monkeypatch.setattr(mounting_mistakes, "_LITTLE", 0.01)
 
     def counted(*given, **how):
         rough.append(how.get("rough", False))

@@ -1,0 +1,123 @@
+"""An arm that is mounted differently from its configuration, or has an inverted joint, found by its runs' residual.
+
+The runs are fitted roughly, as they are and with each mistake in turn; one that explains them much better is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from itertools import product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_rows import RunSignals
+from armload_identification.calibration.run_contradictions import directions
+from armload_identification.identification_errors import EstimationError
+from armload_identification.model.chain import Chain
+
+Turn = Callable[[RunSignals], RunSignals]
+"""A run as it would be without a mistake."""
+ResidualShares = Callable[[Chain, Turn], FloatArray]
+"""Logarithms of the moving joints' shares of residual in torque, for another chain and with all runs changed."""
+
+_LITTLE: Final = 0.025
+"""Greatest geometric mean of the moving joints' residual shares of an arm that is mounted as configured. The UR10e has
+0.017 as mounted, and 0.035 or more with any other mounting."""
+_MUCH: Final = 0.2
+"""Residual share of one moving joint from which a joint may be inverted, which causes 0.28 or more."""
+_WHOLE: Final = "position and effort"
+_TURNED: Final = {_WHOLE: (True, True), "position": (True, False), "effort": (False, True)}
+_BETTER: Final = 0.3
+"""Least reduction of the logarithm of the joints' noise for another mounting to be accepted."""
+_PER_MOUNTING: Final = 2
+"""Steps of progress; an inverted joint is one."""
+
+
+def most_steps(chain: Chain) -> int:
+    """Most steps of progress that `refuse_other_mounting` takes.
+
+    Args:
+        chain: The arm as configured.
+    """
+    return _PER_MOUNTING * len(directions(chain.gravity_m_s2)) + len(_TURNED) * chain.n
+
+
+def refuse_other_mounting(
+    shares: ResidualShares,
+    chain: Chain,
+    coupling: FloatArray,
+    moves: NDArray[np.bool_],
+    advance: Callable[[int], None],
+) -> None:
+    """Raise if the runs show another mounting or an inverted joint.
+
+    Args:
+        shares: Fits the runs.
+        chain: The arm as configured.
+        coupling: (n, n) C of its motors.
+        moves: (n,) False for joints that stand in all runs.
+        advance: Called with a number of steps of progress.
+
+    Raises:
+        EstimationError: naming the mistake and the remedy.
+    """
+    as_configured = shares(chain, lambda run: run)
+    entered = float(as_configured.mean())
+    if entered < np.log(_LITTLE):
+        return
+    found = {}
+    for how, gravity in directions(chain.gravity_m_s2).items():
+        hung = Chain(chain.placement, chain.axis, chain.flange, gravity)
+        found[how] = float(shares(hung, lambda run: run).mean())
+        advance(_PER_MOUNTING)
+    best = min(found, key=lambda how: found[how])
+    if found[best] >= np.log(_LITTLE) and as_configured.max() > np.log(_MUCH):
+        most = min(entered - _BETTER, found[best])
+        _refuse_turned_joint(partial(shares, chain), coupling, moves, entered, most, advance)
+    if found[best] < entered - _BETTER:
+        raise EstimationError(
+            f"the arm is not mounted as in its configuration: the residual is {np.exp(entered - found[best]):.1f} "
+            f"times smaller if it is mounted {best}. Correct gravity_m_s2 in the robot's configuration."
+        )
+
+
+def _refuse_turned_joint(
+    shares: Callable[[Turn], FloatArray],
+    coupling: FloatArray,
+    moves: NDArray[np.bool_],
+    entered: float,
+    most: float,
+    advance: Callable[[int], None],
+) -> None:
+    """Raise if the residual is smaller with one joint inverted.
+
+    Args:
+        shares: Fits the runs of the arm as configured.
+        coupling: (n, n) C of its motors.
+        moves: (n,) False for joints that stand in all runs.
+        entered: Mean logarithm of the residual shares of the runs as they are.
+        most: Greatest mean with which an inverted joint is accepted.
+        advance: Called with a number of steps of progress.
+    """
+    turned = {}
+    for axis, (what, (position, effort)) in product(np.flatnonzero(moves).tolist(), _TURNED.items()):
+        turn = partial(RunSignals.turned, axis=axis, coupling=coupling, position=position, effort=effort)
+        turned[axis, what] = float(shares(turn).mean())
+        advance(1)
+    joint, what = min(turned, key=lambda which: turned[which])
+    if turned[joint, what] >= most:
+        return
+    remedy = (
+        "Invert its axis in the robot's configuration"
+        if what == _WHOLE
+        else "Set the drive's polarity (607E) so that position and effort have the same direction"
+    )
+    raise EstimationError(
+        f"joint {joint + 1} is inverted relative to its configuration: the residual of the runs is "
+        f"{np.exp(entered - turned[joint, what]):.1f} times smaller with its {what} inverted. {remedy}; the "
+        "polarity of a drive that armload only listens to cannot be read."
+    )
