@@ -37,6 +37,7 @@ def compare(
     from armload_controller.cli.screen import Screen
     from armload_identification.files.calibration_file import read_calibration
     from armload_identification.files.payload_file import read_payload
+    from armload_identification.identification_errors import PayloadFileError
     from armload_identification.verdict.agreement import compare_known
     from armload_identification.verdict.cad_comparison import compare as compare_payloads
     from armload_identification.verdict.payload_verdict import known_payload, with_gains
@@ -51,6 +52,11 @@ def compare(
     judged = known_payload(estimate)
     if calibration is not None:
         arm = read_calibration(calibration)
+        robot = estimate.provenance.robot
+        if robot and robot != arm.robot:
+            raise PayloadFileError(
+                str(payload), "provenance.robot", robot, f"expected {arm.robot!r}, the arm of {calibration}"
+            )
         judged = with_gains(judged, arm.gain_nm_a, arm.covariance[: arm.n, : arm.n])
         center = " ".join(f"{value:.4f}" for value in judged.parameters.center_of_mass_m)
         screen.result(f"with the gains of {calibration.name}: {judged.parameters.mass_kg:.4f} kg at {center} m")

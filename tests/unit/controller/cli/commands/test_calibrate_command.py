@@ -202,6 +202,15 @@ def test_a_calibration_moves_a_payload_of_nominal_gains(armload, calibrated, tod
     assert float(found[1]) == pytest.approx(9.814, rel=0.01)
 
 
+def test_a_calibration_of_another_arm_does_not_move_a_payload(armload, calibrated, today, tmp_path):
+    text = (today / "payload.toml").read_text()
+    other = tmp_path / "other.toml"
+    other.write_text(text.replace('robot = "er50"', 'robot = "prbt"'))
+    result = armload("compare", other, today / "payload.toml", "--calibration", calibrated[0])
+    assert result.exit_code == 1
+    assert "provenance.robot is prbt: expected 'er50', the arm of" in " ".join(result.output.split())
+
+
 @pytest.mark.long
 def test_drift_holds_runs_against_the_calibration(armload, calibrated, today, tmp_path):
     names = sorted(today.glob("*.mcap"))
