@@ -51,9 +51,32 @@ def silent_client(port):
     client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     client.connect(("127.0.0.1", port))
     shake_hands(client)
-    text = subscription(range(1, 5)).encode()
+    answer = client.makefile("rb", buffering=0)
+    while answer.readline().strip():
+        pass
+    _text(answer)
+    # Channels are numbered by process, so that an earlier server has taken the first numbers.
+    text = subscription(channel["id"] for channel in json.loads(_text(answer))["channels"]).encode()
     client.sendall(bytes([0x81, 0x80 | 126]) + struct.pack(">H", len(text)) + bytes(4) + text)
     return client
+
+
+def _text(answer):
+    """The next message of the server, which is not masked."""
+    size = _exactly(answer, 2)[1]
+    if size >= 126:
+        wide = {126: ">H", 127: ">Q"}[size]
+        (size,) = struct.unpack(wide, _exactly(answer, struct.calcsize(wide)))
+    return _exactly(answer, size)
+
+
+def _exactly(answer, size):
+    data = b""
+    while len(data) < size:
+        part = answer.read(size - len(data))
+        assert part, "the server closed the connection"
+        data += part
+    return data
 
 
 def shake_hands(client):
