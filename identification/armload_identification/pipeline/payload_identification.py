@@ -199,8 +199,8 @@ def _from_difference(
         struck = np.zeros_like(signal.valid)
     else:
         signal, fit, friction, struck = without_blows(signal, fit_to)
-    friction_nm = np.abs(body.coulomb_nm)
-    check_against_others(signal, regressor, fit, friction_nm, gains_fitted=fitted_gains is not None)
+    coulomb_nm = np.abs(body.coulomb_nm)
+    check_against_others(signal, regressor, fit, coulomb_nm, gains_fitted=fitted_gains is not None)
     plain = InertialParameters(fit.theta[:10])
     if plain.mass_kg <= 0.0:
         width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf
@@ -222,7 +222,7 @@ def _from_difference(
         payload_nm = regressor @ plain.theta
         size_nm = np.sqrt(np.mean(payload_nm[signal.valid] ** 2, axis=0))
         scales = joint_scales(signal, payload_nm, friction_nm)
-        check_scales(scales, size_nm, np.abs(body.coulomb_nm), signal.loaded.moves)
+        check_scales(scales, size_nm, coulomb_nm, signal.loaded.moves)
     return result
 
 

@@ -45,21 +45,23 @@ def compare(
 
     allowed = tolerance_of(tolerance)
     estimate, truth = read_payload(payload), read_payload(cad)
-    arm = None if calibration is None else read_calibration(calibration)
-    robot = estimate.provenance.robot
-    if arm is not None and robot and robot != arm.robot:
-        raise PayloadFileError(
-            str(payload), "provenance.robot", robot, f"expected {arm.robot!r}, the arm of {calibration}"
-        )
+    judged, corrected = known_payload(estimate), ""
+    if calibration is not None:
+        arm = read_calibration(calibration)
+        robot = estimate.provenance.robot
+        if robot and robot != arm.robot:
+            raise PayloadFileError(
+                str(payload), "provenance.robot", robot, f"expected {arm.robot!r}, the arm of {calibration}"
+            )
+        judged = with_gains(judged, arm.gain_nm_a, arm.covariance[: arm.n, : arm.n])
+        center = " ".join(f"{value:.4f}" for value in judged.parameters.center_of_mass_m)
+        corrected = f"with the gains of {calibration.name}: {judged.parameters.mass_kg:.4f} kg at {center} m"
     result = compare_payloads(estimate, truth)
     screen = Screen(as_json=as_json)
     screen.table(comparison_table(result))
     screen.result("inertia about the frame's origin, products as in the paper: ixy = +int xy dm")
-    judged = known_payload(estimate)
-    if arm is not None and calibration is not None:
-        judged = with_gains(judged, arm.gain_nm_a, arm.covariance[: arm.n, : arm.n])
-        center = " ".join(f"{value:.4f}" for value in judged.parameters.center_of_mass_m)
-        screen.result(f"with the gains of {calibration.name}: {judged.parameters.mass_kg:.4f} kg at {center} m")
+    if corrected:
+        screen.result(corrected)
     agreement = compare_known(judged, known_payload(truth), allowed)
     show_verdict(screen, agreement.outcome, agreement_sentences(agreement, "CAD gives"))
     if as_json:
