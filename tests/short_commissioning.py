@@ -43,7 +43,7 @@ def record(robot, folder, make_servos, loads=tuple(Load)):
         yield make_servos()
 
     for load in loads:
-        record_half(robot, load, open_servos, folder, no_operator(), "now")
+        record_half(robot, load, open_servos, folder, no_operator())
 
 
 def write_short_robot(folder):

@@ -59,9 +59,7 @@ def _identify(robot: Robot) -> tuple[PayloadResult, BodyModel]:
     """The payload identified by a commissioning, and the body from its empty half."""
     with tempfile.TemporaryDirectory() as folder:
         for load in Load:
-            record_half(
-                robot, load, lambda which: simulated_arm(robot, which), Path(folder), no_operator(), "benchmark"
-            )
+            record_half(robot, load, lambda which: simulated_arm(robot, which), Path(folder), no_operator())
         pair = read_pair(robot, Path(folder), "identification")
         found = identify(pair.loaded, pair.unloaded, robot.chain, robot.drives.transmission)
         arm = calibrated([MountedRun(pair.unloaded, "")], {}, robot.chain, robot.drives.transmission)

@@ -44,7 +44,7 @@ def _record(robot_name: str, load: Load, directory: str, seed: int) -> None:
     source = replace(robot.source, tables=tables.model_copy(update={"simulation": noisy}))
     robot = replace(robot, excitations=robot.excitations | {"validation": short}, source=source)
     # Both halves run in parallel, each in its own process with its own virtual bus.
-    record_half(robot, load, lambda which: simulated_arm(robot, which), Path(directory), no_operator(), "benchmark")
+    record_half(robot, load, lambda which: simulated_arm(robot, which), Path(directory), no_operator())
 
 
 def motion_seconds(robot: Robot) -> float:

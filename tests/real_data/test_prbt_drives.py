@@ -36,7 +36,7 @@ def test_a_half_is_recorded_on_the_makers_drives(robot, shared_data, tmp_path):
         return servos
 
     operator = Operator(NoDisplay(), MotionControl(), Consent(lambda question: False, given=False))
-    record_half(robot, Load.LOADED, open_servos, tmp_path, operator, "now")
+    record_half(robot, Load.LOADED, open_servos, tmp_path, operator)
     recording = read_recording(tmp_path / "loaded_identification.mcap")
     assert np.isfinite(recording.phase_s).sum() == 100
     assert np.abs(recording.torque_nm).max() > 1.0

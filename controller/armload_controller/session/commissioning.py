@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
@@ -52,7 +53,6 @@ def record_half(
     open_servos: ServosFactory,
     directory: Path,
     operator: Operator,
-    created: str,
     mass_kg: float | None = None,
 ) -> list[CycleSummary]:
     """Run and record the excitations that have not yet been recorded with one load.
@@ -63,7 +63,6 @@ def record_half(
         open_servos: Opens the arm.
         directory: Directory of the recordings.
         operator: The person at the arm.
-        created: Date and time of the commissioning, for the recordings.
         mass_kg: The payload's mass for the loaded recordings; None if it was not weighed.
 
     Raises:
@@ -77,14 +76,12 @@ def record_half(
     """
     paths = checked_excitations(robot, missing_roles(directory, load))
     with run_session(robot, load, open_servos, operator) as session:
-        said: dict[str, object] = {"created": created}
-        if load is Load.LOADED and mass_kg is not None:
-            said["mass_kg"] = mass_kg
-        return [_record(robot, session, role, path, directory, said) for role, path in paths.items()]
+        weighed = {"mass_kg": mass_kg} if load is Load.LOADED and mass_kg is not None else {}
+        return [_record(robot, session, role, path, directory, weighed) for role, path in paths.items()]
 
 
 def _record(
-    robot: Robot, session: RunSession, role: str, path: CheckedPath, directory: Path, said: dict[str, object]
+    robot: Robot, session: RunSession, role: str, path: CheckedPath, directory: Path, weighed: dict[str, float]
 ) -> CycleSummary:
     """Record one run, including its slow round."""
     run = {
@@ -97,7 +94,8 @@ def _record(
         "cycle_hz": 1 / session.servos.cycle_s,
         "slow_round_s": path.slow_round_s,
         "slow_round_speed_m_s": path.slow_speed_m_s,
-        **said,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        **weighed,
     }
     attachments = {
         CONFIGURATION_ATTACHMENT: robot.text,

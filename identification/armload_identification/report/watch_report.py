@@ -23,7 +23,9 @@ _WIDE_IN, _HIGH_IN = 7.0, 3.0
 _MOST_MOMENTS: Final = 2000
 """Of a longer watch every k-th moment is drawn."""
 _WIDEST: Final = 0.25
-"""An interval wider than this share of the figure's range is not drawn."""
+"""An interval wider than this share of the figure's range is not drawn ..."""
+_NARROWEST: Final = 4.0
+"""... unless it is narrower than this many times the narrowest interval: at the beginning they are very wide."""
 
 
 @dataclass(frozen=True)
@@ -140,11 +142,9 @@ def watch_svg(history: WatchHistory, name: str, title: str) -> str:
 
 
 def _drawn(history: WatchHistory) -> NDArray[np.bool_]:
-    """(N,) Moments with a known mass whose interval is narrow enough for the figure."""
-    widest_kg = _WIDEST * max(_range(history.mass_kg[history.known]), 1.0)
+    """(N,) Moments with a known mass whose interval is narrow enough for the figure, which includes zero."""
+    if not history.known.any():
+        return history.known
+    range_kg = float(np.ptp(np.append(history.mass_kg[history.known], 0.0)))
+    widest_kg = max(_WIDEST * range_kg, _NARROWEST * float(history.half_width_95_kg[history.known].min()))
     return np.asarray(history.known & (history.half_width_95_kg < widest_kg))
-
-
-def _range(values: FloatArray) -> float:
-    """Maximum minus minimum; 0 without values."""
-    return float(np.ptp(values)) if values.size else 0.0

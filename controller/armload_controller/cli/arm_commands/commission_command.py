@@ -193,8 +193,7 @@ def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequenc
             if load is Load.LOADED and len(halves) > 1:
                 _mount(arm, screen, operator.consent, arm.bus.interface == VIRTUAL)
             begun_s = time.monotonic()
-            created = plan.now.isoformat(timespec="seconds")
-            summaries = record_half(arm, load, open_servos, directory, operator, created, plan.mass_kg)
+            summaries = record_half(arm, load, open_servos, directory, operator, plan.mass_kg)
             screen.step(_account(load, summaries, time.monotonic() - begun_s))
 
 

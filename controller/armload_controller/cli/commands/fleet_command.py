@@ -48,9 +48,11 @@ def identify_command(
     """Identify every recording of the table that has no row yet.
 
     A refused recording gets a row with the reason. A second run processes only what is new, has changed or has failed.
+    Exit status 1: none of the new recordings gave a result.
     """
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
+    from armload_controller.fleet.recording_row import RowOutcome
     from armload_controller.fleet.row_store import RowStore
     from armload_controller.fleet.workforce import Workforce
     from armload_controller.session.folder_claim import claimed
@@ -80,6 +82,8 @@ def identify_command(
                 screen.step("stopped: finished rows are kept, and the same command processes the rest")
                 raise
     _show(screen, tally, output, as_json=as_json)
+    if tally.done and not tally.outcomes[RowOutcome.IDENTIFIED.value]:
+        raise typer.Exit(1)
 
 
 @fleet.command("watch")

@@ -185,6 +185,37 @@ def test_a_second_run_of_nothing_new_starts_no_workers(armload, nights, tmp_path
     assert "cannot be combined with --scheduler" in both.output
 
 
+class OneProcess:
+    """Workers' place taken by this process; every job has an outcome decided beforehand."""
+
+    def __init__(self, outcomes):
+        self.outcomes = iter(outcomes)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_error):
+        pass
+
+    def rows(self, jobs):
+        for job in jobs:
+            yield empty_row(job, "1") | {"outcome": next(self.outcomes), "error": "cut short"}
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "status"), [(["refused", "failed"], 1), (["refused", "identified"], 0), (["identified"] * 2, 0)]
+)
+def test_the_exit_status_is_1_if_no_new_recording_gave_a_result(armload, tmp_path, monkeypatch, outcomes, status):
+    table = tmp_path / "jobs.csv"
+    table.write_text("arm,robot,loaded,unloaded\none,er50,a.mcap,a.mcap\ntwo,er50,b.mcap,b.mcap\n")
+    for name in "ab":
+        (tmp_path / f"{name}.mcap").touch()
+    monkeypatch.setattr("armload_controller.fleet.workforce.Workforce", lambda *_given: OneProcess(outcomes))
+    result = armload("fleet", "identify", table, "-o", tmp_path / "rows", "--json")
+    assert result.exit_code == status, (result.output, result.exception)
+    assert json.loads(result.stdout)["outcomes"]["identified"] == outcomes.count("identified")
+
+
 def test_the_page_describes_every_column_and_no_other():
     table = PAGE.read_text("utf-8").partition("\n## The rows\n")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| (`.*?`) \|", table, flags=re.MULTILINE)

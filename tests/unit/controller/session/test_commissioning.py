@@ -3,6 +3,7 @@
 import re
 from contextlib import contextmanager
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError, MotionError
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
+from armload_controller.session import commissioning
 from armload_controller.session.commissioning import record_half
 from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
@@ -55,7 +57,7 @@ def half(robot, ideal_servos, tmp_path):
 
         operator = Operator(NoDisplay(), control or MotionControl(), Consent(person, given))
         try:
-            record_half(robot, load, open_servos, tmp_path, operator, "now")
+            record_half(robot, load, open_servos, tmp_path, operator)
         except (CommissioningError, MotionError) as error:
             return person.asked, servos, error
         return person.asked, servos, None
@@ -116,3 +118,15 @@ def test_an_operator_who_asked_for_a_stop_gets_no_arm_switched_on(half):
     _, servos, error = half(Load.LOADED, simulated=True, control=control)
     assert re.search("Nothing was switched on.*Ctrl-C", str(error))
     assert servos.log == []
+
+
+def test_each_recording_states_when_its_own_run_began(half, tmp_path, monkeypatch):
+    moments = iter([datetime(2026, 3, 1, 10, 0, tzinfo=UTC), datetime(2026, 3, 1, 10, 5, tzinfo=UTC)])
+
+    class Clock:
+        now = staticmethod(lambda zone: next(moments))
+
+    monkeypatch.setattr(commissioning, "datetime", Clock)
+    half(Load.UNLOADED, simulated=True)
+    said = [read_recording(tmp_path / f"unloaded_{role}.mcap").source.run()["created"] for role in commissioning.ROLES]
+    assert said == ["2026-03-01T10:00:00+00:00", "2026-03-01T10:05:00+00:00"]
