@@ -4,10 +4,15 @@
     locked memory         no page of the process is swapped out
     CPU affinity          the cycle's thread stays on one CPU
     garbage collection    none while the arm moves
-        switch interval       a busy Python thread releases the interpreter within 0.5 ms instead of 5
+    switch interval       a busy Python thread releases the interpreter within 0.5 ms instead of 5
 
 Everything is restored afterwards. What is not permitted is reported once, and the cycle runs without it. Not for
 lockstep simulations, where nothing waits for a clock and a real-time thread would only starve other processes.
+
+A new thread inherits policy, priority and CPU of the thread that starts it. One that is started by the cycle would
+compute at the cycle's priority on the cycle's only CPU, and the cycle would wait for it. So work beside the cycle gets
+a `running_worker`, created before. A thread or process that is started later has the ordinary policy
+(SCHED_RESET_ON_FORK), so that it cannot keep the cycle waiting for the CPU, but it stays on that CPU.
 """
 
 from __future__ import annotations
@@ -19,6 +24,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 
 PRIORITY = 50
@@ -53,6 +59,19 @@ def tuned_for_cycles(report: Callable[[str], None]) -> Iterator[None]:
         yield
 
 
+def running_worker(name: str) -> ThreadPoolExecutor:
+    """An executor of one thread that runs already, for work beside the cycle; create it before `tuned_for_cycles`.
+
+    An executor starts its thread at the first task, which is submitted by the cycle: see above.
+
+    Args:
+        name: Prefix of the thread's name.
+    """
+    executor = ThreadPoolExecutor(1, thread_name_prefix=name)
+    executor.submit(lambda: None).result()
+    return executor
+
+
 def _real_time() -> Callable[[], None]:
     """SCHED_FIFO for the calling thread and the others of this interpreter, unless there is only one CPU.
 
@@ -71,16 +90,19 @@ def _real_time() -> Callable[[], None]:
 
 
 def _raise(thread: int, priority: int) -> Callable[[], None]:
-    """Set SCHED_FIFO for one thread; returns the function that restores its policy."""
+    """Set SCHED_FIFO for one thread, not for those that it starts; returns the function that restores its policy."""
     try:
         policy, parameters = os.sched_getscheduler(thread), os.sched_getparam(thread)
-        os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+        os.sched_setscheduler(thread, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except ProcessLookupError:
         return lambda: None
 
     def restore() -> None:
         with suppress(ProcessLookupError):
-            os.sched_setscheduler(thread, policy, parameters)
+            try:
+                os.sched_setscheduler(thread, policy, parameters)
+            except PermissionError:  # rtprio in limits.conf permits SCHED_FIFO; only CAP_SYS_NICE clears this flag
+                os.sched_setscheduler(thread, policy | os.SCHED_RESET_ON_FORK, parameters)
 
     return restore
 

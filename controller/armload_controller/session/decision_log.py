@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from armload_controller.control_errors import CommissioningError, RecordingFailed
+from armload_controller.cycle.realtime import running_worker
 from armload_controller.feedforward.adaptation import Decision
 from armload_controller.session.run_session import Display
 
@@ -37,7 +38,7 @@ class DecisionLog:
                 f"{path}: {error.strerror}: choose a --decisions file that can be written"
             ) from error
         self._path, self._robot, self._display = path, robot, display
-        self._executor = ThreadPoolExecutor(1, thread_name_prefix="decisions")
+        self._executor = running_worker("decisions")
         self._last: Future[None] | None = None
 
     def __enter__(self) -> Self:

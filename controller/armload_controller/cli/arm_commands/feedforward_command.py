@@ -257,9 +257,8 @@ def declared_mass(arm: Robot, expect: str | None) -> DeclaredMass:
 
 def _adapt(bench: _Bench, declared: DeclaredMass, decisions: Path) -> _Outcome:
     """The run with torque adapted to the estimate; every decision is shown and logged immediately."""
-    from concurrent.futures import ThreadPoolExecutor
-
     from armload_controller.config.tables.drive_tables import VIRTUAL
+    from armload_controller.cycle.realtime import running_worker
     from armload_controller.feedforward.adaptation import at_once
     from armload_controller.session.adapted_run import adapted_run
     from armload_controller.session.decision_log import DecisionLog
@@ -267,7 +266,7 @@ def _adapt(bench: _Bench, declared: DeclaredMass, decisions: Path) -> _Outcome:
 
     arm, display = bench.arm, bench.operator.display
     calibration, _ = bench.used.calibrated("--adapt requires a calibrated arm")
-    with DecisionLog(decisions, arm.name, display) as log, ThreadPoolExecutor(1, "estimate") as executor:
+    with DecisionLog(decisions, arm.name, display) as log, running_worker("estimate") as executor:
         beside = at_once if arm.bus.interface == VIRTUAL else executor.submit
         with bench.session(Load.LOADED) as session:
             adapted = adapted_run(arm, bench.path, calibration, declared, session, beside, log.report)

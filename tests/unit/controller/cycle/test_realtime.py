@@ -4,9 +4,11 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+import armload_controller
 from armload_controller.cycle.realtime import SWITCH_INTERVAL_S
 
 PROGRAM = """
@@ -14,7 +16,8 @@ import gc, json, os, sys
 from armload_controller.cycle.realtime import tuned_for_cycles
 
 def state():
-    return sys.getswitchinterval(), gc.isenabled(), os.sched_getscheduler(0), sorted(os.sched_getaffinity(0))
+    policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+    return sys.getswitchinterval(), gc.isenabled(), policy, sorted(os.sched_getaffinity(0))
 
 told, states = [], [state()]
 with tuned_for_cycles(told.append):
@@ -39,33 +42,82 @@ def test_everything_is_set_and_set_back():
 
 THREADS = """
 import json, os, threading
-from armload_controller.cycle.realtime import tuned_for_cycles
+from concurrent.futures import ThreadPoolExecutor
+from armload_controller.cycle.realtime import running_worker, tuned_for_cycles
 
 stop = threading.Event()
 other = threading.Thread(target=stop.wait)
 other.start()
 
-def scheduled():
-    return [(os.sched_getscheduler(id), os.sched_getparam(id).sched_priority) for id in (0, other.native_id)]
+def scheduled(id=0):
+    policy = os.sched_getscheduler(id) & ~os.SCHED_RESET_ON_FORK
+    return policy, os.sched_getparam(id).sched_priority, sorted(os.sched_getaffinity(id))
 
-told = []
-with tuned_for_cycles(told.append):
-    within = scheduled()
-print(json.dumps([within, scheduled(), told]))
+before, told = scheduled(), []
+with running_worker("beside") as worker, ThreadPoolExecutor(1) as later:
+    with tuned_for_cycles(told.append):
+        within = {
+            "own": scheduled(),
+            "other": scheduled(other.native_id),
+            "worker": worker.submit(scheduled).result(),
+            "later": later.submit(scheduled).result(),
+        }
+print(json.dumps([before, within, [scheduled(), scheduled(other.native_id)], told]))
 stop.set()
 other.join()
 """
 
 
-def test_threads_that_share_the_interpreter_come_next():
-    """Such as simulated drives in this process: if they cannot run, neither can the cycle."""
+@pytest.fixture(scope="module")
+def threads():
+    """Policy, priority and CPUs before; of each kind of thread within the block; after; and what was not permitted."""
     done = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True, check=True, timeout=60)
-    within, after, told = json.loads(done.stdout)
+    return json.loads(done.stdout)
+
+
+def test_threads_that_share_the_interpreter_come_next(threads):
+    """Such as simulated drives in this process: if they cannot run, neither can the cycle."""
+    before, within, after, told = threads
     if any("SCHED_FIFO" in line for line in told):
         pytest.skip(told[0])
-    own, other = within
-    assert other == [os.SCHED_FIFO, own[1] - 1]
-    assert after[1][0] == os.SCHED_OTHER
+    assert within["other"] == [os.SCHED_FIFO, within["own"][1] - 1, before[2]]
+    assert after == [before, before]
+
+
+def test_no_thread_beside_the_cycle_keeps_it_waiting_for_the_cpu(threads):
+    """A thread inherits priority and CPU: 40 ms of computing at the cycle's own made the cycle late."""
+    before, within, _, told = threads
+    cpus = within["own"][2]
+    assert within["worker"][2] == before[2], "not tied to the cycle's CPU"
+    assert within["later"] == [before[0], before[1], cpus], "below the cycle, whatever it starts"
+    if not any("SCHED_FIFO" in line for line in told):
+        assert within["worker"][:2] == [os.SCHED_FIFO, within["own"][1] - 1]
+
+
+def test_every_executor_runs_before_the_cycle_does():
+    package = Path(armload_controller.__file__).parent
+    found = {path.name for path in package.rglob("*.py") if "ThreadPoolExecutor(" in path.read_text("utf-8")}
+    assert found == {"realtime.py"}
+
+
+DROPPED = """
+import os
+from armload_controller.cycle.realtime import tuned_for_cycles
+with tuned_for_cycles(print):
+    raised = os.sched_getscheduler(0)
+    os.setuid(65534)
+print(raised, os.sched_getscheduler(0))
+"""
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root has privileges to lose")
+def test_the_policy_is_restored_without_the_privilege_to_clear_the_flag():
+    """As for a user who may use real-time priorities by limits.conf, without CAP_SYS_NICE."""
+    done = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, check=True, timeout=60)
+    raised, restored = map(int, done.stdout.splitlines()[-1].split())
+    if not raised & os.SCHED_RESET_ON_FORK:
+        pytest.skip("real-time priority is not permitted here")
+    assert restored == os.SCHED_OTHER | os.SCHED_RESET_ON_FORK
 
 
 def test_what_is_not_permitted_is_said_with_what_to_do():

@@ -43,6 +43,12 @@ def test_the_cycle_does_not_wait_for_a_halted_terminal(tmp_path):
     assert [json.loads(line) for line in lines] == [{"robot": "er50", **decision(t).to_dict()} for t in (1.0, 2.0, 3.0)]
 
 
+def test_the_thread_runs_before_the_first_decision(tmp_path):
+    """Started by the cycle, it would write at the cycle's priority on its CPU."""
+    with DecisionLog(tmp_path / "decisions.jsonl", "er50", NoDisplay()):
+        assert [thread for thread in threading.enumerate() if thread.name.startswith("decisions")]
+
+
 def test_a_log_that_cannot_be_written_ends_the_run(tmp_path):
     with pytest.raises(CommissioningError, match="choose a --decisions file that can be written"):
         DecisionLog(tmp_path / "none" / "decisions.jsonl", "er50", NoDisplay())
