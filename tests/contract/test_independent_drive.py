@@ -9,6 +9,7 @@ import canopen
 import numpy as np
 import pytest
 
+from armload_drivers.bring_up.drive_check import reset
 from armload_drivers.bus.sync_sources import TimerSync
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import Identity, OperationMode
@@ -65,7 +66,7 @@ def bench(mode, independent_arm):
         network.connect()
         drives = join(network, [drive.node_id for drive in arm.drives], [int(mode)])
         servos = CanopenServos(arm, bus, TimerSync(), PATIENT)
-        yield servos, drives, arm
+        yield servos, drives, arm, bus
         servos.close()
         for drive in drives:
             drive.nmt.stop_heartbeat()
@@ -74,7 +75,7 @@ def bench(mode, independent_arm):
 
 @pytest.mark.parametrize("mode", list(OperationMode), ids=lambda mode: mode.name)
 def test_it_is_booted_enabled_moved_and_disabled(bench):
-    servos, drives, arm = bench
+    servos, drives, arm, _ = bench
     servos.connect()
     assert not servos.simulated
     assert [report.name for report in servos.reports] == ["independent servo amplifier"] * 3
@@ -96,7 +97,7 @@ def test_it_is_booted_enabled_moved_and_disabled(bench):
 
 
 def test_its_fault_in_motion_is_reported_and_reset_by_name(bench):
-    servos, drives, _ = bench
+    servos, drives, arm, bus = bench
     servos.connect()
     start = servos.enable().position_rad
     drives[1].fail(0x2310)
@@ -105,14 +106,14 @@ def test_its_fault_in_motion_is_reported_and_reset_by_name(bench):
     servos.stop()
     servos.disable()
     assert [drive.state for drive in drives] == [DISABLED, FAULT, DISABLED]
-    servos.reset_faults()
+    reset(arm, "joint_3", bus, lambda question: True, PATIENT)
     servos.enable()
     assert [drive.state for drive in drives] == [ENABLED] * 3
 
 
 def test_a_silent_master_is_noticed_by_it(bench):
     """The drive monitors the heartbeat configured in 1016."""
-    servos, drives, arm = bench
+    servos, drives, arm, _ = bench
     servos.connect()
     start = servos.enable().position_rad
     hold(servos, start, round(4 * arm.heartbeat_s / arm.cycle_s))
@@ -123,7 +124,7 @@ def test_a_silent_master_is_noticed_by_it(bench):
 
 
 def test_another_product_is_refused(bench):
-    servos, drives, arm = bench
+    servos, drives, arm, _ = bench
     servos.connect()
     before = [len(drive.states) for drive in drives]
     arm = replace(arm, drives=tuple(replace(d, identity=Identity(VENDOR_ID, 0x9999)) for d in arm.drives))

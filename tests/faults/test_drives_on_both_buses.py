@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from armload_drivers.bring_up.drive_check import reset
 from armload_drivers.cia402.arm_settings import Identity, VendorEffort
 from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType
@@ -40,7 +41,7 @@ def test_a_drive_fault_in_motion_and_the_way_back(fault_arm):
     arm.comes_to_rest()
     with pytest.raises(ServoFault, match="0x2310"):
         arm.servos.enable()
-    arm.servos.reset_faults()
+    reset(arm.arm, "joint_3", arm.bus, lambda question: False, arm.timeouts)
     arm.has_no_torque()
     arm.target_rad = arm.servos.enable().position_rad
     arm.move(5)

@@ -6,6 +6,7 @@ import can
 import numpy as np
 import pytest
 
+from armload_drivers.bring_up.drive_check import reset
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.object_dictionary import NmtState
@@ -82,27 +83,11 @@ def test_a_fault_is_reset_by_name_and_the_arm_enabled_again(virtual_arm):
     arm.drives.fail(3, 0x4310)
     move_until_error(arm, start, ServoFault)
     arm.servos.disable()
-    arm.servos.reset_faults()
+    reset(arm.arm, "joint_3", arm.bus, lambda question: False)
     assert not any(arm.plant.powered)
     feedback = arm.servos.enable()
     assert [decode(int(word)) for word in feedback.statusword] == [State.OPERATION_ENABLED] * 3
     move(arm, feedback.position_rad, 5)
-
-
-def test_a_fault_whose_cause_stays_gets_three_edges_and_an_error(virtual_arm):
-    arm = virtual_arm()
-    start = enabled(arm)
-    arm.drives.fail(3, 0x4310, persistent=True)
-    move_until_error(arm, start, ServoFault)
-    arm.servos.disable()
-    arm.frames(0)
-    with pytest.raises(ServoTimeout) as raised:
-        arm.servos.reset_faults()
-    assert raised.value.node_id == 3
-    assert "FAULT" in str(raised.value)
-    words = [frame[0] | frame[1] << 8 for frame in arm.frames(0x203)]
-    high = [bool(word & 0x80) for word in words]
-    assert sum(now and not before for before, now in zip([False, *high], high, strict=False)) == 3
 
 
 def test_a_following_error_is_a_fault(virtual_arm, arm_settings):

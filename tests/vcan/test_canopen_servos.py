@@ -6,6 +6,7 @@ import can
 import numpy as np
 import pytest
 
+from armload_drivers.bring_up.drive_check import reset
 from armload_drivers.bus.sync_sources import TimerSync
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.driver_errors import ServoFault
@@ -29,13 +30,13 @@ def bench(arm_settings):
         SimulatedDrives(arm, plant, drives_bus, time.monotonic) as drives,
     ):
         servos = CanopenServos(arm, bus, TimerSync())
-        yield servos, drives, plant
+        yield servos, drives, plant, bus, arm
         servos.close()
         assert not any(plant.powered)
 
 
 def test_an_arm_is_brought_up_moved_and_brought_to_rest(bench):
-    servos, _, plant = bench
+    servos, _, plant, _, _ = bench
     servos.connect()
     assert servos.simulated
     first = servos.enable()
@@ -59,7 +60,7 @@ def move(servos, start):
 
 
 def test_a_drive_fault_in_motion(bench):
-    servos, drives, plant = bench
+    servos, drives, plant, bus, arm = bench
     servos.connect()
     start = servos.enable().position_rad
     drives.fail(3, 0x2310)
@@ -67,6 +68,6 @@ def test_a_drive_fault_in_motion(bench):
         move(servos, start)
     servos.stop()
     servos.disable()
-    servos.reset_faults()
+    reset(arm, "joint_3", bus, lambda question: False)
     servos.enable()
     assert all(plant.powered)

@@ -1,6 +1,6 @@
 """Events of a watched arm, found by comparing each estimate with the previous one.
 
-        grasped, dropped        the payload's mass changed, and the change is known to within a quarter of its value
+    grasped, dropped        the payload's mass changed, and the change is known to within a quarter of its value
     changed tool            the payload changed: same mass, different centre of mass
     contact                 at rest, an external force exceeds what friction could hold
     friction drifting       a joint's friction differs from the calibration by `DRIFTING` standard deviations

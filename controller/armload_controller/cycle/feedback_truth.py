@@ -2,14 +2,14 @@
 
 Every cycle
 
-        position against the last one       it moves no faster than the recent setpoints, plus a share of the limit
+    position against the last one       it moves no faster than the recent setpoints, plus a share of the limit
     statusword                          voltage (bit 4) and remote (bit 9), if set at first, stay set; following error
                                         (bit 13) stays clear, an internal limit (bit 11) does not last
 
 and every `EVERY_S`, in the motors' axes, where each position is that of one encoder,
 
     position against the setpoints      it changes while they move, and in their direction
-        velocity against position           over `WINDOW_S` they agree, if drives report a velocity
+    velocity against position           over `WINDOW_S` they agree, if drives report a velocity
     current or torque                   it is not exactly zero while the motor turns
 
 The sign of a torque is checked after the slow round: `torque_signs`. The following error has its own monitor. A joint
@@ -39,6 +39,8 @@ FROZEN_SHARE = 0.4
 """A position is frozen if it stays while the setpoints move by this share of the following error window."""
 SAME_RAD = 1e-9
 """Positions this close are the same count of an encoder."""
+NO_EFFORT = 1e-9
+"""A current in A or torque in N m up to this is zero: drives report whole counts, which are far coarser."""
 STRAIGHT_SHARE, LEAST_WAY_RAD, BACKWARDS_SHARE = 0.95, 0.01, 0.5
 """Setpoints count as one-way at this share of net to total travel and this distance; a position is reversed if it moves
 against them by the last share."""
@@ -273,7 +275,7 @@ class FeedbackTruth:
             effort = self._coupling.T @ feedback.torque_nm
         if effort is None:
             return
-        self._idle_way = np.where(np.abs(effort) > SAME_RAD, 0.0, self._idle_way + moved)
+        self._idle_way = np.where(np.abs(effort) > NO_EFFORT, 0.0, self._idle_way + moved)
         if (self._idle_way > IDLE_RAD).any():
             joint = int(np.argmax(self._idle_way))
             raise TorqueMissing(

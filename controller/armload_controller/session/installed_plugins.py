@@ -1,7 +1,7 @@
 """Plug-ins of the cycle from other packages: installed, named in a robot's file, and found by entry point.
 
     [plugins.torque_ceiling]                        in the robot's file: the entry point's name
-        joint = "joint_2"                               the package's own settings, read strictly
+    joint = "joint_2"                               the package's own settings, read strictly
     torque_nm = 150.0
 
     [project.entry-points."armload.plugins"]        in the package's pyproject.toml

@@ -158,7 +158,7 @@ class CanopenServos:
 
         Raises:
             StateError: not connected, or still enabled or stopped.
-            ServoFault: a drive is in FAULT; `reset_faults` resets it once the cause is removed.
+            ServoFault: a drive is in FAULT; `drive_check.reset` resets it once the cause is removed.
             ServoTimeout: a drive did not reach the state in time.
             BusError: the bus failed.
         """
@@ -250,27 +250,6 @@ class CanopenServos:
         if moving is not None:
             raise moving
 
-    def reset_faults(self) -> None:
-        """Reset the faults of all drives that are in FAULT, by a bounded number of rising edges.
-
-        Raises:
-            StateError: not connected, or still enabled or stopped.
-            ServoTimeout: a drive stays in FAULT; the cause persists.
-            BusError: the bus failed.
-        """
-        self._require(_Phase.CONNECTED)
-        step, limit_s = "resetting the fault", self._timeouts.fault_reset_s
-        try:
-            self._begin_cycles(check_faults=False)
-            for _ in range(self._arm.max_missing_cycles + 1):
-                self._cycle.run()
-            for node in self._nodes:
-                if node.state is State.FAULT:
-                    node.machine.request_fault_reset()
-            self._cycle.run_until(lambda node: node.state is not State.FAULT, step, limit_s)
-        finally:
-            self._end_cycles()
-
     def close(self) -> None:
         """Leave the bus, after stopping and disabling if necessary. Idempotent.
 
@@ -328,13 +307,12 @@ class CanopenServos:
         if self._phase in {_Phase.NEW, _Phase.CLOSED}:
             raise StateError(f"the servos are {self._phase.name.lower()}: connect them first")
 
-    def _begin_cycles(self, *, check_faults: bool = True) -> None:
+    def _begin_cycles(self) -> None:
         """Preset targets and start the nodes."""
         for node, setup in zip(self._nodes, self._setups, strict=True):
             node.target_counts = node.position_counts = setup.hold_present_position()
             node.offset_permille = 0
-            if check_faults:
-                setup.require_no_fault()
+            setup.require_no_fault()
             setup.watch_master(on=True)
         self._cycle.begin()
 

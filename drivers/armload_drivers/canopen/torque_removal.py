@@ -15,22 +15,14 @@ from armload_drivers.canopen.canopen_cycle import CanopenCycle
 from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, axis_moves
 from armload_drivers.cia402.object_dictionary import NmtCommand
-from armload_drivers.cia402.state_machine import State
+from armload_drivers.cia402.state_machine import POWERED, State
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import AxisMoves, ServoTimeout
 
 STILL_CYCLES = 3
 """Number of cycles without motion that count as standstill."""
 
-_WITHOUT_TORQUE = frozenset(
-    {
-        State.NOT_READY_TO_SWITCH_ON,
-        State.SWITCH_ON_DISABLED,
-        State.READY_TO_SWITCH_ON,
-        State.SWITCHED_ON,
-        State.FAULT,
-    }
-)
+_WITHOUT_TORQUE = frozenset(State) - POWERED
 _STEP = "removing torque"
 
 

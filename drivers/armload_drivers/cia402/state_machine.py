@@ -6,9 +6,9 @@ Rules of this file:
 - A statusword that matches no state is an error with that word; it never counts as the previous state.
 - Nothing is restored automatically: a drive that leaves its reached state stays where it is until the next request.
 - Some transitions are never part of a route. QUICK STOP ACTIVE to OPERATION ENABLED (16) and the fault reset (15) would
-  move an arm that had stopped for a reason; they are made only by `request_resume` and `request_fault_reset`. Removing
-  torque in motion (8, 9) drops an arm; operation is left through "disable operation" (5), in which the drive engages
-  its brake first.
+  move an arm that had stopped for a reason; the master never makes the first, and the second only by
+  `request_fault_reset`. Removing torque in motion (8, 9) drops an arm; operation is left through "disable operation"
+  (5), in which the drive engages its brake first.
 
 Theory of operation: the master feeds every statusword to `receive`, sets a goal with `request`, and sends
 what `controlword` returns in each cycle. The drive feeds every controlword to `DriveMachine.receive`, reports
@@ -161,7 +161,7 @@ def _first_steps(goal: State) -> dict[State, Transition]:
 
 
 ROUTES = MappingProxyType({goal: MappingProxyType(_first_steps(goal)) for goal in State})
-"""ROUTES[goal][state]: the next transition; without an entry, a request by name is required."""
+"""ROUTES[goal][state]: the next transition; without an entry, no route leads to the goal."""
 
 # The controlword that keeps a drive in a state.
 _STAY: dict[State, int] = {
@@ -205,7 +205,6 @@ class MasterMachine:
         self.goal: State | None = None
         self.since_s = 0.0
         self._reset_policy = reset or ResetPolicy()
-        self._resuming = False
         self._edges_left = 0
         self._bit_high = False
         self._bit_since_s: float | None = None
@@ -235,12 +234,11 @@ class MasterMachine:
             self.since_s = now_s
         self.state, self.statusword = state, statusword
         if state is self.goal:
-            self._forget_named_requests()
+            self._end_fault_reset()
         return state
 
-    def _forget_named_requests(self) -> None:
-        """End a request by name, because it was fulfilled or replaced."""
-        self._resuming = False
+    def _end_fault_reset(self) -> None:
+        """End a fault reset, because it succeeded or was replaced."""
         self._edges_left = 0
         self._bit_high = False
 
@@ -251,27 +249,15 @@ class MasterMachine:
             goal: The state. The caller limits the wait.
 
         Raises:
-            TransitionError: from the present state the goal requires a request by name; nothing is changed.
+            TransitionError: no route leads from the present state to the goal; nothing is changed.
         """
         blocked = {State.FAULT: "a fault reset", State.FAULT_REACTION_ACTIVE: "a fault reset"}
         if goal is State.OPERATION_ENABLED:
-            blocked[State.QUICK_STOP_ACTIVE] = "a request to resume"
+            blocked[State.QUICK_STOP_ACTIVE] = "the torque to be removed first"
         if self.state in blocked and goal is not self.state:
             raise TransitionError(f"{goal.title} from {self.state.title} needs {blocked[self.state]}", self.statusword)
         self.goal = goal
-        self._forget_named_requests()
-
-    def request_resume(self) -> None:
-        """Request transition 16, QUICK STOP ACTIVE to OPERATION ENABLED.
-
-        Raises:
-            TransitionError: the drive is not in QUICK STOP ACTIVE.
-        """
-        if self.state is not State.QUICK_STOP_ACTIVE:
-            title = "an unknown state" if self.state is None else self.state.title
-            raise TransitionError(f"only QUICK STOP ACTIVE can be resumed, the drive is in {title}", self.statusword)
-        self.goal = State.OPERATION_ENABLED
-        self._resuming = True
+        self._end_fault_reset()
 
     def request_fault_reset(self) -> None:
         """Request transition 15, FAULT to SWITCH ON DISABLED, by a bounded number of rising edges of bit 7.
@@ -298,8 +284,6 @@ class MasterMachine:
             return 0x00
         if state is State.FAULT and (self._edges_left or self._bit_high):
             return self._reset_bit(now_s)
-        if self._resuming and state is State.QUICK_STOP_ACTIVE:
-            return Command.ENABLE_OPERATION.value[1]
         if self.goal is None or state is self.goal:
             return _STAY[state]
         step = ROUTES[self.goal].get(state)

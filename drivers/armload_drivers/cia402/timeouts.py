@@ -18,7 +18,7 @@ class Timeouts:
         enable_s: From the first cycle to OPERATION ENABLED of every drive, brakes included; time of the SYNC.
         stop_s: From the quick stop to standstill; time of the SYNC.
         disable_s: From standstill to drives without torque; time of the SYNC.
-        fault_reset_s: From the first rising edge to SWITCH ON DISABLED; time of the SYNC.
+        fault_reset_s: From the first rising edge to SWITCH ON DISABLED.
     """
 
     probe_s: float = 0.2

@@ -95,15 +95,6 @@ class Conversation(RuleBasedStateMachine):
             with pytest.raises(TransitionError):
                 self.master.request_fault_reset()
 
-    @rule()
-    def request_resume(self):
-        if self.master.state is State.QUICK_STOP_ACTIVE:
-            self.master.request_resume()
-            self.asked_to_enable = True
-        else:
-            with pytest.raises(TransitionError):
-                self.master.request_resume()
-
     @rule(word=st.integers(0, 0xFFFF))
     def garbage(self, word):
         """A statusword that matches no state changes nothing."""
