@@ -10,12 +10,14 @@ from __future__ import annotations
 import io
 import os
 import time
+from array import array
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import numpy as np
 import orjson
 from mcap.writer import Writer
 
@@ -24,6 +26,7 @@ from armload_controller.cycle.arm_frames import FRAMES_SCHEMA, FRAMES_SCHEMA_NAM
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import Segment
+from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.recording.run_format import MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
 
@@ -48,7 +51,6 @@ class Recorder:
 
     Attributes:
         rows: Number of rows written.
-        measured_rows: Number of rows within the measured periods.
 
     Raises:
         CommissioningError: the file exists or cannot be written.
@@ -77,7 +79,7 @@ class Recorder:
             raise CommissioningError(f"{path}: {error.strerror}: choose an --output that can be written") from error
         self._flushed_s = -float("inf")
         self.rows = 0
-        self.measured_rows = 0
+        self._phase_s, self._time_s = array("d"), array("d")
 
     def _begin(self, attachments: Mapping[str, str]) -> None:
         """Write everything before the first row; on a full disk this fails before anything is switched on."""
@@ -114,6 +116,11 @@ class Recorder:
             self._file.flush()
         except OSError as error:
             raise self._failed(error) from error
+
+    @property
+    def measured(self) -> tuple[FloatArray, FloatArray]:
+        """Phases and times of the rows within the measured periods."""
+        return np.array(self._phase_s), np.array(self._time_s)
 
     @property
     def partial(self) -> Path:
@@ -169,7 +176,9 @@ class Recorder:
         try:
             self._writer.add_message(self._channel, stamp_ns, data, stamp_ns, feedback.cycle)
             self.rows += 1
-            self.measured_rows += phase_s is not None
+            if phase_s is not None:
+                self._phase_s.append(phase_s)
+                self._time_s.append(feedback.time_s)
             if self._frames is not None and feedback.time_s - self._framed_s >= FRAMES_S:
                 data = self._frames.message(feedback.position_rad, stamp_ns)
                 self._writer.add_message(self._frames_channel, stamp_ns, data, stamp_ns, feedback.cycle)

@@ -28,6 +28,7 @@ from armload_controller.session.run_session import Load, Operator, RunSession, S
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import Recording
+from armload_identification.recording.reduction.phases import even_periods
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
 
 ROLES = ("identification", "validation")
@@ -105,11 +106,11 @@ def _record(
     frames = ArmFrames(robot.chain, robot.joint_names)
     with Recorder(recording_path(directory, session.load, role), attachments, frames=frames) as recorder:
         summary = session.run(path, f"{session.load}: {role}", recorder=recorder)
-        if recorder.measured_rows < round(path.excitation.trajectory.period_s / session.servos.cycle_s):
+        if not even_periods(*recorder.measured, path.excitation.trajectory):
             raise CommissioningError(
-                f"{session.load}: {role}: no complete period was run at full speed, and only such periods are "
-                "measured. Run the same command again, and set the speed back to 100 % (key +) before the slow round "
-                "ends."
+                f"{session.load}: {role}: no complete period was run at full speed without a pause, and only such "
+                f"periods are measured; {recorder.partial} is not used. Run the same command again: set the speed to "
+                "100 % (key +) before the slow round ends, and do not pause within the periods."
             )
         return summary
 

@@ -16,7 +16,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.period_average import ON_GRID
-from armload_identification.recording.reduction.phases import SETTLING_S, periodic_phase, require_even, whole
+from armload_identification.recording.reduction.phases import SETTLING_S, advance, periodic_phase, require_even, whole
 
 _FITTED: Final = 0.25
 """Greatest ratio of the fitted motion's coefficients to samples."""
@@ -72,7 +72,8 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
     """
     phase, trajectory = periodic_phase(recording)
     rows = np.isfinite(recording.phase_s) if recording.phase_s is not None else np.empty(0, dtype=bool)
-    rate = _seconds_per_phase(recording, phase, recording.time_s[rows], trajectory.period_s)
+    uneven_s, rate = advance(phase, recording.time_s[rows])
+    require_even(recording.source.path, uneven_s, rate, trajectory.period_s)
     step = trajectory.period_s / phases
     values = np.hstack([torque_nm[rows], recording.position_rad[rows]])
     average = recording.average
@@ -94,15 +95,6 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
         motion=motion,
         position_fit_rad=misfit,
     )
-
-
-def _seconds_per_phase(recording: Recording, phase: FloatArray, time_s: FloatArray, period_s: float) -> float:
-    """Measured seconds per second of phase, by least squares over the run."""
-    centred = phase - phase.mean()
-    rate = float(centred @ (time_s - time_s.mean()) / (centred @ centred))
-    uneven_s = float(np.abs(time_s - time_s.mean() - rate * centred).max())
-    require_even(recording.source.path, uneven_s, rate, period_s)
-    return rate
 
 
 def _on_grid(place: FloatArray, values: FloatArray, periods: int, phases: int) -> FloatArray:

@@ -126,6 +126,34 @@ def whole_between(first_s: float, last_s: float, step_s: float, period_s: float)
     return int((last_s - first_s + step_s) / period_s + 1e-6)
 
 
+def even_periods(phase: FloatArray, time_s: FloatArray, trajectory: FourierTrajectory) -> int:
+    """Number of periods that can be averaged; 0 if a reader would refuse the run.
+
+    Args:
+        phase: (N,) phases of a run.
+        time_s: (N,) their time stamps.
+        trajectory: The series as it was designed.
+    """
+    if phase.size < 2 or not whole(phase, trajectory.period_s):
+        return 0
+    period_s = shortest_period(phase, trajectory).period_s
+    return whole(phase, period_s) if _is_even(*advance(phase, time_s), period_s) else 0
+
+
+def advance(phase: FloatArray, time_s: FloatArray) -> tuple[float, float]:
+    """Greatest deviation of time stamps from a uniform advance in s, and measured seconds per second of phase.
+
+    The uniform advance is the line of least squares.
+
+    Args:
+        phase: (N,) phases of a run.
+        time_s: (N,) their time stamps.
+    """
+    centred = phase - phase.mean()
+    rate = float(centred @ (time_s - time_s.mean()) / (centred @ centred))
+    return float(np.abs(time_s - time_s.mean() - rate * centred).max()), rate
+
+
 def require_even(path: Path, uneven_s: float, rate: float, period_s: float) -> None:
     """Raise if a run's phase did not advance uniformly.
 
@@ -138,11 +166,16 @@ def require_even(path: Path, uneven_s: float, rate: float, period_s: float) -> N
     Raises:
         RecordingError: the run was paused or changed its speed.
     """
-    if rate <= 0.0 or uneven_s > _UNEVEN * period_s:
+    if not _is_even(uneven_s, rate, period_s):
         raise RecordingError(
             f"{path}: the phase is up to {uneven_s:.3g} s off a uniform advance, {_UNEVEN * period_s:.3g} s is "
             "allowed. The run was paused or changed its speed within the periods: record it again."
         )
+
+
+def _is_even(uneven_s: float, rate: float, period_s: float) -> bool:
+    """Whether a phase advanced uniformly."""
+    return rate > 0.0 and uneven_s <= _UNEVEN * period_s
 
 
 def _cycles(phase: FloatArray, trajectory: FourierTrajectory) -> int:

@@ -8,14 +8,17 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
+from armload_controller.cli.keyboard import Key, press
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError, MotionError
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
+from armload_controller.motion.phase import Segment
 from armload_controller.session import commissioning
 from armload_controller.session.commissioning import record_half
 from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.reduction.phases import even_periods
 
 CYCLE_S = 0.02
 SWING = np.full((6, 1), 0.05)
@@ -24,10 +27,16 @@ SWING = np.full((6, 1), 0.05)
 @pytest.fixture(scope="module")
 def robot():
     """prbt with excitations of one period of 1 s."""
+    return swinging(1)
+
+
+def swinging(periods):
+    """prbt with excitations of some periods of 1 s."""
     arm = load_robot("prbt").with_bus(cycle_hz=1.0 / CYCLE_S)
     still = FourierTrajectory(1.0, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), SWING, 0.5 * SWING)
     other = FourierTrajectory(1.0, np.array([0.0, 0.5, 1.1, 0.1, 0.5, 0.0]), SWING, -0.5 * SWING)
-    return replace(arm, excitations={"identification": Excitation(still, 1), "validation": Excitation(other, 1)})
+    paths = {"identification": still, "validation": other}
+    return replace(arm, excitations={role: Excitation(path, periods) for role, path in paths.items()})
 
 
 class Person:
@@ -45,7 +54,7 @@ class Person:
 def half(robot, ideal_servos, tmp_path):
     """Record a half on a perfect arm; returns the questions and the arm."""
 
-    def half(load, *answers, simulated=False, given=False, control=None):
+    def half(load, *answers, simulated=False, given=False, control=None, watching=(), robot=robot):
         servos = ideal_servos(6, CYCLE_S)
         servos.simulated = simulated
         person = Person(servos, *answers)
@@ -55,7 +64,7 @@ def half(robot, ideal_servos, tmp_path):
             assert which is load
             yield servos
 
-        operator = Operator(NoDisplay(), control or MotionControl(), Consent(person, given))
+        operator = Operator(NoDisplay(), control or MotionControl(), Consent(person, given), watching)
         try:
             record_half(robot, load, open_servos, tmp_path, operator)
         except (CommissioningError, MotionError) as error:
@@ -70,6 +79,47 @@ def test_a_run_at_reduced_speed_is_not_taken_for_a_measurement(half, tmp_path):
     assert "unloaded: identification: no complete period was run at full speed" in str(error)
     assert servos.log[-1] == "disable"
     assert [path.name for path in tmp_path.glob("*.mcap")] == ["unloaded_identification.partial.mcap"]
+
+
+class Hand:
+    """Presses keys when the measured phase first reaches a point, and others some cycles later."""
+
+    name = "hand"
+
+    def __init__(self, control, at_s, now, later, after_cycles=50):
+        self.control, self.at_s, self.now, self.later, self.cycles = control, at_s, now, later, after_cycles
+
+    def on_cycle(self, step):
+        reached = step.reference.segment is Segment.PERIODS and step.reference.state.phase_s >= self.at_s
+        if self.now and reached:
+            for key in self.now:
+                press(self.control, key)
+            self.now = ()
+        elif not self.now and self.cycles >= 0:
+            self.cycles -= 1
+            for key in self.later if self.cycles < 0 else ():
+                press(self.control, key)
+
+
+@pytest.mark.parametrize(
+    ("now", "later"), [([Key.PAUSE], [Key.PAUSE]), ([Key.SLOWER] * 8, [Key.FASTER] * 8)], ids=["pause", "slower"]
+)
+def test_a_run_whose_every_period_was_interrupted_is_made_again_by_the_same_command(half, tmp_path, now, later):
+    """It has rows enough for a period, but a reader would refuse them."""
+    control = MotionControl()
+    hands = tuple(Hand(control, at_s, now, later) for at_s in (0.6, 1.6, 2.6))
+    _, servos, error = half(Load.UNLOADED, simulated=True, control=control, watching=hands, robot=swinging(3))
+    partial = tmp_path / "unloaded_identification.partial.mcap"
+    assert f"at full speed without a pause, and only such periods are measured; {partial} is not used" in str(error)
+    assert servos.log[-1] == "disable"
+    assert list(tmp_path.glob("*.mcap")) == [partial]
+    run = read_recording(partial)
+    inside = np.isfinite(run.phase_s)
+    assert np.count_nonzero(inside) >= 1.0 / CYCLE_S
+    assert not even_periods(run.phase_s[inside], run.time_s[inside], run.excitation.trajectory)
+    _, _, error = half(Load.UNLOADED, simulated=True)
+    assert error is None
+    assert commissioning.missing_roles(tmp_path, Load.UNLOADED) == ()
 
 
 def test_a_simulated_arm_is_never_asked_about_and_rounds_slowly_all_the_same(half, tmp_path):
