@@ -202,41 +202,43 @@ class CheckedFeedforward:
     """The feed-forward and the preceding check of the torque offset, as one plug-in.
 
     Args:
-        feedforward: Adds nothing until `begin` or `fade_in` allows it.
-        check: Tries the torque offset during `begin`.
+        feedforward: Adds nothing until `fade_in` allows it.
+        check: Tries the torque offset during `try_offset`.
+
+    Attributes:
+        check: The check.
     """
 
     name = "feed-forward"
 
     def __init__(self, feedforward: Feeding, check: OffsetCheck) -> None:
-        self.feedforward = feedforward
-        self._check = check
+        self._feedforward, self.check = feedforward, check
         self._checking = False
 
     def on_cycle(self, step: CycleStep) -> FloatArray | None:
         """The check's torque while it runs, otherwise the payload's."""
-        torque = self.feedforward.on_cycle(step)
-        return self._check.on_cycle(step) if self._checking else torque
+        torque = self._feedforward.on_cycle(step)
+        return self.check.on_cycle(step) if self._checking else torque
 
-    def begin(self, arm: PoweredArm) -> OffsetVerdict:
-        """Try the torque offset at standstill, then fade the payload's torque in.
+    def try_offset(self, arm: PoweredArm) -> OffsetVerdict:
+        """Try the torque offset at standstill; none of the payload's torque is added.
 
         Raises:
-            OffsetRefused: a drive responds wrongly to its offset; no torque is added.
+            OffsetRefused: a drive responds wrongly to its offset.
         """
         self._checking = True
-        arm.hold(self._check.done)
+        arm.hold(self.check.done)
         self._checking = False
-        verdict = self._check.verdict()
-        self.fade_in(arm, verdict)
+        verdict = self.check.verdict()
+        verdict.require()
         return verdict
 
     def fade_in(self, arm: PoweredArm, verdict: OffsetVerdict) -> None:
-        """Fade the payload's torque in at standstill, after an earlier trial of the offset.
+        """Fade the payload's torque in at standstill, after a trial of the offset.
 
         Raises:
             OffsetRefused: the trial failed; no torque is added.
         """
-        self.feedforward.allow(verdict.require())
-        cycles = iter(range(self.feedforward.fade_in_cycles))
+        self._feedforward.allow(verdict.require())
+        cycles = iter(range(self._feedforward.fade_in_cycles))
         arm.hold(lambda: next(cycles, None) is None)

@@ -15,13 +15,16 @@ total torque would stay constant with the wrong sign as well.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_controller.config.robot import Robot
 from armload_controller.control_errors import OffsetRefused
 from armload_controller.cycle.monitors import measured_torque
 from armload_controller.cycle.plugins import CycleStep
+from armload_controller.motion.checked_path import CheckedPath
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
@@ -44,6 +47,8 @@ FADES = 4
 LEAST_FITS = 8
 MOST_FITS = 20
 """After this number of fits, a joint whose gain is still uncertain gets no feed-forward."""
+PATH_SAMPLES = 512
+"""Positions along one period of a path among which the payload's greatest torque is looked for."""
 _MEDIAN_EFFICIENCY = 1.2533
 """Standard error of a median relative to that of a mean, for normal errors."""
 
@@ -119,6 +124,9 @@ class OffsetCheck:
         transmission: Converts motor current to joint torque.
         tried_nm: (n,) greatest offset of each joint.
         cycle_s: Duration of a cycle.
+
+    Attributes:
+        tried_nm: (n,) greatest offset of each joint.
     """
 
     name = "torque offset check"
@@ -128,7 +136,7 @@ class OffsetCheck:
     ) -> None:
         self._joint_names = joint_names
         self._transmission = transmission
-        self._tried = tried_nm
+        self.tried_nm = tried_nm
         self._tried_joints = tried_nm > SMALLEST_SHARE * tried_nm.max()
         self._fade = max(8, round(FADE_S / cycle_s))
         self._length = FADES * self._fade
@@ -136,6 +144,19 @@ class OffsetCheck:
         self._offset: list[FloatArray] = []
         self._torque: list[FloatArray] = []
         self._gains: list[FloatArray] = []
+
+    @classmethod
+    def along(cls, path: CheckedPath, robot: Robot, body: InertialParameters, least_nm: FloatArray) -> Self:
+        """The check that precedes the torque of a payload along a path.
+
+        Args:
+            path: The path.
+            robot: The arm.
+            body: The payload, or the heaviest possible one.
+            least_nm: (n,) least torque to try on every joint.
+        """
+        tried_nm = np.maximum(tried_torque(robot.chain, body, positions_along(path)), least_nm)
+        return cls(robot.joint_names, robot.drives.transmission, tried_nm, path.cycle_s)
 
     def on_cycle(self, step: CycleStep) -> FloatArray | None:
         """Fade in and out, and evaluate; the first fades, in which the gate opens, are not evaluated."""
@@ -148,7 +169,7 @@ class OffsetCheck:
             return None
         self._cycle += 1
         share = 0.5 - 0.5 * np.cos(2.0 * np.pi * self._cycle / self._fade)
-        return np.asarray(share * self._tried)
+        return np.asarray(share * self.tried_nm)
 
     def done(self) -> bool:
         """Whether the result is certain, or further fits are not worthwhile."""
@@ -165,7 +186,7 @@ class OffsetCheck:
         spread = np.maximum(deviation_by_median(gains - gain), gains.std(axis=0))
         sigma = _MEDIAN_EFFICIENCY * spread / np.sqrt(len(gains))
         return OffsetVerdict(
-            self._joint_names, self._tried, gain, np.where(self._tried_joints, sigma, np.inf), len(gains)
+            self._joint_names, self.tried_nm, gain, np.where(self._tried_joints, sigma, np.inf), len(gains)
         )
 
     def _evaluate(self) -> None:
@@ -196,3 +217,9 @@ def tried_torque(chain: Chain, payload: InertialParameters, position_rad: FloatA
     return np.asarray(
         CHECK_SHARE * np.abs(payload_torque(chain, payload.theta, position_rad, still, still)).max(axis=0)
     )
+
+
+def positions_along(path: CheckedPath) -> FloatArray:
+    """(N, n) positions along one period of a path."""
+    trajectory = path.excitation.trajectory
+    return trajectory.evaluate(np.linspace(0.0, trajectory.period_s, PATH_SAMPLES)).position_rad

@@ -12,15 +12,12 @@ from armload_controller.cycle.control_cycle import PoweredArm
 from armload_controller.feedforward.adaptation import Beside, Decision, EstimatorPlugin, PayloadAdaptation
 from armload_controller.feedforward.adaptation_rules import AdaptationRules, DeclaredMass
 from armload_controller.feedforward.injection import CheckedFeedforward, FeedforwardPlugin
-from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, tried_torque
+from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict
 from armload_controller.motion.checked_path import CheckedPath
 from armload_controller.session.run_session import RunSession
-from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_estimator import PayloadEstimator
-
-_PATH_SAMPLES = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +57,8 @@ def adapted_run(
         CommissioningError: the operator does not agree.
         MotionError: the motion was stopped, for example because of a wrong torque offset.
     """
-    cycle_s = session.servos.cycle_s
     added = FeedforwardPlugin(
-        robot.chain, robot.name, None, cycle_s, commanded=calibration.commanded(robot.drives.coupling)
+        robot.chain, robot.name, None, path.cycle_s, commanded=calibration.commanded(robot.drives.coupling)
     )
     adaptation = PayloadAdaptation(
         EstimatorPlugin(PayloadEstimator(calibration, robot.chain, robot.drives.transmission), calibration.effort),
@@ -73,13 +69,13 @@ def adapted_run(
         beside=beside,
         report=report,
     )
-    tried = tried_torque(robot.chain, greatest_body(robot, declared), positions_along(path))
-    check = OffsetCheck(robot.joint_names, robot.drives.transmission, tried, cycle_s)
+    check = OffsetCheck.along(path, robot, greatest_body(robot, declared), np.zeros(robot.n))
     checked = CheckedFeedforward(adaptation, check)
     verdicts = []
 
     def before(arm: PoweredArm) -> None:
-        verdicts.append(checked.begin(arm))
+        verdicts.append(checked.try_offset(arm))
+        checked.fade_in(arm, verdicts[0])
 
     session.run(
         path,
@@ -96,9 +92,3 @@ def greatest_body(robot: Robot, declared: DeclaredMass) -> InertialParameters:
     """The heaviest body that may be fed forward: the robot's heaviest payload, scaled to the greatest declared mass."""
     heaviest = robot.payloads.heaviest
     return InertialParameters(heaviest.theta * (declared.most_kg / heaviest.mass_kg))
-
-
-def positions_along(path: CheckedPath) -> FloatArray:
-    """(N, n) positions along one period of a path."""
-    trajectory = path.excitation.trajectory
-    return trajectory.evaluate(np.linspace(0.0, trajectory.period_s, _PATH_SAMPLES)).position_rad

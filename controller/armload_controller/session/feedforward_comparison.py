@@ -23,7 +23,7 @@ from armload_controller.cycle.control_cycle import PoweredArm
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.feedforward.body_torque import ArmTerm
 from armload_controller.feedforward.injection import CheckedFeedforward, FeedforwardPlugin
-from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, tried_torque
+from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, positions_along
 from armload_controller.motion.checked_path import CheckedPath
 from armload_controller.motion.phase import Segment
 from armload_controller.session.run_session import RunSession
@@ -175,9 +175,6 @@ class ComparisonRuns:
         self._robot, self._path = robot, path
         self._commanded = np.eye(robot.n) if commanded is None else commanded
         self._tried_nm = np.zeros(robot.n) if tried_nm is None else tried_nm
-        self._trajectory = path.excitation.trajectory
-        grid_s = np.linspace(0.0, self._trajectory.period_s, 512)
-        self._path_rad = self._trajectory.evaluate(grid_s).position_rad
 
     def plain(self, session: RunSession, text: str) -> FollowingRun:
         """A run without feed-forward.
@@ -219,29 +216,34 @@ class ComparisonRuns:
             CommissioningError: the operator does not agree.
             MotionError: the motion was stopped, for example because of a wrong torque offset.
         """
-        added = self._feedforward(session, payload, beside)
+        added = self._feedforward(payload, beside)
         kept = FollowingRecorder()
         verdicts = [] if tried is None else [tried]
 
         def before(arm: PoweredArm) -> None:
             if tried is None:
-                verdicts.append(added.begin(arm))
-            else:
-                added.fade_in(arm, tried)
+                verdicts.append(added.try_offset(arm))
+            added.fade_in(arm, verdicts[0])
 
         session.run(self._path, text, plugins=[kept, added], before=before)
         return kept.run(), verdicts[0]
 
     def try_offset(self, session: RunSession, payload: PayloadResult) -> OffsetVerdict:
-        """Try the torque offset at the present position, which the arm holds.
+        """Try the torque offset at the present position, which the arm holds; the payload's torque is not added.
 
         Raises:
             PayloadRefused: the payload must not be fed forward.
             CommissioningError: the operator does not agree.
             MotionError: the torque offset is wrong, or the check was stopped.
         """
-        added = self._feedforward(session, payload, None)
-        return session.hold([added], added.begin)
+        added = self._feedforward(payload, None)
+        greatest = int(added.check.tried_nm.argmax())
+        return session.hold(
+            [added],
+            added.try_offset,
+            warning=f"Up to {added.check.tried_nm[greatest]:.1f} N m will be added on "
+            f"{self._robot.joint_names[greatest]}, less on the others, and removed again. ",
+        )
 
     def compare(
         self,
@@ -266,11 +268,12 @@ class ComparisonRuns:
         rows = [run.error_rad[np.searchsorted(key, common)] for run, key in zip(runs, keys, strict=True)]
         phase_s = common / self._robot.bus.cycle_hz
         if empty is None:
-            rows = [beyond_lag(row, self._trajectory, phase_s) for row in rows]
+            rows = [beyond_lag(row, self._path.excitation.trajectory, phase_s) for row in rows]
         else:
             rows = [row - rows[-1] for row in rows]
-        still = np.zeros_like(self._path_rad)
-        weight = payload_torque(self._robot.chain, payload.model.theta, self._path_rad, still, still)
+        path_rad = positions_along(self._path)
+        still = np.zeros_like(path_rad)
+        weight = payload_torque(self._robot.chain, payload.model.theta, path_rad, still, still)
         return Comparison(
             measure=Measure.TORQUES if empty is None else Measure.ADDED,
             joint_names=self._robot.joint_names,
@@ -280,10 +283,8 @@ class ComparisonRuns:
             weight_nm=np.abs(weight).max(axis=0),
         )
 
-    def _feedforward(self, session: RunSession, payload: PayloadResult, beside: ArmTerm | None) -> CheckedFeedforward:
+    def _feedforward(self, payload: PayloadResult, beside: ArmTerm | None) -> CheckedFeedforward:
         """The feed-forward of a payload for this path, with the preceding check."""
-        robot, cycle_s = self._robot, session.servos.cycle_s
-        chain = robot.chain
-        added = FeedforwardPlugin(chain, robot.name, payload, cycle_s, beside, self._commanded)
-        tried = np.maximum(tried_torque(chain, payload.model, self._path_rad), self._tried_nm)
-        return CheckedFeedforward(added, OffsetCheck(robot.joint_names, robot.drives.transmission, tried, cycle_s))
+        robot, path = self._robot, self._path
+        added = FeedforwardPlugin(robot.chain, robot.name, payload, path.cycle_s, beside, self._commanded)
+        return CheckedFeedforward(added, OffsetCheck.along(path, robot, payload.model, self._tried_nm))

@@ -245,12 +245,13 @@ class RunSession:
             run_leg(cycle, path, path.measured, progress, before, go_round)
         return monitor.summary()
 
-    def hold(self, plugins: Sequence[CyclePlugin], work: Callable[[PoweredArm], T]) -> T:
+    def hold(self, plugins: Sequence[CyclePlugin], work: Callable[[PoweredArm], T], *, warning: str = "") -> T:
         """Enable the arm and hold its present position during some work.
 
         Args:
             plugins: Plug-ins, called after the monitors.
             work: Called with the enabled arm.
+            warning: Warning for the operator, added to the question.
 
         Returns:
             The result of `work`.
@@ -259,7 +260,7 @@ class RunSession:
             CommissioningError: the operator does not agree.
             MotionError: the work was stopped.
         """
-        question = "The arm will hold its position with torque on. Is the workspace clear?"
+        question = f"The arm will hold its position with torque on. {warning}Is the workspace clear?"
         self._operator.consent.require(self.servos, question, always=True)
         with self._cycle([self._monitor(), self._feedback_truth(), self._window(), *plugins]).powered() as arm:
             return work(arm)

@@ -86,7 +86,9 @@ def feedforward(
     live_address: LiveAddressOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Add a payload's torque to that of the drives (60B2), after a trial at standstill; --compare shows the effect.
+    """Add a payload's torque to that of the drives (60B2): the trial at standstill, and with --compare its effect.
+
+    In the trial a fifth of the torque is faded in and out, and each drive's response must match the command.
 
     With a calibration of the arm, torque is scaled by the calibrated gains, and the comparison has two more runs: with
     the friction that the payload causes in the gears, and with all of the arm's own torque.
