@@ -13,6 +13,7 @@ from typing import Any
 
 from armload_controller.config.tables.profile_table import ProfileFile
 from armload_controller.control_errors import ConfigurationError
+from armload_identification.storage.read_file import require_regular
 from armload_identification.storage.strict_toml import parse, read_text
 
 _SUFFIX = ".toml"
@@ -41,10 +42,13 @@ def read_profile(name: str, folder: Path, file: str, key: str) -> ProfileFile:
         path = Path(str(resources.files("armload_configs").joinpath("drives", name + _SUFFIX)))
     else:
         path = folder / name
-        if not name.endswith(_SUFFIX) or not path.is_file():
-            raise ConfigurationError(
-                file, key, name, f"expected a shipped profile, {', '.join(shipped)}, or a TOML file in the same folder"
-            )
+        expected = f"expected a shipped profile, {', '.join(shipped)}, or a TOML file in the same folder"
+        if not name.endswith(_SUFFIX):
+            raise ConfigurationError(file, key, name, expected)
+        try:
+            require_regular(path)
+        except OSError as problem:
+            raise ConfigurationError(file, key, name, f"{expected} ({problem.strerror})") from problem
     return parse(read_text(path, ConfigurationError), path.name, ProfileFile, ConfigurationError)
 
 
@@ -65,11 +69,29 @@ def with_profiles(values: Mapping[str, Any], folder: Path, file: str) -> dict[st
     return {**values, "joints": [_completed(joint, number, folder, file) for number, joint in enumerate(joints, 1)]}
 
 
+def own_profiles(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names of the profiles in the robot file's folder that its drives name, each once.
+
+    Args:
+        values: Values parsed from TOML, not yet checked.
+    """
+    joints = values.get("joints")
+    named = dict.fromkeys(_profile_of(joint) for joint in joints) if isinstance(joints, list) else {}
+    shipped = shipped_profiles()
+    return tuple(name for name in named if name is not None and name not in shipped)
+
+
 def _completed(joint: object, number: int, folder: Path, file: str) -> object:
     """One joint; anything but a table is left to the check of the whole file."""
-    drive = joint.get("drive") if isinstance(joint, dict) else None
-    name = drive.get("profile") if isinstance(drive, dict) else None
-    if not isinstance(joint, dict) or not isinstance(drive, dict) or not isinstance(name, str):
+    name = _profile_of(joint)
+    if not isinstance(joint, dict) or name is None:
         return joint
     profile = read_profile(name, folder, file, f"joints[{number}].drive.profile")
-    return {**joint, "drive": {**profile.drive.given(), **drive}}
+    return {**joint, "drive": {**profile.drive.given(), **joint["drive"]}}
+
+
+def _profile_of(joint: object) -> str | None:
+    """The profile that a joint's drive names; None if it names none, or is not a table."""
+    drive = joint.get("drive") if isinstance(joint, dict) else None
+    name = drive.get("profile") if isinstance(drive, dict) else None
+    return name if isinstance(name, str) else None

@@ -35,6 +35,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.storage.read_file import require_regular
 from armload_identification.storage.strict_toml import read_text, toml_values, validated
 from armload_identification.verdict.magnitudes import ArmMagnitudes, require_possible
 
@@ -101,18 +102,21 @@ class Robot:
         """The calibration that the file names, relative to the file; None if it names none.
 
         Raises:
-            ConfigurationError: the calibration does not exist.
+            ConfigurationError: the calibration does not exist, or is not a file.
         """
         name = self.source.tables.robot.calibration
         if name is None:
             return None
         path = self.source.folder / name
-        if not path.is_file():
+        try:
+            require_regular(path)
+        except OSError as problem:
             raise self.source.refused(
                 "robot.calibration",
                 name,
-                f"no such file beside {self.file}; create it with `armload calibrate`, or remove the key",
-            )
+                f"cannot be read beside {self.file} ({problem.strerror}); create it with `armload calibrate`, or "
+                "remove the key",
+            ) from problem
         return path
 
     @property

@@ -14,7 +14,8 @@ class Job:
     """The input of a worker.
 
     Attributes:
-        key: Hash of everything that the result depends on: a job whose key has a row is done.
+        key: Hash of everything that the result depends on, except for the version of armload: a job whose key has a
+            row is done.
         arm: Name of the individual arm.
         robot: A shipped robot, or the path of its file.
         recordings: Path or URL by column of `job_table.RECORDINGS`; "loaded" is always present.

@@ -1,8 +1,7 @@
-"""From the table of jobs to jobs: patterns are expanded and every file's metadata are read, but no content."""
+"""From the table of jobs to jobs: patterns are expanded, every recording's metadata are read, and robots' files."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -13,6 +12,7 @@ from armload_controller.control_errors import ConfigurationError
 from armload_controller.fleet.job import Job, job_key
 from armload_controller.fleet.job_table import RECORDINGS, TableEntry
 from armload_controller.fleet.remote_files import RemoteFile, is_url, matches, with_stars
+from armload_controller.fleet.robot_files import RobotFiles
 from armload_identification.report.numerals import counted
 
 _LOADED = RECORDINGS[0]
@@ -46,13 +46,18 @@ def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
     remarks: list[str] = []
     lines: dict[str, int] = {}
     look = cache(RemoteFile.of)
-    content = cache(_content)
+    shipped = shipped_robots()
+    robot_files = cache(_robot_files)
     for entry in entries:
         there = matches(_placed(entry.recordings[_LOADED], table))
         if not there:
             remarks.append(f"{table}, line {entry.line}: no file matches {entry.recordings[_LOADED]}")
-        robot = entry.robot if entry.robot in shipped_robots() else _placed(entry.robot, table)
+        robot = entry.robot if entry.robot in shipped else _placed(entry.robot, table)
         calibration = _placed(entry.calibration, table) if entry.calibration else ""
+        files_of_robot = robot_files(robot)
+        content, *beside = files_of_robot.robot
+        if files_of_robot.calibration and not calibration:
+            beside.append(files_of_robot.calibration)
         missing: dict[str, list[str]] = {name: [] for name in entry.recordings if "*" in entry.recordings[name]}
         for loaded, stars in there:
             if lines.setdefault(loaded, entry.line) != entry.line:
@@ -70,8 +75,8 @@ def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
                         missing[name].append(files[name].url)
             recordings = {name: file.url for name, file in files.items()}
             stamps = {name: file.stamp for name, file in files.items()}
-            known = (content(robot), look(calibration).stamp if calibration else "", entry.payload, entry.mass_kg)
-            key = job_key(entry.arm, robot, recordings, stamps, calibration, *known)
+            known = (content, look(calibration).stamp if calibration else "", entry.payload, entry.mass_kg)
+            key = job_key(entry.arm, robot, recordings, stamps, calibration, *known, *([beside] if beside else []))
             modified = files[_LOADED].modified
             jobs.append(Job(key, entry.arm, robot, recordings, calibration, entry.payload, entry.mass_kg, modified))
         remarks += [
@@ -102,9 +107,9 @@ def _partner(entry: TableEntry, name: str, stars: tuple[str, ...], table: Path) 
     return _placed(filled, table)
 
 
-def _content(robot: str) -> str:
-    """Hash of a robot's file; the name itself for a shipped robot or a file that cannot be read."""
+def _robot_files(robot: str) -> RobotFiles:
+    """Hashes of a robot's files; the path itself if the robot's file cannot be read."""
     try:
-        return hashlib.sha256(Path(robot).read_bytes()).hexdigest()
+        return RobotFiles.of(robot)
     except OSError:
-        return robot
+        return RobotFiles((robot,), "")

@@ -14,12 +14,13 @@ from traceback import extract_tb
 from armload_controller.analysis.robot_payload import identify
 from armload_controller.config.robot import Robot, load_robot, shipped_robots
 from armload_controller.config.robot_recordings import read_of
-from armload_controller.control_errors import ControlError, FleetError
+from armload_controller.control_errors import FleetError
 from armload_controller.fleet.job import Job
-from armload_controller.fleet.recording_row import Row, RowOutcome, empty_row, findings_fields, recorded_fields
+from armload_controller.fleet.recording_row import Row, empty_row, findings_fields, recorded_fields
 from armload_controller.fleet.remote_files import local_copy
+from armload_controller.fleet.repeatable import is_own, outcome_of
+from armload_controller.fleet.robot_files import RobotFiles
 from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.identification_errors import IdentificationError
 
 _ROBOTS = 64
 """Number of robots that a worker caches: reading one takes a fifth as long as identifying a pair."""
@@ -32,30 +33,41 @@ def run_job(job: Job) -> Row:
         job: The recording and the related inputs.
 
     Returns:
-        A row. Its outcome is "refused" if armload refuses the files, which would be refused again. Any other problem,
-        such as a server that does not answer or a file that this machine cannot read, is "failed", and the job is
-        repeated in the next run of the fleet.
+        A row, whatever happens; `repeatable` decides between "refused" and "failed".
     """
     started, cpu_s = time.monotonic(), time.process_time()
     row = empty_row(job, version("armload"))
     copies: dict[str, str] = {}
     try:
         row |= _identified(job, row, copies)
-    except (IdentificationError, ControlError) as problem:
-        unread = isinstance(problem.__cause__, OSError)
-        outcome = RowOutcome.FAILED if unread else RowOutcome.REFUSED
-        row |= {"outcome": outcome.value, "error": _named(str(problem), copies)}
     except Exception as problem:  # noqa: BLE001 - one recording must not stop thousands of others
-        where = extract_tb(problem.__traceback__)[-1]
-        text = f"{type(problem).__name__}: {problem} ({Path(where.filename).name}, line {where.lineno})"
-        row |= {"error": _named(text, copies)}
+        row |= {"outcome": outcome_of(problem).value, "error": _named(_said(problem), copies)}
     row |= {"cpu_s": time.process_time() - cpu_s, "wall_s": time.monotonic() - started}
     return row | {"worker": f"{socket.gethostname()} {os.getpid()}"}
 
 
+def run_with_version(job: Job, wanted: str) -> Row:
+    """As `run_job`, on a worker that may have joined after the workers' versions were compared.
+
+    Args:
+        job: The recording and the related inputs.
+        wanted: The coordinator's version of armload.
+
+    Raises:
+        FleetError: this worker has another version.
+    """
+    own = version("armload")
+    if own != wanted:
+        raise FleetError(
+            f"the worker on {socket.gethostname()} has armload {own}, the coordinator {wanted}; install the same "
+            "version everywhere"
+        )
+    return run_job(job)
+
+
 def _identified(job: Job, row: Row, copies: dict[str, str]) -> Row:
     """The fields of an identification; `row` and `copies` are filled in even if the recording is then refused."""
-    robot = _robot(job.robot, _changed(job.robot))
+    robot = _robot_of(job)
     with ExitStack() as stack:
 
         def here(url: str) -> Path:
@@ -78,29 +90,34 @@ def _identified(job: Job, row: Row, copies: dict[str, str]) -> Row:
     return findings_fields(findings)
 
 
-def _changed(robot: str) -> int:
-    """Time in ns of the last change of a robot's file; 0 for a shipped one.
+def _robot_of(job: Job) -> Robot:
+    """The robot of a job, read again if its file or one of its profiles has changed.
 
     Raises:
         FleetError: this machine cannot read the file.
     """
-    path = Path(robot)
-    if not path.is_absolute():
-        return 0
     try:
-        return path.stat().st_mtime_ns
+        return _robot(job.robot, RobotFiles.of(job.robot).robot)
     except OSError as problem:
         shipped = ", ".join(shipped_robots())
         raise FleetError(
-            f"{robot}: cannot be read ({problem.strerror}), and no shipped robot has that name: {shipped}. "
+            f"{job.robot}: cannot be read ({problem.strerror}), and no shipped robot has that name: {shipped}. "
             "Correct the column robot, or make the file readable for the workers."
         ) from problem
 
 
 @lru_cache(_ROBOTS)
-def _robot(name_or_path: str, _changed_ns: int) -> Robot:
-    """A robot; its file is read again if it has changed."""
+def _robot(name_or_path: str, _contents: tuple[str, ...]) -> Robot:
+    """A robot; cached by the contents of its files."""
     return load_robot(name_or_path)
+
+
+def _said(problem: Exception) -> str:
+    """An error in a sentence; one that armload did not raise itself with its type and place."""
+    if is_own(problem):
+        return str(problem)
+    where = extract_tb(problem.__traceback__)[-1]
+    return f"{type(problem).__name__}: {problem} ({Path(where.filename).name}, line {where.lineno})"
 
 
 def _named(text: str, copies: dict[str, str]) -> str:

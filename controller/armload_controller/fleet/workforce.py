@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
+from importlib.metadata import version
 from itertools import islice
 from typing import Any, Final
 
@@ -99,8 +100,9 @@ class Workforce:
         """
         from distributed import as_completed
 
-        from armload_controller.fleet.work import run_job
+        from armload_controller.fleet.work import run_with_version
 
+        own = version("armload")
         waiting = iter(jobs)
         given: dict[str, Job] = {}
         under_way = as_completed(with_results=False)
@@ -108,7 +110,8 @@ class Workforce:
         def hand_out(count: int) -> None:
             for job in islice(waiting, count):
                 given[job.key] = job
-                under_way.add(self._client.submit(run_job, job, key=f"armload-{job.key}", pure=False))
+                task = self._client.submit(run_with_version, job, own, key=f"armload-{job.key}", pure=False)
+                under_way.add(task)
 
         hand_out(2 * self.threads)
         while given:
@@ -150,8 +153,6 @@ def version_problem(own: str, there: set[str], scheduler: str | None) -> str:
 
 def _ready() -> str:
     """Load a job's modules in a worker, and return its version of armload."""
-    from importlib.metadata import version
-
     import armload_controller.fleet.work  # noqa: F401 - imported for its loading time
 
     return version("armload")
@@ -181,17 +182,16 @@ def row_of(future: Any, job: Job) -> Row:
         future: The completed Dask future.
         job: The job.
     """
-    from importlib.metadata import version
-
     from distributed import KilledWorker
 
     problem = future.exception()
     if problem is None:
         row: Row = future.result()
         return row
-    text = (
-        f"the worker died at every attempt: more than {MEMORY_BYTES // 2**20} MiB of memory, or killed from outside"
-        if isinstance(problem, KilledWorker)
-        else f"{type(problem).__name__}: {problem}"
-    )
+    if isinstance(problem, KilledWorker):
+        text = (
+            f"the worker died at every attempt: more than {MEMORY_BYTES // 2**20} MiB of memory, or killed from outside"
+        )
+    else:
+        text = str(problem) if isinstance(problem, FleetError) else f"{type(problem).__name__}: {problem}"
     return empty_row(job, version("armload")) | {"error": text}

@@ -1,5 +1,6 @@
 """From the table to jobs: columns, wildcards, files, and the changes that make a job new."""
 
+import hashlib
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from armload_controller.control_errors import ConfigurationError, FleetError, ListingError
+from armload_controller.fleet.job import job_key
 from armload_controller.fleet.job_listing import list_jobs
 from armload_controller.fleet.job_table import parse_job_table, read_job_table
 from armload_controller.fleet.remote_files import RemoteFile, is_url, local_copy, matches, with_stars
@@ -79,6 +81,54 @@ def test_a_job_is_new_where_anything_that_it_depends_on_has_changed(cells, chang
     change(cells)
     (after,) = jobs_of(cells, line).jobs
     assert (before.key != after.key) is new
+
+
+ROBOT = """\
+[robot]
+calibration = "arm.calibration.toml"
+
+[[joints]]
+drive = {profile = "mine.toml"}
+
+[[joints]]
+drive = {profile = "elmo_gold"}
+"""
+
+
+@pytest.mark.parametrize(
+    ("column", "change", "new"),
+    [
+        ("", lambda folder: (folder / "arm.calibration.toml").write_text("again"), True),
+        ("", lambda folder: (folder / "arm.calibration.toml").unlink(), True),
+        ("", lambda folder: os.utime(folder / "arm.calibration.toml", (1.0, 1.0)), False),
+        ("cal.toml", lambda folder: (folder / "arm.calibration.toml").write_text("again"), False),
+        ("", lambda folder: (folder / "mine.toml").write_text("again"), True),
+        ("cal.toml", lambda folder: (folder / "mine.toml").write_text("again"), True),
+        ("", lambda folder: (folder / "elmo_gold").write_text("again"), False),
+    ],
+)
+def test_a_job_depends_on_the_files_that_its_robots_file_names(cells, column, change, new):
+    (cells / "my.toml").write_text(ROBOT)
+    (cells / "arm.calibration.toml").write_text("first")
+    (cells / "mine.toml").write_text("first")
+    line = f"one,my.toml,cell-1/mo/loaded.mcap,,{column}"
+    (before,) = jobs_of(cells, line).jobs
+    change(cells)
+    (after,) = jobs_of(cells, line).jobs
+    assert (before.key != after.key) is new
+
+
+@pytest.mark.parametrize("robot", ["er50", "my.toml", "none.toml", "latin.toml"])
+def test_the_key_of_a_job_whose_robot_names_no_file_is_that_of_earlier_rows(cells, robot):
+    (cells / "my.toml").write_text("[robot]\n[[joints]]\n")
+    (cells / "latin.toml").write_bytes(b'[robot]\ncalibration = "\xe4"\n')
+    (job,) = jobs_of(cells, f"one,{robot},cell-1/mo/loaded.mcap,,,tool,2.5").jobs
+    path = cells / robot
+    content = hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else job.robot
+    loaded = RemoteFile.of(job.loaded)
+    stamps = {"loaded": loaded.stamp}
+    expected = job_key("one", job.robot, {"loaded": loaded.url}, stamps, "", content, "", "tool", 2.5)
+    assert job.key == expected
 
 
 def test_what_is_said_of_the_payload_is_part_of_a_job(cells):

@@ -1,20 +1,31 @@
 """A job in this process: results, refusals and failures, with local and remote files."""
 
+import errno
 import functools
 import http.server
 import math
 import shutil
 import threading
+from importlib import resources
 
 import fsspec.asyn
 import pytest
 
 import armload
 from armload_controller.cli.output.fleet_output import problem_lines
+from armload_controller.control_errors import ConfigurationError, FleetError
 from armload_controller.fleet.fleet_run import do_jobs, new_jobs
+from armload_controller.fleet.job import Job
 from armload_controller.fleet.recording_row import RowOutcome, value_columns
+from armload_controller.fleet.repeatable import outcome_of
 from armload_controller.fleet.row_store import RowStore, read_rows
-from armload_controller.fleet.work import run_job
+from armload_controller.fleet.work import run_job, run_with_version
+from armload_identification.identification_errors import (
+    ExcitationFileError,
+    ExtraMissing,
+    ModelError,
+    RecordingError,
+)
 from armload_identification.model.payload import PARAMETER_NAMES
 
 
@@ -119,6 +130,101 @@ def test_what_goes_wrong_is_a_row(done, arm, outcome, problem):
     assert problem in row["error"]
     assert row["mass_kg"] is None
     assert row["cpu_s"] >= 0.0
+
+
+PROFILE = '[product]\nname = "mine"\nsource = "manual"\n[drive]\nfeedback = "current"\n'
+
+
+@pytest.fixture
+def own_robot(tmp_path):
+    """Writes a robot's file with a text added to its [robot] or to its first drive."""
+    text = (resources.files("armload_configs") / "er50.toml").read_text("utf-8")
+    text = text[: text.index("[simulation]")]
+    excitation = text[text.index("[excitation]") : text.index("[bus]")]
+
+    def make(robot="", drive="", excitations=""):
+        path = tmp_path / "own.toml"
+        own = text.replace(excitation, excitations).replace("[robot]\n", f"[robot]\n{robot}\n", 1)
+        path.write_text(own.replace("[joints.drive]\n", f"[joints.drive]\n{drive}\n", 1))
+        return str(path)
+
+    return make
+
+
+def job_of(robot, loaded, unloaded=None, calibration=""):
+    recordings = {"loaded": str(loaded)} | ({} if unloaded is None else {"unloaded": str(unloaded)})
+    return Job("k", "one", robot, recordings, calibration, "", None, None)
+
+
+def test_a_worker_reads_a_robot_again_if_one_of_its_profiles_has_changed(own_robot, tmp_path):
+    profile = tmp_path / "mine.toml"
+    profile.write_text(PROFILE)
+    job = job_of(own_robot(drive='profile = "mine.toml"'), tmp_path / "none.mcap")
+    assert "none.mcap: cannot be read" in run_job(job)["error"]
+    profile.write_text(PROFILE + "speed = 1\n")
+    row = run_job(job)
+    assert (row["outcome"], "mine.toml: drive.speed is 1" in row["error"]) == ("refused", True), row["error"]
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        ({"robot": 'calibration = "none.toml"'}, "robot.calibration is 'none.toml': cannot be read beside"),
+        ({"drive": 'profile = "none.toml"'}, "joints[1].drive.profile is 'none.toml': expected a shipped"),
+        ({"drive": 'description = "none.eds"'}, "none.eds: the file: cannot be read"),
+        ({"drive": 'description = "own.toml"'}, "expected a usable EDS or DCF file"),
+        ({"excitations": '[excitation]\nidentification = "own.toml"\nvalidation = "own.toml"\n'}, "own.toml: "),
+    ],
+)
+def test_a_file_beside_the_robots_that_a_worker_lacks_or_no_payload_depends_on_is_tried_again(
+    own_robot, recorded_er50, given, problem
+):
+    run = str(recorded_er50 / "runs" / "today" / "{}_identification.mcap").format
+    row = run_job(job_of(own_robot(**given), run("loaded"), run("unloaded")))
+    assert problem in row["error"]
+    assert row["outcome"] == "failed"
+
+
+def test_what_a_robots_file_says_wrongly_is_refused(own_robot, tmp_path):
+    row = run_job(job_of(own_robot(drive='profile = "none"'), tmp_path / "none.mcap"))
+    assert (row["outcome"], "profile is 'none'" in row["error"]) == ("refused", True), row["error"]
+
+
+def test_a_url_that_the_worker_has_no_library_for_is_tried_again():
+    row = run_job(job_of("er50", "s3://bucket/a.mcap"))
+    assert (row["outcome"], "pip install s3fs" in row["error"]) == ("failed", True), row["error"]
+
+
+def caused(problem, cause):
+    problem.__cause__ = cause
+    return problem
+
+
+@pytest.mark.parametrize(
+    ("problem", "outcome"),
+    [
+        (RecordingError("no rows"), "refused"),
+        (ConfigurationError("a.toml", "key", None, "expected"), "refused"),
+        (caused(ConfigurationError("a.toml", "workspace", {}, "expected"), ModelError("radius")), "refused"),
+        (ExcitationFileError("a.mcap, attachment", "key", None, "expected"), "refused"),
+        (caused(RecordingError("damaged"), OSError("Corrupt snappy compressed data")), "refused"),
+        (caused(RecordingError("a"), PermissionError(errno.EACCES, "Permission denied")), "failed"),
+        (caused(RecordingError("a"), caused(RecordingError("b"), OSError(errno.EIO, "I/O error"))), "failed"),
+        (caused(RecordingError("a bag needs rosbags"), ImportError("rosbags")), "failed"),
+        (ExtraMissing("needs SciPy"), "failed"),
+        (FleetError("another version"), "failed"),
+        (caused(ConfigurationError("a", "b", "c", "d"), ExcitationFileError("e", "f", None, "g")), "failed"),
+        (MemoryError(), "failed"),
+        (ZeroDivisionError("division by zero"), "failed"),
+    ],
+)
+def test_only_what_would_be_refused_again_is_refused(problem, outcome):
+    assert outcome_of(problem) == outcome
+
+
+def test_a_worker_that_joined_with_another_version_does_nothing():
+    with pytest.raises(FleetError, match=r"has armload .*, the coordinator 0\.0; install the same version everywhere"):
+        run_with_version(job_of("er50", "none.mcap"), "0.0")
 
 
 def test_a_second_run_does_what_failed_and_what_is_new(done):
