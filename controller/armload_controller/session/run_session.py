@@ -140,7 +140,7 @@ def run_session(robot: Robot, load: Load, open_servos: ServosFactory, operator: 
 
     Raises:
         ConfigurationError: a plug-in that the robot's file names cannot be created; the arm was not opened.
-        MotionError: a stop had been requested; the arm was not opened.
+        MotionError: a stop was requested, before or while the arm was connected; nothing was switched on.
         DriverError: the arm could not be connected.
     """
     require_going(operator.control)
@@ -149,6 +149,7 @@ def run_session(robot: Robot, load: Load, open_servos: ServosFactory, operator: 
             operator.display.step(f"plug-in {plugin.name} of {plugin.package}")
         operator.display.step(f"{load}: connecting to {servos.n} drives")
         servos.connect()
+        require_going(operator.control)
         for text in () if servos.simulated else robot.drives.weak_points:
             operator.display.step(f"warning: {text}")
         yield RunSession(robot, load, servos, operator, plugins)

@@ -7,8 +7,9 @@ r"""Signals as stops: the effect of Ctrl-C, a lost terminal and `kill` on a moti
     SIGQUIT  Ctrl-\           the same: an immediate end would leave the arm in motion and the terminal without echo
 
 Rules. The first signal stops along the path, a second one immediately. While a question is open the drives are off,
-and a signal ends the program. A signal that is ignored when the program starts stays ignored: SIGINT and SIGTSTP in a
-background job of a shell script, SIGHUP under nohup. SIGTERM is the exception: it always stops the arm.
+and a signal ends the program; after a signal nothing is asked. A signal that is ignored when the program starts stays
+ignored: SIGINT and SIGTSTP in a background job of a shell script, SIGHUP under nohup. SIGTERM is the exception: it
+always stops the arm.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ class StopSignals:
             signal.signal(number, handler)
 
     def ask(self, question: str, put: Callable[[str], bool]) -> bool:
-        """Ask a question; a signal ends it.
+        """Ask a question; a signal ends it, and after one nothing is asked.
 
         Args:
             question: The question.
@@ -72,6 +73,7 @@ class StopSignals:
         """
         self._asking = True
         try:
+            self._control.require_no_stop()
             return put(question)
         finally:
             self._asking = False

@@ -3,7 +3,7 @@
 import json
 import re
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -243,6 +243,23 @@ def test_nothing_is_opened_after_a_stop_was_requested(ideal_servos):
     ):
         pass
     assert opened == []
+
+
+def test_nothing_is_asked_or_moved_after_a_stop_while_connecting(ideal_servos):
+    operator, servos = no_operator(), ideal_servos(6, CYCLE_S)
+    connect = servos.connect
+
+    def interrupted():
+        operator.control.stop(OperatorStop("Ctrl-C"))
+        connect()
+
+    servos.connect = interrupted
+    with (
+        pytest.raises(MotionError, match="Nothing was switched on"),
+        run_session(ROBOT, Load.UNLOADED, lambda load: nullcontext(servos), operator),
+    ):
+        raise AssertionError("the session went on")
+    assert servos.log == ["connect"]
 
 
 class Person:

@@ -60,3 +60,13 @@ def test_a_question_is_ended_by_a_signal_and_by_nothing_afterwards(inherited):
         with pytest.raises(TerminationStop, match="SIGTERM"):
             signals.ask("Go on?", answer)
         assert isinstance(control.goal.stop, TerminationStop)
+
+
+def test_nothing_is_asked_after_a_stop_was_requested(inherited):
+    """A signal while the drives are being connected only requests the stop: the next thing would be the question."""
+    control, asked = MotionControl(), []
+    with StopSignals(control) as signals:
+        os.kill(os.getpid(), signal.SIGTERM)
+        with pytest.raises(TerminationStop, match="SIGTERM"):
+            signals.ask("Is the workspace clear?", asked.append)
+    assert asked == []
