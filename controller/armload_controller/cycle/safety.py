@@ -32,7 +32,7 @@ from armload_controller.cycle.feedback_truth import (
 )
 from armload_controller.cycle.monitors import FollowingError, LateCycle, StaleFeedback, TorqueError
 from armload_controller.cycle.plugins import PluginFailed, PluginTooSlow
-from armload_controller.motion.joint_limits import LimitViolation
+from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.motion_control import OperatorStop, PluginStop, StopRequested, TerminationStop
 from armload_controller.motion.paths import BlockedWay, InfeasibleMotion
 from armload_drivers.driver_errors import (
@@ -90,6 +90,7 @@ class Cause(Enum):
     TORQUE = "a joint's torque is not as expected"
     OFFSET = "added torque does not have the expected effect"
     BLOCKED = "the path to the start is blocked"
+    BEYOND_LIMIT = "the arm stands beyond a limit"
     STALE = "the drives' feedback is frozen"
     POSITION_JUMPS = "a position jumps"
     POSITION_FROZEN = "a position is frozen while its joint is commanded to move"
@@ -141,6 +142,7 @@ DECISIONS: dict[Cause, Decision] = {
     Cause.TORQUE: Decision(_QUICK, "look for a collision, a payload other than the expected one, or a wrong scale"),
     Cause.OFFSET: Decision(_ALONG, "correct the drive's or the configuration's scaling, or run without feed-forward"),
     Cause.BLOCKED: Decision(_ALONG, "move the arm by other means to where the straight path to the start is free"),
+    Cause.BEYOND_LIMIT: Decision(_ALONG, "move the arm back within its limits by other means"),
     Cause.STALE: Decision(_QUICK, "check the bus interface and its driver"),
     Cause.POSITION_JUMPS: Decision(_QUICK, "check the encoder, its cable and its reference before moving the arm"),
     Cause.POSITION_FROZEN: Decision(_QUICK, "check the encoder, the drive's feedback (TPDO) and the brake"),
@@ -186,6 +188,7 @@ CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
     (TorqueError, Cause.TORQUE),
     (OffsetRefused, Cause.OFFSET),
     (BlockedWay, Cause.BLOCKED),
+    (BeyondLimit, Cause.BEYOND_LIMIT),
     (StaleFeedback, Cause.STALE),
     (PositionJumps, Cause.POSITION_JUMPS),
     (PositionFrozen, Cause.POSITION_FROZEN),

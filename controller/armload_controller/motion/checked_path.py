@@ -20,7 +20,7 @@ from typing import Never, final
 import numpy as np
 
 from armload_controller.control_errors import ConfigurationError
-from armload_controller.motion.joint_limits import check_setpoints
+from armload_controller.motion.joint_limits import require_within
 from armload_controller.motion.motion_constraints import MotionConstraints
 from armload_controller.motion.path_checks import (
     greatest_speed_m_s,
@@ -107,15 +107,15 @@ class CheckedPath:
             The segments, each from rest to rest; empty if the arm is already there.
 
         Raises:
-            LimitViolation: the present position is beyond a joint's limit.
+            BeyondLimit: the present position is beyond a joint's limit.
+            LimitViolation: on the approach a servo would lag too far.
             BlockedWay: on every approach found, something would be touched or a joint is too weak.
         """
         if np.abs(self.start_rad - position_rad).max() < STANDING_RAD:
             return ()
         constraints = self.constraints
         limits, points = constraints.limits, constraints.points
-        still = np.zeros_like(position_rad)
-        check_setpoints(position_rad, still, still, limits)
+        require_within(position_rad, limits)
 
         def objection(begin_rad: FloatArray, end_rad: FloatArray) -> str | None:
             touched = constraints.obstacles.objection_on_line(begin_rad, end_rad)
@@ -149,7 +149,8 @@ class CheckedPath:
             The leg; None if the arm has not moved.
 
         Raises:
-            LimitViolation: the present position is beyond a joint's limit.
+            BeyondLimit: the present position is beyond a joint's limit.
+            LimitViolation: on the way back a servo would lag too far.
             BlockedWay: the arm has moved by more than `SAG_RAD`.
         """
         moved = np.abs(position_rad - stood_rad)
@@ -162,6 +163,7 @@ class CheckedPath:
                 f"{constraints.limits.joint_names[joint]} moved by {moved[joint]:.4f} rad while the arm was being "
                 f"enabled, {SAG_RAD} rad allowed: the checked path starts elsewhere"
             )
+        require_within(position_rad, constraints.limits)
         line = LinePath.within(position_rad, stood_rad, constraints.limits, constraints.points)
         leg = plan_approach(line, constraints.limits)
         require_joint_limits(line.bounds(), leg.bounds, constraints)
@@ -190,6 +192,8 @@ def check_path(
     n = len(limits.joint_names)
     if path.n != n:
         raise ConfigurationError(file, key, f"a path of {path.n} joints", f"one of this arm's {n} joints")
+    # First the path without its ramps: where it exceeds a limit by itself, planning a ramp would blame the ramp.
+    require_joint_limits(path.bounds(), PhaseLimits(0.0, 0.0), constraints)
     measured = plan_measured(excitation, limits, cycle_s)
     require_joint_limits(path.bounds(), measured.bounds, constraints)
     require_tcp_speed(path, constraints)

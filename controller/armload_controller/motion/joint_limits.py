@@ -60,11 +60,11 @@ class MotionLimits:
 
 
 class LimitViolation(ControlError):
-    """A setpoint lies outside the limits.
+    """A motion or one of its setpoints lies outside the limits.
 
     Attributes:
-        joint: Name of the joint.
-        quantity: "position", "velocity" or "acceleration".
+        joint: Name of the joint, or for a speed the name of a point of the arm.
+        quantity: "position", "velocity", "acceleration", "jerk", "following error" or "speed".
         value: The requested value.
         bound: The limit that it exceeds.
     """
@@ -78,6 +78,39 @@ class LimitViolation(ControlError):
         self.quantity = quantity
         self.value = value
         self.bound = bound
+
+
+class BeyondLimit(ControlError):
+    """The arm stands outside its position limits.
+
+    Attributes:
+        joint: Name of the joint.
+        position_rad: Its position.
+        bound_rad: The limit that it is beyond.
+    """
+
+    def __init__(self, joint: str, position_rad: float, bound_rad: float) -> None:
+        super().__init__(f"{joint} stands at {position_rad:.4f} rad, beyond its limit of {bound_rad:.4f} rad")
+        self.joint = joint
+        self.position_rad = position_rad
+        self.bound_rad = bound_rad
+
+
+def require_within(position_rad: FloatArray, limits: MotionLimits) -> None:
+    """Check the position at which an arm stands.
+
+    Args:
+        position_rad: (n,) the position.
+        limits: Limits of the joints.
+
+    Raises:
+        BeyondLimit: naming the joint that is furthest beyond its limit.
+    """
+    still = np.zeros_like(position_rad)
+    try:
+        check_setpoints(position_rad, still, still, limits)
+    except LimitViolation as error:
+        raise BeyondLimit(error.joint, error.value, error.bound) from error
 
 
 def check_setpoints(

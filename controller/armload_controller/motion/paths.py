@@ -131,7 +131,7 @@ def bound_phase(path: FourierTrajectory, limits: MotionLimits) -> PhaseLimits:
     with the path's greatest derivatives, also between samples, and r <= 1.
 
     Raises:
-        InfeasibleMotion: the path itself uses a joint's full acceleration or jerk.
+        InfeasibleMotion: the path leaves a joint no acceleration or jerk for the ramp up.
     """
     greatest = path.bounds()
     v, a, j = greatest.velocity_max_rad_s, greatest.acceleration_max_rad_s2, greatest.jerk_max_rad_s3
@@ -140,12 +140,19 @@ def bound_phase(path: FourierTrajectory, limits: MotionLimits) -> PhaseLimits:
         return PhaseLimits(1 / SHORTEST_RAMP_S, 1 / SHORTEST_RAMP_S**2)
     spare = RAMP_ACCELERATION_SHARE * limits.acceleration_max_rad_s2 - a
     acceleration = min(1 / SHORTEST_RAMP_S, float((spare[moving] / v[moving]).min()))
-    spare_jerk = limits.jerk_max_rad_s3 - j - 3 * a * max(acceleration, 0.0)
-    jerk = min(4 / SHORTEST_RAMP_S**2, float((spare_jerk[moving] / v[moving]).min()))
-    if acceleration <= 0 or jerk <= 0:
+    if acceleration <= 0:
         joint = limits.joint_names[int(np.argmin(np.where(moving, spare, np.inf)))]
         raise InfeasibleMotion(
-            f"{joint}: the excitation leaves no acceleration for its run-in: design it with at most 90 % of "
+            f"{joint}: the excitation leaves no acceleration for its ramp up: design it with at most 90 % of "
             "the joint's acceleration_max_rad_s2"
+        )
+    spare_jerk = limits.jerk_max_rad_s3 - j - 3 * a * acceleration
+    jerk = min(4 / SHORTEST_RAMP_S**2, float((spare_jerk[moving] / v[moving]).min()))
+    if jerk <= 0:
+        worst = int(np.argmin(np.where(moving, spare_jerk, np.inf)))
+        allowed = limits.jerk_max_rad_s3[worst]
+        raise InfeasibleMotion(
+            f"{limits.joint_names[worst]}: the excitation leaves no jerk for its ramp up: it would take "
+            f"{allowed - spare_jerk[worst]:.4g} of the joint's jerk_max_rad_s3 of {allowed:.4g}: design a slower one"
         )
     return PhaseLimits(acceleration, jerk)

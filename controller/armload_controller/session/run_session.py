@@ -29,7 +29,7 @@ from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.cycle.torque_signs import TorqueSigns
 from armload_controller.motion.checked_path import CheckedLeg, CheckedPath
-from armload_controller.motion.joint_limits import LimitViolation
+from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.paths import BlockedWay
 from armload_controller.session.installed_plugins import plugins_of
@@ -85,13 +85,14 @@ class Consent:
     ask: Callable[[str], bool]
     given: bool
 
-    def require(self, servos: JointServos, question: str, *, always: bool) -> None:
+    def require(self, servos: JointServos, question: str, *, always: bool, first: bool = False) -> None:
         """Continue only with consent; a simulated arm requires none.
 
         Args:
             servos: The arm, connected.
             question: Describes what is about to happen.
             always: Ask even if consent was given in advance.
+            first: Whether the arm has not moved since it was connected.
 
         Raises:
             CommissioningError: the answer is no.
@@ -99,7 +100,8 @@ class Consent:
         if servos.simulated or (self.given and not always):
             return
         if not self.ask(question):
-            raise CommissioningError("not confirmed: nothing was moved. The drives are off, the brakes are on")
+            moved = "nothing was moved since the arm was connected, " if first else ""
+            raise CommissioningError(f"not confirmed: {moved}the drives are off")
 
 
 @dataclass(frozen=True)
@@ -227,6 +229,7 @@ class RunSession:
                     f"First motion {self.load}: the arm will move slowly to the start of the excitation and once along "
                     "it. Is the workspace clear and the emergency stop at hand?",
                     always=self.load is Load.LOADED,
+                    first=True,
                 )
                 self._moved = True
             with display.track(f"{name}, slow round", BAR) as progress:
@@ -333,7 +336,7 @@ def run_leg(
     stood_rad = cycle.standing_rad()
     try:
         approach = path.approach_from(stood_rad)
-    except (BlockedWay, LimitViolation) as error:
+    except (BeyondLimit, BlockedWay, LimitViolation) as error:
         raise not_switched_on(error) from error
     if len(approach) > 1:
         ends = (stretch.leg.path.evaluate(stretch.leg.end_s) for stretch in approach[:-1])

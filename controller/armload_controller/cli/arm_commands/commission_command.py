@@ -201,10 +201,16 @@ def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) 
     """Have the payload mounted while the drives are off."""
     if in_this_process:
         screen.step(f"payload {arm.simulation.payload_name!r} mounted on the simulated flange")
-    elif not consent.given and not consent.ask(
-        "The drives are off, the brakes are on. Is the payload mounted and the workspace clear?"
-    ):
+        return
+    if not consent.given and not consent.ask(mounting_question(arm)):
         raise CommissioningError("not confirmed: nothing was moved with the payload. Continue later with --runs loaded")
+
+
+def mounting_question(arm: Robot) -> str:
+    """The question before the loaded runs; it speaks of brakes only if every axis has one."""
+    braked = all(drive.has_brake for drive in arm.drives.settings.drives)
+    state = "The drives are off, the brakes are on." if braked else "The drives are off."
+    return f"{state} Is the payload mounted and the workspace clear?"
 
 
 def _show_half(screen: Screen, directory: Path, *, as_json: bool) -> None:

@@ -21,7 +21,7 @@ from armload_controller.cycle.monitors import FollowingError, LateCycle, StaleFe
 from armload_controller.cycle.page_of_safety import stop_table
 from armload_controller.cycle.plugins import PluginFailed, PluginTooSlow
 from armload_controller.cycle.safety import DECISIONS, Cause, PathDeviation, StopCategory, StopStep, cause_of
-from armload_controller.motion.joint_limits import LimitViolation
+from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.motion_control import OperatorStop, PluginStop, StopRequested, TerminationStop
 from armload_controller.motion.paths import BlockedWay, InfeasibleMotion
 from armload_drivers.driver_errors import (
@@ -61,6 +61,7 @@ def bare(kind):
         (RecordingFailed("disk full"), Cause.RECORDING, ALONG),
         (bare(OffsetRefused), Cause.OFFSET, ALONG),
         (bare(BlockedWay), Cause.BLOCKED, ALONG),
+        (bare(BeyondLimit), Cause.BEYOND_LIMIT, ALONG),
         (bare(LimitViolation), Cause.LIMIT, QUICK),
         (PathDeviation("off"), Cause.DEVIATION, QUICK),
         (bare(InfeasibleMotion), Cause.DEVIATION, QUICK),

@@ -12,7 +12,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.checked_path import SAG_RAD, CheckedLeg, CheckedPath, check_path
-from armload_controller.motion.joint_limits import LimitViolation
+from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.obstacles import Obstacles
 from armload_controller.motion.path_checks import require_joint_limits, require_reduced_speed, torque_objection
 from armload_controller.motion.paths import BlockedWay, LinePath, PhaseLimits
@@ -150,6 +150,8 @@ def test_the_following_error_of_a_known_lag_is_within_its_window():
         (limited(position_max_rad=1.2), "position"),
         (limited(position_min_rad=1.2), "position"),
         (limited(velocity_max_rad_s=0.2), "velocity"),
+        (limited(acceleration_max_rad_s2=1.0), "acceleration"),
+        (limited(jerk_max_rad_s3=3.0), "jerk"),
         (replace(CONSTRAINTS, following_speed_rad_s=np.full(N, 0.2)), "following error"),
     ],
 )
@@ -158,6 +160,8 @@ def test_a_path_beyond_a_joints_limit_is_refused(constraints, quantity):
     with pytest.raises(LimitViolation) as caught:
         checked(constraints)
     assert caught.value.quantity == quantity
+    if constraints.following_speed_rad_s is CONSTRAINTS.following_speed_rad_s:
+        assert caught.value.joint == LIMITS.joint_names[JOINT]
 
 
 def test_a_path_of_another_arm_is_refused():
@@ -269,16 +273,30 @@ def test_there_is_no_way_where_the_arm_stands_already():
 
 def test_an_arm_that_stands_beyond_its_limits_is_not_moved():
     beyond = STANDING.copy()
-    beyond[JOINT] = LIMITS.position_min_rad[JOINT] - 0.01
-    with pytest.raises(LimitViolation, match=f"{LIMITS.joint_names[JOINT]}: position"):
+    least_rad = LIMITS.position_min_rad[JOINT]
+    beyond[JOINT] = least_rad - 0.01
+    with pytest.raises(BeyondLimit) as caught:
         checked().approach_from(beyond)
+    said = caught.value
+    assert (said.joint, said.position_rad, said.bound_rad) == (LIMITS.joint_names[JOINT], beyond[JOINT], least_rad)
+    assert str(said) == f"{said.joint} stands at {said.position_rad:.4f} rad, beyond its limit of {least_rad:.4f} rad"
+
+
+def test_an_arm_that_gave_way_beyond_its_limits_is_not_moved_back():
+    path = checked(limited(position_min_rad=checked().measured.leg.path.bounds().position_min_rad[JOINT]))
+    stood = STANDING.copy()
+    stood[JOINT] = path.constraints.limits.position_min_rad[JOINT]
+    sagged = stood.copy()
+    sagged[JOINT] -= 0.5 * SAG_RAD
+    with pytest.raises(BeyondLimit, match=f"{LIMITS.joint_names[JOINT]} stands at "):
+        path.back_to(stood, sagged)
 
 
 def test_that_it_stands_beyond_its_limits_is_said_before_any_way_is_looked_for():
     beyond = STANDING.copy()
     beyond[JOINT] = LIMITS.position_min_rad[JOINT] - 0.01
     blocked = Obstacles(FREE.workspace, CloseMeshes(on_line_m=0.01))
-    with pytest.raises(LimitViolation, match=f"{LIMITS.joint_names[JOINT]}: position"):
+    with pytest.raises(BeyondLimit, match=f"{LIMITS.joint_names[JOINT]} stands at "):
         checked(replace(CONSTRAINTS, obstacles=blocked)).approach_from(beyond)
 
 

@@ -130,7 +130,19 @@ def test_the_approach_is_straight_and_at_a_quarter_of_the_limits():
 def test_excitation_that_uses_up_the_acceleration_is_refused(excitation):
     peak = np.abs(excitation.trajectory.evaluate(np.linspace(0, 2, 512)).acceleration_rad_s2).max(axis=0)
     tight = replace(LIMITS, acceleration_max_rad_s2=np.array([peak[0], 6.0, 9.0]))
-    with pytest.raises(InfeasibleMotion, match=r"^a: the excitation leaves no acceleration"):
+    with pytest.raises(InfeasibleMotion, match=r"^a: the excitation leaves no acceleration for its ramp up"):
+        bound_phase(excitation.trajectory, tight)
+
+
+def test_excitation_that_uses_up_the_jerk_is_refused_for_the_jerk_of_that_joint(excitation):
+    """Joint a has the least spare acceleration, and plenty of it."""
+    greatest = excitation.trajectory.bounds()
+    tight = replace(
+        LIMITS,
+        acceleration_max_rad_s2=greatest.acceleration_max_rad_s2 * np.array([2.0, 20.0, 20.0]),
+        jerk_max_rad_s3=greatest.jerk_max_rad_s3 * np.array([20.0, 20.0, 1.01]),
+    )
+    with pytest.raises(InfeasibleMotion, match=r"^c: the excitation leaves no jerk for its ramp up: .* jerk_max"):
         bound_phase(excitation.trajectory, tight)
 
 

@@ -15,6 +15,7 @@ import can
 import numpy as np
 import pytest
 
+from armload_controller.cli.arm_commands.commission_command import mounting_question
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError, UnsafeBus
 from armload_controller.session import arm_access
@@ -36,6 +37,7 @@ KEY = "identity = { vendor_id = 0x02DC, product_code = 0x12345678 }"
 REAL_ARM = """
 import sys, time
 import can
+from armload_controller.cli.arm_commands.commission_command import mounting_question
 from armload_controller.config.robot import load_robot
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
@@ -209,6 +211,11 @@ def test_an_operator_who_says_no_moves_nothing(named, at_a_terminal, tmp_path):
     assert "not confirmed: nothing was moved" in errors
     assert "warning: prbt_joint_1 has no brake" in printed
     assert "never powered" in printed
+
+
+def test_brakes_are_only_spoken_of_if_every_axis_has_one(named):
+    for changes, said in (((), True), (((r"has_brake = true", "has_brake = false"),), False)):
+        assert ("the brakes are on" in mounting_question(load_robot(named(*changes)))) is said
 
 
 def test_consent_beforehand_does_not_cover_a_payload(named, at_a_terminal, tmp_path):
