@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from typing import Any, Final
 
@@ -52,8 +52,9 @@ _TEXTS_BEHIND: Final = (
     "armload_version",
     "worker",
 )
-_EARLIEST_S: Final = 946684800.0
-"""2000-01-01: earlier time stamps are not taken as times since 1970."""
+_EARLIEST: Final = datetime(2000, 1, 1, tzinfo=UTC)
+"""Earlier times are not times since 1970, or are from a clock that was never set."""
+_CLOCKS_DIFFER: Final = timedelta(days=1)
 
 
 class RowOutcome(StrEnum):
@@ -101,23 +102,35 @@ def empty_row(job: Job, armload_version: str) -> Row:
     return row | {"outcome": RowOutcome.FAILED.value}
 
 
-def recorded_fields(recording: Recording) -> Row:
-    """Time of a recording, if it states one, and its number of rows.
+def recorded_fields(recording: Recording, identified: datetime) -> Row:
+    """Time of a recording, if it states a possible one, and its number of rows.
 
     Args:
         recording: The loaded recording.
+        identified: Now: a later time is from a wrong clock, and would make every other arm's recordings old.
     """
     row: Row = {"rows_read": recording.source.rows_read, "rows_dropped": recording.source.rows_dropped}
     row |= {"loaded_sha256": recording.source.sha256}
+    for by, stated in (("recording", _created(recording)), ("time stamps", _first_stamp(recording))):
+        if stated is not None and _EARLIEST <= stated <= identified + _CLOCKS_DIFFER:
+            return row | {"recorded_utc": stated, "recorded_by": by}
+    return row
+
+
+def _created(recording: Recording) -> datetime | None:
+    """The time in a recording's metadata."""
     try:
-        said = datetime.fromisoformat(str(recording.source.run().get("created", "")))
-        return row | {"recorded_utc": said.astimezone(UTC), "recorded_by": "recording"}
-    except ValueError:
-        pass
-    first_s = float(recording.time_s[0])
-    if first_s < _EARLIEST_S:
-        return row
-    return row | {"recorded_utc": datetime.fromtimestamp(first_s, UTC), "recorded_by": "time stamps"}
+        return datetime.fromisoformat(str(recording.source.run().get("created", ""))).astimezone(UTC)
+    except (ValueError, OverflowError):
+        return None
+
+
+def _first_stamp(recording: Recording) -> datetime | None:
+    """The first time stamp as a time since 1970."""
+    try:
+        return datetime.fromtimestamp(float(recording.time_s[0]), UTC)
+    except (ValueError, OverflowError, OSError):
+        return None
 
 
 def findings_fields(findings: Findings) -> Row:

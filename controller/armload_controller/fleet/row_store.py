@@ -132,7 +132,9 @@ def read_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
 
 
 def latest_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
-    """The latest row for each recording of each arm, in the order of recording.
+    """The latest row for each recording, in the order of recording.
+
+    A table names a recording once, so earlier rows with another arm's name are from before that was corrected.
 
     Args:
         folder: Folder of a fleet.
@@ -141,7 +143,7 @@ def latest_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
     needed = ("arm", "loaded", "recorded_utc", "identified_utc")
     rows = read_rows(folder, list(dict.fromkeys([*needed, *columns])))
     rows.sort(key=lambda row: row["identified_utc"])
-    latest = {(row["arm"], row["loaded"]): row for row in rows}
+    latest = {row["loaded"]: row for row in rows}
     return sorted(latest.values(), key=lambda row: row["recorded_utc"])
 
 

@@ -76,7 +76,7 @@ def _identified(job: Job, row: Row, copies: dict[str, str]) -> Row:
             return path
 
         loaded, *others = (read_of(robot, here(url)) for url in job.recordings.values())
-        row |= recorded_fields(loaded)
+        row |= recorded_fields(loaded, row["identified_utc"])
         runs = dict(zip(job.recordings, (loaded, *others), strict=True))
         judged = (runs["validation_loaded"], runs["validation_unloaded"]) if "validation_loaded" in runs else None
         findings = identify(

@@ -8,6 +8,9 @@ are
 - a stranger: the latest level of a quantity deviates from the arm's twins by more than these differ from each other;
 - silence: the latest recordings gave no result.
 
+An arm without a recent recording was removed, or its recordings no longer arrive: it is listed, but neither assessed
+nor compared.
+
 All charts of a fleet together have a false alarm in one report of a hundred, and so have all comparisons with twins.
 Suspicions are ranked by the number of standard deviations of a normal variable that is equally improbable.
 """
@@ -17,8 +20,9 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from enum import StrEnum
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -37,6 +41,10 @@ LATEST_RUNS: Final = 5
 """Number of runs whose median is compared with the twins'."""
 TWINS_LEAST: Final = 3
 """Least number of twins for a comparison."""
+ABSENT: Final = timedelta(days=30)
+"""An arm's latest recording is not recent if it is older than the fleet's latest one by more than this, ..."""
+ABSENT_INTERVALS: Final = 2
+"""... and by more than this number of the arm's longest interval between recordings: some are recorded each quarter."""
 SILENT: Final = 3.0
 """Deviations added by each of the latest recordings without a result."""
 _OF_MEDIAN: Final = float(np.sqrt(np.pi / 2.0))
@@ -143,16 +151,35 @@ class ArmReview:
         return self.suspicions[0].deviations if self.suspicions else 0.0
 
 
+@dataclass(frozen=True)
+class AbsentArm:
+    """An arm without a recent recording.
+
+    Attributes:
+        arm: Its name.
+        model: Its model.
+        runs: Number of recordings.
+        latest: When the last one was made.
+    """
+
+    arm: str
+    model: str
+    runs: int
+    latest: datetime
+
+
 @dataclass(frozen=True, eq=False)
 class FleetReview:
     """Many arms.
 
     Attributes:
-        arms: The most suspicious first, equal ones by name.
-        problems: Recordings without a result, the latest first.
+        arms: Arms with a recent recording, the most suspicious first, equal ones by name.
+        absent: Arms without one, the last to be recorded first.
+        problems: Recordings of `arms` without a result, the latest first.
     """
 
     arms: tuple[ArmReview, ...]
+    absent: tuple[AbsentArm, ...]
     problems: tuple[ArmRun, ...]
 
 
@@ -185,9 +212,15 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
         runs: The runs of all arms, each recording once.
     """
     ordered = sorted(runs, key=lambda run: run.recorded)
-    by_arm: defaultdict[tuple[str, str], list[ArmRun]] = defaultdict(list)
+    of_all: defaultdict[ArmKey, list[ArmRun]] = defaultdict(list)
     for run in ordered:
-        by_arm[run.arm, run.model].append(run)
+        of_all[run.arm, run.model].append(run)
+    absent = {
+        arm: AbsentArm(*arm, len(of_arm), of_arm[-1].recorded)
+        for arm, of_arm in of_all.items()
+        if _is_absent(of_arm, ordered[-1].recorded)
+    }
+    by_arm = {arm: of_arm for arm, of_arm in of_all.items() if arm not in absent}
     series = {
         arm: {
             quantity: _Series.of(of_arm, quantity)
@@ -211,7 +244,17 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
         gravest = tuple(sorted(found, key=lambda suspicion: -suspicion.deviations))
         arms.append(ArmReview(*arm, len(of_arm), silent, of_arm[-1].recorded, figures, gravest))
     arms.sort(key=lambda review: (-review.deviations, review.arm))
-    return FleetReview(tuple(arms), tuple(run for run in reversed(ordered) if run.problem))
+    return FleetReview(
+        tuple(arms),
+        tuple(sorted(absent.values(), key=lambda arm: arm.latest, reverse=True)),
+        tuple(run for run in reversed(ordered) if run.problem and (run.arm, run.model) in by_arm),
+    )
+
+
+def _is_absent(runs: Sequence[ArmRun], latest: datetime) -> bool:
+    """Whether the last of an arm's runs is not recent, compared with the latest run of the fleet."""
+    intervals = (later.recorded - run.recorded for run, later in pairwise(runs))
+    return latest - runs[-1].recorded > max(ABSENT, ABSENT_INTERVALS * max(intervals, default=timedelta()))
 
 
 def _usual(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> dict[tuple[str, Quantity], float]:

@@ -65,19 +65,29 @@ def fleet_document(tally: FleetTally, output: Path) -> dict[str, Any]:
 
 
 def suspicion_lines(review: FleetReview) -> list[str]:
-    """The most suspicious arms, one line each.
+    """The most suspicious arms, one line each, and the arms without a recent recording in one.
 
     Args:
         review: The fleet.
     """
     suspicious = [arm for arm in review.arms if arm.suspicions]
     if not suspicious:
-        return [f"to be inspected: none of {counted(len(review.arms), 'arm')}"]
+        return [f"to be inspected: none of {counted(len(review.arms), 'arm')}", *_absent_lines(review)]
     shown = [
         f"{number:3}. {arm.arm}: {arm.suspicions[0].text} ({arm.deviations:.0f} standard deviations)"
         for number, arm in enumerate(suspicious[:_MOST_LINES], 1)
     ]
-    return [f"to be inspected: {len(suspicious)} of {counted(len(review.arms), 'arm')}", *shown]
+    return [f"to be inspected: {len(suspicious)} of {counted(len(review.arms), 'arm')}", *shown, *_absent_lines(review)]
+
+
+def _absent_lines(review: FleetReview) -> list[str]:
+    """The arms without a recent recording, if there are any, in one line."""
+    if not review.absent:
+        return []
+    named = [f"{arm.arm} ({arm.latest:%Y-%m-%d})" for arm in review.absent[:_MOST_LINES]]
+    more = [f"{len(review.absent) - len(named)} more"] if len(review.absent) > len(named) else []
+    listed = ", ".join([*named, *more])
+    return [f"no recent recording, not assessed: {listed}; removed, or their recordings no longer arrive"]
 
 
 def fleet_report_document(review: FleetReview, page: Path) -> dict[str, Any]:
@@ -109,6 +119,10 @@ def fleet_report_document(review: FleetReview, page: Path) -> dict[str, Any]:
                 ],
             }
             for arm in review.arms
+        ],
+        "absent": [
+            {"name": arm.arm, "model": arm.model, "runs": arm.runs, "latest": arm.latest.isoformat()}
+            for arm in review.absent
         ],
         "files": {"report": str(page)},
     }

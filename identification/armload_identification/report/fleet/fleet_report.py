@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from armload_identification.many_arms.arm_runs import UNITS, Kind
-from armload_identification.many_arms.fleet_review import ArmReview, FigureReview, FleetReview, Suspicion
+from armload_identification.many_arms.fleet_review import ABSENT, ArmReview, FigureReview, FleetReview, Suspicion
 from armload_identification.report.fleet.fleet_figures import CHARTS, charts_figure, strip
 from armload_identification.report.numerals import NO_BREAK, common_decimals, decimals_for, numeral
 from armload_identification.report.page import rendered, write_page
@@ -99,6 +99,8 @@ def render_fleet_report(review: FleetReview, armload_version: str) -> str:
         suspicious=len(suspicious),
         panels=tuple(_panel(arm, number) for number, arm in enumerate(suspicious[:MOST_SUSPICIOUS], 1)),
         rows=tuple(_row(arm) for arm in review.arms),
+        absent=tuple((arm.arm, arm.model, arm.runs, f"{arm.latest:%Y-%m-%d}") for arm in review.absent),
+        absent_days=ABSENT.days,
         problems=tuple(
             _Problem(run.arm, run.recording, run.problem.removeprefix(f"{run.recording}: "))
             for run in review.problems[:_MOST_PROBLEMS]

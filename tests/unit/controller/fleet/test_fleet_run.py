@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from fnmatch import fnmatch
 from pathlib import Path
@@ -125,7 +126,13 @@ def test_the_report_names_what_changed(armload, nights):
     assert "since 2026-03-07" in first["suspicions"][0]["text"]
     assert second["suspicions"] == []
     assert "mass of tool" in (nights / "report.html").read_text()
-    assert "  1. one: mass of tool is 2.30 kg since 2026-03-07" in suspicion_lines(review_fleet(runs_of(nights)))[1]
+    runs = runs_of(nights)
+    assert "  1. one: mass of tool is 2.30 kg since 2026-03-07" in suspicion_lines(review_fleet(runs))[1]
+    today = [replace(run, recorded=run.recorded + timedelta(days=40)) for run in runs if run.arm == "two"]
+    assert suspicion_lines(review_fleet([*today, *(run for run in runs if run.arm == "one")])) == [
+        "to be inspected: none of 1 arm",
+        "no recent recording, not assessed: one (2026-03-10); removed, or their recordings no longer arrive",
+    ]
 
 
 def test_a_recording_that_was_moved_counts_once(tmp_path):

@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
 
 import pytest
 
 from armload_controller.control_errors import FleetError
 from armload_controller.fleet.job import Job
-from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row
+from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row, recorded_fields
 from armload_controller.fleet.row_store import RowStore, latest_rows, read_rows
 
 DAY = datetime(2026, 3, 1, 23, 30, tzinfo=UTC)
@@ -75,8 +76,29 @@ def test_failed_is_not_done_and_the_latest_row_of_a_recording_counts(tmp_path):
         store.flush()
         assert store.done_keys() == {"k1"}
         store.add(row(0, identified_utc=later, mass_kg=7.0))
+        store.add(row(1, identified_utc=later, arm="renamed"))
     found = latest_rows(tmp_path, ("mass_kg", "outcome"))
     assert [(row["mass_kg"], row["outcome"]) for row in found] == [(7.0, "identified"), (3.0, "identified")]
+    assert [row["arm"] for row in found] == ["one", "renamed"]
+
+
+@pytest.mark.parametrize(
+    ("created", "first_s", "recorded", "by"),
+    [
+        ("2026-03-01T10:00:00+01:00", 0.0, "2026-03-01T09:00:00+00:00", "recording"),
+        ("", 1772359200.0, "2026-03-01T10:00:00+00:00", "time stamps"),
+        ("2062-03-01T10:00:00+00:00", 1772359200.0, "2026-03-01T10:00:00+00:00", "time stamps"),
+        ("1970-01-01T00:00:09+00:00", 12.5, None, None),
+        ("0001-01-01T00:00:00+14:00", 4e9, None, None),
+        ("", 1e12, None, None),
+        ("", 1e300, None, None),
+    ],
+)
+def test_the_time_of_a_recording_is_the_first_possible_one(created, first_s, recorded, by):
+    source = SimpleNamespace(rows_read=2, rows_dropped=0, sha256="a", run=lambda: {"created": created})
+    made = recorded_fields(SimpleNamespace(source=source, time_s=[first_s]), DAY)
+    assert made.get("recorded_by") == by
+    assert (made["recorded_utc"].isoformat() if by else None) == recorded
 
 
 def test_a_strange_file_among_the_rows_is_named(tmp_path):

@@ -108,6 +108,54 @@ def test_arms_of_another_model_are_no_twins():
     assert not any(arm.suspicions for arm in review_fleet(runs).arms)
 
 
+def later(runs, days):
+    return [replace(run, recorded=run.recorded + timedelta(days=days)) for run in runs]
+
+
+def of_arms(runs, *names):
+    return [run for run in runs if run.arm in names]
+
+
+def test_an_arm_that_is_no_longer_recorded_is_neither_assessed_nor_ranked():
+    before = fleet(cell03=[(FRICTIONS[1], 7, 99, 4.0)], cell05=[(MASS, 0, 99, 0.4)])
+    names = [f"cell{number:02d}" for number in range(ARMS)]
+    gone = ("cell03", "cell05")
+    stay = [name for name in names if name not in gone]
+    for days, absent in ((30, set()), (31, set(gone))):
+        found = review_fleet([*of_arms(before, *gone), *later(of_arms(before, *stay), days)])
+        assert {arm.arm for arm in found.absent} == absent
+        assert {arm.arm for arm in found.arms if arm.suspicions} == {*gone} - absent
+        assert len(found.arms) + len(found.absent) == ARMS
+    (first, second) = found.absent
+    assert (first.model, first.runs, first.latest) == ("er50", NIGHTS, FIRST + timedelta(days=NIGHTS - 1))
+    page = render_fleet_report(found, "1.2")
+    assert "10 arms</h1>" in page
+    assert "; 2 more arms without a recent recording</p>" in page
+    assert re.findall(r'rowheader">(\w+)</th>', page[page.index("<h2>No recent recording") :]) == [*gone]
+    assert "<dt>No recent recording</dt>" in page
+    assert second.arm not in page[: page.index("<h2>No recent recording")]
+
+
+def test_an_arm_that_is_recorded_rarely_is_not_absent_before_twice_its_interval():
+    nightly, (run, *_) = fleet(), of_arms(fleet(4), "cell01")
+    for age, absent in ((181, True), (179, False)):
+        rare = [replace(run, arm="rare", recorded=FIRST + timedelta(days=90 * quarter)) for quarter in range(3)]
+        rest = later(nightly, 180 + age - NIGHTS + 1)
+        found = review_fleet([*rare, *rest])
+        assert ("rare" in {arm.arm for arm in found.absent}) is absent
+
+
+def test_arms_that_are_no_longer_recorded_are_no_twins_and_their_problems_are_not_listed():
+    old = [replace(run, arm=f"old {run.arm}") for run in fleet()]
+    heavy = {f"cell{number:02d}": [(MASS, 0, 99, 0.4)] for number in range(4)}
+    new = later(of_arms(fleet(**heavy), *heavy), 60)
+    found = review_fleet([replace(old[0], recording="none", problem="cut short", figures={}), *old, *new])
+    assert {arm.arm for arm in found.arms} == set(heavy)
+    assert not any(arm.suspicions for arm in found.arms)
+    assert {arm.figures[MASS].twins.count for arm in found.arms} == {3}
+    assert not found.problems
+
+
 def test_one_recording_is_a_fleet_too():
     (run,) = (run for run in fleet() if run.recording == "cell00/0.mcap")
     (arm,) = review_fleet([run]).arms
