@@ -112,7 +112,7 @@ def test_a_recording_that_cannot_be_written_ends_with_the_arm_at_rest(ideal_serv
             run_session(ROBOT, Load.UNLOADED, lambda load: opened(servos), no_operator()) as session,
             Recorder(folder / "run.mcap", {"run.json": "{}"}) as recorder,
         ):
-            session.hold([recorder], lambda arm: arm.hold(lambda: len(servos.sent) >= 60))
+            session.hold([recorder], lambda hold: hold(lambda: len(servos.sent) >= 60))
 
     ways = set()
     for place, step, said, error in every_failure(tmp_path, stand):

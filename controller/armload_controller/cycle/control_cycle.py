@@ -38,6 +38,8 @@ FLIGHT_RECORDER_CYCLES = 50
 
 Progress = Callable[[float], None]
 """Called with the fraction completed, 0 to 1."""
+Hold = Callable[[Callable[[], bool]], None]
+"""`PoweredArm.hold`: all that is handed out of an enabled arm, as whoever has only this cannot move it."""
 
 
 class Cycle:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_controller.control_errors import ControlError
-from armload_controller.cycle.control_cycle import PoweredArm
+from armload_controller.cycle.control_cycle import Hold
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.feedforward.body_torque import ArmTerm
 from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict
@@ -220,20 +220,20 @@ class CheckedFeedforward:
         torque = self._feedforward.on_cycle(step)
         return self.check.on_cycle(step) if self._checking else torque
 
-    def try_offset(self, arm: PoweredArm) -> OffsetVerdict:
+    def try_offset(self, hold: Hold) -> OffsetVerdict:
         """Try the torque offset at standstill; none of the payload's torque is added.
 
         Raises:
             OffsetRefused: a drive responds wrongly to its offset.
         """
         self._checking = True
-        arm.hold(self.check.done)
+        hold(self.check.done)
         self._checking = False
         verdict = self.check.verdict()
         verdict.require()
         return verdict
 
-    def fade_in(self, arm: PoweredArm, verdict: OffsetVerdict) -> None:
+    def fade_in(self, hold: Hold, verdict: OffsetVerdict) -> None:
         """Fade the payload's torque in at standstill, after a trial of the offset.
 
         Raises:
@@ -241,4 +241,4 @@ class CheckedFeedforward:
         """
         self._feedforward.allow(verdict.require())
         cycles = iter(range(self._feedforward.fade_in_cycles))
-        arm.hold(lambda: next(cycles, None) is None)
+        hold(lambda: next(cycles, None) is None)

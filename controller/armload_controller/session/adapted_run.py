@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_controller.config.robot import Robot
-from armload_controller.cycle.control_cycle import PoweredArm
+from armload_controller.cycle.control_cycle import Hold
 from armload_controller.feedforward.adaptation import Beside, Decision, EstimatorPlugin, PayloadAdaptation
 from armload_controller.feedforward.adaptation_rules import AdaptationRules, DeclaredMass
 from armload_controller.feedforward.injection import CheckedFeedforward, FeedforwardPlugin
@@ -73,9 +73,9 @@ def adapted_run(
     checked = CheckedFeedforward(adaptation, check)
     verdicts = []
 
-    def before(arm: PoweredArm) -> None:
-        verdicts.append(checked.try_offset(arm))
-        checked.fade_in(arm, verdicts[0])
+    def before(hold: Hold) -> None:
+        verdicts.append(checked.try_offset(hold))
+        checked.fade_in(hold, verdicts[0])
 
     session.run(
         path,

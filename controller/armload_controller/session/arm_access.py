@@ -48,6 +48,8 @@ SOCKETCAN = "socketcan"
 def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> None:
     """Refuse to open a bus on which a real arm could be, unless everything that a real arm requires is present.
 
+    `arm_on_bus` begins with this; commands call it before they ask anything or create a folder.
+
     Args:
         robot: The arm.
         simulated_drives: Whether only drives with the simulation's identity will be driven.
@@ -68,19 +70,20 @@ def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> No
 
 
 def open_arm(
-    robot: Robot, load: Load, report: Callable[[str], None], *, simulated_drives: bool
+    robot: Robot, load: Load, report: Callable[[str], None], *, simulated_drives: bool, attended: bool
 ) -> AbstractContextManager[JointServos]:
     """Open the arm that the configuration names: in this process or on a bus.
 
     Args:
-        robot: The arm, already checked by `require_rules`.
+        robot: The arm.
         load: Load on the flange, for a simulation in this process.
         report: Called with remarks for the operator.
         simulated_drives: On a bus, require the simulation's identity of every drive.
+        attended: Whether an operator is at the terminal.
     """
     if robot.bus.interface == VIRTUAL:
         return simulated_arm(robot, load)
-    return arm_on_bus(robot, report, simulated_drives=simulated_drives)
+    return arm_on_bus(robot, report, simulated_drives=simulated_drives, attended=attended)
 
 
 @contextmanager
@@ -110,17 +113,23 @@ def simulated_arm(robot: Robot, load: Load, described: Sequence[DeviceDescriptio
 
 
 @contextmanager
-def arm_on_bus(robot: Robot, report: Callable[[str], None], *, simulated_drives: bool) -> Iterator[JointServos]:
+def arm_on_bus(
+    robot: Robot, report: Callable[[str], None], *, simulated_drives: bool, attended: bool
+) -> Iterator[JointServos]:
     """Drives on a bus; within the block this process is tuned for the cycle.
 
     Args:
-        robot: The arm, already checked by `require_rules`.
+        robot: The arm.
         report: Called with the tuning that was not permitted.
         simulated_drives: Require the simulation's identity of every drive, instead of the configured one.
+        attended: Whether an operator is at the terminal.
 
     Raises:
+        ConfigurationError: the file does not state the drives' identities, or the constraints on motions.
+        UnsafeBus: there is no operator to ask.
         BusError: the interface cannot be opened.
     """
+    require_rules(robot, simulated_drives=simulated_drives, attended=attended)
     arm = robot.drives.settings
     if simulated_drives:
         drives = tuple(replace(drive, identity=SIMULATION_IDENTITY) for drive in arm.drives)

@@ -19,7 +19,7 @@ import numpy as np
 
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import CommissioningError
-from armload_controller.cycle.control_cycle import PoweredArm
+from armload_controller.cycle.control_cycle import Hold
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.feedforward.body_torque import ArmTerm
 from armload_controller.feedforward.injection import CheckedFeedforward, FeedforwardPlugin
@@ -220,10 +220,10 @@ class ComparisonRuns:
         kept = FollowingRecorder()
         verdicts = [] if tried is None else [tried]
 
-        def before(arm: PoweredArm) -> None:
+        def before(hold: Hold) -> None:
             if tried is None:
-                verdicts.append(added.try_offset(arm))
-            added.fade_in(arm, verdicts[0])
+                verdicts.append(added.try_offset(hold))
+            added.fade_in(hold, verdicts[0])
 
         session.run(self._path, text, plugins=[kept, added], before=before)
         return kept.run(), verdicts[0]

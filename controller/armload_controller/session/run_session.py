@@ -5,6 +5,7 @@
 Rules. A path is run at full speed only after its slow round in the same session, that is, with the same load and
 without reconnecting. The first motion of a session requires consent, with a payload even if consent was given
 beforehand. Between two motions the drives are off. A simulated arm needs no consent, but it needs a slow round, too.
+No enabled arm is handed out: work at standstill is given a function that can only hold it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import CommissioningError, MotionError
-from armload_controller.cycle.control_cycle import Cycle, PoweredArm, not_switched_on, require_going, stop_message
+from armload_controller.cycle.control_cycle import Cycle, Hold, not_switched_on, require_going, stop_message
 from armload_controller.cycle.feedback_truth import FeedbackError, FeedbackTruth
 from armload_controller.cycle.monitors import CycleSummary, FollowingMonitor, TorqueWindow
 from armload_controller.cycle.plugins import CyclePlugin
@@ -169,14 +170,14 @@ class RunSession:
 
     Attributes:
         load: Load on the flange.
-        servos: The servos.
+        simulated: Whether no real arm can move.
     """
 
     def __init__(
         self, robot: Robot, load: Load, servos: JointServos, operator: Operator, plugins: Sequence[CyclePlugin]
     ) -> None:
         self._robot, self._operator, self._plugins = robot, operator, plugins
-        self.load, self.servos = load, servos
+        self.load, self.simulated, self._servos = load, servos.simulated, servos
         self._moved = False
         self._rounded: set[CheckedPath] = set()
 
@@ -187,7 +188,7 @@ class RunSession:
         *,
         recorder: Recorder | None = None,
         plugins: Sequence[CyclePlugin] = (),
-        before: Callable[[PoweredArm], None] | None = None,
+        before: Callable[[Hold], None] | None = None,
         warning: str = "",
     ) -> CycleSummary:
         """Run a path at full speed, preceded by its slow round unless this session has already done that.
@@ -197,7 +198,8 @@ class RunSession:
             name: Name of the run.
             recorder: Records all rows, including the slow round and the row for which a monitor stops the arm.
             plugins: Further plug-ins, called after the monitors.
-            before: Called with the arm standing at the start of the measured leg, to add torque during the run.
+            before: Called with the arm standing at the start of the measured leg, to add torque during the run; it
+                can only hold the arm there.
             warning: Warning for the operator, added to the question; consent given in advance does not cover it.
 
         Returns:
@@ -225,7 +227,7 @@ class RunSession:
         if path not in self._rounded:
             if not self._moved:
                 consent.require(
-                    self.servos,
+                    self._servos,
                     f"First motion {self.load}: the arm will move slowly to the start of the excitation and once along "
                     "it. Is the workspace clear and the emergency stop at hand?",
                     always=self.load is Load.LOADED,
@@ -241,7 +243,7 @@ class RunSession:
             self._rounded.add(path)
         added = "" if before is None else " with added torque"
         consent.require(
-            self.servos,
+            self._servos,
             f"{name}: the slow round is complete, the drives are off. {warning}Run it at full speed{added}?",
             always=bool(warning),
         )
@@ -249,12 +251,12 @@ class RunSession:
             run_leg(cycle, path, path.measured, progress, before, go_round)
         return monitor.summary()
 
-    def hold(self, plugins: Sequence[CyclePlugin], work: Callable[[PoweredArm], T], *, warning: str = "") -> T:
+    def hold(self, plugins: Sequence[CyclePlugin], work: Callable[[Hold], T], *, warning: str = "") -> T:
         """Enable the arm and hold its present position during some work.
 
         Args:
             plugins: Plug-ins, called after the monitors.
-            work: Called with the enabled arm.
+            work: Called with the arm enabled; it can only hold the arm.
             warning: Warning for the operator, added to the question.
 
         Returns:
@@ -265,9 +267,9 @@ class RunSession:
             MotionError: the work was stopped.
         """
         question = f"The arm will hold its position with torque on. {warning}Is the workspace clear?"
-        self._operator.consent.require(self.servos, question, always=True)
+        self._operator.consent.require(self._servos, question, always=True)
         with self._cycle([self._monitor(), self._feedback_truth(), self._window(), *plugins]).powered() as arm:
-            return work(arm)
+            return work(arm.hold)
 
     def _require_own(self, path: CheckedPath) -> None:
         """Refuse a path that was checked for another robot file or another cycle time.
@@ -279,20 +281,20 @@ class RunSession:
             raise CommissioningError(
                 f"this path was not checked for {self._robot.name} as {self._robot.file} has it: check it again"
             )
-        if path.cycle_s != self.servos.cycle_s:
+        if path.cycle_s != self._servos.cycle_s:
             raise CommissioningError(
                 f"this path was checked for cycles of {path.cycle_s * 1e3:g} ms, the drives run at "
-                f"{self.servos.cycle_s * 1e3:g} ms: check it again"
+                f"{self._servos.cycle_s * 1e3:g} ms: check it again"
             )
 
     def _cycle(self, plugins: Sequence[CyclePlugin]) -> Cycle:
         """A cycle of this arm, with the given plug-ins and those of its file."""
         robot = self._robot
-        gate = TorqueGate(robot.limits.added_torque_max_nm, self.servos.cycle_s)
+        gate = TorqueGate(robot.limits.added_torque_max_nm, self._servos.cycle_s)
         every = [*plugins, *self._plugins, *self._operator.watching]
         # In virtual time a slow plug-in delays nothing; CPU time keeps a busy computer from being blamed on it.
         stopwatch = time.thread_time if robot.bus.in_virtual_time else time.perf_counter
-        return Cycle(self.servos, robot.limits.motion, gate, self._operator.control, every, stopwatch)
+        return Cycle(self._servos, robot.limits.motion, gate, self._operator.control, every, stopwatch)
 
     def _monitor(self) -> FollowingMonitor:
         """The monitor of following error, feedback and cycles."""
@@ -300,16 +302,16 @@ class RunSession:
 
     def _feedback_truth(self) -> FeedbackTruth:
         """The plausibility check of the drives' feedback."""
-        return feedback_truth(self._robot, self.servos.cycle_s)
+        return feedback_truth(self._robot, self._servos.cycle_s)
 
     def _torque_signs(self) -> TorqueSigns:
         """The check of the torques' signs after a slow round."""
         robot = self._robot
-        return TorqueSigns(robot.joint_names, robot.chain, robot.drives.transmission, self.servos.cycle_s)
+        return TorqueSigns(robot.joint_names, robot.chain, robot.drives.transmission, self._servos.cycle_s)
 
     def _window(self) -> TorqueWindow:
         """The torque window for this load."""
-        return torque_window(self._robot, self.load, self.servos.cycle_s)
+        return torque_window(self._robot, self.load, self._servos.cycle_s)
 
 
 def run_leg(
@@ -317,7 +319,7 @@ def run_leg(
     path: CheckedPath,
     leg: CheckedLeg,
     progress: Callable[[int], None],
-    before: Callable[[PoweredArm], None] | None = None,
+    before: Callable[[Hold], None] | None = None,
     go_round: Callable[[FloatArray], None] = lambda via_points_rad: None,
 ) -> None:
     """Approach a path and run one of its legs; the approach is checked before the arm is enabled.
@@ -327,7 +329,7 @@ def run_leg(
         path: The path.
         leg: Its slow or its measured leg.
         progress: Called with the part of `BAR` that is done; 0 during the approach.
-        before: Called with the arm standing at the start of the leg.
+        before: Called with the arm standing at the start of the leg; it can only hold the arm there.
         go_round: Called with the (V, n) via points before the arm is enabled, if the straight approach is not free.
 
     Raises:
@@ -346,7 +348,7 @@ def run_leg(
         for way in (*([] if back is None else [back]), *approach):
             arm.follow(way, lambda share: progress(0))
         if before is not None:
-            before(arm)
+            before(arm.hold)
         arm.follow(leg, lambda share: progress(round(BAR * share)))
 
 

@@ -1,4 +1,5 @@
-"""Only the cycle commands servos, only a session creates a cycle, and only the checks create a checked path."""
+"""Only the cycle commands servos, only a session creates a cycle and follows a leg, only the checks create a checked
+path, and only what begins with the rules for a real arm creates a master on a bus."""
 
 import re
 from pathlib import Path
@@ -17,6 +18,11 @@ PACKAGE = Path(armload_controller.__file__).parent
         (r"\bCycle\(", {"session/run_session.py"}),
         (r"object\.__new__\(", {"motion/checked_path.py"}),
         (r"\.powered\(\)", {"session/run_session.py"}),
+        (r"servos\.enable\(", {"cycle/control_cycle.py"}),
+        (r"\barm\.follow\(", {"session/run_session.py"}),
+        (r"\brun_leg\(", {"session/run_session.py"}),
+        (r"\bRunSession\(", {"session/run_session.py"}),
+        (r"\bCanopenServos\(", {"session/arm_access.py"}),
     ],
 )
 def test_where_it_is_done(pattern, files):

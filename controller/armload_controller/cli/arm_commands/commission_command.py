@@ -183,7 +183,7 @@ def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequenc
     arm, directory = plan.arm, plan.directory
 
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
-        return open_arm(arm, load, screen.step, simulated_drives=plan.simulated_drives)
+        return open_arm(arm, load, screen.step, simulated_drives=plan.simulated_drives, attended=attended())
 
     with operator_at(arm, screen, control, agreed=plan.yes, live=plan.live) as operator:
         for load in halves:

@@ -124,7 +124,7 @@ def feedforward(
     used = arm_in_use(arm, calibration)
 
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
-        return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
+        return open_arm(arm, load, screen.step, simulated_drives=simulated_drives, attended=attended())
 
     with operator_at(arm, screen, control, agreed=yes, live=live_at(live, live_address)) as operator:
         bench = _Bench(arm, path, used, open_servos, operator)

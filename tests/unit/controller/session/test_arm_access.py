@@ -9,6 +9,7 @@ import sys
 import time
 import uuid
 from contextlib import nullcontext
+from functools import partial
 from importlib import resources
 
 import can
@@ -19,7 +20,8 @@ from armload_controller.cli.arm_commands.commission_command import mounting_ques
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError, UnsafeBus
 from armload_controller.session import arm_access
-from armload_controller.session.arm_access import arm_on_bus, clock_from_now, open_bus, require_rules
+from armload_controller.session.arm_access import arm_on_bus, clock_from_now, open_arm, open_bus, require_rules
+from armload_controller.session.run_session import Load
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.driver_errors import BusError, WrongDevice
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
@@ -140,6 +142,16 @@ def test_a_real_arm_needs_a_file_that_tells_what_may_happen(named, pattern, key)
         require_rules(robot, simulated_drives=False, attended=True)
 
 
+@pytest.mark.parametrize("opened", [arm_on_bus, partial(open_arm, load=Load.UNLOADED)])
+def test_no_bus_is_opened_without_what_a_real_arm_needs(named, opened):
+    """On the only way to a bus, whatever a command has checked before; this bus does not exist."""
+    bus = {"interface": "socketcan", "channel": "none"}
+    complete, incomplete = load_robot(str(named())).with_bus(**bus), load_robot("er50").with_bus(**bus)
+    for robot, attended, refused in ((complete, False, UnsafeBus), (incomplete, True, ConfigurationError)):
+        with pytest.raises(refused), opened(robot, report=print, simulated_drives=False, attended=attended):
+            raise AssertionError("the arm was opened")
+
+
 def test_what_the_configuration_admits_to_is_told(named):
     path = named((r"has_brake = true", "has_brake = false"), (r"(joint_1.*?)accept_missing = .*?\n", r"\1"))
     told = load_robot(str(path)).drives.weak_points
@@ -151,7 +163,8 @@ def test_what_the_configuration_admits_to_is_told(named):
 
 def test_a_foreign_drive_is_refused_before_anything_is_written(bench):
     robot, listener = bench
-    with arm_on_bus(robot, print, simulated_drives=True) as servos, pytest.raises(WrongDevice, match="node 6"):
+    opened = arm_on_bus(robot, print, simulated_drives=True, attended=False)
+    with opened as servos, pytest.raises(WrongDevice, match="node 6"):
         servos.connect()
     for message in overheard(listener):
         assert message.arbitration_id != 0, f"NMT command {message}"
@@ -167,7 +180,7 @@ def test_the_arm_that_the_file_names_is_connected_and_known_to_be_real(named, un
     with (
         can.Bus(interface="virtual", channel=robot.bus.channel) as bus,
         SimulatedDrives(arm, plant, bus, time.monotonic, traits),
-        arm_on_bus(robot, print, simulated_drives=False) as servos,
+        arm_on_bus(robot, print, simulated_drives=False, attended=True) as servos,
     ):
         servos.connect()
         assert not servos.simulated

@@ -102,7 +102,7 @@ def held(servos):
         until = len(servos.sent) + cycles
         operator = Operator(display or NoDisplay(), MotionControl(), Consent(lambda question: False, given=False))
         with run_session(robot, Load.UNLOADED, open_servos, operator) as session:
-            session.hold([], lambda arm: arm.hold(lambda: len(servos.sent) >= until))
+            session.hold([], lambda hold: hold(lambda: len(servos.sent) >= until))
 
     return held
 

@@ -180,7 +180,7 @@ def test_a_way_round_is_announced_before_the_arm_gets_torque_and_stands_in_recor
     "move",
     [
         lambda session: session.run(checked(), "run"),
-        lambda session: session.hold([], lambda arm: arm.hold(lambda: len(session.servos.sent) > 100)),
+        lambda session: session.hold([], lambda hold: hold(lambda: len(session._servos.sent) > 100)),
     ],
     ids=["run", "hold"],
 )
@@ -194,7 +194,7 @@ def test_every_motion_is_monitored(opened, distort, cause, move):
 
 def test_added_torque_is_what_joint_and_drive_allow(opened):
     with opened() as (session, servos):
-        session.hold([Adding()], lambda arm: arm.hold(lambda: len(servos.sent) > 200))
+        session.hold([Adding()], lambda hold: hold(lambda: len(servos.sent) > 200))
     greatest = np.max([command.torque_offset_nm for command in servos.sent], axis=0)
     np.testing.assert_allclose(greatest, 0.8 * ROBOT.limits.added_torque_max_nm)
 
@@ -219,9 +219,9 @@ def computing(seconds):
 
 def test_in_virtual_time_a_plugin_answers_for_what_it_computes_and_not_for_a_busy_computer(opened):
     with opened() as (session, servos):
-        session.hold([Taking(time.sleep)], lambda arm: arm.hold(lambda: len(servos.sent) > 8))
+        session.hold([Taking(time.sleep)], lambda hold: hold(lambda: len(servos.sent) > 8))
         with pytest.raises(MotionError, match="plug-in 'taking' took"):
-            session.hold([Taking(computing)], lambda arm: arm.hold(lambda: len(servos.sent) > 100))
+            session.hold([Taking(computing)], lambda hold: hold(lambda: len(servos.sent) > 100))
 
 
 def test_an_arm_in_the_way_of_something_is_not_moved(opened):
@@ -282,17 +282,27 @@ def test_holding_a_position_is_always_asked_for_and_motion_with_a_payload_too(op
         assert len(person.asked) == asked
         session.run(checked(), "another")
         assert len(person.asked) == asked
-        session.hold([], lambda arm: None)
+        session.hold([], lambda hold: None)
     assert "hold its position" in person.asked[-1]
     assert len(person.asked) == asked + 1
 
 
 def test_nobody_consents_to_the_motion_of_a_real_arm(opened):
     with opened(simulated=False) as (session, servos):
-        for attempt in (lambda: session.run(checked(), "run"), lambda: session.hold([], lambda arm: None)):
+        for attempt in (lambda: session.run(checked(), "run"), lambda: session.hold([], lambda hold: None)):
             with pytest.raises(CommissioningError, match="not confirmed"):
                 attempt()
     assert servos.log == ["connect"]
+
+
+def test_what_is_handed_out_of_an_enabled_arm_can_only_hold_it(opened):
+    """A plug-in's author cannot follow a leg without its slow round and consent, not even by mistake."""
+    given = []
+    with opened() as (session, _):
+        session.hold([], given.append)
+        session.run(checked(), "added", before=given.append)
+    assert [hold.__name__ for hold in given] == ["hold"] * 2
+    assert not any(hasattr(hold, "follow") for hold in given)
 
 
 def test_added_torque_is_named_in_the_question(opened):
@@ -301,7 +311,7 @@ def test_added_torque_is_named_in_the_question(opened):
     path = checked()
     with opened(Load.LOADED, operator, simulated=False) as (session, _):
         session.run(path, "plain")
-        session.run(path, "added", before=lambda arm: None)
+        session.run(path, "added", before=lambda hold: None)
     assert "with added torque" not in person.asked[1]
     assert "with added torque?" in person.asked[2]
 
