@@ -34,7 +34,7 @@ def offset_account(verdict: OffsetVerdict) -> str:
     left = [name for name, usable in zip(verdict.joint_names, verdict.usable, strict=True) if not usable]
     text = f"torque offset trial at standstill, response: {', '.join(used)}"
     return text + (
-        f"; no torque is added on {', '.join(left)}: the weight is too small, or the response is uneven" if left else ""
+        f"; no torque can be added on {', '.join(left)}: the weight is too small, or the response is uneven" if left else ""
     )
 
 
