@@ -33,9 +33,8 @@ def offset_account(verdict: OffsetVerdict) -> str:
     ]
     left = [name for name, usable in zip(verdict.joint_names, verdict.usable, strict=True) if not usable]
     text = f"torque offset trial at standstill, response: {', '.join(used)}"
-    return text + (
-        f"; no torque can be added on {', '.join(left)}: the weight is too small, or the response is uneven" if left else ""
-    )
+    why = "the weight is too small, or the response is uneven"
+    return text + (f"; no torque can be added on {', '.join(left)}: {why}" if left else "")
 
 
 def following_error_table(comparison: Comparison) -> Table:
