@@ -9,6 +9,8 @@ import can
 import numpy as np
 import pytest
 
+from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
+from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.object_dictionary import NmtState
@@ -22,6 +24,7 @@ from armload_drivers.driver_errors import (
 )
 from armload_drivers.simulation.drives.drive_dictionary import SILENCE, DriveTraits
 from armload_drivers.simulation.lockstep_bus import LockstepBus
+from armload_drivers.simulation.lockstep_sync import LockstepSync
 
 ZERO = np.zeros(3)
 
@@ -51,10 +54,10 @@ class Requests:
 
 SAFETY = {f"making sure that the drive {of.value.title}": of for of in Safety}
 STEPS = [
-    "looking for the node", "identifying", "checking the mode", "reading the scaling", "setting the cycle",
-    "looking for the objects of its PDOs", "mapping the receive PDO 1", "mapping the transmit PDO 1",
-    "switching unused PDOs off", "selecting the mode", *SAFETY, "configuring the heartbeat consumer",
-    "reading the name",
+    "looking for the node", "identifying", "looking for torque", "checking the mode", "reading the scaling",
+    "setting the cycle", "looking for the objects of its PDOs", "mapping the receive PDO 1",
+    "mapping the transmit PDO 1", "switching unused PDOs off", "selecting the mode",
+    *SAFETY, "configuring the heartbeat consumer", "reading the name",
 ]  # fmt: skip
 LATER = ["presetting the target", "checking for faults"]
 HARMLESS = {"looking for the node", "reading the name"}
@@ -187,6 +190,22 @@ def test_drives_without_their_master_stop_hold_and_leave_the_cycle(fault_arm):
         arm.send(0x200 + node_id, bytes.fromhex("0f00ffff7f000000"))
     alone(arm, 5 * arm.arm.cycle_s)
     assert arm.plant.position_rad == pytest.approx(stood, abs=1e-6)
+
+
+def test_an_arm_whose_master_was_killed_is_taken_over(fault_arm):
+    """The drives hold their position with torque, in QUICK STOP ACTIVE; the next master resets them."""
+    arm = fault_arm()
+    arm.enable()
+    arm.move()
+    alone(arm, 4.0 * arm.arm.heartbeat_s)
+    assert power_states(arm) == [State.QUICK_STOP_ACTIVE] * 3
+    sync = BcmSync(BroadcastManager("vcan0")) if arm.vcan else LockstepSync(arm.sync._clock)
+    second = CanopenServos(arm.arm, arm.bus, sync, arm.timeouts)
+    second.connect()
+    arm.has_no_torque()
+    second.enable()
+    second.close()
+    arm.has_no_torque()
 
 
 @contextmanager

@@ -98,7 +98,7 @@ def test_a_drive_that_reboots(fault_arm):
     assert error.node_id == 2
     assert "rebooted" in str(error)
     arm.comes_to_rest()
-    with pytest.raises(DriverError):
+    with pytest.raises(ServoError, match=r"joint_2 \(node 2\), enabling: the drive has rebooted since"):
         arm.servos.enable()
     arm.has_no_torque()
 

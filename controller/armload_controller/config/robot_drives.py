@@ -162,10 +162,7 @@ class RobotDrives:
             ConfigurationError: naming the key.
         """
         for number, drive in enumerate(self.settings.drives, start=1):
-            described = drive.description
-            if drive.identity.vendor_id is None and (
-                described is None or described.vendor_id is None or described.product_code is None
-            ):
+            if not drive.is_named:
                 raise self.source.refused(
                     f"joints[{number}].drive.identity",
                     None,

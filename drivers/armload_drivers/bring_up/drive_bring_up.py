@@ -1,8 +1,9 @@
 """Booting, checking and configuring one drive by SDO, up to the point where it could be enabled.
 
 The order for an arm: `check_identity` of every node that is already up, so that another arm is refused before anything
-is sent that changes it; NMT reset; `check_identity` again; `configure`. A node that does not answer yet may still be
-reset, because that is how drives boot, unless only a simulation is allowed: then every node must identify itself first.
+is sent that changes it; NMT reset, unless a drive carries torque (`safe_reset`); `check_identity` again; `configure`. A
+node that does not answer yet may still be reset, because that is how drives boot, unless only a simulation is allowed:
+then every node must identify itself first.
 Nothing here energises a drive. Missing objects are reported, not guessed.
 
 References:
@@ -86,8 +87,11 @@ class DriveSetup(DriveDialogue):
         self._rated_current_a: float | None = None
         self._safety: tuple[SafetyFinding, ...] = ()
 
-    def identify_before_reset(self) -> None:
+    def identify_before_reset(self) -> bool:
         """Identify the node before anything is sent that changes it; only reads.
+
+        Returns:
+            Whether it answers.
 
         Raises:
             ServoTimeout: only a simulation is allowed, and the node does not answer: it could be any device.
@@ -99,7 +103,8 @@ class DriveSetup(DriveDialogue):
         wait_s = self._timeouts.sdo_s if simulation else self._timeouts.probe_s
         if self._sdo.answers(od.DEVICE_TYPE, wait_s):
             self.check_identity()
-        elif simulation:
+            return True
+        if simulation:
             raise ServoTimeout(
                 self.settings.node_id,
                 self.settings.joint,
@@ -109,6 +114,7 @@ class DriveSetup(DriveDialogue):
                 "Is the simulated drive running and connected, with this node id? One that was stopped by NMT does not "
                 "answer: restart the simulation",
             )
+        return False
 
     def require_alive(self) -> None:
         """Require an SDO answer from a node that was reset and sent no boot-up message.
@@ -149,7 +155,7 @@ class DriveSetup(DriveDialogue):
             self._sdo.read_if_there(od.PRODUCT_CODE),
             self._sdo.read_if_there(od.REVISION),
         )
-        wanted = self._wanted_identity()
+        wanted = self.settings.wanted_identity
         for what, is_, should in (
             ("vendor id", found.vendor_id, wanted.vendor_id),
             ("product code", found.product_code, wanted.product_code),
@@ -164,16 +170,14 @@ class DriveSetup(DriveDialogue):
         return found
 
     @property
+    def identity(self) -> Identity:
+        """1018, as reported when the drive was identified; empty before."""
+        return self._identity
+
+    @property
     def device_type(self) -> int:
         """1000, as reported when the drive was identified; 0 before."""
         return self._device_type
-
-    def _wanted_identity(self) -> Identity:
-        """The identity required of 1018: the configuration's, else the description's; never its exact revision."""
-        configured, described = self.settings.identity, self.settings.description
-        if described is None or configured.vendor_id is not None:
-            return configured
-        return Identity(described.vendor_id, described.product_code)
 
     # Configuration -------------------------------------------------------------------------------------------
 

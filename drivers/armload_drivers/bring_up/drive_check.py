@@ -2,8 +2,8 @@
 
 `check` performs bring-up short of enabling, continues after an error, and keeps the result of every step. It resets
 nodes and writes their configuration, as bring-up does; so it reads all of them first, writes to none while a drive of
-the arm carries torque, and never to a real drive whose identity the configuration does not state. `reset` acts on one
-drive, under the same conditions and with consent. Nothing is energised.
+the arm carries torque, even one whose master has ended, and never to a real drive whose identity the configuration does
+not state. `reset` acts on one drive, under the same conditions and with consent. Nothing is energised.
 """
 
 from __future__ import annotations
@@ -16,18 +16,15 @@ import can
 
 from armload_drivers.bring_up.description_check import description_gaps
 from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_setups, arm_with, is_simulation
+from armload_drivers.bring_up.safe_reset import powered_drives, reset_drives
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.bus_scan import require_no_strangers
-from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, Identity
 from armload_drivers.cia402.drive_safety import SafetyFinding
-from armload_drivers.cia402.object_dictionary import NmtCommand
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
-from armload_drivers.cia402.state_machine import POWERED, State
+from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import ServoError, WrongDevice
-
-_AT_WORK = "Another master is active: stop it first"
 
 
 class Verdict(Enum):
@@ -97,16 +94,16 @@ def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -
     rows: list[Check] = []
     for setup in setups:
         rows += [_row(setup, "description", Verdict.MISSING, gap) for gap in description_gaps(setup.settings)]
-    known = [_identify(setup, rows) for setup in setups]
+    of_the_arm = [setup for setup in setups if _identify(setup, rows)]
+    named = [setup for setup in of_the_arm if _is_named(setup, rows)]
     strangers = _strangers(link, arm, limits)
-    if None in known:
-        rows += [_row(setup, "reset", Verdict.NOT_DONE, _AT_WORK) for setup in setups]
+    if _carries_torque(of_the_arm, arm, link, rows):
+        what = "not while a drive of the arm carries torque, or does not report whether it does"
+        rows += [_row(setup, "reset", Verdict.NOT_DONE, what) for setup in setups]
         return ArmCheck((*_by_joint(rows, arm), *strangers))
-    sound = [
-        _check_alone(setup, link, limits, rows) if is_known else False
-        for setup, is_known in zip(setups, known, strict=True)
-    ]
-    if not all(sound):
+    silent = reset_drives(named, (), link, limits.boot_s)
+    sound = [_check_alone(setup, rows, booted=setup not in silent) for setup in named]
+    if not all(sound) or len(named) < len(setups):
         what = "requires the scale of every drive, and not all drives have passed"
         rows += [_row(setup, "safety", Verdict.NOT_DONE, what) for setup in setups]
         return ArmCheck((*_by_joint(rows, arm), *strangers))
@@ -141,8 +138,8 @@ def _by_joint(rows: list[Check], arm: ArmSettings) -> list[Check]:
     return sorted(rows, key=lambda row: order.index(row.node_id))
 
 
-def _identify(setup: DriveSetup, rows: list[Check]) -> bool | None:
-    """Whether a drive has the right identity and may be reset; None if it carries torque. Only reads."""
+def _identify(setup: DriveSetup, rows: list[Check]) -> bool:
+    """Whether a node answers and is not another device than the configured drive. Only reads."""
     if not setup.is_up():
         rows.append(
             _row(setup, "answers", Verdict.WRONG, "no answer: is it supplied and connected, with this node id?")
@@ -150,26 +147,36 @@ def _identify(setup: DriveSetup, rows: list[Check]) -> bool | None:
         return False
     rows.append(_row(setup, "answers", Verdict.OK, ""))
     try:
-        found = setup.check_identity()
-        powered = setup.read_state() in POWERED
+        setup.check_identity()
     except ServoError as error:
         rows.append(_row(setup, "identity", Verdict.WRONG, str(error)))
         return False
-    if powered:
-        rows.append(_row(setup, "identity", Verdict.WRONG, f"the drive carries torque. {_AT_WORK}"))
-        return None
-    if _is_anonymous(setup, found):
-        rows.append(_row(setup, "identity", Verdict.NOT_DONE, _name_it(found)))
+    return True
+
+
+def _carries_torque(setups: list[DriveSetup], arm: ArmSettings, link: BusLink, rows: list[Check]) -> bool:
+    """Whether a drive carries torque, or does not report its state. Only reads."""
+    try:
+        powered = powered_drives(setups, arm, link)
+    except ServoError as error:
+        rows.append(Check(error.joint, error.node_id, "torque", Verdict.WRONG, str(error)))
+        return True
+    rows += [_row(drive.setup, "torque", Verdict.WRONG, f"{drive.what}. {drive.remedy}") for drive in powered]
+    return bool(powered)
+
+
+def _is_named(setup: DriveSetup, rows: list[Check]) -> bool:
+    """Whether a drive may be written to: the configuration states its identity, or it is a simulated one."""
+    if _is_anonymous(setup):
+        rows.append(_row(setup, "identity", Verdict.NOT_DONE, _name_it(setup.identity)))
         return False
     rows.append(_row(setup, "identity", Verdict.OK, f"device type 0x{setup.device_type:08X}"))
     return True
 
 
-def _is_anonymous(setup: DriveSetup, found: Identity) -> bool:
-    """Whether a real drive is checked against a configuration that states no identity."""
-    settings = setup.settings
-    described = settings.description is not None and settings.description.vendor_id is not None
-    return settings.identity.vendor_id is None and not described and not is_simulation(found)
+def _is_anonymous(setup: DriveSetup) -> bool:
+    """Whether an identified drive is a real one, and the configuration does not state its identity."""
+    return not setup.settings.is_named and not is_simulation(setup.identity)
 
 
 def _name_it(found: Identity) -> str:
@@ -185,11 +192,11 @@ def _name_it(found: Identity) -> str:
     )
 
 
-def _check_alone(setup: DriveSetup, link: BusLink, limits: Timeouts, rows: list[Check]) -> bool:
-    """All steps that concern only one drive, which has been identified; True if nothing is wrong."""
+def _check_alone(setup: DriveSetup, rows: list[Check], *, booted: bool) -> bool:
+    """All steps that concern only one drive, which has been reset; True if nothing is wrong."""
     sound = True
-    _reset(setup, link, limits)
-    for name, step in setup.steps():
+    steps = setup.steps() if booted else (("boot", setup.require_alive), *setup.steps())
+    for name, step in steps:
         try:
             step()
         except ServoError as error:
@@ -198,16 +205,6 @@ def _check_alone(setup: DriveSetup, link: BusLink, limits: Timeouts, rows: list[
         else:
             rows.append(_row(setup, name, Verdict.OK, ""))
     return sound
-
-
-def _reset(setup: DriveSetup, link: BusLink, limits: Timeouts) -> None:
-    """NMT reset of one node; waits for its boot-up message or the time limit."""
-    booted: list[bytes] = []
-    cob_id = od.HEARTBEAT_BASE + setup.settings.node_id
-    link.subscribe(cob_id, lambda data: booted.append(bytes(data)))
-    link.command(NmtCommand.RESET_NODE, setup.settings.node_id)
-    link.pump_until(lambda: b"\0" in booted, limits.boot_s)
-    link.unsubscribe(cob_id)
 
 
 def _row(setup: DriveSetup, step: str, verdict: Verdict, detail: str) -> Check:
@@ -239,14 +236,14 @@ def reset(
         ServoError: the drive is not in FAULT, or stays there; or a drive of the arm carries torque.
         BusError: the bus failed.
     """
-    setups = arm_setups(arm, BusLink(bus), timeouts or Timeouts())
+    link = BusLink(bus)
+    setups = arm_setups(arm, link, timeouts or Timeouts())
     setup = next(setup for setup in setups if setup.settings.joint == joint)
     found = setup.check_identity()
-    if _is_anonymous(setup, found):
+    if _is_anonymous(setup):
         raise WrongDevice(setup.settings.node_id, joint, "identifying", _name_it(found), "Then reset it again")
-    for other in setups:
-        if other.is_up() and other.read_state() in POWERED:
-            raise other.refusal("the drive carries torque", _AT_WORK)
+    for drive in powered_drives([other for other in setups if other.is_up()], arm, link):
+        raise drive.refusal()
     cause = setup.read_fault()
     node = f"{joint} (node {setup.settings.node_id})"
     if not is_simulation(found) and not consent(

@@ -20,7 +20,7 @@ from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_data.process_image import DriveImage, temperature_entry
 from armload_drivers.cia402.state_machine import POWERED, MasterMachine, State, decode
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import SdoRefused, ServoError, ServoFault, StatuswordError, TransitionError
+from armload_drivers.driver_errors import SdoRefused, ServoFault, StatuswordError, TransitionError
 
 
 class DriveDialogue:
@@ -69,6 +69,12 @@ class DriveDialogue:
             return decode(word)
         except StatuswordError as error:
             raise self._sdo.failure(str(error), "Does this drive follow CiA 402? See its manual") from error
+
+    def read_powered_state(self) -> State | None:
+        """Power state if the motor carries torque in it, else None. Raises as `read_state`."""
+        self._sdo.step = "looking for torque"
+        state = self.read_state()
+        return state if state in POWERED else None
 
     def read_values(self, entries: tuple[Entry, ...]) -> list[int | None]:
         """Present values of objects; None for those that the drive does not have."""
@@ -121,10 +127,6 @@ class DriveDialogue:
                 f"the drive is in FAULT: {self._read_cause()}",
                 "Remove the cause, then reset the fault (`armload drives reset`) and enable again",
             )
-
-    def refusal(self, what: str, remedy: str) -> ServoError:
-        """Error of this drive at the present step."""
-        return self._sdo.failure(what, remedy)
 
     def hold_present_position(self) -> int:
         """Write the present position to the target, and a torque offset of zero; returns the position in counts."""

@@ -10,7 +10,8 @@ from __future__ import annotations
 import errno
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import can
@@ -83,6 +84,15 @@ class BusLink:
     def unsubscribe(self, cob_id: int) -> None:
         """Ignore frames of a COB-ID again."""
         self._handlers.pop(cob_id, None)
+
+    @contextmanager
+    def subscribed_meanwhile(self) -> Iterator[None]:
+        """After the block the handlers are those from before it, whatever was subscribed within."""
+        before = dict(self._handlers)
+        try:
+            yield
+        finally:
+            self._handlers = before
 
     def send(self, message: can.Message) -> None:
         """Send a frame.

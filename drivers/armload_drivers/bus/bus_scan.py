@@ -44,12 +44,11 @@ def scan(link: BusLink, node_ids: Iterable[int], wait_s: float) -> dict[int, int
 
         link.subscribe(od.SDO_TX_BASE + node_id, take)
 
-    for node_id in asked:
-        listen(node_id)
-        link.send_frame(od.SDO_RX_BASE + node_id, _UPLOAD)
-    link.pump_for(wait_s)
-    for node_id in asked:
-        link.unsubscribe(od.SDO_TX_BASE + node_id)
+    with link.subscribed_meanwhile():
+        for node_id in asked:
+            listen(node_id)
+            link.send_frame(od.SDO_RX_BASE + node_id, _UPLOAD)
+        link.pump_for(wait_s)
     return dict(sorted(found.items()))
 
 

@@ -13,9 +13,9 @@ import can
 import numpy as np
 
 from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.rival_master import ForeignTraffic
 from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.canopen.drive_node import DriveNode
-from armload_drivers.canopen.rival_master import ForeignTraffic
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState
@@ -64,7 +64,7 @@ class CanopenCycle:
         self.number = 0
         self.units = units
         self.bus_load = 0.0
-        self.foreign = ForeignTraffic(nodes, link, master_node_id, sync_is_ours=sync.heard)
+        self.foreign = ForeignTraffic(arm, link, master_node_id, sync_is_ours=sync.heard)
         self._sync_counter = arm.sync_counter
         self._bitrate = arm.bitrate
         self._load_since_s, self._load_bits = 0.0, 0

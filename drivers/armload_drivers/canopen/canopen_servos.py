@@ -21,6 +21,7 @@ import can
 
 from armload_core.arrays import FloatArray
 from armload_drivers.bring_up.drive_bring_up import DriveReport, arm_setups, arm_with, is_simulation, master_node_id
+from armload_drivers.bring_up.safe_reset import powered_drives, reset_drives
 from armload_drivers.bus.bus_link import BusErrors, BusLink
 from armload_drivers.bus.bus_scan import require_no_strangers
 from armload_drivers.bus.sync_sources import SyncSource
@@ -104,15 +105,19 @@ class CanopenServos:
             BusOverload: the cycle exceeds the bus's capacity.
             WrongDevice: a node is not the configured drive.
             ServoTimeout: only simulated drives are allowed, and a node does not answer; then no node has been reset.
-            ServoError: a node failed at the step that the error names.
+            ServoError: a drive carries torque that must not be removed, and nothing was reset; or a node failed at the
+                step that the error names.
             BusError: the bus failed.
         """
         self._require(_Phase.NEW)
         require_room(self._arm)
-        for setup in self._setups:
-            setup.identify_before_reset()
+        answering = [setup for setup in self._setups if setup.identify_before_reset()]
         require_no_strangers(self._link, self._arm, self._timeouts.scan_s)
-        self._reset_nodes()
+        powered = powered_drives(answering, self._arm, self._link)
+        for setup in reset_drives(self._setups, powered, self._link, self._timeouts.boot_s):
+            setup.require_alive()
+        for node in self._nodes:
+            node.booted = False
         identities = [setup.check_identity() for setup in self._setups]
         polarities = [setup.configure() for setup in self._setups]
         units = ArmUnits(arm_with(self._arm, self._setups), polarities)
@@ -126,17 +131,6 @@ class CanopenServos:
         self.simulated = all(map(is_simulation, identities))
         self._phase = _Phase.CONNECTED
 
-    def _reset_nodes(self) -> None:
-        """NMT reset of every node; waits until each has booted or answers."""
-        nodes = self._nodes
-        for node in nodes:
-            node.booted = False
-            self._link.command(NmtCommand.RESET_NODE, node.settings.node_id)
-        self._link.pump_until(lambda: all(node.booted for node in nodes), self._timeouts.boot_s)
-        for node, setup in zip(nodes, self._setups, strict=True):
-            if not node.booted:
-                setup.require_alive()
-
     # Operation -----------------------------------------------------------------------------------------------
 
     def standing_rad(self) -> FloatArray:
@@ -144,10 +138,11 @@ class CanopenServos:
 
         Raises:
             StateError: not connected, or enabled or stopped.
-            ServoTimeout: a drive does not answer.
+            ServoError: a drive has rebooted since `connect`, or does not answer.
             BusError: the bus failed.
         """
         self._require(_Phase.CONNECTED)
+        self._require_configured()
         return self._cycle.units.joint_position_rad([setup.read_position() for setup in self._setups])
 
     def enable(self) -> JointFeedback:
@@ -158,6 +153,7 @@ class CanopenServos:
 
         Raises:
             StateError: not connected, or still enabled or stopped.
+            ServoError: a drive has rebooted since `connect`, or refused a request.
             ServoFault: a drive is in FAULT; `drive_check.reset` resets it once the cause is removed.
             ServoTimeout: a drive did not reach the state in time.
             BusError: the bus failed.
@@ -295,6 +291,12 @@ class CanopenServos:
         if self._phase is not phase:
             raise StateError(f"the servos are {self._phase.name.lower()}, but must be {phase.name.lower()} for this")
 
+    def _require_configured(self) -> None:
+        """Refuse drives that have rebooted since `connect`; drops what other programs received meanwhile."""
+        self._link.drain()
+        for node in self._nodes:
+            node.require_configured()
+
     @property
     def _cycle(self) -> CanopenCycle:
         """The cycle, which exists after `connect`."""
@@ -308,7 +310,8 @@ class CanopenServos:
             raise StateError(f"the servos are {self._phase.name.lower()}: connect them first")
 
     def _begin_cycles(self) -> None:
-        """Preset targets and start the nodes."""
+        """Preset targets and start the nodes, unless one has rebooted since `connect`."""
+        self._require_configured()
         for node, setup in zip(self._nodes, self._setups, strict=True):
             node.target_counts = node.position_counts = setup.hold_present_position()
             node.offset_permille = 0

@@ -9,14 +9,12 @@ from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.cia402 import emergency
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings, OperationMode
+from armload_drivers.cia402.axis_brakes import STANDSTILL_RAD_S
 from armload_drivers.cia402.drive_safety import HEARTBEAT_TOLERANCE
 from armload_drivers.cia402.object_dictionary import NmtState, PdoDirection
 from armload_drivers.cia402.process_data.process_image import DriveImage
 from armload_drivers.cia402.state_machine import MasterMachine, State
 from armload_drivers.driver_errors import ServoError, ServoFault, ServoTimeout, StatuswordError, TransitionError
-
-STANDSTILL_RAD_S = 0.005
-"""An axis slower than this is at standstill."""
 
 _ENABLE_INTERPOLATION = 0x0010
 _INTERPOLATION_ACTIVE = 0x1000
@@ -51,7 +49,7 @@ class DriveNode:
         effort: Last actual current or torque, in the units of its object.
         arrived: Number of feedback frames received since this SYNC.
         expected: Number of feedback frames per SYNC.
-        booted: Whether a boot-up message was received.
+        booted: Whether a boot-up message was received since the drive was configured.
         lost: Whether it was reported to the caller as not answering.
         heartbeat_limit_s: Longest permitted time without a heartbeat.
         wrong_frames: Number of feedback frames with a wrong length; they count as missing.
@@ -161,13 +159,26 @@ class DriveNode:
             counts_per_rad: Position units per radian of the axis.
         """
         self.machine = MasterMachine()
-        self.booted = self.lost = False
+        self.lost = False
         self.arrived = 0
         self._still_counts = self._still_rad * abs(counts_per_rad)
         self._missing = self._still_cycles = 0
         self._heard_s = self._sync.now_s()
         self._nmt_state = None
         self._emergency = self._undefined = None
+
+    def require_configured(self) -> None:
+        """Refuse a drive that has rebooted since it was configured: it may have lost what was written to it.
+
+        Raises:
+            ServoError: a boot-up message was received.
+        """
+        if self.booted:
+            raise self._error(
+                "enabling",
+                "the drive has rebooted since it was configured",
+                "Has another program reset it, or has its supply dipped? Repeat the command: it configures the drive",
+            )
 
     def excuse_silence(self, away_s: float) -> None:
         """Extend the wait for the next heartbeat by a time in which nothing was read."""

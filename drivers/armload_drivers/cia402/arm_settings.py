@@ -150,6 +150,18 @@ class DriveSettings:
     pdo_objects_max: int = 8
     rated_torque_unit_nm: float = 1e-3
 
+    @property
+    def wanted_identity(self) -> Identity:
+        """The identity required of 1018: the configured one, else the description's; never its exact revision."""
+        if self.description is None or self.identity.vendor_id is not None:
+            return self.identity
+        return Identity(self.description.vendor_id, self.description.product_code)
+
+    @property
+    def is_named(self) -> bool:
+        """Whether vendor and product are stated; a real drive of which they are not is not written to."""
+        return None not in {self.wanted_identity.vendor_id, self.wanted_identity.product_code}
+
 
 @dataclass(frozen=True, slots=True)
 class ArmSettings:

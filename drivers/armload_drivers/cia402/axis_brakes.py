@@ -1,4 +1,4 @@
-"""Axes after their torque is removed: held by a brake, or not at all.
+"""Axes that lose their torque: at standstill, and held by a brake or not at all.
 
 Torque is removed at standstill, and from axes without a brake (`has_brake` in the configuration) last, when all others
 are held. An axis that then moves is reported to the operator immediately: the program can no longer hold it, because
@@ -10,6 +10,8 @@ from __future__ import annotations
 from armload_drivers.cia402.arm_settings import DriveSettings
 from armload_drivers.driver_errors import AxisMoves
 
+STANDSTILL_RAD_S = 0.005
+"""An axis slower than this is at standstill."""
 HOLDING_WATCH_S = 0.2
 """Time for which the axes are watched after their torque is removed."""
 HELD_RAD = 0.01

@@ -10,6 +10,7 @@ import pytest
 from armload_drivers.bring_up.drive_check import Verdict, check, reset
 from armload_drivers.bring_up.inspection import find_nodes, show
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, TemperatureObject
+from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.cia402.state_machine import State
@@ -21,6 +22,7 @@ from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
 from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
 from tests.bounded import overheard
+from tests.drive_descriptions import eds, maker_drive
 
 LIMITS = Timeouts(probe_s=0.2, scan_s=0.2, boot_s=0.5, sdo_s=1.0, mode_s=0.05, fault_reset_s=0.1)
 
@@ -47,9 +49,14 @@ def never_asked(question):
     raise AssertionError(question)
 
 
-def energise(rig, node_id):
+SWITCH_ON = ("2b40600006000000", "2b40600007000000", "2b4060000f000000")
+STOP_AND_STAY = ("2b5a600006000000", *SWITCH_ON, "2b40600002000000")
+"""605A = 6, and a quick stop at the end."""
+
+
+def energise(rig, node_id, requests=SWITCH_ON):
     """Another master switches a drive on, by SDO."""
-    for data in ("2b40600006000000", "2b40600007000000", "2b4060000f000000"):
+    for data in requests:
         rig.other.send(can.Message(arbitration_id=0x600 + node_id, data=bytes.fromhex(data), is_extended_id=False))
 
 
@@ -126,10 +133,44 @@ def test_check_keeps_away_from_a_drive_that_carries_torque(bench):
     energise(rig, 3)
     rig.frames()
     rows = check(rig.arm, rig.bus, LIMITS).steps
-    assert [row.detail for row in rows if row.verdict is Verdict.WRONG and "carries torque" in row.detail]
+    (wrong,) = (row for row in rows if row.verdict is Verdict.WRONG)
+    assert (wrong.node_id, wrong.step) == (3, "torque")
+    assert wrong.detail.startswith("the drive carries torque in OPERATION ENABLED: another program")
     assert {row.step for row in rows if row.verdict is Verdict.NOT_DONE} == {"reset"}
     assert only_read(rig.frames()), "no drive of the arm is reset or written to"
     assert rig.plant.powered == [False, True, False]
+
+
+def test_check_and_reset_report_a_drive_whose_master_has_ended(bench):
+    rig = bench()
+    energise(rig, 3, STOP_AND_STAY)
+    rig.drives.fail(5, 0x4310)
+    rig.frames()
+    (wrong,) = (row for row in check(rig.arm, rig.bus, LIMITS).steps if row.verdict is Verdict.WRONG)
+    held = "the drive holds its position with torque, in QUICK STOP ACTIVE; its master has ended. Press the emergency"
+    assert (wrong.node_id, wrong.detail[: len(held)]) == (3, held)
+    with pytest.raises(ServoError, match=held):
+        reset(rig.arm, "joint_5", rig.bus, never_asked, LIMITS)
+    assert only_read(rig.frames()), "not taken over either"
+    assert rig.plant.powered == [False, True, False]
+
+
+def test_check_writes_to_nothing_while_a_drive_does_not_report_its_state(bench):
+    rig = bench({3: DriveTraits(on_request=lambda request: 0x0800_0000 if request[:3] == b"\x40\x41\x60" else None)})
+    rig.frames()
+    rows = check(rig.arm, rig.bus, LIMITS).steps
+    assert [(row.node_id, row.step) for row in rows if row.verdict is Verdict.WRONG] == [(3, "torque")]
+    assert only_read(rig.frames())
+
+
+def test_check_reports_a_drive_that_does_not_come_back(bench):
+    rig = bench({3: DriveTraits(boot_message=False)})
+    with LockstepBus(rig.bus.wire) as supply:
+        supply.listen(lambda message: message.arbitration_id == 0 and rig.drives.switch_off(3))
+        rows = check(rig.arm, rig.bus, LIMITS).steps
+    wrong = [row for row in rows if row.verdict is Verdict.WRONG]
+    assert {row.node_id for row in wrong} == {3}
+    assert wrong[0].step == "boot"
 
 
 def test_check_reports_a_drive_that_the_configuration_does_not_name(bench):
@@ -155,6 +196,16 @@ def test_check_writes_to_no_real_drive_that_nobody_named(bench, arm_settings):
     frames = rig.frames()
     assert only_read([m for m in frames if m.arbitration_id == 0x603])
     assert {m.data[1] for m in frames if m.arbitration_id == 0} == {2, 5}, "the simulated ones are"
+
+
+@pytest.mark.parametrize(("product", "named"), [(0x1234_5678, True), (0, False)])
+def test_a_description_names_a_drive_by_vendor_and_product(bench, arm_settings, product, named):
+    described = parse_description(eds(maker_drive(), 0x02DC, product).encode(), "drive.eds")
+    arm = arm_settings(identity=Identity(None, None), description=described)
+    assert {drive.is_named for drive in arm.drives} == {named}
+    rig = bench(dict.fromkeys((2, 3, 5), DriveTraits(identity=REAL)), arm)
+    rows = check(rig.arm, rig.bus, LIMITS).steps
+    assert {row.verdict for row in rows if row.step == "identity"} == {Verdict.OK if named else Verdict.NOT_DONE}
 
 
 def test_check_of_a_real_arm_that_the_file_names(bench, arm_settings):

@@ -7,12 +7,11 @@ drive that behaves strangely was usually commanded to.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.object_dictionary import NmtCommand
+from armload_drivers.cia402.process_data.process_image import drive_image
 
 _NAMES = {command.value: command.name.replace("_", " ").lower() for command in NmtCommand}
 _REMEDY = "Two masters cannot share an arm: stop the other program, or disconnect its device"
@@ -22,7 +21,7 @@ class ForeignTraffic:
     """Watches one bus.
 
     Args:
-        nodes: The drives of the arm.
+        arm: The arm.
         link: The bus.
         master_node_id: Node id of this master's heartbeat.
         sync_is_ours: Whether this master's own SYNCs are received back; then the SYNC source detects others.
@@ -32,19 +31,20 @@ class ForeignTraffic:
         requests: SDO request of another client to a drive, as text; empty if there was none.
     """
 
-    def __init__(self, nodes: Sequence[DriveNode], link: BusLink, master_node_id: int, *, sync_is_ours: bool) -> None:
+    def __init__(self, arm: ArmSettings, link: BusLink, master_node_id: int, *, sync_is_ours: bool) -> None:
         self.commands = ""
         self.requests = ""
-        self._joints = {node.settings.node_id: node.settings.joint for node in nodes}
+        self._joints = {drive.node_id: drive.joint for drive in arm.drives}
         link.subscribe(od.NMT_COB_ID, self._take_nmt)
         self._accuse(link, od.HEARTBEAT_BASE + master_node_id, f"uses this master's node id {master_node_id}")
         if not sync_is_ours:
             self._accuse(link, od.SYNC_DEFAULT_COB_ID, "also produces SYNC")
-        for node in nodes:
-            self._accuse(link, node.message.arbitration_id, f"sends setpoints to {node.settings.joint}")
-            if node.offset_message is not None:
-                self._accuse(link, node.offset_message.arbitration_id, f"sends torque offsets to {node.settings.joint}")
-            self._note_requests(link, node.settings.node_id)
+        for drive in arm.drives:
+            image = drive_image(drive)
+            self._accuse(link, image.rpdo.cob_id, f"sends setpoints to {drive.joint}")
+            if image.offset is not None:
+                self._accuse(link, image.offset.cob_id, f"sends torque offsets to {drive.joint}")
+            self._note_requests(link, drive.node_id)
 
     def forget(self) -> None:
         """Discard everything received before the cycle started."""

@@ -1,0 +1,145 @@
+"""NMT reset of an arm's drives, and what is verified before it, because a reset removes torque at once.
+
+Rules of this file:
+- Nothing else sends an NMT reset, and none is sent before the power states of the drives were read.
+- OPERATION ENABLED: never reset. Something commands the drive, and need not be heard: another make of master may move
+  it by SDO, its manufacturer's tool over a cable of its own, a program in the drive by itself.
+- QUICK STOP ACTIVE (and FAULT REACTION ACTIVE): this is how drives wait whose master has ended (6007, and 605A = 6),
+  and how they stand for a moment under a living one. They may be reset if no master is heard, the axis stands still,
+  and a brake holds it. So a program that was killed can be started again.
+- A master is heard by what only a master sends: `rival_master`. While no drive carries torque nobody is listened for,
+  and SYNC from elsewhere is no obstacle: a drive may produce it, which bring-up ends (1005), and a second producer is
+  detected as soon as cycles run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from armload_drivers.bring_up.drive_bring_up import DriveSetup, master_node_id
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.rival_master import ForeignTraffic
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings
+from armload_drivers.cia402.axis_brakes import STANDSTILL_RAD_S
+from armload_drivers.cia402.drive_safety import HEARTBEAT_TOLERANCE
+from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.driver_errors import ServoError
+
+
+@dataclass(frozen=True, slots=True)
+class PoweredDrive:
+    """A drive that carries torque before bring-up.
+
+    Attributes:
+        setup: The drive.
+        what: What was found, as text.
+        remedy: What the operator can do about it.
+        abandoned: Whether its master has ended, and a reset may remove the torque.
+    """
+
+    setup: DriveSetup
+    what: str
+    remedy: str
+    abandoned: bool = False
+
+    def refusal(self) -> ServoError:
+        """The error that refuses to continue with this drive."""
+        settings = self.setup.settings
+        return ServoError(settings.node_id, settings.joint, "looking for torque", self.what, self.remedy)
+
+
+def powered_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLink) -> list[PoweredDrive]:
+    """Drives that carry torque. Only reads; if there are any, listens for as long as a drive waits for its master.
+
+    Args:
+        setups: Drives of the arm that answer.
+        arm: The arm.
+        link: Its bus.
+
+    Raises:
+        ServoError: a drive does not report its state, position or scale.
+        BusError: the bus failed.
+    """
+    powered = {setup: state for setup in setups if (state := setup.read_powered_state()) is not None}
+    if not powered:
+        return []
+    with link.subscribed_meanwhile():
+        foreign = ForeignTraffic(arm, link, master_node_id(arm), sync_is_ours=False)
+        before = {setup: setup.read_position() for setup in powered}
+        # A drive whose master's heartbeat (1016) is missing for this long regards it as ended.
+        listened_s = HEARTBEAT_TOLERANCE * arm.heartbeat_s
+        link.pump_for(listened_s)
+        speed = {setup: abs(setup.read_position() - before[setup]) / listened_s for setup in powered}
+    return [_judged(setup, state, foreign.commands, speed[setup]) for setup, state in powered.items()]
+
+
+def _judged(setup: DriveSetup, state: State, commands: str, speed_counts_s: float) -> PoweredDrive:
+    """Whether the reset of a drive that carries torque would be safe, and why not."""
+    carries = f"the drive carries torque in {state.title}"
+    if commands:
+        return PoweredDrive(setup, f"{carries}, and {commands}", "Then repeat this command")
+    if state is State.OPERATION_ENABLED:
+        return PoweredDrive(
+            setup,
+            f"{carries}: another program, the manufacturer's tool or the drive itself may be moving it",
+            "End that, or press the emergency stop, then repeat this command",
+        )
+    speed_rad_s = speed_counts_s / abs(setup.read_units().counts_per_rad)
+    if speed_rad_s > STANDSTILL_RAD_S:
+        return PoweredDrive(
+            setup, f"{carries} and moves at {speed_rad_s:.3f} rad/s", "Repeat this command when the arm stands still"
+        )
+    holds = f"the drive holds its position with torque, in {state.title}; its master has ended"
+    if not setup.settings.has_brake:
+        return PoweredDrive(
+            setup,
+            f"{holds}. Its axis has no brake and falls without torque",
+            "Support the arm, press the emergency stop, then repeat this command",
+        )
+    return PoweredDrive(
+        setup,
+        holds,
+        "Press the emergency stop, or run `armload commission`: it resets the drive, and the brake holds the axis",
+        abandoned=True,
+    )
+
+
+def reset_drives(
+    setups: Sequence[DriveSetup], powered: Sequence[PoweredDrive], link: BusLink, boot_s: float
+) -> list[DriveSetup]:
+    """NMT reset of drives; waits until each has sent its boot-up message, or the time is over.
+
+    Args:
+        setups: The drives.
+        powered: Drives of the arm that carry torque, from `powered_drives`.
+        link: The bus.
+        boot_s: Longest wait.
+
+    Returns:
+        Drives that sent no boot-up message.
+
+    Raises:
+        ServoError: a drive of the arm carries torque that must not be removed; nothing was sent.
+        BusError: the bus failed.
+    """
+    for drive in powered:
+        if not drive.abandoned:
+            raise drive.refusal()
+    silent = list(setups)
+
+    def listen(setup: DriveSetup) -> None:
+        def take(data: bytearray) -> None:
+            if data and data[0] == NmtState.BOOT_UP.value and setup in silent:
+                silent.remove(setup)
+
+        link.subscribe(od.HEARTBEAT_BASE + setup.settings.node_id, take)
+
+    with link.subscribed_meanwhile():
+        for setup in setups:
+            listen(setup)
+            link.command(NmtCommand.RESET_NODE, setup.settings.node_id)
+        link.pump_until(lambda: not silent, boot_s)
+    return silent
