@@ -6,6 +6,7 @@ current of each MOTOR, because torque constants belong to the identification.
 
 Sequence: `connect` -> `enable` -> `exchange` ... -> `stop` -> `disable` -> `close`. `close` is allowed in every state
 and leaves the arm at standstill without torque. While no drive is enabled, `standing_rad` returns the arm's position.
+`take_remarks` is allowed at any time.
 """
 
 from __future__ import annotations
@@ -114,6 +115,9 @@ class JointServos(Protocol):
 
     def disable(self) -> None:
         """Engage brakes and remove torque once the arm is at standstill."""
+
+    def take_remarks(self) -> tuple[str, ...]:
+        """Lines for the operator about what happened since the last call without being an error; usually none."""
 
     def close(self) -> None:
         """Leave the bus, after stopping and disabling if necessary. Idempotent."""

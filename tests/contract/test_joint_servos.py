@@ -136,6 +136,15 @@ def test_enabling_holds_the_measured_position(rig):
     assert [decode(int(word)) for word in feedback.statusword] == [State.OPERATION_ENABLED] * 3
 
 
+def test_an_arm_in_order_is_not_remarked_upon(rig):
+    assert rig.servos.take_remarks() == ()
+    rig.enable()
+    rig.move(10)
+    assert rig.servos.take_remarks() == ()
+    rig.servos.close()
+    assert rig.servos.take_remarks() == ()
+
+
 def test_a_command_is_reached_one_cycle_after_the_sync_that_latched_it(rig):
     before = rig.enable().position_rad
     target = rig.start_rad + np.array([0.01, -0.02, 0.03])

@@ -151,11 +151,21 @@ def run_session(robot: Robot, load: Load, open_servos: ServosFactory, operator: 
         for plugin in plugins:
             operator.display.step(f"plug-in {plugin.name} of {plugin.package}")
         operator.display.step(f"{load}: connecting to {servos.n} drives")
-        servos.connect()
-        require_going(operator.control)
-        for text in () if servos.simulated else robot.drives.weak_points:
-            operator.display.step(f"warning: {text}")
-        yield RunSession(robot, load, servos, operator, plugins)
+        try:
+            servos.connect()
+            require_going(operator.control)
+            for text in () if servos.simulated else robot.drives.weak_points:
+                operator.display.step(f"warning: {text}")
+            _show_remarks(servos, operator.display)
+            yield RunSession(robot, load, servos, operator, plugins)
+        finally:
+            _show_remarks(servos, operator.display)
+
+
+def _show_remarks(servos: JointServos, display: Display) -> None:
+    """Show what the servos have remarked since the last time."""
+    for text in servos.take_remarks():
+        display.step(text)
 
 
 class RunSession:
@@ -249,6 +259,7 @@ class RunSession:
         )
         with display.track(f"{name}, run", BAR) as progress:
             run_leg(cycle, path, path.measured, progress, before, go_round)
+        _show_remarks(self._servos, display)
         return monitor.summary()
 
     def hold(self, plugins: Sequence[CyclePlugin], work: Callable[[Hold], T], *, warning: str = "") -> T:

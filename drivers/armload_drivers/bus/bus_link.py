@@ -59,6 +59,7 @@ class BusLink:
     Attributes:
         error_frames: Number of error frames.
         error_passive: Whether the controller's error counters are so high that it may no longer signal errors.
+        times_passive: Number of times that it became error passive.
         queue_full: Number of times that the transmit queue was full.
         bits: Worst-case bits of all frames sent and received, for the measured load.
         stamp_s: Time stamp of the frame being handled, on the interface's clock.
@@ -69,6 +70,7 @@ class BusLink:
     def __init__(self, bus: can.BusABC) -> None:
         self.error_frames = 0
         self.error_passive = False
+        self.times_passive = 0
         self.queue_full = 0
         self.bits = 0
         self.stamp_s = 0.0
@@ -188,6 +190,7 @@ class BusLink:
         if message.arbitration_id & _CONTROLLER and len(message.data) > 1:
             bits = message.data[1]
             if bits & _PASSIVE:
+                self.times_passive += not self.error_passive
                 self.error_passive = True
             elif bits & (_WARNING | _ACTIVE):
                 self.error_passive = False

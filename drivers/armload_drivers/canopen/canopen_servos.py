@@ -25,6 +25,7 @@ from armload_drivers.bring_up.safe_reset import powered_drives, reset_drives
 from armload_drivers.bus.bus_link import BusErrors, BusLink
 from armload_drivers.bus.bus_scan import require_no_strangers
 from armload_drivers.bus.sync_sources import SyncSource
+from armload_drivers.canopen.bus_remarks import BusRemarks
 from armload_drivers.canopen.canopen_cycle import CanopenCycle
 from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.canopen.torque_removal import STILL_CYCLES, TorqueRemoval
@@ -94,6 +95,8 @@ class CanopenServos:
             for drive in arm.drives
         ]
         self._running: CanopenCycle | None = None
+        self._bus_remarks = BusRemarks(link, self._nodes)
+        self._taken_over = ""
 
     # Bring-up ------------------------------------------------------------------------------------------------
 
@@ -118,6 +121,7 @@ class CanopenServos:
             setup.require_alive()
         for node in self._nodes:
             node.booted = False
+        self._taken_over = ", ".join(drive.setup.settings.joint for drive in powered)
         identities = [setup.check_identity() for setup in self._setups]
         polarities = [setup.configure() for setup in self._setups]
         units = ArmUnits(arm_with(self._arm, self._setups), polarities)
@@ -273,6 +277,14 @@ class CanopenServos:
         finally:
             self._phase = _Phase.CLOSED
             self._sync.end(self._link)
+
+    def take_remarks(self) -> tuple[str, ...]:
+        """What the operator should know since the last call: torque that `connect` removed, trouble on the bus."""
+        joints, self._taken_over = self._taken_over, ""
+        trouble = self._bus_remarks.take()
+        if not joints:
+            return trouble
+        return (f"{joints}: held with torque since the last master had ended; the reset has removed it", *trouble)
 
     @property
     def bus_load(self) -> float:

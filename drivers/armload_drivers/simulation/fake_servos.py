@@ -224,6 +224,10 @@ class FakeServos:
         self._remove_torque()
         self._require_rest()
 
+    def take_remarks(self) -> tuple[str, ...]:
+        """Nothing: there is no bus."""
+        return ()
+
     def close(self) -> None:
         """Stop and disable if necessary, and disconnect. Idempotent.
 

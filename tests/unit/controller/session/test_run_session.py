@@ -327,3 +327,21 @@ def test_a_run_with_a_warning_is_asked_for_whatever_was_consented_to_beforehand(
             assert not answer
     assert "Torque will follow an estimate. Run it at full speed?" in person.asked[1]
     assert servos.log.count("enable") == runs
+
+
+def test_the_operator_reads_what_the_servos_remark_after_connecting_and_after_each_run(ideal_servos):
+    servos, display = ideal_servos(6, CYCLE_S), Told()
+    waiting = []
+    servos.take_remarks = lambda: (waiting.pop(),) if waiting else ()
+    operator = Operator(display, MotionControl(), Consent(lambda question: False, given=False))
+    waiting.append("taken over")
+    with run_session(ROBOT, Load.UNLOADED, lambda load: nullcontext(servos), operator) as session:
+        assert display.texts[-1] == "taken over"
+        waiting.append("3 error frames")
+        session.run(checked(), "first")
+        assert display.texts[-1] == "3 error frames"
+        servos.events[len(servos.sent) + 10] = RuntimeError("a defect")
+        waiting.append("4 error frames")
+        with pytest.raises(MotionError, match="a defect"):
+            session.run(checked(), "second")
+    assert display.texts[-1] == "4 error frames", "a run that fails needs it most"

@@ -1,0 +1,56 @@
+"""What went wrong on the bus without stopping the arm, in words for the operator.
+
+Error frames, a full transmit queue and frames of a wrong length are survived, so nothing else mentions them; but they
+announce a failure, and are found in the cable, its termination or a second node with the same id.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.canopen.drive_node import DriveNode
+
+
+class BusRemarks:
+    """Remarks on one bus.
+
+    Args:
+        link: The bus.
+        nodes: The drives of the arm.
+    """
+
+    def __init__(self, link: BusLink, nodes: Sequence[DriveNode]) -> None:
+        self._link, self._nodes = link, nodes
+        self._reported = self._counts()
+
+    def take(self) -> tuple[str, ...]:
+        """One line about what was counted since the last call; empty if there was nothing."""
+        before, self._reported = self._reported, self._counts()
+        frames, passive, full, *wrong = (now - then for now, then in zip(self._reported, before, strict=True))
+        found = [
+            text
+            for count, text in (
+                (frames, _counted(frames, "error frame")),
+                (passive, f"the controller was error passive {_counted(passive, 'time')}"),
+                (full, f"the transmit queue was full {_counted(full, 'time')}"),
+                *(
+                    (count, f"{_counted(count, 'frame')} of {node.settings.joint} had a wrong length")
+                    for node, count in zip(self._nodes, wrong, strict=True)
+                ),
+            )
+            if count
+        ]
+        if not found:
+            return ()
+        return (f"warning: bus: {', '.join(found)}. Check cable, termination, bit rate, node ids and txqueuelen",)
+
+    def _counts(self) -> list[int]:
+        """All counts so far."""
+        link = self._link
+        return [link.error_frames, link.times_passive, link.queue_full, *(node.wrong_frames for node in self._nodes)]
+
+
+def _counted(number: int, what: str) -> str:
+    """A number of things."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
