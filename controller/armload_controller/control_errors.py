@@ -8,7 +8,8 @@ ControlError
  +-- CommissioningError   a step of the commissioning cannot be done as asked
  +-- OffsetRefused        a drive responds wrongly to its torque offset
  +-- ExportError          a payload that must not be exported, or a different file that exists
- +-- FleetError           recordings of many arms cannot be processed: a library, a scheduler, a file of rows
+ +-- FleetError           recordings of many arms cannot be processed: a scheduler, a file of rows
+      +-- ListingError    files that cannot be listed or read now
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ class FleetError(ControlError):
 
 
 class ListingError(FleetError):
-    """Files cannot be listed now, for example because a server does not answer; a later attempt may succeed."""
+    """Files cannot be listed or read now: a server does not answer, or nothing installed reads such URLs."""
 
 
 class ExportError(ControlError):

@@ -9,7 +9,7 @@ from typing import Final
 
 from armload_controller.control_errors import FleetError
 from armload_controller.fleet.recording_row import Row, RowOutcome, value_columns
-from armload_controller.fleet.row_store import latest_rows
+from armload_controller.fleet.row_store import latest_rows, precedence
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
 
@@ -55,7 +55,7 @@ def _each_once(rows: list[Row]) -> list[Row]:
     The spread between runs is taken from successive runs, so with every recording twice it would be zero.
     """
     latest: dict[tuple[str, str], Row] = {}
-    for row in sorted(rows, key=lambda row: row["identified_utc"]):
+    for row in sorted(rows, key=precedence):
         latest[row["arm"], row["loaded_sha256"] or row["loaded"]] = row
     return [row for row in rows if latest[row["arm"], row["loaded_sha256"] or row["loaded"]] is row]
 

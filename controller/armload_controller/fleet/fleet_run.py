@@ -112,7 +112,8 @@ def new_jobs(table: Path, store: RowStore) -> tuple[JobListing, list[Job]]:
 
     Raises:
         ConfigurationError: the table is invalid.
-        FleetError: no installed library reads such URLs.
+        ListingError: a folder cannot be listed, or no installed library reads such URLs.
+        FleetError: the existing rows cannot be read.
     """
     listing = list_jobs(read_job_table(table), table)
     done = store.done_keys()

@@ -40,7 +40,7 @@ def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
 
     Raises:
         ConfigurationError: two lines name the same recording, or a pattern has more stars than that of loaded.
-        FleetError: no installed library reads such URLs.
+        ListingError: a folder cannot be listed, or no installed library reads such URLs.
     """
     jobs: list[Job] = []
     remarks: list[str] = []

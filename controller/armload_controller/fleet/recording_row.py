@@ -97,7 +97,8 @@ def empty_row(job: Job, armload_version: str) -> Row:
     row |= dict(job.recordings)
     row |= {"known_mass_kg": job.mass_kg, "armload_version": armload_version}
     now = datetime.now(UTC)
-    recorded = (now, "identification") if job.modified is None else (job.modified, "file")
+    undated = job.modified is None or job.modified > now + _CLOCKS_DIFFER
+    recorded = (now, "identification") if undated else (job.modified, "file")
     row |= {"recorded_utc": recorded[0], "recorded_by": recorded[1], "identified_utc": now}
     return row | {"outcome": RowOutcome.FAILED.value}
 

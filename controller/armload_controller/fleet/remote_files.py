@@ -20,7 +20,7 @@ from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any, Final
 
-from armload_controller.control_errors import FleetError, ListingError
+from armload_controller.control_errors import ListingError
 
 _CHANGES: Final = ("size", "mtime", "ETag", "etag", "LastModified", "Last-Modified", "last_modified", "updated", "md5")
 """Metadata that change when a file's content does; each file system provides some of them."""
@@ -65,7 +65,7 @@ class RemoteFile:
             url: Path or URL.
 
         Raises:
-            FleetError: no installed library reads such URLs.
+            ListingError: no installed library reads such URLs.
         """
         files, path = _file_system(url)
         try:
@@ -97,8 +97,7 @@ def matches(pattern: str) -> list[tuple[str, tuple[str, ...]]]:
         Path or URL of each, sorted, with the text that every `*` matched.
 
     Raises:
-        ListingError: a folder cannot be listed.
-        FleetError: no installed library reads such URLs.
+        ListingError: a folder cannot be listed, or no installed library reads such URLs.
     """
     if "*" not in pattern:
         return [(pattern, ())]
@@ -158,7 +157,7 @@ def local_copy(url: str) -> Iterator[Path]:
         url: Path or URL of a file or folder.
 
     Raises:
-        FleetError: no installed library reads such URLs.
+        ListingError: no installed library reads such URLs.
         OSError: the file does not exist or cannot be copied.
     """
     if not is_url(url):
@@ -180,11 +179,11 @@ def _file_system(url: str) -> tuple[Any, str]:
         files, path = url_to_fs(url if is_url(url) else os.fspath(Path(url).absolute()))
     except ImportError as problem:
         protocol = url.partition("://")[0]
-        raise FleetError(
+        raise ListingError(
             f"{url}: {problem}. For {protocol}:// install it: pip install {_PACKAGES.get(protocol, protocol)}"
         ) from problem
     except ValueError as problem:
-        raise FleetError(f"{url}: {problem}; expected a path, or a URL that fsspec knows, such as s3://") from problem
+        raise ListingError(f"{url}: {problem}; expected a path, or a URL that fsspec knows, such as s3://") from problem
     return files, path
 
 

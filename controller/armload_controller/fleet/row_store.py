@@ -45,6 +45,7 @@ class RowStore:
         self._folder, self._rows_per_part = folder, rows_per_part
         self._journal: Path | None = None
         self._written = 0
+        self._done: set[str] | None = None
         for journal in sorted(folder.glob(_JOURNAL)):
             self._to_parquet(journal)
 
@@ -55,10 +56,10 @@ class RowStore:
         self.flush()
 
     def done_keys(self) -> set[str]:
-        """Keys of the finished jobs: identified or refused."""
-        failed = RowOutcome.FAILED.value
-        rows = read_rows(self._folder, ("key", "outcome"))
-        return {row["key"] for row in rows if row["outcome"] != failed}
+        """Keys of the finished jobs, identified or refused, that are stored as Parquet."""
+        if self._done is None:
+            self._done = _finished(read_rows(self._folder, ("key", "outcome")))
+        return set(self._done)
 
     def add(self, row: Row) -> None:
         """Store a row.
@@ -95,17 +96,20 @@ class RowStore:
 
     def _to_parquet(self, journal: Path) -> None:
         """Write one file per day, and remove the journal."""
+        rows = list(_journal_rows(journal))
         by_day: defaultdict[str, list[Row]] = defaultdict(list)
-        for row in _journal_rows(journal):
+        for row in rows:
             by_day[day_of(row)].append(row)
         try:
-            for day, rows in by_day.items():
+            for day, of_day in by_day.items():
                 folder = self._folder / f"day={day}"
                 folder.mkdir(exist_ok=True)
-                replace_file(folder / f"{journal.stem.removeprefix('journal-')}.parquet", _parquet_bytes(rows))
+                replace_file(folder / f"{journal.stem.removeprefix('journal-')}.parquet", _parquet_bytes(of_day))
             journal.unlink()
         except OSError as problem:
             raise FleetError(f"{self._folder}: rows cannot be written ({problem.strerror})") from problem
+        if self._done is not None:
+            self._done |= _finished(rows)
 
 
 def read_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
@@ -132,19 +136,32 @@ def read_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
 
 
 def latest_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
-    """The latest row for each recording, in the order of recording.
+    """The row that counts for each recording, see `precedence`, in the order of recording.
 
     A table names a recording once, so earlier rows with another arm's name are from before that was corrected.
 
     Args:
         folder: Folder of a fleet.
-        columns: Their names; "arm", "loaded", "recorded_utc" and "identified_utc" are always included.
+        columns: Their names; "arm", "loaded", "outcome", "recorded_utc" and "identified_utc" are always included.
     """
-    needed = ("arm", "loaded", "recorded_utc", "identified_utc")
+    needed = ("arm", "loaded", "outcome", "recorded_utc", "identified_utc")
     rows = read_rows(folder, list(dict.fromkeys([*needed, *columns])))
-    rows.sort(key=lambda row: row["identified_utc"])
+    rows.sort(key=precedence)
     latest = {row["loaded"]: row for row in rows}
     return sorted(latest.values(), key=lambda row: row["recorded_utc"])
+
+
+def precedence(row: Row) -> tuple[bool, datetime]:
+    """Of several rows of a recording the greatest counts: the latest one, but a failed one only if there is no other.
+
+    While a server is down, every recording on it has failed; once it is back, the jobs are done, as they were before.
+    """
+    return row["outcome"] != RowOutcome.FAILED.value, row["identified_utc"]
+
+
+def _finished(rows: Iterable[Row]) -> set[str]:
+    """Keys of the jobs that need not be repeated."""
+    return {row["key"] for row in rows if row["outcome"] != RowOutcome.FAILED.value}
 
 
 def _journal_rows(journal: Path) -> Iterator[Row]:
@@ -186,6 +203,14 @@ def _parquet_bytes(rows: Iterable[Row]) -> bytes:
         "time": pa.timestamp("us"),  # UTC, without a zone: DuckDB needs another library for those
     }
     schema = pa.schema([(name, types[kind]) for name, kind in column_kinds().items()])
+    encodable = [{name: _encodable(value) for name, value in row.items()} for row in rows]
     written = BytesIO()
-    pq.write_table(pa.Table.from_pylist(list(rows), schema=schema), written, compression="zstd")
+    pq.write_table(pa.Table.from_pylist(encodable, schema=schema), written, compression="zstd")
     return written.getvalue()
+
+
+def _encodable(value: Any) -> Any:
+    """Text that UTF-8 can encode: the bytes of a file's name that are not UTF-8 are written as escapes."""
+    if isinstance(value, list):
+        return [_encodable(item) for item in value]
+    return value.encode("utf-8", "backslashreplace").decode() if isinstance(value, str) else value

@@ -75,9 +75,9 @@ def _identified(job: Job, row: Row, copies: dict[str, str]) -> Row:
             copies[str(path)] = url
             return path
 
-        loaded, *others = (read_of(robot, here(url)) for url in job.recordings.values())
+        loaded = read_of(robot, here(job.loaded))
         row |= recorded_fields(loaded, row["identified_utc"])
-        runs = dict(zip(job.recordings, (loaded, *others), strict=True))
+        runs = {name: read_of(robot, here(url)) for name, url in job.recordings.items() if name != "loaded"}
         judged = (runs["validation_loaded"], runs["validation_unloaded"]) if "validation_loaded" in runs else None
         findings = identify(
             robot,

@@ -40,6 +40,7 @@ def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_wait
         lambda: None,  # done here
         lambda: table.write_text("arm\n"),
         lambda: table.write_text("arm,robot,loaded\none,er50," + closed_store + "/*.mcap\n"),
+        lambda: table.write_text("arm,robot,loaded\none,er50,htp://cell/*.mcap\n"),
         lambda: table.write_text(text),
         lambda: table.write_text(text + "two,er50,two/*.mcap\n"),
         lambda: None,  # remarked on here
@@ -67,7 +68,7 @@ def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_wait
         look()
     assert done == [b"begun"]
     assert [type(result) for result in found] == [ConfigurationError] * 2 + [
-        *(FleetTally, ConfigurationError, ListingError, JobListing)
+        *(FleetTally, ConfigurationError, ListingError, ListingError, JobListing)
     ]
     assert "line 3: no file matches two/*.mcap" in found[-1].remarks[0]
     assert (found[2].listed, found[2].done) == (1, 1)
@@ -143,7 +144,12 @@ def test_a_recording_that_was_moved_counts_once(tmp_path):
                 made = FIRST + timedelta(days=night)
                 row = empty_row(job, "1") | {"recorded_utc": made, "identified_utc": FIRST + timedelta(hours=hour)}
                 store.add(row | {"outcome": RowOutcome.IDENTIFIED.value, "loaded_sha256": f"{night}"})
-    assert [run.recording for run in runs_of(tmp_path)] == ["mnt/0.mcap", "mnt/1.mcap"]
+        for job_key, outcome, second in (("kept", "identified", 0), ("gone", "failed", 1)):  # one of two paths
+            job = Job(job_key, "one", "er50", {"loaded": f"{job_key}/2.mcap"}, "", "", None, None)
+            row = empty_row(job, "1") | {"outcome": outcome, "loaded_sha256": "2"}
+            made = FIRST + timedelta(days=2)
+            store.add(row | {"recorded_utc": made, "identified_utc": made + timedelta(seconds=second)})
+    assert [run.recording for run in runs_of(tmp_path)] == ["mnt/0.mcap", "mnt/1.mcap", "kept/2.mcap"]
 
 
 def test_figures_of_a_row_are_those_that_are_determined(nights):

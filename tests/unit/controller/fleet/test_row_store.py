@@ -101,6 +101,44 @@ def test_the_time_of_a_recording_is_the_first_possible_one(created, first_s, rec
     assert (made["recorded_utc"].isoformat() if by else None) == recorded
 
 
+def test_a_file_dated_in_the_future_is_one_without_a_date():
+    made = empty_row(replace(JOB, modified=datetime.now(UTC) + timedelta(days=9)), "1.2")
+    assert (made["recorded_by"], made["recorded_utc"]) == ("identification", made["identified_utc"])
+    assert empty_row(JOB, "1.2")["recorded_by"] == "file"
+
+
+def test_a_name_that_is_not_utf_8_does_not_make_the_folder_unusable(tmp_path):
+    with RowStore(tmp_path) as store:
+        store.add(row(0, loaded="M\udcfcller.mcap", joint_names=["a\udcff"]))
+    (found,) = read_rows(tmp_path, ("loaded", "joint_names"))
+    assert found == {"loaded": "M\\udcfcller.mcap", "joint_names": ["a\\udcff"]}
+
+
+def test_rows_that_failed_while_a_server_was_down_do_not_count_once_there_is_a_result(tmp_path):
+    later = datetime.now(UTC) + timedelta(hours=1)
+    with RowStore(tmp_path) as store:
+        store.add(row(0))
+        store.add(row(1, RowOutcome.REFUSED))
+        for number in range(3):
+            store.add(row(number, RowOutcome.FAILED, key=f"without server {number}", identified_utc=later))
+    assert RowStore(tmp_path).done_keys() == {"k0", "k1"}, "these are not repeated when the server is back"
+    assert [row["outcome"] for row in latest_rows(tmp_path, ())] == ["identified", "refused", "failed"]
+
+
+def test_finished_jobs_are_read_once(tmp_path):
+    with RowStore(tmp_path) as store:
+        store.add(row(0))
+    with RowStore(tmp_path) as store:
+        assert store.done_keys() == {"k0"}
+        for part in tmp_path.glob("day=*/*.parquet"):
+            part.write_bytes(b"not read again")
+        store.add(row(1))
+        store.add(row(2, RowOutcome.FAILED))
+        assert store.done_keys() == {"k0"}
+        store.flush()
+        assert store.done_keys() == {"k0", "k1"}
+
+
 def test_a_strange_file_among_the_rows_is_named(tmp_path):
     (tmp_path / "day=2026-03-01").mkdir()
     (tmp_path / "day=2026-03-01" / "x.parquet").write_bytes(b"nothing")

@@ -2,6 +2,7 @@
 
 import errno
 import functools
+import hashlib
 import http.server
 import math
 import shutil
@@ -188,6 +189,13 @@ def test_a_file_beside_the_robots_that_a_worker_lacks_or_no_payload_depends_on_i
 def test_what_a_robots_file_says_wrongly_is_refused(own_robot, tmp_path):
     row = run_job(job_of(own_robot(drive='profile = "none"'), tmp_path / "none.mcap"))
     assert (row["outcome"], "profile is 'none'" in row["error"]) == ("refused", True), row["error"]
+
+
+def test_a_row_states_when_the_loaded_run_was_made_even_if_the_other_is_missing(recorded_er50):
+    run = recorded_er50 / "runs" / "today" / "loaded_identification.mcap"
+    row = run_job(job_of("er50", run, run.with_name("none.mcap")))
+    assert (row["outcome"], row["recorded_by"]) == ("failed", "recording")
+    assert row["loaded_sha256"] == hashlib.sha256(run.read_bytes()).hexdigest()
 
 
 def test_a_url_that_the_worker_has_no_library_for_is_tried_again():
