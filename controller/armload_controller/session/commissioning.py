@@ -24,11 +24,11 @@ from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.monitors import CycleSummary
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.checked_path import CheckedPath, check_path
-from armload_controller.session.run_session import Load, Operator, RunSession, ServosFactory, run_session
+from armload_controller.session.run_session import Display, Load, Operator, RunSession, ServosFactory, run_session
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.phases import even_periods
+from armload_identification.recording.reduction.phase_advance import even_advance
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
 
 ROLES = ("identification", "validation")
@@ -78,11 +78,19 @@ def record_half(
     paths = checked_excitations(robot, missing_roles(directory, load))
     with run_session(robot, load, open_servos, operator) as session:
         weighed = {"mass_kg": mass_kg} if load is Load.LOADED and mass_kg is not None else {}
-        return [_record(robot, session, role, path, directory, weighed) for role, path in paths.items()]
+        return [
+            _record(robot, session, role, path, directory, weighed, operator.display) for role, path in paths.items()
+        ]
 
 
 def _record(
-    robot: Robot, session: RunSession, role: str, path: CheckedPath, directory: Path, weighed: dict[str, float]
+    robot: Robot,
+    session: RunSession,
+    role: str,
+    path: CheckedPath,
+    directory: Path,
+    weighed: dict[str, float],
+    display: Display,
 ) -> CycleSummary:
     """Record one run, including its slow round."""
     run = {
@@ -103,14 +111,19 @@ def _record(
         EXCITATION_ATTACHMENT: format_excitation(path.excitation),
         RUN_ATTACHMENT: json.dumps(run),
     }
-    frames = ArmFrames(robot.chain, robot.joint_names)
+    name, frames = f"{session.load}: {role}", ArmFrames(robot.chain, robot.joint_names)
     with Recorder(recording_path(directory, session.load, role), attachments, frames=frames) as recorder:
-        summary = session.run(path, f"{session.load}: {role}", recorder=recorder)
-        if not even_periods(*recorder.measured, path.excitation.trajectory):
+        summary = session.run(path, name, recorder=recorder)
+        advance = even_advance(*recorder.measured, path.excitation.trajectory)
+        if advance is None:
             raise CommissioningError(
-                f"{session.load}: {role}: no complete period was run at full speed without a pause, and only such "
-                f"periods are measured; {recorder.partial} is not used. Run the same command again: set the speed to "
-                "100 % (key +) before the slow round ends, and do not pause within the periods."
+                f"{name}: no complete period was run at full speed without a pause, so {recorder.partial} is not used. "
+                "Run the same command again: set the speed to 100 % (key +) before the slow round ends, and do not "
+                "pause in every period."
+            )
+        if advance.interruptions:
+            display.step(
+                f"{name}: paused or slowed down within the periods: {advance.periods} of {advance.held} remain"
             )
         return summary
 

@@ -10,7 +10,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.phases import whole_periods
+from armload_identification.recording.reduction.phase_advance import interruptions, measured_periods
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.repetition import repeated_after
@@ -37,7 +37,8 @@ class RecordingSurvey:
         effort: (n, 2) least and greatest torque or current; None without either.
         moving_s: Start and end of the motion since the first row; None if the arm does not move.
         period_s: Period of the motion, from its excitation or its repetition; None if it is not periodic.
-        periods: Number of whole periods; 0 without a period.
+        periods: Number of whole periods; 0 without a period. Of an interrupted run, how often every part was measured.
+        interruptions: How often it was paused or slowed down within the periods of its excitation.
         missing: What is missing to identify a payload from it, one phrase each.
     """
 
@@ -52,6 +53,7 @@ class RecordingSurvey:
     moving_s: tuple[float, float] | None
     period_s: float | None
     periods: int
+    interruptions: int
     missing: tuple[str, ...]
 
     @property
@@ -97,6 +99,7 @@ def survey(recording: Recording) -> RecordingSurvey:
         moving_s=moving_s,
         period_s=period_s,
         periods=periods,
+        interruptions=interruptions(recording),
         missing=_missing(recording, moving_s is not None, interval_s),
     )
 
@@ -119,7 +122,7 @@ def pair_problem(loaded: Recording, unloaded: Recording) -> str | None:
 def _period_of(recording: Recording, moving_s: tuple[float, float] | None) -> tuple[float | None, int]:
     """Period and whole periods of a motion."""
     if recording.excitation is not None:
-        return recording.excitation.trajectory.period_s, whole_periods(recording)
+        return recording.excitation.trajectory.period_s, measured_periods(recording)
     if moving_s is None:
         return None, 0
     elapsed = recording.time_s - recording.time_s[0]
@@ -139,6 +142,8 @@ def _missing(recording: Recording, moves: bool, interval_s: float) -> tuple[str,
         missing.append("motion: no joint moves")
     if interval_s * _SLOWEST_HZ > 1.0:
         missing.append(f"rows: {1.0 / interval_s:.3g} per second, {_SLOWEST_HZ:g} or more are recommended")
+    if interruptions(recording) and not measured_periods(recording):
+        missing.append("a part of the period at full speed: in every period the run was paused or slowed down there")
     if recording.source.truncated:
         missing.append("its end: the file is truncated")
     return tuple(missing)

@@ -81,10 +81,12 @@ class PeriodAverage:
         periods: Number of averaged periods, M.
         effort_covariance: (n, n) covariance of ONE raw sample between periods: of motor currents in A2, or of joint
             torques in N2 m2; None if too few samples repeat.
+        interruptions: How often the run was paused or slowed down within its periods.
     """
 
     periods: int
     effort_covariance: FloatArray | None
+    interruptions: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.period_average import ON_GRID
-from armload_identification.recording.reduction.phases import SETTLING_S, advance, periodic_phase, require_even, whole
+from armload_identification.recording.reduction.phase_advance import PhaseAdvance
+from armload_identification.recording.reduction.phases import SETTLING_S, periodic_phase
 
 _FITTED: Final = 0.25
 """Greatest ratio of the fitted motion's coefficients to samples."""
@@ -36,7 +37,7 @@ class PeriodicRun:
     Attributes:
         period_s: Duration of a period according to the time stamps.
         periods: Number M of averaged periods of the motion itself: a series of every g-th harmonic has g of them in
-            each period of the excitation.
+            each period of the excitation. Of an interrupted run, the least number of samples at any phase.
         torque_nm: (K, n) torque averaged over the periods (Chen 2016, eq. (9)).
         valid: (K,) False where no period has a sample; those rows are interpolated.
         scatter_nm: (n,) standard deviation of ONE raw sample between periods; None for one period.
@@ -72,23 +73,24 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
     """
     phase, trajectory = periodic_phase(recording)
     rows = np.isfinite(recording.phase_s) if recording.phase_s is not None else np.empty(0, dtype=bool)
-    uneven_s, rate = advance(phase, recording.time_s[rows])
-    require_even(recording.source.path, uneven_s, rate, trajectory.period_s)
+    advance = PhaseAdvance(phase, recording.time_s[rows], trajectory.period_s)
+    since_s = advance.add(phase, recording.time_s[rows])
+    advance.require_even(recording.source.path)
     step = trajectory.period_s / phases
     values = np.hstack([torque_nm[rows], recording.position_rad[rows]])
     average = recording.average
-    held = whole(phase, trajectory.period_s) if average is None else 1
+    held = advance.held if average is None else 1
     if held > 1:
-        values[phase - phase[0] < SETTLING_S] = np.nan
+        values[since_s < SETTLING_S] = np.nan
     table = _on_grid(phase / step, values, held, phases)
     count = np.isfinite(table[:, :, 0]).sum(axis=0)
     valid = count > 0
     mean = np.asarray(np.nansum(table, axis=0) / np.maximum(count, 1)[:, None], dtype=np.float64)
     n = recording.n
-    motion, misfit = _fit_motion(mean[:, n:], valid, trajectory, rate)
+    motion, misfit = _fit_motion(mean[:, n:], valid, trajectory, advance.rate)
     return PeriodicRun(
-        period_s=rate * trajectory.period_s,
-        periods=table.shape[0],
+        period_s=advance.rate * trajectory.period_s,
+        periods=advance.periods if advance.interruptions else held,
         torque_nm=_filled(mean[:, :n], valid),
         valid=valid,
         scatter_nm=_scatter(table[:, :, :n], mean[:, :n], count),

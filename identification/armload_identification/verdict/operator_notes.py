@@ -15,9 +15,11 @@ from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.physical_consistency import PhysicalEstimate
 from armload_identification.estimation.uncertainty import Uncertainty
 from armload_identification.recording.recording import Recording
+from armload_identification.recording.reduction.phase_advance import interruptions
 from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.signals.motion import ABOVE_BAND
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
 
 _POOR_FIT: Final = 0.5
@@ -66,6 +68,7 @@ def notes_on(
         *_on_arm(signal, arm),
         *misfit_notes(signal, fit),
         *_on_recordings(runs),
+        *_on_interruptions(runs, signal),
         *_on_gains(runs[0], transmission),
         *_on_contradictions(gains),
         *_on_signal(signal, struck),
@@ -85,6 +88,20 @@ def _on_recordings(runs: Sequence[Recording]) -> list[str]:
         if source.ignored_joints:
             notes.append(
                 f"{name} recording: ignored, because not part of this arm: {', '.join(source.ignored_joints)}."
+            )
+    return notes
+
+
+def _on_interruptions(runs: Sequence[Recording], signal: LoadSignal) -> list[str]:
+    """Runs that were paused or slowed down within their periods."""
+    notes = []
+    for name, run, periods in zip(("loaded", "unloaded"), runs, signal.periods, strict=False):
+        count = interruptions(run)
+        if count:
+            often, least = (f"{number} times" if number > 1 else "once" for number in (count, periods))
+            notes.append(
+                f"{name} recording: the run was paused or slowed down {often} within its periods. What was measured at "
+                f"full speed was used: every part of the period at least {least}."
             )
     return notes
 
@@ -156,7 +173,8 @@ def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
     gaps = np.count_nonzero(~signal.valid & ~struck)
     if gaps:
         notes.append(f"{gaps} of {signal.valid.size} samples are in gaps and were not used.")
-    if signal.periodic and 0 < min(count for count in signal.periods if count) < _FEW_PERIODS:
+    few = signal.periodic and 0 < min(count for count in signal.periods if count) < _FEW_PERIODS
+    if few and signal.noise_source == ABOVE_BAND:
         notes.append(
             "A run contains only one period, so its noise was taken from the signal above the motion's band, and the "
             "repeatability of the periods is unknown. Record three or more."

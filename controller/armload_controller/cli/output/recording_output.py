@@ -93,6 +93,7 @@ def _fields(facts: RecordingSurvey) -> dict[str, Any]:
         "moving_s": None if facts.moving_s is None else list(facts.moving_s),
         "period_s": facts.period_s,
         "periods": facts.periods,
+        "interruptions": facts.interruptions,
         "joints": [
             {
                 "name": names[joint],
@@ -120,4 +121,6 @@ def _motion(facts: RecordingSurvey) -> str:
     if facts.period_s is None:
         return f"{text}, does not repeat itself"
     known = "of a known excitation" if facts.recording.excitation is not None else "found in the motion"
-    return f"{text}, {facts.periods} whole periods of {facts.period_s:.5g} s, {known}"
+    count = facts.interruptions
+    interrupted = f", interrupted {'once' if count == 1 else f'{count} times'}" if count else ""
+    return f"{text}, {facts.periods} whole periods of {facts.period_s:.5g} s, {known}{interrupted}"

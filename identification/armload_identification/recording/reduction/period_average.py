@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import PeriodAverage, Recording, RecordingSource
+from armload_identification.recording.reduction.phase_advance import PhaseAdvance
 from armload_identification.recording.reduction.phases import (
     SETTLING_S,
     phases_of,
-    require_even,
     shortest_period,
-    whole_between,
 )
 from armload_identification.recording.reduction.reduction import WrongReduction
 from armload_identification.recording.reduction.repeated_values import RepeatCounter
@@ -68,7 +67,7 @@ class PeriodAverager:
             self._learn()
         if self._grid is None or self._repeats is None:
             raise WrongReduction
-        phase_s, mean, periods, covariance = self._grid.result()
+        phase_s, mean, average = self._grid.result()
         n = mean.shape[1] // 2
         return Recording(
             time_s=self._grid.time_at(phase_s),
@@ -79,7 +78,7 @@ class PeriodAverager:
             phase_s=phase_s,
             excitation=self._excitation,
             source=source,
-            average=PeriodAverage(periods, covariance),
+            average=average,
             repeats=self._repeats.result(),
         )
 
@@ -107,9 +106,7 @@ class _PhaseGrid:
         self._offset = 0.0
         if not interpolated:
             self._offset = float(np.angle(np.mean(np.exp(2j * np.pi * phase / self._step_s)))) / (2.0 * np.pi)
-        self._first_s = self._last_s = float(phase[0])
-        place = self._first_s / self._step_s - self._offset
-        self._first = int(np.round(place))
+        self._first = int(np.round(float(phase[0]) / self._step_s - self._offset))
         columns = 2 * rows.n
         self._period = np.full((self._phases, columns), np.nan)
         self._number = 0
@@ -117,18 +114,17 @@ class _PhaseGrid:
         self._mean = np.zeros((self._phases, columns))
         self._square = np.zeros((rows.n, rows.n))
         self._before: tuple[FloatArray, FloatArray] | None = None
-        self._advance = _Advance()
+        self._advance = PhaseAdvance(phase, rows.time_s, self._period_s)
 
     def add(self, rows: RowBlock) -> None:
         """Add more rows, all of them with a phase."""
         phase, effort = _phase_of(rows), rows.effort
         if effort is None:
             raise WrongReduction
-        self._advance.add(phase, rows.time_s)
-        self._last_s = float(phase[-1])
+        since_s = self._advance.add(phase, rows.time_s)
         place = phase / self._step_s - self._offset
         values = np.hstack([effort, rows.position_rad])
-        values[phase - self._first_s < SETTLING_S] = np.nan
+        values[since_s < SETTLING_S] = np.nan
         if self._interpolated:
             index, values = self._between(place, values)
         else:
@@ -145,19 +141,19 @@ class _PhaseGrid:
             chosen = number == period
             self._period[index[chosen] % self._phases] = values[chosen]
 
-    def result(self) -> tuple[FloatArray, FloatArray, int, FloatArray | None]:
-        """Phases that have samples, their means, number of periods, and the covariance of one sample of the effort."""
-        periods = whole_between(self._first_s, self._last_s, self._spacing_s, self._period_s)
-        if periods < 1:
+    def result(self) -> tuple[FloatArray, FloatArray, PeriodAverage]:
+        """Phases that have samples, their means, and the statistics of the average."""
+        advance = self._advance
+        if advance.held < 1:
             raise WrongReduction
-        if self._number < periods:
+        if self._number < advance.held:
             self._close()
-        require_even(self._path, *self._advance.uneven(), self._period_s)
+        advance.require_even(self._path)
         known = np.flatnonzero(self._count)
         freedom = int(np.maximum(self._count - 1, 0).sum())
         covariance = self._square / freedom if freedom > 1 else None
         phase_s = np.asarray((self._first + known) * self._step_s, dtype=np.float64)
-        return phase_s, self._mean[known], periods, covariance
+        return phase_s, self._mean[known], PeriodAverage(advance.periods, covariance, advance.interruptions)
 
     def time_at(self, phase_s: FloatArray) -> FloatArray:
         """Time stamps of phases of the average period, at the run's mean advance."""
@@ -190,49 +186,6 @@ class _PhaseGrid:
         near = place[after] - place[after - 1] < 1.5 * self._spacing_s / self._step_s + 1e-9
         index = index[near]
         return index, np.column_stack([np.interp(index, place, column) for column in values.T])
-
-
-class _Advance:
-    """Time as a function of phase: a least squares line, and the greatest distance from it."""
-
-    def __init__(self) -> None:
-        self._n = 0
-        self._phase_s = self._time_s = 0.0
-        self._phase_square = self._product = 0.0
-        self._rate: float | None = None
-        self._extremes: list[tuple[float, float]] = []
-
-    def add(self, phase: FloatArray, time_s: FloatArray) -> None:
-        """Add more samples."""
-        mean_phase, mean_time = float(phase.mean()), float(time_s.mean())
-        centred = phase - mean_phase
-        square, product = float(centred @ centred), float(centred @ (time_s - mean_time))
-        total = self._n + phase.size
-        share = self._n * phase.size / total
-        apart_phase, apart_time = mean_phase - self._phase_s, mean_time - self._time_s
-        self._phase_square += square + share * apart_phase**2
-        self._product += product + share * apart_phase * apart_time
-        self._phase_s += apart_phase * phase.size / total
-        self._time_s += apart_time * phase.size / total
-        self._n = total
-        if self._rate is None and square > 0.0:
-            self._rate = product / square
-        # Within a block the final slope moves no extreme: only the two farthest samples of each block are kept.
-        off = (time_s - mean_time) - (self._rate or 1.0) * centred
-        for row in (int(np.argmin(off)), int(np.argmax(off))):
-            self._extremes.append((float(phase[row]), float(time_s[row])))
-
-    def uneven(self) -> tuple[float, float]:
-        """Greatest distance of a time stamp from the line, and the line's slope."""
-        rate = self._product / self._phase_square
-        phase, time_s = np.array(self._extremes).T
-        off = (time_s - self._time_s) - rate * (phase - self._phase_s)
-        return float(np.abs(off).max()), rate
-
-    def time_at(self, phase_s: FloatArray) -> FloatArray:
-        """Times on the line."""
-        rate = self._product / self._phase_square
-        return np.asarray(self._time_s + rate * (phase_s - self._phase_s))
 
 
 def _phase_of(rows: RowBlock) -> FloatArray:

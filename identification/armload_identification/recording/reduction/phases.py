@@ -7,7 +7,6 @@ stamps, cycles may be missing, and only whole periods are used.
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -19,8 +18,6 @@ from armload_identification.recording.recording import Recording
 
 _ABSENT: Final = 1e-6
 """A harmonic below this share of the greatest is treated as absent."""
-_UNEVEN: Final = 0.02
-"""Allowed deviation of the phase from a uniform advance, as a share of a period."""
 _FEWEST: Final = 8
 """Least number of phases per period, however slowly it was sampled."""
 SETTLING_S: Final = 0.3
@@ -124,58 +121,6 @@ def whole_between(first_s: float, last_s: float, step_s: float, period_s: float)
         period_s: Duration of a period.
     """
     return int((last_s - first_s + step_s) / period_s + 1e-6)
-
-
-def even_periods(phase: FloatArray, time_s: FloatArray, trajectory: FourierTrajectory) -> int:
-    """Number of periods that can be averaged; 0 if a reader would refuse the run.
-
-    Args:
-        phase: (N,) phases of a run.
-        time_s: (N,) their time stamps.
-        trajectory: The series as it was designed.
-    """
-    if phase.size < 2 or not whole(phase, trajectory.period_s):
-        return 0
-    period_s = shortest_period(phase, trajectory).period_s
-    return whole(phase, period_s) if _is_even(*advance(phase, time_s), period_s) else 0
-
-
-def advance(phase: FloatArray, time_s: FloatArray) -> tuple[float, float]:
-    """Greatest deviation of time stamps from a uniform advance in s, and measured seconds per second of phase.
-
-    The uniform advance is the line of least squares.
-
-    Args:
-        phase: (N,) phases of a run.
-        time_s: (N,) their time stamps.
-    """
-    centred = phase - phase.mean()
-    rate = float(centred @ (time_s - time_s.mean()) / (centred @ centred))
-    return float(np.abs(time_s - time_s.mean() - rate * centred).max()), rate
-
-
-def require_even(path: Path, uneven_s: float, rate: float, period_s: float) -> None:
-    """Raise if a run's phase did not advance uniformly.
-
-    Args:
-        path: Name of the run in the message.
-        uneven_s: Greatest deviation of a time stamp from a uniform advance.
-        rate: Measured seconds per second of phase.
-        period_s: Duration of a period.
-
-    Raises:
-        RecordingError: the run was paused or changed its speed.
-    """
-    if not _is_even(uneven_s, rate, period_s):
-        raise RecordingError(
-            f"{path}: the phase is up to {uneven_s:.3g} s off a uniform advance, {_UNEVEN * period_s:.3g} s is "
-            "allowed. The run was paused or changed its speed within the periods: record it again."
-        )
-
-
-def _is_even(uneven_s: float, rate: float, period_s: float) -> bool:
-    """Whether a phase advanced uniformly."""
-    return rate > 0.0 and uneven_s <= _UNEVEN * period_s
 
 
 def _cycles(phase: FloatArray, trajectory: FourierTrajectory) -> int:

@@ -18,7 +18,7 @@ from armload_controller.session.commissioning import record_half
 from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.recording.file_reading import read_recording
-from armload_identification.recording.reduction.phases import even_periods
+from armload_identification.recording.reduction.phase_advance import even_advance, interruptions, measured_periods
 
 CYCLE_S = 0.02
 SWING = np.full((6, 1), 0.05)
@@ -54,7 +54,7 @@ class Person:
 def half(robot, ideal_servos, tmp_path):
     """Record a half on a perfect arm; returns the questions and the arm."""
 
-    def half(load, *answers, simulated=False, given=False, control=None, watching=(), robot=robot):
+    def half(load, *answers, simulated=False, given=False, control=None, watching=(), robot=robot, shown=None):
         servos = ideal_servos(6, CYCLE_S)
         servos.simulated = simulated
         person = Person(servos, *answers)
@@ -64,7 +64,10 @@ def half(robot, ideal_servos, tmp_path):
             assert which is load
             yield servos
 
-        operator = Operator(NoDisplay(), control or MotionControl(), Consent(person, given), watching)
+        display = NoDisplay()
+        if shown is not None:
+            display.step = shown.append
+        operator = Operator(display, control or MotionControl(), Consent(person, given), watching)
         try:
             record_half(robot, load, open_servos, tmp_path, operator)
         except (CommissioningError, MotionError) as error:
@@ -110,16 +113,28 @@ def test_a_run_whose_every_period_was_interrupted_is_made_again_by_the_same_comm
     hands = tuple(Hand(control, at_s, now, later) for at_s in (0.6, 1.6, 2.6))
     _, servos, error = half(Load.UNLOADED, simulated=True, control=control, watching=hands, robot=swinging(3))
     partial = tmp_path / "unloaded_identification.partial.mcap"
-    assert f"at full speed without a pause, and only such periods are measured; {partial} is not used" in str(error)
+    assert f"no complete period was run at full speed without a pause, so {partial} is not used" in str(error)
     assert servos.log[-1] == "disable"
     assert list(tmp_path.glob("*.mcap")) == [partial]
     run = read_recording(partial)
     inside = np.isfinite(run.phase_s)
     assert np.count_nonzero(inside) >= 1.0 / CYCLE_S
-    assert not even_periods(run.phase_s[inside], run.time_s[inside], run.excitation.trajectory)
+    assert even_advance(run.phase_s[inside], run.time_s[inside], run.excitation.trajectory) is None
     _, _, error = half(Load.UNLOADED, simulated=True)
     assert error is None
     assert commissioning.missing_roles(tmp_path, Load.UNLOADED) == ()
+
+
+def test_a_pause_costs_a_period_of_the_run_and_not_the_run(half, tmp_path):
+    control, shown = MotionControl(), []
+    hand = Hand(control, 1.6, [Key.PAUSE], [Key.PAUSE])
+    _, _, error = half(Load.UNLOADED, simulated=True, control=control, watching=(hand,), robot=swinging(3), shown=shown)
+    assert error is None
+    assert commissioning.missing_roles(tmp_path, Load.UNLOADED) == ()
+    remain = "unloaded: identification: paused or slowed down within the periods: 2 of 3 remain"
+    assert [text for text in shown if "paused" in text] == [remain]
+    first, second = (read_recording(tmp_path / f"unloaded_{role}.mcap") for role in commissioning.ROLES)
+    assert [(interruptions(run), measured_periods(run)) for run in (first, second)] == [(1, 2), (0, 3)]
 
 
 def test_a_simulated_arm_is_never_asked_about_and_rounds_slowly_all_the_same(half, tmp_path):

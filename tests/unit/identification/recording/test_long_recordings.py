@@ -19,6 +19,7 @@ from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
 from armload_identification.recording.recording import Recording, RecordingSource, recording_of
+from armload_identification.recording.reduction.phase_advance import interruptions
 from armload_identification.recording.reduction.repeated_values import RepeatCounter, repeated_values
 from armload_identification.recording.reduction.time_average import TimeAverager
 from armload_identification.recording.row_block import RowBlock, joined
@@ -123,12 +124,40 @@ def test_phases_off_any_grid_are_interpolated_in_a_long_run_too(pinocchio_arm, t
     np.testing.assert_allclose(reduced.states.position_rad, whole.states.position_rad, atol=1e-5)
 
 
-def test_a_pause_is_refused_in_a_long_run_too(runs, tmp_path):
-    run = runs[0]
-    paused = replace(run, time_s=np.where(np.arange(run.size) < 1800, run.time_s, run.time_s + 2.0))
-    path = write_mcap(tmp_path / "paused.mcap", paused)
-    with pytest.raises(RecordingError, match="paused or changed its speed"):
+def paused(run, *rows):
+    """The run with pauses: from each of these rows on, 80 rows are missing, and two more seconds pass."""
+    kept, late_s = np.ones(run.size, dtype=bool), np.zeros(run.size)
+    for row in rows:
+        kept[row : row + 80] = False
+        late_s[row:] += 2.0
+    return replace(run, time_s=run.time_s + late_s).rows(kept)
+
+
+@pytest.mark.parametrize("odd", [0.0, 0.3], ids=["on the grid", "interpolated"])
+def test_pauses_cost_a_long_run_what_they_cost_a_short_one(runs, pinocchio_arm, tmp_path, odd):
+    """Within periods, and across their boundaries."""
+    shift = np.where(np.arange(runs[0].size) < 900, 0.0, odd * 0.01)
+    run = replace(runs[0], phase_s=runs[0].phase_s + shift, time_s=runs[0].time_s + shift)
+    for rows, periods in (((1799,), 5), ((460, 1700), 5), ((99, 600, 1101), 3)):
+        path = write_mcap(tmp_path / f"{len(rows)}.mcap", paused(run, *rows))
+        whole, reduced = (read_recording(path, short_rows=limit) for limit in (EVERYTHING, NOTHING))
+        assert reduced.average.periods == periods
+        assert (interruptions(whole), interruptions(reduced)) == (len(rows), len(rows))
+        motions = [motion_of(run, pinocchio_arm.transmission) for run in (reduced, whole)]
+        assert_same(*motions, motion_atol=1e-9 if odd == 0.0 else 1e-6)
+
+
+def test_a_long_run_is_refused_whose_every_period_was_interrupted_at_the_same_phase(runs, tmp_path):
+    path = write_mcap(tmp_path / "paused.mcap", paused(runs[0], *range(200, 3000, 500)))
+    with pytest.raises(RecordingError, match="a part of the period was never measured at full speed"):
         read_recording(path, short_rows=NOTHING)
+
+
+def test_a_change_of_speed_is_refused_in_a_long_run_too(runs, tmp_path):
+    run = runs[0]
+    slower = replace(run, time_s=run.time_s + 0.2 * np.maximum(run.phase_s - 18.0, 0.0))
+    with pytest.raises(RecordingError, match="paused or changed its speed"):
+        read_recording(write_mcap(tmp_path / "slower.mcap", slower), short_rows=NOTHING)
 
 
 @pytest.mark.parametrize("rate", [2, 5])

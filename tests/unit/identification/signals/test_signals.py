@@ -198,11 +198,47 @@ def test_phases_off_any_grid_are_interpolated(pinocchio_arm):
     )
 
 
-def test_a_pause_within_the_periods_is_refused(pair):
+def interrupted(run, *pauses_s):
+    """A run with pauses: from each of these phases on, half a second of phase has no row and two more seconds pass."""
+    kept = np.ones(run.size, dtype=bool)
+    late_s = np.zeros(run.size)
+    for pause_s in pauses_s:
+        kept &= ~((run.phase_s > pause_s) & (run.phase_s < pause_s + 0.5))
+        late_s += 2.0 * (run.phase_s > pause_s)
+    return replace(run, time_s=run.time_s + late_s).rows(kept)
+
+
+def test_a_pause_costs_a_period_and_nothing_else(pair, pinocchio_arm):
+    """Between the pauses, samples are those of the same phases, and the time of the pauses does not count."""
+    whole = pair[0]
+    for pauses_s, periods in (((7.3,), 2), ((4.9,), 2), ((2.0, 8.0), 2), ((2.0, 7.2), 1), ((3.0, 6.0, 12.0), 2)):
+        run = interrupted(whole, *pauses_s)
+        folded, complete = (fold(r, joint_torque(r, pinocchio_arm.transmission), 500) for r in (run, whole))
+        assert (folded.periods, complete.periods) == (periods, 3)
+        assert folded.valid.all()
+        assert folded.period_s == pytest.approx(5.0, rel=1e-9)
+        torque = joint_torque(whole, pinocchio_arm.transmission).reshape(3, 500, 6)
+        phase = whole.phase_s.reshape(3, 500, 1)
+        settled = phase - phase[0, 0] >= 0.3
+        for pause_s in pauses_s:
+            resumed_s = run.phase_s[run.phase_s > pause_s][0]
+            settled &= (phase <= pause_s) | (phase - resumed_s >= 0.3)
+        expected = np.roll((torque * settled).sum(axis=0) / settled.sum(axis=0), 1, axis=0)
+        np.testing.assert_allclose(folded.torque_nm, expected, atol=1e-9)
+
+
+def test_a_run_without_a_phase_that_was_measured_in_some_period_is_refused(pair):
+    for pauses_s in ((2.0, 7.0, 12.0), (2.0, 6.6, 12.3)):
+        run = interrupted(pair[0], *pauses_s)
+        with pytest.raises(RecordingError, match="a part of the period was never measured at full speed"):
+            fold(run, run.position_rad, 500)
+
+
+def test_a_change_of_speed_within_the_periods_is_refused(pair):
     run = pair[0]
-    paused = replace(run, time_s=np.where(np.arange(1500) < 800, run.time_s, run.time_s + 2.0))
+    slower = replace(run, time_s=run.time_s + 0.2 * np.maximum(run.phase_s - 8.0, 0.0))
     with pytest.raises(RecordingError, match="paused or changed its speed"):
-        fold(paused, run.position_rad, 500)
+        fold(slower, run.position_rad, 500)
 
 
 def test_a_spline_through_irregular_samples_gives_the_derivatives(pinocchio_arm):

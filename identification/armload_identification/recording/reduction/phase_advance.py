@@ -1,0 +1,260 @@
+"""Advance of a run's phase in time: where it was uniform, and how many periods were measured there.
+
+A pause or another speed interrupts the measured periods: the recorder gives these rows no phase, and time passes by
+more than the phase advances. The stretches between interruptions are at full speed and sampled at the same phases, so
+that all of them count. What is missing is missing in one period, and the other periods have it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.recording import Recording
+from armload_identification.recording.reduction.phases import (
+    SETTLING_S,
+    periodic_phase,
+    shortest_period,
+    whole,
+    whole_between,
+    whole_periods,
+)
+
+_UNEVEN: Final = 0.02
+"""Allowed deviation of the phase from a uniform advance, as a share of a period; a longer delay is an interruption, and
+in a gap also a delay by this share of the gap: 90 % of the speed for a second leave a gap of a second."""
+_GAP: Final = 5.0
+"""Samples from which a part of the phase without rows is a gap; single rows are missing in sound runs, too."""
+_NOTICED: Final = 1.5
+"""Samples by which the time stamps of a gap's ends must be too far apart, so that their jitter is no interruption."""
+_ROUNDING: Final = 1e-6
+
+
+class PhaseAdvance:
+    """Time as a function of phase: lines of the same slope by least squares, one for every stretch of even motion.
+
+    Args:
+        phase: First phases of the run, at least two, from which spacing and speed are determined.
+        time_s: Their time stamps.
+        period_s: Duration of a period.
+    """
+
+    def __init__(self, phase: FloatArray, time_s: FloatArray, period_s: float) -> None:
+        self._period_s = period_s
+        self._spacing_s = float(np.median(np.diff(phase)))
+        self._pace = float(np.median(np.diff(time_s))) / self._spacing_s
+        self._rate: float | None = None
+        self._last_s, self._last_time_s = float(phase[0]), float(time_s[0])
+        self._stretches = [_Stretch(self._last_s)]
+
+    @classmethod
+    def of(cls, phase: FloatArray, time_s: FloatArray, period_s: float) -> PhaseAdvance:
+        """The advance of a complete run.
+
+        Args:
+            phase: (N,) its phases, at least two.
+            time_s: (N,) their time stamps.
+            period_s: Duration of a period.
+        """
+        advance = cls(phase, time_s, period_s)
+        advance.add(phase, time_s)
+        return advance
+
+    def add(self, phase: FloatArray, time_s: FloatArray) -> FloatArray:
+        """Add more samples.
+
+        Args:
+            phase: (N,) the next phases.
+            time_s: (N,) their time stamps.
+
+        Returns:
+            (N,) phase since the beginning of each sample's stretch.
+        """
+        further_s = np.diff(phase, prepend=self._last_s)
+        lost_s = np.diff(time_s, prepend=self._last_time_s) - self._pace * further_s
+        noticed_s = np.maximum(_UNEVEN * further_s, _NOTICED * self._spacing_s) * self._pace
+        gap = (further_s > _GAP * self._spacing_s) & (lost_s > noticed_s)
+        starts = np.flatnonzero((further_s > 0.0) & (gap | (lost_s > _UNEVEN * self._period_s))).tolist()
+        since_s = np.empty_like(phase)
+        for number, (begin, end) in enumerate(pairwise([0, *starts, phase.size])):
+            if number:
+                self._stretches.append(_Stretch(float(phase[begin])))
+            if begin < end:
+                rows, stretch = slice(begin, end), self._stretches[-1]
+                self._rate = stretch.add(phase[rows], time_s[rows], self._rate)
+                since_s[rows] = phase[rows] - stretch.first_s
+        self._last_s, self._last_time_s = float(phase[-1]), float(time_s[-1])
+        return since_s
+
+    @property
+    def interruptions(self) -> int:
+        """How often the run was paused or slowed down within its periods."""
+        return len(self._stretches) - 1
+
+    @property
+    def rate(self) -> float:
+        """Measured seconds per second of phase; 0 if it cannot be determined."""
+        square = sum(stretch.phase_square for stretch in self._stretches)
+        return sum(stretch.product for stretch in self._stretches) / square if square > 0.0 else 0.0
+
+    @property
+    def is_even(self) -> bool:
+        """Whether the phase advanced uniformly in all stretches, at the same speed."""
+        return self.rate > 0.0 and self._uneven_s() <= _UNEVEN * self._period_s
+
+    @property
+    def held(self) -> int:
+        """Number of whole periods from the first to the last phase."""
+        return whole_between(self._stretches[0].first_s, self._last_s, self._spacing_s, self._period_s)
+
+    @property
+    def periods(self) -> int:
+        """Number of whole periods; of an interrupted run, how often its least measured phase was measured.
+
+        The time in which the arm settles after an interruption does not count. That after the start does, as in a run
+        without interruptions.
+        """
+        if not self.interruptions:
+            return self.held
+        first_s = self._stretches[0].first_s
+        phases = max(round(self._period_s / self._spacing_s), 1)
+        count = np.zeros(phases, dtype=np.int64)
+        for stretch in self._stretches:
+            settled_s = stretch.first_s + (SETTLING_S if stretch is not self._stretches[0] else 0.0)
+            begin = math.ceil((settled_s - first_s) / self._spacing_s - _ROUNDING)
+            end = min(round((stretch.last_s - first_s) / self._spacing_s) + 1, self.held * phases)
+            complete, rest = divmod(max(end - begin, 0), phases)
+            count += complete
+            count[(begin + np.arange(rest)) % phases] += 1
+        return int(count.min())
+
+    def require_even(self, path: Path) -> None:
+        """Raise if the run's phase did not advance uniformly, or nowhere over a whole period.
+
+        Args:
+            path: Name of the run in the message.
+
+        Raises:
+            RecordingError: the run was paused or changed its speed.
+        """
+        if not self.is_even:
+            raise RecordingError(
+                f"{path}: the phase is up to {self._uneven_s():.3g} s off a uniform advance, "
+                f"{_UNEVEN * self._period_s:.3g} s is allowed. The run was paused or changed its speed within the "
+                "periods: record it again."
+            )
+        if self.interruptions and not self.periods:
+            raise RecordingError(
+                f"{path}: the run was paused or slowed down within its periods, and a part of the period was never "
+                "measured at full speed. Record it again."
+            )
+
+    def time_at(self, phase: FloatArray) -> FloatArray:
+        """Times on the first stretch's line.
+
+        Args:
+            phase: The phases.
+        """
+        return self._stretches[0].time_at(phase, self.rate)
+
+    def _uneven_s(self) -> float:
+        """Greatest distance of a time stamp from its stretch's line."""
+        rate = self.rate
+        return max(stretch.uneven_s(rate) for stretch in self._stretches)
+
+
+@dataclass
+class _Stretch:
+    """Sums over a stretch, and the samples that may be farthest from its line."""
+
+    first_s: float
+    last_s: float = 0.0
+    n: int = 0
+    phase_s: float = 0.0
+    time_s: float = 0.0
+    phase_square: float = 0.0
+    product: float = 0.0
+    extremes: list[tuple[float, float]] = field(default_factory=list)
+
+    def add(self, phase: FloatArray, time_s: FloatArray, rate: float | None) -> float | None:
+        """Add more samples; returns the approximate rate, from these if it was not known."""
+        mean_phase, mean_time = float(phase.mean()), float(time_s.mean())
+        centred = phase - mean_phase
+        square, product = float(centred @ centred), float(centred @ (time_s - mean_time))
+        total = self.n + phase.size
+        share = self.n * phase.size / total
+        apart_phase, apart_time = mean_phase - self.phase_s, mean_time - self.time_s
+        self.phase_square += square + share * apart_phase**2
+        self.product += product + share * apart_phase * apart_time
+        self.phase_s += apart_phase * phase.size / total
+        self.time_s += apart_time * phase.size / total
+        self.n = total
+        self.last_s = float(phase[-1])
+        if rate is None and square > 0.0:
+            rate = product / square
+        # Within a block the final slope moves no extreme: only the two farthest samples of each block are kept.
+        off = (time_s - mean_time) - (rate or 1.0) * centred
+        for row in (int(np.argmin(off)), int(np.argmax(off))):
+            self.extremes.append((float(phase[row]), float(time_s[row])))
+        return rate
+
+    def time_at(self, phase: FloatArray, rate: float) -> FloatArray:
+        """Times on the line."""
+        return np.asarray(self.time_s + rate * (phase - self.phase_s))
+
+    def uneven_s(self, rate: float) -> float:
+        """Greatest distance of a time stamp from the line."""
+        phase, time_s = np.array(self.extremes).T
+        return float(np.abs((time_s - self.time_s) - rate * (phase - self.phase_s)).max())
+
+
+def interruptions(recording: Recording) -> int:
+    """How often a run was paused or slowed down within the periods of its excitation.
+
+    Args:
+        recording: The run.
+    """
+    if recording.average is not None:
+        return recording.average.interruptions
+    if recording.phase_s is None or not whole_periods(recording):
+        return 0
+    rows = np.isfinite(recording.phase_s)
+    phase, trajectory = periodic_phase(recording)
+    return PhaseAdvance.of(phase, recording.time_s[rows], trajectory.period_s).interruptions
+
+
+def measured_periods(recording: Recording) -> int:
+    """Number of whole periods that were measured; of an interrupted run, how often every phase was at least.
+
+    Args:
+        recording: The run.
+    """
+    if recording.average is not None or recording.phase_s is None or recording.excitation is None:
+        return whole_periods(recording)
+    rows = np.isfinite(recording.phase_s)
+    if not whole_periods(recording):
+        return 0
+    period_s = recording.excitation.trajectory.period_s
+    return PhaseAdvance.of(recording.phase_s[rows], recording.time_s[rows], period_s).periods
+
+
+def even_advance(phase: FloatArray, time_s: FloatArray, trajectory: FourierTrajectory) -> PhaseAdvance | None:
+    """Advance of a run that can be averaged; None if a reader would refuse it.
+
+    Args:
+        phase: (N,) phases of a run.
+        time_s: (N,) their time stamps.
+        trajectory: The series as it was designed.
+    """
+    if phase.size < 2 or not whole(phase, trajectory.period_s):
+        return None
+    advance = PhaseAdvance.of(phase, time_s, shortest_period(phase, trajectory).period_s)
+    return advance if advance.is_even and advance.periods else None
