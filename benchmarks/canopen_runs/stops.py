@@ -21,7 +21,7 @@ from armload_controller.cycle.plugins import CyclePlugin, CycleStep
 from armload_controller.cycle.safety import DECISIONS, Cause, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import CheckedPath, check_path
-from armload_controller.motion.joint_limits import MotionLimits
+from armload_controller.motion.joint_limits import BeyondLimit, MotionLimits
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, TerminationStop
 from armload_controller.motion.paths import BlockedWay
 from armload_controller.motion.phase import Segment
@@ -339,6 +339,7 @@ def _act(cause: Cause | None, control: MotionControl) -> Callable[[CycleStep], o
         Cause.RECORDING: raising(RecordingFailed("run.mcap could not be written: no space left on device")),
         Cause.OFFSET: raising(OffsetRefused(("joint_3",), "joint_3: the sign is wrong")),
         Cause.BLOCKED: raising(BlockedWay("joint_3 moved by 0.0200 rad while the arm was being enabled")),
+        Cause.BEYOND_LIMIT: raising(BeyondLimit("joint_3", 3.2, 3.1)),
         Cause.TORQUE_REVERSED: raising(TorqueReversed("joint_3", "the sign of current or torque is wrong")),
     }
     return None if cause is None else acts.get(cause)
