@@ -24,7 +24,8 @@ class JobListing:
 
     Attributes:
         jobs: Jobs in the table's order, each recording once.
-        remarks: One sentence for each line that matches no file, and for each of its columns whose files are missing.
+        remarks: One sentence for each line that matches no file, for each of its columns whose files are missing, and
+            for each folder that may not be listed.
     """
 
     jobs: tuple[Job, ...]
@@ -49,7 +50,12 @@ def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
     shipped = shipped_robots()
     robot_files = cache(_robot_files)
     for entry in entries:
-        there = matches(_placed(entry.recordings[_LOADED], table))
+        matched = matches(_placed(entry.recordings[_LOADED], table))
+        there = matched.files
+        remarks += [
+            f"{table}, line {entry.line}: the folder {folder} may not be listed, so nothing in it is processed"
+            for folder in matched.closed
+        ]
         if not there:
             remarks.append(f"{table}, line {entry.line}: no file matches {entry.recordings[_LOADED]}")
         robot = entry.robot if entry.robot in shipped else _placed(entry.robot, table)

@@ -82,41 +82,55 @@ class RemoteFile:
         return cls(url, _stamp(info), _modified(info))
 
 
+@dataclass(frozen=True)
+class Matches:
+    """What matches a pattern.
+
+    Attributes:
+        files: Path or URL of each file or folder, sorted, with the text that every `*` matched.
+        closed: Folders that match a part of the pattern, but that this user may not list.
+    """
+
+    files: list[tuple[str, tuple[str, ...]]]
+    closed: list[str]
+
+
 def is_url(text: str) -> bool:
     """Whether a text is a URL; everything else is a path."""
     return "://" in text
 
 
-def matches(pattern: str) -> list[tuple[str, tuple[str, ...]]]:
+def matches(pattern: str) -> Matches:
     """The files and folders that match a pattern.
 
     Args:
         pattern: Path or URL, in which `*` matches any part of one name; no hidden files.
 
-    Returns:
-        Path or URL of each, sorted, with the text that every `*` matched.
-
     Raises:
         ListingError: a folder cannot be listed, or no installed library reads such URLs.
     """
     if "*" not in pattern:
-        return [(pattern, ())]
+        return Matches([(pattern, ())], [])
     files, path = _file_system(pattern)
+    closed: list[str] = []
     try:
-        found = _found(files, path, to_the_end=pattern.endswith("*"))
+        found = _found(files, path, closed, to_the_end=pattern.endswith("*"))
     except Exception as problem:
         raise ListingError(
             f"{pattern}: cannot be listed ({problem}); check the table of jobs and the server"
         ) from problem
-    return sorted((files.unstrip_protocol(path) if is_url(pattern) else path, stars) for path, stars in found)
+    there = sorted((files.unstrip_protocol(path) if is_url(pattern) else path, stars) for path, stars in found)
+    return Matches(there, closed)
 
 
-def _found(files: Any, path: str, *, to_the_end: bool) -> list[tuple[str, tuple[str, ...]]]:
+def _found(files: Any, path: str, closed: list[str], *, to_the_end: bool) -> list[tuple[str, tuple[str, ...]]]:
     """Paths that match a pattern, with the text that every `*` matched.
 
     Args:
         files: The file system.
         path: The pattern on it.
+        closed: Takes the folders that matched a `*` and may not be listed, such as lost+found; a folder that the
+            pattern names must be listed.
         to_the_end: Its last name contains a `*`, so listed paths need no check for existence.
     """
     files.invalidate_cache()
@@ -127,7 +141,14 @@ def _found(files: Any, path: str, *, to_the_end: bool) -> list[tuple[str, tuple[
             found = [(f"{folder}/{name}", stars) for folder, stars in found]
             continue
         wanted = re.compile("(?!\\.)" * name.startswith("*") + "(.*)".join(map(re.escape, name.split("*"))))
-        listed = [(child, stars) for folder, stars in found for child in _children(files, folder)]
+        listed = []
+        for folder, stars in found:
+            try:
+                listed += [(child, stars) for child in _children(files, folder)]
+            except PermissionError:
+                if not stars:
+                    raise
+                closed.append(folder)
         found = [
             (child, (*stars, *match.groups()))
             for child, stars in listed

@@ -1,8 +1,8 @@
 """Processes that run the jobs: a Dask cluster on this machine, or an existing scheduler.
 
 At most two jobs per thread are submitted at a time, one running and one waiting, so a killed worker loses little and
-memory does not grow with the table. Dask restarts a killed worker and repeats its job; a job that kills its worker
-three times becomes a row with the outcome "failed".
+memory does not grow with the table. Workers that join during a run get their share. Dask restarts a killed worker and
+repeats its job; a job that kills its worker three times becomes a row with the outcome "failed".
 
 A local cluster listens only on loopback. Anyone who can connect to a scheduler can run programs as its user: one on a
 network must use `tls://` with certificates, which Dask reads from its own configuration.
@@ -107,13 +107,15 @@ class Workforce:
         given: dict[str, Job] = {}
         under_way = as_completed(with_results=False)
 
-        def hand_out(count: int) -> None:
-            for job in islice(waiting, count):
+        def hand_out() -> int:
+            threads = self.threads
+            for job in islice(waiting, max(2 * threads - len(given), 0)):
                 given[job.key] = job
                 task = self._client.submit(run_with_version, job, own, key=f"armload-{job.key}", pure=False)
                 under_way.add(task)
+            return threads
 
-        hand_out(2 * self.threads)
+        threads = hand_out()
         while given:
             future = next(under_way)
             job = given.pop(future.key.removeprefix("armload-"))
@@ -121,7 +123,8 @@ class Workforce:
                 raise FleetError(f"the scheduler at {self._scheduler} was lost; run again to process the rest")
             yield row_of(future, job)
             future.release()
-            hand_out(1)
+            if 2 * len(given) <= 3 * threads:  # half of those that waited are running: asked for each job is too often
+                threads = hand_out()
 
     def _require_same_version(self) -> None:
         """Load the modules in every worker, and compare versions."""

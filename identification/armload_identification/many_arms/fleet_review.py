@@ -293,29 +293,22 @@ def _figure(quantity: Quantity, one: _Series, usual: float, charts: int, twins: 
 def _changes(figure: FigureReview) -> list[Suspicion]:
     """The last change of level, and the last outlier."""
     chart, found = figure.chart, []
-    unit, scale = UNITS[figure.quantity.kind]
     changes = [change for change in chart.changes if change.index > 0]
     if changes:
         change = changes[-1]
-        before, after = (scale * (figure.center + level) for level in (change.before, change.after))
+        before, after = _amounts(figure.quantity, figure.center + change.before, figure.center + change.after)
         size = abs(change.after - change.before) / change.deviation
-        text = (
-            f"{figure.quantity} is {_number(after, before)} {unit} since {figure.recorded[change.index]:%Y-%m-%d}, "
-            f"{_number(before, after)} {unit} before"
-        )
-        found.append(Suspicion(Cause.CHANGE, figure.quantity, min(size, _GREATEST), text.replace("  ", " ")))
+        text = f"{figure.quantity} is {after} since {figure.recorded[change.index]:%Y-%m-%d}, {before} before"
+        found.append(Suspicion(Cause.CHANGE, figure.quantity, min(size, _GREATEST), text))
     alone = np.flatnonzero(chart.alone)
     if alone.size:
         run = int(alone[-1])
         others = np.delete(chart.values, run)
         usual = float(np.median(others[max(run - 2, 0) : run + 2]))
         size = float(abs(chart.values[run] - usual) / chart.deviation[run])
-        off, level = (scale * (figure.center + value) for value in (float(chart.values[run]), usual))
-        text = (
-            f"{figure.quantity} was {_number(off, level)} {unit} on {figure.recorded[run]:%Y-%m-%d}, "
-            f"{_number(level, off)} {unit} in the neighbouring runs"
-        )
-        found.append(Suspicion(Cause.OUTLIER, figure.quantity, min(size, _GREATEST), text.replace("  ", " ")))
+        off, level = _amounts(figure.quantity, figure.center + float(chart.values[run]), figure.center + usual)
+        text = f"{figure.quantity} was {off} on {figure.recorded[run]:%Y-%m-%d}, {level} in the neighbouring runs"
+        found.append(Suspicion(Cause.OUTLIER, figure.quantity, min(size, _GREATEST), text))
     return found
 
 
@@ -342,14 +335,10 @@ def _against_twins(
             log_chance = float(t.logsf(abs(level[i] - middle) / expected, freedom)) + np.log(2.0)
             suspicion = None
             if log_chance < np.log(FALSE_ALARM / tests):
-                unit, scale = UNITS[quantity.kind]
-                mine, theirs = scale * float(level[i]), scale * middle
-                text = (
-                    f"{quantity} is {_number(mine, theirs)} {unit}, that of {others.size} twins "
-                    f"{_number(theirs, mine)} {unit}"
-                )
+                mine, theirs = _amounts(quantity, float(level[i]), middle)
+                text = f"{quantity} is {mine}, that of {others.size} twins {theirs}"
                 size = min(float(-norm.ppf(np.exp(log_chance) / 2.0)), _GREATEST)
-                suspicion = Suspicion(Cause.STRANGER, quantity, size, text.replace(" ,", ","))
+                suspicion = Suspicion(Cause.STRANGER, quantity, size, text)
             found[(name, model), quantity] = Twins(others.size, middle, spread, suspicion)
     return found
 
@@ -368,8 +357,9 @@ def _silence(runs: Sequence[ArmRun]) -> list[Suspicion]:
     return [Suspicion(Cause.SILENCE, None, min(SILENT * silent, _GREATEST), text)]
 
 
-def _number(value: float, beside: float) -> str:
-    """A number with enough decimals to show its distance from another."""
-    distance = abs(value - beside)
+def _amounts(quantity: Quantity, first: float, second: float) -> tuple[str, str]:
+    """Two values of a quantity in its unit, with enough decimals to show the distance between them."""
+    unit, scale = UNITS[quantity.kind]
+    distance = scale * abs(first - second)
     decimals = 3 if distance <= 0.0 else int(np.clip(1 - np.floor(np.log10(distance)), 0, 6))
-    return f"{value:.{decimals}f}"
+    return f"{scale * first:.{decimals}f} {unit}".rstrip(), f"{scale * second:.{decimals}f} {unit}".rstrip()

@@ -1,10 +1,12 @@
 """From the table to jobs: columns, wildcards, files, and the changes that make a job new."""
 
+import errno
 import hashlib
 import os
 from dataclasses import replace
 from pathlib import Path
 
+import fsspec
 import pytest
 
 from armload_controller.control_errors import ConfigurationError, FleetError, ListingError
@@ -50,8 +52,11 @@ def test_a_star_in_the_other_columns_is_what_it_is_in_the_first(cells):
 
 
 def test_hidden_files_do_not_match_and_a_star_at_the_end_does(cells):
-    assert [Path(path).name for path, _ in matches(f"{cells}/cell-1/mo/*")] == ["loaded.mcap", "unloaded.mcap"]
-    assert [stars for _, stars in matches(f"{cells}/*-*/m*/loaded.mcap")] == [("cell", "1", "o"), ("cell", "2", "o")]
+    assert [Path(path).name for path, _ in matches(f"{cells}/cell-1/mo/*").files] == ["loaded.mcap", "unloaded.mcap"]
+    assert [stars for _, stars in matches(f"{cells}/*-*/m*/loaded.mcap").files] == [
+        ("cell", "1", "o"),
+        ("cell", "2", "o"),
+    ]
     assert with_stars("a*b*", ("1", "2", "3")) == "a1b2"
 
 
@@ -197,6 +202,29 @@ def test_a_store_that_gives_nothing_is_a_sentence_where_it_is_listed_and_a_row_w
     ):
         matches(f"{closed_store}/*.mcap")
     assert RemoteFile.of(f"{closed_store}/a.mcap").stamp == "missing: no credentials"
+
+
+class LockedFolder(fsspec.AbstractFileSystem):
+    """A store with two folders, one of which may not be listed."""
+
+    protocol = "locked"
+    cachable = False
+
+    def ls(self, path, detail=True, **_options):
+        if path.endswith("lost+found"):
+            raise PermissionError(errno.EACCES, "Permission denied", path)
+        names = {"disk": ["disk/cell-1", "disk/lost+found"], "disk/cell-1": ["disk/cell-1/a.mcap"]}[path.strip("/")]
+        return [{"name": name, "size": 1, "type": "file"} for name in names] if detail else names
+
+
+def test_a_folder_that_may_not_be_listed_does_not_stop_the_others(cells):
+    fsspec.register_implementation("locked", LockedFolder, clobber=True)
+    found = jobs_of(cells, "one,er50,locked://disk/*/*.mcap")
+    assert [job.loaded for job in found.jobs] == ["locked://disk/cell-1/a.mcap"]
+    (remark,) = found.remarks
+    assert remark.endswith("line 2: the folder disk/lost+found may not be listed, so nothing in it is processed")
+    with pytest.raises(ListingError, match=r"cannot be listed .*Permission denied"):
+        matches("locked://disk/lost+found/*.mcap")
 
 
 def test_a_file_of_this_machine_is_not_copied(tmp_path):

@@ -150,9 +150,32 @@ def behind_tls(recorded_er50, tmp_path_factory):
             with RowStore(jobs) as store, Workforce(address) as force:
                 listing, new = new_jobs(table, store)
                 tally = do_jobs(listing, new, store, force.rows)
+                taken = taken_as_workers_join(cluster, force)
             with dask.config.set(tls_of(stranger)):
                 refusals = [refusal(address), refusal("carrier-pigeon://roof")]
-    return address, tally, refusals
+    return address, tally, refusals, taken
+
+
+def taken_as_workers_join(cluster, force):
+    """Numbers of jobs, of 20, that were taken for the first row with one worker, the next with three, and the last."""
+    taken, counts = [], []
+
+    def jobs():
+        for number in range(20):
+            taken.append(number)
+            yield Job(f"{number}", "one", "er50", {"loaded": f"/{number}.mcap"}, "", "", None, None)
+
+    rows = force.rows(jobs())
+    next(rows)
+    counts.append(len(taken))
+    cluster.scale(3)
+    until_s = time.monotonic() + PATIENCE_S
+    while force.threads < 3 and time.monotonic() < until_s:
+        time.sleep(0.01)
+    next(rows)
+    counts.append(len(taken))
+    assert sum(row["outcome"] == "failed" for row in rows) == 18
+    return [*counts, len(taken)]
 
 
 def refusal(address):
@@ -163,13 +186,17 @@ def refusal(address):
 
 @pytest.mark.long
 def test_a_scheduler_behind_tls_does_the_jobs_of_its_owner(behind_tls):
-    address, tally, _ = behind_tls
+    address, tally, *_ = behind_tls
     assert address.startswith("tls://127.0.0.1:")
     assert tally.to_dict()["outcomes"] == {"identified": 1, "refused": 1, "failed": 0}
 
 
+def test_workers_that_join_during_a_run_get_jobs(behind_tls):
+    assert behind_tls[3] == [2, 7, 20]
+
+
 def test_a_certificate_that_the_scheduler_does_not_know_is_refused(behind_tls):
-    address, _, refusals = behind_tls
+    address, _, refusals, _ = behind_tls
     assert f"no scheduler at {address}: " in refusals[0]
     assert "check --scheduler and its certificates" in refusals[0]
     assert "no scheduler at carrier-pigeon://roof: " in refusals[1]

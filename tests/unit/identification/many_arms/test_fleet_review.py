@@ -85,6 +85,22 @@ def test_each_trouble_is_named_and_nothing_else(review):
     assert silence.text == "the 2 latest recordings gave no result: loaded.mcap is damaged"
 
 
+def test_a_quantity_without_a_unit_has_no_spaces_in_its_place():
+    residual, gripper = Quantity(Kind.RESIDUAL, "joint  1"), Quantity(Kind.MASS, "gripper , old")
+    names = {GAINS[0]: residual, MASS: gripper}
+    faults = {"cell05": [(GAINS[0], 0, 99, 0.4), (MASS, 0, 99, 0.4)], "cell07": [(GAINS[0], 7, 99, 0.4)]}
+    faults |= {"cell09": [(GAINS[0], 6, 7, 0.4)]}
+    runs = [
+        replace(run, figures={names[q]: (1.0 + v, noise) for q, (v, noise) in run.figures.items() if q in names})
+        for run in fleet(**faults)
+    ]
+    found = {arm.arm: " / ".join(found.text for found in arm.suspicions) for arm in review_fleet(runs).arms}
+    assert re.search(r"residual over noise of joint  1 is 1\.\d+, that of 11 twins \d\.\d+( /|$)", found["cell05"])
+    assert re.search(r"mass of gripper , old is 5\.\d+ kg, that of 11 twins 5\.\d+ kg( /|$)", found["cell05"])
+    assert re.search(r"of joint  1 is 1\.\d+ since 2026-03-08, \d\.\d+ before( /|$)", found["cell07"])
+    assert re.search(r"of joint  1 was 1\.\d+ on 2026-03-07, \d\.\d+ in the neighbouring", found["cell09"])
+
+
 def test_the_most_suspicious_come_first_and_recordings_without_result_are_listed(review):
     sizes = [arm.deviations for arm in review.arms]
     assert sizes == sorted(sizes, reverse=True)
