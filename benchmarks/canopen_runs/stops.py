@@ -338,7 +338,6 @@ def _act(cause: Cause | None, control: MotionControl) -> Callable[[CycleStep], o
         Cause.PLUGIN_FAILED: raising(ZeroDivisionError("division by zero")),
         Cause.RECORDING: raising(RecordingFailed("run.mcap could not be written: no space left on device")),
         Cause.OFFSET: raising(OffsetRefused(("joint_3",), "joint_3: the sign is wrong")),
-        Cause.BEYOND_LIMIT: raising(BeyondLimit("joint_3", 2.0, 1.999)),
         Cause.BLOCKED: raising(BlockedWay("joint_3 moved by 0.0200 rad while the arm was being enabled")),
         Cause.BEYOND_LIMIT: raising(BeyondLimit("joint_3", 3.2, 3.1)),
         Cause.TORQUE_REVERSED: raising(TorqueReversed("joint_3", "the sign of current or torque is wrong")),
