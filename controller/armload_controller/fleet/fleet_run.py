@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
@@ -142,7 +143,8 @@ def do_jobs(
     tally = FleetTally.before(listing, jobs)
     started_s = time.monotonic()
     for row in do(jobs):
-        store.add(row)
+        # By one clock: a worker's may be wrong, and the latest row of a recording is the one that counts.
+        store.add(row | {"identified_utc": datetime.now(UTC)})
         tally.outcomes[row["outcome"]] += 1
         if row["outcome"] != RowOutcome.IDENTIFIED.value:
             tally.problems.append(FleetProblem.of(row))

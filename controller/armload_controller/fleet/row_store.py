@@ -45,7 +45,7 @@ class RowStore:
         self._folder, self._rows_per_part = folder, rows_per_part
         self._journal: Path | None = None
         self._written = 0
-        self._done: set[str] | None = None
+        self._done: dict[str, str] | None = None
         for journal in sorted(folder.glob(_JOURNAL)):
             self._to_parquet(journal)
 
@@ -56,10 +56,14 @@ class RowStore:
         self.flush()
 
     def done_keys(self) -> set[str]:
-        """Keys of the finished jobs, identified or refused, that are stored as Parquet."""
+        """Keys of the finished jobs, identified or refused, that are stored as Parquet.
+
+        Only the latest one of each recording: after an exchange of a calibration that is undone, the rows are those of
+        the other calibration, and the job has to be repeated.
+        """
         if self._done is None:
-            self._done = _finished(read_rows(self._folder, ("key", "outcome")))
-        return set(self._done)
+            self._done = _finished(read_rows(self._folder, ("key", "loaded", "outcome", "identified_utc")))
+        return set(self._done.values())
 
     def add(self, row: Row) -> None:
         """Store a row.
@@ -159,9 +163,10 @@ def precedence(row: Row) -> tuple[bool, datetime]:
     return row["outcome"] != RowOutcome.FAILED.value, row["identified_utc"]
 
 
-def _finished(rows: Iterable[Row]) -> set[str]:
-    """Keys of the jobs that need not be repeated."""
-    return {row["key"] for row in rows if row["outcome"] != RowOutcome.FAILED.value}
+def _finished(rows: Iterable[Row]) -> dict[str, str]:
+    """Key of the latest finished job of each recording."""
+    finished = (row for row in rows if row["outcome"] != RowOutcome.FAILED.value)
+    return {row["loaded"]: row["key"] for row in sorted(finished, key=precedence)}
 
 
 def _journal_rows(journal: Path) -> Iterator[Row]:
@@ -176,12 +181,12 @@ def _journal_rows(journal: Path) -> Iterator[Row]:
             for line in lines:
                 if not line.endswith("\n"):
                     return
-                row: Row = json.loads(line)
+                row: Row = {name: _encodable(value) for name, value in json.loads(line).items()}
                 yield row | {name: datetime.fromisoformat(row[name]) for name in _TIMES}
                 number += 1
     except OSError as problem:
         raise FleetError(f"{journal}: cannot be read ({problem.strerror})") from problem
-    except (ValueError, TypeError, KeyError) as problem:
+    except (ValueError, TypeError, KeyError, AttributeError) as problem:
         raise FleetError(
             f"{journal}, line {number}: not a row of `armload fleet` ({problem}); remove the line, or move the "
             "file away: its recordings are then processed again"
@@ -203,9 +208,8 @@ def _parquet_bytes(rows: Iterable[Row]) -> bytes:
         "time": pa.timestamp("us"),  # UTC, without a zone: DuckDB needs another library for those
     }
     schema = pa.schema([(name, types[kind]) for name, kind in column_kinds().items()])
-    encodable = [{name: _encodable(value) for name, value in row.items()} for row in rows]
     written = BytesIO()
-    pq.write_table(pa.Table.from_pylist(encodable, schema=schema), written, compression="zstd")
+    pq.write_table(pa.Table.from_pylist(list(rows), schema=schema), written, compression="zstd")
     return written.getvalue()
 
 

@@ -12,11 +12,12 @@ import pytest
 from armload_controller.cli.output.fleet_output import suspicion_lines
 from armload_controller.control_errors import ConfigurationError, FleetError, ListingError
 from armload_controller.fleet.fleet_rows import runs_of
-from armload_controller.fleet.fleet_run import FleetTally, looks
+from armload_controller.fleet.fleet_run import FleetTally, do_jobs, looks
 from armload_controller.fleet.job import Job
-from armload_controller.fleet.job_listing import JobListing
+from armload_controller.fleet.job_listing import JobListing, list_jobs
+from armload_controller.fleet.job_table import read_job_table
 from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row, value_columns
-from armload_controller.fleet.row_store import RowStore
+from armload_controller.fleet.row_store import RowStore, latest_rows
 from armload_identification.many_arms.arm_runs import Kind, Quantity
 from armload_identification.many_arms.fleet_review import review_fleet
 
@@ -72,6 +73,24 @@ def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_wait
     ]
     assert "line 3: no file matches two/*.mcap" in found[-1].remarks[0]
     assert (found[2].listed, found[2].done) == (1, 1)
+
+
+def test_the_clock_of_a_worker_does_not_decide_which_row_counts(tmp_path):
+    (tmp_path / "a.mcap").touch()
+    (tmp_path / "jobs.csv").write_text("arm,robot,loaded\none,er50,a.mcap\n")
+    for worker_days, mass in ((9, 1.0), (0, 2.0)):
+
+        def do(jobs, off=timedelta(days=worker_days), mass=mass):
+            for job in jobs:
+                row = empty_row(job, "1")
+                row |= {"identified_utc": row["identified_utc"] + off, "mass_kg": mass}
+                yield row | {"outcome": RowOutcome.IDENTIFIED.value}
+
+        with RowStore(tmp_path) as store:
+            listing = list_jobs(read_job_table(tmp_path / "jobs.csv"), tmp_path / "jobs.csv")
+            do_jobs(listing, listing.jobs, store, do)
+    (row,) = latest_rows(tmp_path, ("mass_kg",))
+    assert row["mass_kg"] == 2.0
 
 
 @pytest.mark.long

@@ -125,6 +125,17 @@ def test_rows_that_failed_while_a_server_was_down_do_not_count_once_there_is_a_r
     assert [row["outcome"] for row in latest_rows(tmp_path, ())] == ["identified", "refused", "failed"]
 
 
+@pytest.mark.parametrize("at_once", [True, False])
+def test_a_change_that_is_undone_makes_a_job_new_again(tmp_path, at_once):
+    with RowStore(tmp_path) as store:
+        for minute, key in enumerate(("old", "new")):
+            if not at_once:
+                store.done_keys()
+            store.add(row(0, key=key, loaded="\udcfc.mcap", identified_utc=DAY + timedelta(minutes=minute)))
+            store.flush()
+        assert store.done_keys() == {"new"}
+
+
 def test_finished_jobs_are_read_once(tmp_path):
     with RowStore(tmp_path) as store:
         store.add(row(0))
