@@ -42,7 +42,7 @@ LATEST_RUNS: Final = 5
 TWINS_LEAST: Final = 3
 """Least number of twins for a comparison."""
 ABSENT: Final = timedelta(days=30)
-"""An arm's latest recording is not recent if it is older than the fleet's latest one by more than this, ..."""
+"""An arm's latest recording is not recent if it is older than the fleet's latest result by more than this, ..."""
 ABSENT_INTERVALS: Final = 2
 """... and by more than this number of the arm's longest interval between recordings: some are recorded each quarter."""
 SILENT: Final = 3.0
@@ -215,10 +215,12 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
     of_all: defaultdict[ArmKey, list[ArmRun]] = defaultdict(list)
     for run in ordered:
         of_all[run.arm, run.model].append(run)
+    # Results only: a recording that is missing has the date of the attempt to read it.
+    latest = max((run.recorded for run in ordered if not run.problem), default=None)
     absent = {
         arm: AbsentArm(*arm, len(of_arm), of_arm[-1].recorded)
         for arm, of_arm in of_all.items()
-        if _is_absent(of_arm, ordered[-1].recorded)
+        if latest is not None and _is_absent(of_arm, latest)
     }
     by_arm = {arm: of_arm for arm, of_arm in of_all.items() if arm not in absent}
     series = {
@@ -252,7 +254,7 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
 
 
 def _is_absent(runs: Sequence[ArmRun], latest: datetime) -> bool:
-    """Whether the last of an arm's runs is not recent, compared with the latest run of the fleet."""
+    """Whether the last of an arm's runs is not recent, compared with the latest result of the fleet."""
     intervals = (later.recorded - run.recorded for run, later in pairwise(runs))
     return latest - runs[-1].recorded > max(ABSENT, ABSENT_INTERVALS * max(intervals, default=timedelta()))
 

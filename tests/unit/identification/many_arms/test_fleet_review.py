@@ -152,6 +152,13 @@ def test_an_arm_that_is_no_longer_recorded_is_neither_assessed_nor_ranked():
     assert second.arm not in page[: page.index("<h2>No recent recording")]
 
 
+def test_a_missing_recording_has_no_date_that_makes_the_others_old():
+    runs = fleet()
+    missing = replace(runs[-1], recorded=FIRST + timedelta(days=300), problem="no such file", figures={})
+    assert not review_fleet([*runs, missing]).absent
+    assert not review_fleet([replace(runs[0], problem="damaged", figures={}), missing]).absent
+
+
 def test_an_arm_that_is_recorded_rarely_is_not_absent_before_twice_its_interval():
     nightly, (run, *_) = fleet(), of_arms(fleet(4), "cell01")
     for age, absent in ((181, True), (179, False)):
