@@ -158,7 +158,8 @@ def _levels(values: FloatArray, weight: FloatArray, price: float) -> list[tuple[
     sums = np.concatenate([np.zeros((1, 3)), np.cumsum(np.stack([weight, weight * values, weight * values**2], 1), 0)])
     best, begin = np.full(count + 1, np.inf), np.zeros(count + 1, dtype=np.intp)
     best[0] = -price
-    for end in range(1, count + 1):
+    # No level ends after fewer runs, unless there are no more.
+    for end in range(min(_LEAST_LEVEL, count), count + 1):
         starts = np.arange(0, max(end - _LEAST_LEVEL, 0) + 1)
         part = sums[end] - sums[starts]
         cost = best[starts] + price + part[:, 2] - part[:, 1] ** 2 / part[:, 0]

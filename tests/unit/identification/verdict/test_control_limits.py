@@ -28,13 +28,13 @@ def test_chance_is_no_change():
     assert np.mean([found.outside for found in alarms]) < 0.01
 
 
-@pytest.mark.parametrize("since", [2, 14, 26])
-def test_a_change_of_level_is_found_where_it_began(since):
+@pytest.mark.parametrize(("since", "size"), [(2, -7.0), (14, -5.0), (26, -5.0), (28, -7.0)])
+def test_a_change_of_level_is_found_where_it_began(since, size):
     values = scatter(3)
-    values[since:] -= 5.0
+    values[since:] += size
     (change,) = chart(values).changes
     assert abs(change.index - since) <= 1
-    assert change.after - change.before == pytest.approx(-5.0, abs=3.0 * change.deviation)
+    assert change.after - change.before == pytest.approx(size, abs=3.0 * change.deviation)
 
 
 def test_a_change_that_is_undone_is_two():
@@ -53,6 +53,22 @@ def test_a_single_run_that_is_off_is_no_change():
     assert np.flatnonzero(found.alone).tolist() == [12]
     assert found.outside[12]
     assert np.abs(found.level).max() < 1.0
+
+
+@pytest.mark.parametrize("place", [0, 6, 11])
+@pytest.mark.parametrize("size", [4.2, 5.0, 5.2, 12.0])
+def test_the_first_and_the_last_run_are_judged_as_any_other(place, size):
+    values = np.zeros(12)
+    values[place] = size
+    found = control_chart(values, np.zeros(12), np.zeros(12), 1.0, CHARTS)
+    assert found.changes == ()
+    assert np.flatnonzero(found.outside).tolist() == [place]
+    assert np.flatnonzero(found.alone).tolist() == ([place] if size > 5.1 else [])
+
+
+def test_two_runs_that_differ_are_one_level():
+    assert chart(np.array([0.0, 9.0])).level == pytest.approx([4.5, 4.5])
+    assert chart(np.array([9.0])).level == pytest.approx([9.0])
 
 
 def test_all_runs_may_differ_from_the_calibration_by_what_it_does_not_know():
