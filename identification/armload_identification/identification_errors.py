@@ -4,6 +4,7 @@ IdentificationError
  +-- ModelError         invalid parameters of a chain, payload or trajectory
  +-- RecordingError     a recording that cannot be read or does not fit the arm
  +-- EstimationError    data that do not determine the result
+ |    +-- NoPayloadMass a payload's mass that the data do not determine, or that is not above 0
  +-- ExcitationError    no trajectory within the limits
  +-- FileError          a file of this program that cannot be used: file, key, value found and what was expected
  |    +-- CalibrationFileError an arm.calibration.toml that is incomplete or inconsistent
@@ -33,6 +34,20 @@ class RecordingError(IdentificationError):
 
 class EstimationError(IdentificationError):
     """Data that do not determine the result."""
+
+
+class NoPayloadMass(EstimationError):
+    """A payload's mass that the data do not determine, or that is not above 0.
+
+    Attributes:
+        mass_kg: The estimate.
+        half_width_kg: Half width of its 95 % interval, systematic errors included.
+    """
+
+    def __init__(self, message: str, mass_kg: float, half_width_kg: float) -> None:
+        super().__init__(message)
+        self.mass_kg = mass_kg
+        self.half_width_kg = half_width_kg
 
 
 class ExcitationError(IdentificationError):

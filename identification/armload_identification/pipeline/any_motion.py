@@ -14,7 +14,7 @@ from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.known_arm_fit import fit_on_known_arm, friction_covariance
 from armload_identification.estimation.empty_arm.known_arm_signal import KnownArmSignal
 from armload_identification.estimation.least_squares import Estimate, Prior
-from armload_identification.estimation.uncertainty import DETERMINED_SHARE, quantify
+from armload_identification.estimation.uncertainty import DETERMINED_SHARE, NORMAL_HALF_WIDTH, quantify, shifts_by
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
@@ -144,21 +144,23 @@ def _on_known_arm(
 
     signal, fit, friction, struck = without_blows(seen.signal, fit_to)
     plain = InertialParameters(fit.theta[:10])
-    width = float(quantify(fit, plain).half_width_95[0]) if plain.mass_kg != 0.0 else np.inf
-    if plain.mass_kg <= 0.0 or width > DETERMINED_SHARE * plain.mass_kg:
-        raise quality.undetermined(name, plain.mass_kg, width)
-    floor = float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.mass_kg)) / plain.mass_kg
-    changes = fit.theta[10 : 10 + 2 * chain.n].reshape(2, -1)
-    own = ArmFriction.of(arm.fit.model, signal.states.velocity_rad_s, changes)
-    said = friction_notes(standard_deviations(changes, friction_covariance(fit, chain.n), arm.drift[:2]))
     # Measured minus predicted torque has the correlated errors of gains and body.
     doubts = np.concatenate(
         [
             arm.doubts(signal.states, signal.interval_s, signal.loaded.torque_nm),
             _model_doubts(signal, fit, arm),
-            floor * (regressor @ plain.theta)[None],
         ]
     )
+    width = float(quantify(fit, plain).half_width_95[0]) if plain.mass_kg != 0.0 else np.inf
+    if plain.mass_kg <= 0.0 or width > DETERMINED_SHARE * plain.mass_kg:
+        if plain.mass_kg != 0.0:
+            width = float(quantify(fit, plain, shifts_by(fit, doubts)).half_width_95[0])
+        raise quality.undetermined(name, plain.mass_kg, float(np.hypot(width, NORMAL_HALF_WIDTH * FLOOR_KG)))
+    floor = float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.mass_kg)) / plain.mass_kg
+    changes = fit.theta[10 : 10 + 2 * chain.n].reshape(2, -1)
+    own = ArmFriction.of(arm.fit.model, signal.states.velocity_rad_s, changes)
+    said = friction_notes(standard_deviations(changes, friction_covariance(fit, chain.n), arm.drift[:2]))
+    doubts = np.concatenate([doubts, floor * (regressor @ plain.theta)[None]])
     return completed(
         signal, regressor, fit, friction, doubts, None, (loaded,), transmission, None, own, struck, said, prior=prior
     )

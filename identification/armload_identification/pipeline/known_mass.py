@@ -8,7 +8,7 @@ from typing import Final
 
 from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.identification_errors import EstimationError
+from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.pipeline.identification import Identification
 
 _CONTRADICTS: Final = 2.0
@@ -35,15 +35,22 @@ def note_on_mass(known: KnownPayload, identified: Callable[[Prior], Identificati
     mass_kg = known.mass_kg
     if mass_kg is None or isinstance(mass_kg, tuple):
         return ""
+    refusal: NoPayloadMass | None = None
     try:
-        free = identified(replace(known, mass_kg=None).prior())
+        free = identified(replace(known, mass_kg=None).prior()).uncertainty
+    except NoPayloadMass as problem:
+        # An empty arm has an accurate mass too, of 0; with an exact mass as prior nothing else would refuse its run.
+        refusal, center, half_width = problem, problem.mass_kg, problem.half_width_kg
     except EstimationError:
         return ""  # Without the mass, the data determine nothing to compare it with.
-    center, half_width = float(free.uncertainty.values[0]), float(free.uncertainty.half_width_95[0])
+    else:
+        center, half_width = float(free.values[0]), float(free.half_width_95[0])
     if abs(mass_kg - center) <= half_width:
         return ""
     without = f"{center:.4g} +- {half_width:.2g} kg (95 %)"
     if abs(mass_kg - center) > _CONTRADICTS * half_width:
+        if refusal is not None:
+            raise EstimationError(f"the weighed mass {mass_kg:g} kg contradicts the data. Without it: {refusal}")
         raise EstimationError(
             f"the weighed mass {mass_kg:g} kg contradicts the data: without it, the mass is {without}. Check the "
             "balance, its unit (kg), whether the recordings are of this payload, and the drive gains (`armload "

@@ -25,7 +25,7 @@ from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.sampled_torque import sampling_doubt
 from armload_identification.estimation.servo_sag import on_one_motion
-from armload_identification.estimation.uncertainty import quantify
+from armload_identification.estimation.uncertainty import quantify, shifts_by
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
@@ -202,12 +202,12 @@ def _from_difference(
     coulomb_nm = np.abs(body.coulomb_nm)
     check_against_others(signal, regressor, fit, coulomb_nm, gains_fitted=fitted_gains is not None)
     plain = InertialParameters(fit.theta[:10])
-    if plain.mass_kg <= 0.0:
-        width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf
-        raise explain_negative_mass(plain.mass_kg, float(width))
     doubts = sampling_doubt(chain, signal.states, fit.theta[:10], signal.interval_s)
     if friction is not None:
         doubts = np.concatenate([friction.doubts_nm, doubts])
+    if plain.mass_kg <= 0.0:
+        width = quantify(fit, plain, shifts_by(fit, doubts)).half_width_95[0] if plain.mass_kg < 0.0 else np.inf
+        raise explain_negative_mass(plain.mass_kg, float(width))
     said: tuple[str, ...] = ()
     own = ArmFriction.of(body, signal.unloaded.states.velocity_rad_s)
     if known_arm is not None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm_fit import MOVING
-from armload_identification.identification_errors import EstimationError
+from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.model.body_model import BodyModel
 from armload_identification.signals.motion import Motion
 from armload_identification.verdict.joint_words import numbered_joints
@@ -78,7 +78,7 @@ class MotionQuality:
             f"{name}: {seen}, and friction at rest hides the payload. To determine the payload, {self.missing}."
         )
 
-    def undetermined(self, name: str, mass_kg: float, half_width_kg: float) -> EstimationError:
+    def undetermined(self, name: str, mass_kg: float, half_width_kg: float) -> NoPayloadMass:
         """The error for a mass that the motion does not determine, or that is negative.
 
         Args:
@@ -87,13 +87,17 @@ class MotionQuality:
             half_width_kg: Half width of its 95 % interval.
         """
         if mass_kg < -half_width_kg:
-            return EstimationError(
+            return NoPayloadMass(
                 f"{name}: the mass is negative, {mass_kg:.3g} kg +- {half_width_kg:.2g} kg: the torque is not that "
                 "of the calibrated arm. Check the joint order, units and signs of the recording, that it is of this "
-                "arm, and that nothing was taken off the arm, or its base tilted, since the calibration."
+                "arm, and that nothing was taken off the arm, or its base tilted, since the calibration.",
+                mass_kg,
+                half_width_kg,
             )
         remedy = self.missing or "record a longer run"
-        return EstimationError(
+        return NoPayloadMass(
             f"{name}: the mass is not determined: the estimate is {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. Either "
-            f"nothing is mounted, or the motion is insufficient: {remedy}."
+            f"nothing is mounted, or the motion is insufficient: {remedy}.",
+            mass_kg,
+            half_width_kg,
         )

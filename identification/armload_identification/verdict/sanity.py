@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.least_squares import Estimate, estimate_reweighted
-from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_identification.identification_errors import EstimationError, NoPayloadMass, RecordingError
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phases import whole_periods
 from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
@@ -335,7 +335,7 @@ def _contradiction(joints: NDArray[np.bool_]) -> EstimationError:
     )
 
 
-def explain_negative_mass(mass_kg: float, half_width_kg: float) -> EstimationError:
+def explain_negative_mass(mass_kg: float, half_width_kg: float) -> NoPayloadMass:
     """The error for a mass that is not positive.
 
     Args:
@@ -343,11 +343,15 @@ def explain_negative_mass(mass_kg: float, half_width_kg: float) -> EstimationErr
         half_width_kg: Half width of its 95 % interval.
     """
     if abs(mass_kg) <= half_width_kg:
-        return EstimationError(
+        return NoPayloadMass(
             f"the two runs do not differ by a payload: the estimated mass is {mass_kg:.3g} kg +- "
-            f"{half_width_kg:.2g} kg. Check that the payload was mounted in the loaded run."
+            f"{half_width_kg:.2g} kg. Check that the payload was mounted in the loaded run.",
+            mass_kg,
+            half_width_kg,
         )
-    return EstimationError(
+    return NoPayloadMass(
         f"the estimated mass is negative, {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. The loaded and the unloaded "
-        "recording are exchanged: exchange them."
+        "recording are exchanged: exchange them.",
+        mass_kg,
+        half_width_kg,
     )

@@ -10,11 +10,12 @@ import pytest
 from armload_identification.estimation.empty_arm.known_arm_fit import friction_covariance
 from armload_identification.estimation.empty_arm.known_arm_signal import KnownArmSignal
 from armload_identification.estimation.estimator_names import Estimator
+from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.joint_strength import TorqueLimits
-from armload_identification.identification_errors import EstimationError, ExcitationError, RecordingError
+from armload_identification.identification_errors import EstimationError, ExcitationError, NoPayloadMass, RecordingError
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.pipeline.any_motion import FLOOR_KG, identify_windows
 from armload_identification.pipeline.mass_prospect import MassProspect
@@ -192,6 +193,25 @@ def test_an_empty_arm_has_no_mass(pinocchio_arm, known):
     with pytest.raises(EstimationError, match="the mass is not determined"):
         identify(empty, None, chain, transmission, arm=arm)
     assert all(window.found is None for window in identify_windows(empty, chain, transmission, arm, 5.0))
+
+
+def test_a_weighed_mass_does_not_make_a_payload_of_an_empty_arm(pinocchio_arm, known):
+    """With the exact mass as prior its interval is narrow, whatever the data: nothing after the fit refuses it."""
+    chain, transmission, arm = known
+    empty = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), False, seed=9, with_phase=False)
+
+    def weighed(mass_kg, run=empty):
+        return identify(run, None, chain, transmission, arm=arm, known=KnownPayload(mass_kg=mass_kg))
+
+    with pytest.raises(EstimationError, match=r"mass 3 kg contradicts the data\. Without it: .*nothing is mounted"):
+        weighed(3.0)
+    with pytest.raises(NoPayloadMass) as nothing:
+        identify(empty, None, chain, transmission, arm=arm)
+    assert 1.9 * FLOOR_KG < nothing.value.half_width_kg < 3.0 * FLOOR_KG
+    light_kg = nothing.value.mass_kg + 1.5 * nothing.value.half_width_kg
+    assert "is outside the interval of the data" in weighed(light_kg).notes[0]
+    too_little = moved(pinocchio_arm, (5, 6))
+    assert weighed(pinocchio_arm.payload.mass_kg, too_little).uncertainty.determined[0]
 
 
 def test_a_negative_mass_is_not_taken_for_insufficient_motion(pinocchio_arm, known):

@@ -291,6 +291,15 @@ def test_a_weighed_mass_is_compared_with_the_data(pair, pinocchio_arm, nominal):
             with_mass(mass_kg)
 
 
+def test_a_weighed_mass_does_not_hide_runs_that_are_exchanged_or_both_empty(pair, pinocchio_arm):
+    """The wrong mass would be explained as wrong signs or gains of the joints."""
+    loaded, unloaded = pair
+    again = pinocchio_arm.run(pinocchio_arm.trajectory(), False, seed=11)
+    for runs, reason in (((unloaded, loaded), "are exchanged"), ((again, unloaded), "do not differ by a payload")):
+        with pytest.raises(EstimationError, match=f"mass 4 kg contradicts the data. Without it: .* {reason}"):
+            identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission, known=KnownPayload(mass_kg=4.0))
+
+
 def test_the_result_is_the_same_twice(pair, pinocchio_arm, nominal):
     again = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
     np.testing.assert_array_equal(again.parameters.theta, nominal.parameters.theta)
