@@ -59,7 +59,7 @@ STEPS = [
     "mapping the transmit PDO 1", "switching unused PDOs off", "selecting the mode",
     *SAFETY, "configuring the heartbeat consumer", "reading the name",
 ]  # fmt: skip
-LATER = ["presetting the target", "checking for faults"]
+LATER = ["checking the state", "comparing the settings", "presetting the target"]
 HARMLESS = {"looking for the node", "reading the name"}
 """A node that answers with an abort is present, and a missing name is no error."""
 

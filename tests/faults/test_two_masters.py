@@ -131,3 +131,49 @@ def test_after_another_program_has_reset_the_drives_they_are_not_enabled(virtual
         assert not any(arm.plant.powered)
     second.enable()
     second.close()
+
+
+SILENT = dict.fromkeys((2, 3, 5), DriveTraits(boot_message=False))
+"""Drives whose boot-up is not noticed, as after a long wait in which the interface's queue overflowed."""
+
+
+def test_drives_that_another_program_has_enabled_are_not_written_to(virtual_arm, rival):
+    arm = virtual_arm(traits=SILENT)
+    second = rival(arm)
+    second.connect()
+    start = enabled(arm)
+    move(arm, start, 20)
+    arm.frames(0)
+    with pytest.raises(ServoError, match=r"joint_2 .*carries torque in OPERATION ENABLED, which this program has not"):
+        second.enable()
+    requests = [m for m in overheard(arm.monitor) if m.arbitration_id == 0 or 0x600 < m.arbitration_id < 0x680]
+    assert requests
+    assert all(m.arbitration_id and m.data[0] >> 5 != 1 for m in requests), "only reads"
+    move(arm, start, 20, done=20)
+
+
+def test_drives_that_another_program_has_configured_are_not_enabled(virtual_arm, rival):
+    arm = virtual_arm(traits=SILENT)
+    arm.servos.connect()
+    rival(arm, replace(arm.arm, cycle_s=0.02)).connect()
+    with pytest.raises(ServoError, match=r"joint_2 .*1006:0 .* is 20000, and was 10000 when the drive was configured"):
+        arm.servos.enable()
+    assert not any(arm.plant.powered)
+
+
+@pytest.mark.parametrize(
+    ("request_data", "words"),
+    [
+        ("2b726000e8030000", "6072:0 .* is 1000, and was 3000"),
+        ("2f60600007000000", "6061:0 .* is 7, and was 8"),
+        ("2300180183010080", f"1800:1 .* is {0x8000_0183}, and was {0x4000_0183}"),
+    ],
+    ids=["greatest torque", "mode", "PDO"],
+)
+def test_a_drive_whose_settings_were_changed_after_connecting_is_not_enabled(virtual_arm, request_data, words):
+    arm = virtual_arm(traits={3: DriveTraits(modes=frozenset({7, 8}))})
+    arm.servos.connect()
+    arm.monitor.send(can.Message(arbitration_id=0x603, data=bytes.fromhex(request_data), is_extended_id=False))
+    with pytest.raises(ServoError, match=rf"joint_3 \(node 3\), comparing the settings: {words}"):
+        arm.servos.enable()
+    assert not any(arm.plant.powered)

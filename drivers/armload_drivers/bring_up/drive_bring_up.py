@@ -217,7 +217,18 @@ class DriveSetup(DriveDialogue):
         self._safety = secure(self._objects, values)
         # Only verified here; the watch itself starts with the cycle.
         self.watch_master(on=False)
+        self._objects.held.pop(od.HEARTBEAT_CONSUMER, None)
         require_safety(self._objects, values, self._safety)
+
+    def require_as_configured(self) -> None:
+        """Require a drive without torque or fault, with the settings that were read back when it was configured.
+
+        Raises:
+            ServoFault: it is in FAULT.
+            ServoError: it carries torque, or a setting has changed.
+        """
+        self.require_disabled()
+        self._objects.require_held()
 
     def report(self) -> DriveReport:
         """The findings."""
@@ -287,7 +298,7 @@ class DriveSetup(DriveDialogue):
         self._require_mapped_objects()
         for layout in self._image.layouts:
             self._sdo.step = f"mapping the {layout.direction.name.lower()} PDO {layout.number + 1}"
-            map_pdo(self._sdo, layout)
+            self._objects.held |= map_pdo(self._sdo, layout)
         self._sdo.step = "switching unused PDOs off"
         for direction in od.PdoDirection:
             used = sum(layout.direction is direction for layout in self._image.layouts)
@@ -331,6 +342,7 @@ class DriveSetup(DriveDialogue):
                 f"6061 reports mode {found} after {self._timeouts.mode_s} s, {mode} was requested",
                 "Is the mode licensed and allowed in the drive's present state?",
             )
+        self._objects.held[od.MODE_DISPLAY] = mode
 
 
 def master_node_id(arm: ArmSettings) -> int:

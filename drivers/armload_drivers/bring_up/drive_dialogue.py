@@ -112,20 +112,27 @@ class DriveDialogue:
         code = self._sdo.read_if_there(od.ERROR_CODE)
         return "603F does not give a cause" if code is None else describe(code)
 
-    def require_no_fault(self) -> None:
-        """Refuse to continue with a drive in FAULT.
+    def require_disabled(self) -> None:
+        """Refuse to continue with a drive in FAULT, or with one that another program has enabled.
 
         Raises:
             ServoFault: with the drive's error code.
+            ServoError: the drive carries torque.
         """
-        self._sdo.step = "checking for faults"
-        if self.read_state() in {State.FAULT, State.FAULT_REACTION_ACTIVE}:
+        self._sdo.step = "checking the state"
+        state = self.read_state()
+        if state in {State.FAULT, State.FAULT_REACTION_ACTIVE}:
             raise ServoFault(
                 self.settings.node_id,
                 self.settings.joint,
                 "enabling",
                 f"the drive is in FAULT: {self._read_cause()}",
                 "Remove the cause, then reset the fault (`armload drives reset`) and enable again",
+            )
+        if state in POWERED:
+            raise self._sdo.failure(
+                f"the drive carries torque in {state.title}, which this program has not requested",
+                "Another program has enabled it: end that, then repeat this command",
             )
 
     def hold_present_position(self) -> int:
@@ -172,7 +179,7 @@ class DriveDialogue:
             self._sdo.write(od.CONTROLWORD, machine.controlword(time.monotonic() - begun_s))
             machine.receive(self._sdo.read(od.STATUSWORD), time.monotonic() - begun_s)
         self._sdo.write(od.CONTROLWORD, 0)
-        self.require_no_fault()
+        self.require_disabled()
         return self.read_state()
 
     def remove_torque(self) -> None:

@@ -28,11 +28,13 @@ class DriveObjects:
     Attributes:
         sdo: SDO access to it.
         missing: Objects that the drive lacks, or that do not hold the required value.
+        held: Values that were read back, and must not change before the drive is configured again.
     """
 
     def __init__(self, sdo: SdoChannel) -> None:
         self.sdo = sdo
         self.missing: list[Entry] = []
+        self.held: dict[Entry, int] = {}
 
     def read(self, entry: Entry) -> int | None:
         """Read an object that not every drive has."""
@@ -45,6 +47,21 @@ class DriveObjects:
         """Note that an object is missing."""
         if entry not in self.missing:
             self.missing.append(entry)
+
+    def require_held(self) -> None:
+        """Require that the drive still has the values that were read back when it was configured.
+
+        Raises:
+            ServoError: one has changed.
+        """
+        self.sdo.step = "comparing the settings"
+        for entry, value in self.held.items():
+            found = self.sdo.read_if_there(entry)
+            if found != value:
+                raise self.sdo.failure(
+                    f"{entry} is {found}, and was {value} when the drive was configured",
+                    "Has it rebooted, or has another program changed it? Repeat the command: it configures the drive",
+                )
 
     def hold(self, entry: Entry, value: int) -> str:
         """Write an object and read it back; one that has the value already need not be writable.
@@ -65,6 +82,7 @@ class DriveObjects:
         if found is None:
             return f"no {name}"
         if found == value:
+            self.held[entry] = value
             return ""
         if refused is None:
             return f"{name} reads {found} after {value} was written"

@@ -19,12 +19,15 @@ from armload_drivers.driver_errors import SdoRefused, ServoError
 _MOST_PDOS = 512
 
 
-def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
+def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> dict[Entry, int]:
     """Make one of a drive's PDOs carry what the layout says, synchronously.
 
     Args:
         sdo: Access to the drive; its `step` names the step in progress.
         layout: The PDO.
+
+    Returns:
+        Its parameters, as read back.
 
     Raises:
         SdoRefused: the drive refuses the mapping.
@@ -57,13 +60,15 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
         )
     if free:
         sdo.write(cob_id, word)
-    for entry, value in [*wanted, (count, len(wanted)), (kind, od.PDO_SYNCHRONOUS), (cob_id, word)]:
+    parameters = dict([*wanted, (count, len(wanted)), (kind, od.PDO_SYNCHRONOUS), (cob_id, word)])
+    for entry, value in parameters.items():
         found = sdo.read(entry)
         if found != value:
             raise sdo.failure(
                 f"{entry} reads 0x{found:X} after 0x{value:X} was written",
                 "The drive does not keep this mapping; see its manual for what can be mapped",
             )
+    return parameters
 
 
 def _write(sdo: SdoChannel, entry: Entry, value: int) -> bool:

@@ -157,7 +157,8 @@ class CanopenServos:
 
         Raises:
             StateError: not connected, or still enabled or stopped.
-            ServoError: a drive has rebooted since `connect`, or refused a request.
+            ServoError: a drive is not as `connect` has left it: rebooted, changed or enabled by another program; or it
+                refused a request.
             ServoFault: a drive is in FAULT; `drive_check.reset` resets it once the cause is removed.
             ServoTimeout: a drive did not reach the state in time.
             BusError: the bus failed.
@@ -322,12 +323,13 @@ class CanopenServos:
             raise StateError(f"the servos are {self._phase.name.lower()}: connect them first")
 
     def _begin_cycles(self) -> None:
-        """Preset targets and start the nodes, unless one has rebooted since `connect`."""
+        """Preset targets and start the nodes, unless one is not as `connect` has left it."""
         self._require_configured()
+        for setup in self._setups:
+            setup.require_as_configured()
         for node, setup in zip(self._nodes, self._setups, strict=True):
             node.target_counts = node.position_counts = setup.hold_present_position()
             node.offset_permille = 0
-            setup.require_no_fault()
             setup.watch_master(on=True)
         self._cycle.begin()
 
