@@ -171,11 +171,12 @@ def with_stars(pattern: str, stars: tuple[str, ...]) -> str | None:
 
 
 @contextmanager
-def local_copy(url: str) -> Iterator[Path]:
+def local_copy(url: str, folder: str | None = None) -> Iterator[Path]:
     """A local path of a file: the file itself if local, otherwise a copy that exists within the block.
 
     Args:
         url: Path or URL of a file or folder.
+        folder: Folder for the copy; by default the system's for temporary files.
 
     Raises:
         ListingError: no installed library reads such URLs.
@@ -185,8 +186,8 @@ def local_copy(url: str) -> Iterator[Path]:
         yield Path(url)
         return
     files, path = _file_system(url)
-    with tempfile.TemporaryDirectory(prefix="armload-") as folder:
-        copy = Path(folder) / (path.rstrip("/").rsplit("/", 1)[-1] or "recording")
+    with tempfile.TemporaryDirectory(prefix="armload-", dir=folder) as own:
+        copy = Path(own) / (path.rstrip("/").rsplit("/", 1)[-1] or "recording")
         # not isdir(): over HTTP that reads the complete file to see whether it is a list of files
         files.get(path, str(copy), recursive=files.info(path).get("type") == "directory")
         yield copy

@@ -26,11 +26,12 @@ _ROBOTS = 64
 """Number of robots that a worker caches: reading one takes a fifth as long as identifying a pair."""
 
 
-def run_job(job: Job) -> Row:
+def run_job(job: Job, folder: str | None = None) -> Row:
     """Identify the payload of a recording.
 
     Args:
         job: The recording and the related inputs.
+        folder: Folder for copies of remote files; by default the system's for temporary files.
 
     Returns:
         A row, whatever happens; `repeatable` decides between "refused" and "failed".
@@ -39,15 +40,17 @@ def run_job(job: Job) -> Row:
     row = empty_row(job, version("armload"))
     copies: dict[str, str] = {}
     try:
-        row |= _identified(job, row, copies)
+        row |= _identified(job, row, copies, folder)
     except Exception as problem:  # noqa: BLE001 - one recording must not stop thousands of others
         row |= {"outcome": outcome_of(problem).value, "error": _named(_said(problem), copies)}
     row |= {"cpu_s": time.process_time() - cpu_s, "wall_s": time.monotonic() - started}
     return row | {"worker": f"{socket.gethostname()} {os.getpid()}"}
 
 
-def run_with_version(job: Job, wanted: str) -> Row:
-    """As `run_job`, on a worker that may have joined after the workers' versions were compared.
+def run_on_worker(job: Job, wanted: str) -> Row:
+    """As `run_job`, on a Dask worker that may have joined after the workers' versions were compared.
+
+    Copies of remote files are made in the worker's own folder, which Dask removes after the worker was killed.
 
     Args:
         job: The recording and the related inputs.
@@ -62,16 +65,18 @@ def run_with_version(job: Job, wanted: str) -> Row:
             f"the worker on {socket.gethostname()} has armload {own}, the coordinator {wanted}; install the same "
             "version everywhere"
         )
-    return run_job(job)
+    from distributed import get_worker
+
+    return run_job(job, get_worker().local_directory)
 
 
-def _identified(job: Job, row: Row, copies: dict[str, str]) -> Row:
+def _identified(job: Job, row: Row, copies: dict[str, str], folder: str | None) -> Row:
     """The fields of an identification; `row` and `copies` are filled in even if the recording is then refused."""
     robot = _robot_of(job)
     with ExitStack() as stack:
 
         def here(url: str) -> Path:
-            path = stack.enter_context(local_copy(url))
+            path = stack.enter_context(local_copy(url, folder))
             copies[str(path)] = url
             return path
 

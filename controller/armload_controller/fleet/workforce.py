@@ -100,7 +100,7 @@ class Workforce:
         """
         from distributed import as_completed
 
-        from armload_controller.fleet.work import run_with_version
+        from armload_controller.fleet.work import run_on_worker
 
         own = version("armload")
         waiting = iter(jobs)
@@ -111,7 +111,7 @@ class Workforce:
             threads = self.threads
             for job in islice(waiting, max(2 * threads - len(given), 0)):
                 given[job.key] = job
-                task = self._client.submit(run_with_version, job, own, key=f"armload-{job.key}", pure=False)
+                task = self._client.submit(run_on_worker, job, own, key=f"armload-{job.key}", pure=False)
                 under_way.add(task)
             return threads
 

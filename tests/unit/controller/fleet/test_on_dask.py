@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import fsspec
 import pytest
 
 from armload_controller.control_errors import CommissioningError, FleetError
@@ -150,10 +151,33 @@ def behind_tls(recorded_er50, tmp_path_factory):
             with RowStore(jobs) as store, Workforce(address) as force:
                 listing, new = new_jobs(table, store)
                 tally = do_jobs(listing, new, store, force.rows)
+                copies = copied_for(force)
+                (worker,) = cluster.workers.values()
+                copied = [Path(copy).parent.parent == Path(worker.local_directory) for copy in copies]
                 taken = taken_as_workers_join(cluster, force)
             with dask.config.set(tls_of(stranger)):
                 refusals = [refusal(address), refusal("carrier-pigeon://roof")]
-    return address, tally, refusals, taken
+    return SimpleNamespace(address=address, tally=tally, refusals=refusals, taken=taken, copied=copied)
+
+
+def copied_for(force):
+    """Where a worker copies a recording from a store to."""
+    copies = []
+
+    class Store(fsspec.AbstractFileSystem):
+        protocol = "noted"
+
+        def info(self, path, **_options):
+            return {"name": path, "size": 1, "type": "file"}
+
+        def get(self, _path, copy, **_options):
+            copies.append(copy)
+            Path(copy).write_bytes(b"\0")
+
+    fsspec.register_implementation("noted", Store, clobber=True)
+    (row,) = force.rows([Job("k", "one", "er50", {"loaded": "noted://cell/a.mcap"}, "", "", None, None)])
+    assert (row["outcome"], "noted://cell/a.mcap: " in row["error"]) == ("refused", True), row["error"]
+    return copies
 
 
 def taken_as_workers_join(cluster, force):
@@ -186,20 +210,22 @@ def refusal(address):
 
 @pytest.mark.long
 def test_a_scheduler_behind_tls_does_the_jobs_of_its_owner(behind_tls):
-    address, tally, *_ = behind_tls
-    assert address.startswith("tls://127.0.0.1:")
-    assert tally.to_dict()["outcomes"] == {"identified": 1, "refused": 1, "failed": 0}
+    assert behind_tls.address.startswith("tls://127.0.0.1:")
+    assert behind_tls.tally.to_dict()["outcomes"] == {"identified": 1, "refused": 1, "failed": 0}
 
 
 def test_workers_that_join_during_a_run_get_jobs(behind_tls):
-    assert behind_tls[3] == [2, 7, 20]
+    assert behind_tls.taken == [2, 7, 20]
+
+
+def test_a_worker_copies_recordings_to_its_own_folder_which_dask_removes(behind_tls):
+    assert behind_tls.copied == [True]
 
 
 def test_a_certificate_that_the_scheduler_does_not_know_is_refused(behind_tls):
-    address, _, refusals, _ = behind_tls
-    assert f"no scheduler at {address}: " in refusals[0]
-    assert "check --scheduler and its certificates" in refusals[0]
-    assert "no scheduler at carrier-pigeon://roof: " in refusals[1]
+    assert f"no scheduler at {behind_tls.address}: " in behind_tls.refusals[0]
+    assert "check --scheduler and its certificates" in behind_tls.refusals[0]
+    assert "no scheduler at carrier-pigeon://roof: " in behind_tls.refusals[1]
 
 
 def test_a_job_that_takes_its_worker_with_it_is_a_row_that_is_tried_again():

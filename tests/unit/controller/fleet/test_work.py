@@ -20,7 +20,7 @@ from armload_controller.fleet.job import Job
 from armload_controller.fleet.recording_row import RowOutcome, value_columns
 from armload_controller.fleet.repeatable import outcome_of
 from armload_controller.fleet.row_store import RowStore, read_rows
-from armload_controller.fleet.work import run_job, run_with_version
+from armload_controller.fleet.work import run_job, run_on_worker
 from armload_identification.identification_errors import (
     ExcitationFileError,
     ExtraMissing,
@@ -232,7 +232,7 @@ def test_only_what_would_be_refused_again_is_refused(problem, outcome):
 
 def test_a_worker_that_joined_with_another_version_does_nothing():
     with pytest.raises(FleetError, match=r"has armload .*, the coordinator 0\.0; install the same version everywhere"):
-        run_with_version(job_of("er50", "none.mcap"), "0.0")
+        run_on_worker(job_of("er50", "none.mcap"), "0.0")
 
 
 def test_a_second_run_does_what_failed_and_what_is_new(done):
