@@ -9,6 +9,8 @@ from dataclasses import dataclass
 class Timeouts:
     """Limits of all waits. Errors name the wait that timed out.
 
+    How long bring-up listens for another master follows from the heartbeat: `bring_up.safe_reset`.
+
     Attributes:
         probe_s: First query of a node by one SDO, before it is reset.
         scan_s: For answers of nodes that are not configured, all queried at once.

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import armload_controller
+import armload_drivers
 
 PACKAGE = Path(armload_controller.__file__).parent
 
@@ -30,3 +31,9 @@ def test_where_it_is_done(pattern, files):
         str(path.relative_to(PACKAGE)) for path in PACKAGE.rglob("*.py") if re.search(pattern, path.read_text("utf-8"))
     }
     assert found == files
+
+
+def test_only_one_function_resets_drives_and_it_requires_their_states():
+    drivers = Path(armload_drivers.__file__).parent
+    sending = [path for path in drivers.rglob("*.py") if re.search(r"command\(NmtCommand\.RESET", path.read_text("utf-8"))]
+    assert [path.name for path in sending] == ["safe_reset.py"]
