@@ -34,6 +34,6 @@ def test_where_it_is_done(pattern, files):
 
 
 def test_only_one_function_resets_drives_and_it_requires_their_states():
-    drivers = Path(armload_drivers.__file__).parent
-    sending = [path for path in drivers.rglob("*.py") if re.search(r"command\(NmtCommand\.RESET", path.read_text("utf-8"))]
-    assert [path.name for path in sending] == ["safe_reset.py"]
+    modules = Path(armload_drivers.__file__).parent.rglob("*.py")
+    sending = [path.name for path in modules if re.search(r"command\(NmtCommand\.RESET", path.read_text("utf-8"))]
+    assert sending == ["safe_reset.py"]
