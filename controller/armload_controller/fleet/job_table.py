@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from armload_controller.control_errors import ConfigurationError
+from armload_controller.fleet.remote_files import is_url
 from armload_identification.storage.strict_csv import CsvLine, parse_csv, read_csv
 
 REQUIRED: Final = ("arm", "robot", "loaded")
@@ -75,6 +76,18 @@ def _entry(line: CsvLine, source: str) -> TableEntry:
     for name in REQUIRED:
         if not line.text(name):
             raise ConfigurationError(source, f"line {line.number}, {name}", None, "expected text")
+    robot, calibration = line.text("robot"), line.text("calibration")
+    if is_url(robot):
+        raise ConfigurationError(
+            source,
+            f"line {line.number}, robot",
+            robot,
+            "expected a shipped robot, or a path that the workers can read; recordings and calibrations may be URLs",
+        )
+    if "*" in calibration:
+        raise ConfigurationError(
+            source, f"line {line.number}, calibration", calibration, "expected one file: a * has no meaning here"
+        )
     if bool(line.text("validation_loaded")) != bool(line.text("validation_unloaded")):
         raise ConfigurationError(
             source,
@@ -85,9 +98,9 @@ def _entry(line: CsvLine, source: str) -> TableEntry:
     return TableEntry(
         line=line.number,
         arm=line.text("arm"),
-        robot=line.text("robot"),
+        robot=robot,
         recordings={name: line.text(name) for name in RECORDINGS if line.text(name)},
-        calibration=line.text("calibration"),
+        calibration=calibration,
         payload=line.text("payload"),
         mass_kg=line.positive("mass_kg", source, ConfigurationError),
     )

@@ -152,6 +152,8 @@ def test_what_is_said_of_the_payload_is_part_of_a_job(cells):
         ("arm,robot,loaded,weight\na,b,c,1\n", "line 1 is 'weight': expected each of the columns arm, robot, loaded"),
         (HEADER, "the table has no rows; expected one or more arms"),
         (HEADER + "a,,c\n", "line 2, robot is missing: expected text"),
+        (HEADER + "a,s3://robots/b.toml,c\n", "line 2, robot is 's3://robots/b.toml': expected a shipped robot, or"),
+        (HEADER + "a,b,c,d,cal-*.toml\n", "line 2, calibration is 'cal-*.toml': expected one file"),
         (HEADER + "a,b,c,d,e,f,heavy\n", "line 2, mass_kg is 'heavy': expected a number above 0, or nothing"),
         (HEADER + "# one\na,b,c,d,e,f,1,7\n", "line 3 is 'a,b,c,d,e,f,1,7': expected 7 columns"),
         (
