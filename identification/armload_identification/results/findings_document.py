@@ -143,7 +143,8 @@ def _identification_fields(identification: Identification) -> dict[str, Any]:
     return {
         "plain_mass_kg": plain.mass_kg,
         "plain_is_possible": not identification.physical.changed,
-        "condition_number": identification.plain.condition_number,
+        "plain_margin": number(identification.physical.plain_margin),
+        "condition_number": number(identification.plain.condition_number),
         "notes": list(identification.notes),
     }
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.reading_options import Effort
-from armload_identification.results.findings_document import agreement_fields, numbers
+from armload_identification.results.findings_document import agreement_fields, number, numbers
 
 if TYPE_CHECKING:
     # a command does not load the modules of the other documents
@@ -195,7 +195,7 @@ def feedforward_document(
                     "weight_nm": float(comparison.weight_nm[i]),
                     "carries_weight": i in comparison.gravity_loaded,
                     "without_rms_rad": float(comparison.without_rms_rad[i]),
-                    "reduction": {label: float(comparison.reduction(label)[i]) for label in comparison.with_rad},
+                    "reduction": {label: number(comparison.reduction(label)[i]) for label in comparison.with_rad},
                 }
                 for i, name in enumerate(comparison.joint_names)
             ],

@@ -218,6 +218,17 @@ def test_what_is_not_determined_has_no_number():
     assert json.loads(json.dumps(made(), allow_nan=False))
 
 
+def test_a_joint_that_never_left_its_setpoint_has_no_reduction():
+    joints, ones = ("a", "b"), np.ones(2)
+    offset = OffsetVerdict(joints, ones, ones, np.full(2, 0.01), 4)
+    errors = np.tile([0.01, 0.0], (5, 1))
+    compared = Comparison(Measure.ADDED, joints, np.arange(5.0), errors, {"fed": 0.1 * errors}, 9.0 * ones)
+    with np.errstate(invalid="ignore"):
+        fed = feedforward_document("arm", offset, [compared], None)
+    reductions = [joint["reduction"]["fed"] for joint in fed["comparisons"][0]["joints"]]
+    assert reductions == [pytest.approx(0.9), None]
+
+
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=[pytest.mark.long] * (name in {"design", "identify", "report"})) for name in COMMANDS],
