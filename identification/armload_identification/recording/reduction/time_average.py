@@ -17,6 +17,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import Recording, RecordingSource
+from armload_identification.recording.reduction.reduction import WrongReduction
 from armload_identification.recording.reduction.repeated_values import RepeatCounter
 from armload_identification.recording.row_block import RowBlock, joined
 
@@ -24,6 +25,8 @@ INTERVAL_S: Final = 0.01
 MOST_MEANS: Final = 2**17
 _FULL: Final = 0.5
 """A mean of less than this share of its samples is dropped, as its mean time differs from the interval's centre."""
+_LEARNT_FROM: Final = 1000
+"""Rows from which the sampling interval is determined: a single pair of stamps may be off by the jitter."""
 
 
 class TimeAverager:
@@ -36,6 +39,7 @@ class TimeAverager:
 
     def __init__(self, excitation: Excitation | None, most_means: int = MOST_MEANS) -> None:
         self._excitation, self._most_means = excitation, most_means
+        self._learning: list[RowBlock] = []
         self._samples = 0
         self._width_s = 0.0
         self._start_s = 0.0
@@ -49,25 +53,20 @@ class TimeAverager:
         effort = rows.effort
         if not rows.size:
             return
-        if not self._samples:
-            self._repeats = None if effort is None else RepeatCounter(rows.n)
-            interval_s = float(np.median(np.diff(rows.time_s)))
-            self._samples = max(int(INTERVAL_S / interval_s * (1.0 + 1e-6)), 1)
-            self._width_s = self._samples * interval_s
-            # Half an interval earlier, so that jitter moves no sample across an edge.
-            self._start_s = float(rows.time_s[0]) - 0.5 * interval_s
-        if self._repeats is not None and effort is not None:
+        if effort is not None:
+            self._repeats = self._repeats or RepeatCounter(rows.n)
             self._repeats.add(effort, rows.position_rad)
-        rows = rows if self._open is None else joined([self._open, rows])
-        number = self._number(rows)
-        # Only pairs of intervals are closed, so that pairs can be merged at any time.
-        closed = int(np.searchsorted(number, number[-1] - number[-1] % 2))
-        self._open = rows.rows(slice(closed, None))
-        if closed:
-            self._keep(self._stretches(rows.rows(slice(0, closed))))
+        if self._samples:
+            self._average(rows)
+            return
+        self._learning.append(rows)
+        if sum(block.size for block in self._learning) >= _LEARNT_FROM:
+            self._learn()
 
     def recording(self, source: RecordingSource) -> Recording:
         """The means as rows."""
+        if not self._samples:
+            self._learn()
         if self._open is not None:
             self._keep(self._stretches(self._open))
             self._open = None
@@ -83,6 +82,29 @@ class TimeAverager:
             source=source,
             repeats=None if self._repeats is None else self._repeats.result(),
         )
+
+    def _learn(self) -> None:
+        """Determine the intervals from the first rows, and average these."""
+        if sum(block.size for block in self._learning) < 2:
+            raise WrongReduction
+        rows = joined(self._learning)
+        self._learning = []
+        interval_s = float(np.median(np.diff(rows.time_s)))
+        self._samples = max(int(INTERVAL_S / interval_s * (1.0 + 1e-6)), 1)
+        self._width_s = self._samples * interval_s
+        # Half an interval earlier, so that jitter moves no sample across an edge.
+        self._start_s = float(rows.time_s[0]) - 0.5 * interval_s
+        self._average(rows)
+
+    def _average(self, rows: RowBlock) -> None:
+        """Average the completed intervals."""
+        rows = rows if self._open is None else joined([self._open, rows])
+        number = self._number(rows)
+        # Only pairs of intervals are closed, so that pairs can be merged at any time.
+        closed = int(np.searchsorted(number, number[-1] - number[-1] % 2))
+        self._open = rows.rows(slice(closed, None))
+        if closed:
+            self._keep(self._stretches(rows.rows(slice(0, closed))))
 
     def _number(self, rows: RowBlock) -> FloatArray:
         """Number of each row's interval."""

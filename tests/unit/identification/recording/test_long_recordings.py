@@ -211,6 +211,26 @@ def test_means_become_longer_where_there_are_too_many(interval_s):
     assert kept.size >= np.unique(number).size - 4
 
 
+def test_means_do_not_depend_on_where_the_first_block_ends():
+    """It has one row if `--between` begins at the last row of a reader's block."""
+    time_s = 0.001 * np.arange(5000)
+    time_s[1] -= 4e-4
+    position = np.column_stack([np.sin(time_s), np.cos(0.7 * time_s)])
+    rows = RowBlock(time_s, position, None, position**2, None, None)
+    kept = []
+    for edges in ([0, 5000], [0, 1, 5000], [0, 1, 2, 700, 5000], [0, 1, 700]):
+        averager = TimeAverager(None)
+        for first, end in itertools.pairwise(edges):
+            averager.add(rows.rows(slice(first, end)))
+        kept.append(averager.recording(RecordingSource(Path("x"), "", "made", 0, 0, {})))
+    whole, *others, shortest = kept
+    assert whole.size == 500
+    for other in others:
+        np.testing.assert_array_equal(other.time_s, whole.time_s)
+        np.testing.assert_array_equal(other.current_a, whole.current_a)
+    np.testing.assert_array_equal(shortest.time_s, whole.time_s[:70])
+
+
 def test_means_that_are_too_long_for_the_motion_are_refused(pinocchio_arm):
     time_s = 0.1 * np.arange(30_000)
     position = np.outer(np.sin(time_s / 0.15), np.full(6, 0.3))
