@@ -47,7 +47,7 @@ def run(tally: Tally, pool: Executor, census: Census) -> None:
     payload = robot.simulation.plant_spec("paper").payload
     if payload is None:
         raise ValueError("er50 has no payload of the name 'paper'")
-    tally.heading(f"Coverage of the 95 % intervals: er50, six joints, white noise")
+    tally.heading("Coverage of the 95 % intervals: er50, six joints, white noise")
     print("  periods, commissionings | " + "  ".join(f"{name:>5s}" for name in PARAMETER_NAMES))
     for periods, seeds in COMMISSIONINGS.items():
         motion = shipped_motion(robot, periods=periods)
