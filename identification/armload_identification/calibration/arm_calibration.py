@@ -278,6 +278,7 @@ class ArmCalibration:
         to_joint = np.linalg.inv(self.body.coupling)
         noise = np.sqrt((self.noise_nm * self.gain_nm_a / self.nominal) ** 2 @ to_joint**2)
         return KnownArm(
+            self.effort,
             self._body_fit(),
             lambda *motion: self.torque_doubts(level, *motion),
             drift=self.drift,

@@ -22,7 +22,7 @@ from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unkn
 from armload_identification.calibration.arm_rows import RunSignals, arm_rows, run_signals
 from armload_identification.estimation.empty_arm.blows import struck_samples
 from armload_identification.estimation.empty_arm.known_arm_rows import payload_scale
-from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.reading_options import Effort
@@ -30,6 +30,7 @@ from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.signals.robust_scale import deviation_by_median
+from armload_identification.verdict.effort_mismatch import require_effort
 from armload_identification.verdict.sanity import check_run
 
 _GAIN: Final = 0.10
@@ -132,17 +133,12 @@ def run_health(
     """
     calibration.require_arm(chain, transmission.coupling)
     check_joints(recording, chain.n)
+    require_effort(recording, calibration.effort)
     check_run(recording, transmission)
     with threadpool_limits(1):
         if calibration.effort is Effort.CURRENT:
             transmission = replace(transmission, gain_nm_a=calibration.nominal)
         signals = run_signals(recording, transmission)
-        if signals.from_torque is not (calibration.effort is Effort.TORQUE):
-            held = "torque" if signals.from_torque else "current"
-            raise RecordingError(
-                f"{name}: it contains {held}, but the calibration is for {calibration.effort}. Record "
-                f"{calibration.effort}, or calibrate from such recordings."
-            )
         fit = _RunFit(signals, calibration, chain, mounting)
         return fit.health(name, recorded or _began(recording), calibration)
 

@@ -23,6 +23,7 @@ from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import motion_of, motion_over_time
+from armload_identification.verdict.effort_mismatch import require_effort
 from armload_identification.verdict.friction_validity import friction_notes, standard_deviations
 from armload_identification.verdict.motion_quality import MotionQuality
 from armload_identification.verdict.sanity import check_run
@@ -98,6 +99,7 @@ def identify_windows(
         RecordingError: a recording that does not fit the arm, is invalid, or is shorter than a window.
     """
     check_joints(loaded, chain.n)
+    require_effort(loaded, arm.effort)
     if loaded.average is not None:
         raise RecordingError(
             f"{loaded.source.path}: a run of this length along an excitation is reduced to its average period while it "

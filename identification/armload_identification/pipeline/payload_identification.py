@@ -39,6 +39,7 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal, load_signal
 from armload_identification.signals.motion import Motion
 from armload_identification.verdict.column_mistakes import looks_wrong, refuse_wrong_columns
+from armload_identification.verdict.effort_mismatch import require_effort
 from armload_identification.verdict.friction_validity import friction_change, friction_notes, standard_deviations
 from armload_identification.verdict.joint_scales import joint_scales
 from armload_identification.verdict.operator_notes import misfit_notes
@@ -127,6 +128,8 @@ def _by_prior(
     runs = (loaded,) if unloaded is None else (loaded, unloaded)
     for run in runs:
         check_joints(run, chain.n)
+        if known_arm is not None:
+            require_effort(run, known_arm.effort)
     if unloaded is None:
         if known_arm is None:
             raise EstimationError(

@@ -16,6 +16,7 @@ from armload_identification.recording.reduction.phases import whole_periods
 from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.verdict.effort_mismatch import require_same_effort
 from armload_identification.verdict.joint_scales import JointScales, joint_scales
 from armload_identification.verdict.joint_words import numbered_joints
 
@@ -69,8 +70,8 @@ def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmissio
         transmission: Gains and coupling.
 
     Raises:
-        RecordingError: the same file twice, exchanged labels, a constant, stuck or saturated torque column, or a wrong
-            sign.
+        RecordingError: the same file twice, exchanged labels, torque in one and current in the other, a constant, stuck
+            or saturated torque column, or a wrong sign.
     """
     if loaded.source.sha256 == unloaded.source.sha256:
         raise RecordingError(
@@ -83,6 +84,7 @@ def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmissio
             f"{loaded.source.path} was recorded as '{labels[0]}' and {unloaded.source.path} as '{labels[1]}'. "
             "Exchange the two files."
         )
+    require_same_effort(loaded, unloaded)
     for run in (loaded, unloaded):
         check_run(run, transmission)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.body_fit import BodyFit
 from armload_identification.model.joint_states import JointStates
+from armload_identification.recording.reading_options import Effort
 
 TorqueDoubts = Callable[[JointStates, float, FloatArray], FloatArray]
 """Of K states, the time between them (s) and the (K, n) measured torque (N m): (k, K, n), the change of measured minus
@@ -20,6 +21,7 @@ class KnownArm:
     """What is known of the empty arm from a calibration.
 
     Attributes:
+        effort: Quantity that its runs contained, and to which the calibrated gains refer.
         fit: Its body, and how well load-dependent friction, rotors and delay are known.
         doubts: Errors of a payload's torque when this body's torque is subtracted from one run.
         drift: (3, n) standard deviation, over the runs of the calibration, of a run's Coulomb friction (N m), viscous
@@ -29,6 +31,7 @@ class KnownArm:
         correlation_s: (n,) correlation time of that residual.
     """
 
+    effort: Effort
     fit: BodyFit
     doubts: TorqueDoubts
     drift: FloatArray

@@ -537,7 +537,7 @@ def test_a_run_by_itself_shows_other_gains_and_friction_beside_an_unknown_payloa
     # Stated as empty, its payload remains in the residual.
     assert health(found, mounting="").residual.max() > 3.0
     assert health(found, mounting="").carried == "nothing"
-    with pytest.raises(RecordingError, match="it contains torque, but the calibration is for current"):
+    with pytest.raises(RecordingError, match="it contains joint torque, but the arm was calibrated with motor current"):
         health(replace(found, current_a=None, torque_nm=found.current_a))
 
 

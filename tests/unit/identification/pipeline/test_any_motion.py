@@ -21,6 +21,7 @@ from armload_identification.pipeline.any_motion import FLOOR_KG, identify_window
 from armload_identification.pipeline.mass_prospect import MassProspect
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.pipeline.wiggle import shortest_wiggle
+from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording
 from armload_identification.results.payload_over_time import PayloadOverTime
 from armload_identification.signals.motion import motion_over_time
@@ -230,6 +231,25 @@ def test_wrong_use_is_named(known, loaded):
         identify_windows(loaded, chain, transmission, arm, 900.0)
     with pytest.raises(EstimationError, match="'ols' requires the difference of two runs"):
         identify(loaded, None, chain, transmission, arm=arm, estimator=Estimator.OLS)
+
+
+def test_the_gains_of_currents_are_not_applied_to_torques(pinocchio_arm, known, loaded):
+    """Nor to the torque of a run that contains both, which would be used."""
+    chain, transmission, arm = known
+    both = replace(loaded, torque_nm=pinocchio_arm.transmission.joint_torque(loaded.current_a))
+    for run, content in (
+        (replace(both, current_a=None), "joint torque"),
+        (both, "joint torque and motor current, of which the torque is used"),
+    ):
+        refusal = f"loaded.mcap: it contains {content}, but the arm was calibrated with motor current"
+        with pytest.raises(RecordingError, match=refusal):
+            identify(run, None, chain, transmission, arm=arm)
+        with pytest.raises(RecordingError, match=refusal):
+            identify(run, run, chain, transmission, arm=arm)
+        with pytest.raises(RecordingError, match=refusal):
+            identify_windows(run, chain, transmission, arm, 5.0)
+    with pytest.raises(RecordingError, match="contains motor current, but the arm was calibrated with joint torque"):
+        identify(loaded, None, chain, transmission, arm=replace(arm, effort=Effort.TORQUE))
 
 
 def test_a_table_a_document_and_a_picture(known, loaded, tmp_path):

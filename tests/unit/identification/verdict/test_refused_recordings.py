@@ -15,7 +15,7 @@ from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reduction.repeated_values import repeated_values
-from armload_identification.verdict.sanity import check_run
+from armload_identification.verdict.sanity import check_pair, check_run
 
 pytestmark = pytest.mark.pure
 
@@ -50,6 +50,24 @@ def test_unspoiled_they_are_identified(tables, outcome, pinocchio_arm):
     result = outcome(*tables)
     assert not any("joint order" in note for note in result.notes)
     assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
+
+
+def test_torque_of_one_run_and_current_of_the_other_are_not_subtracted(pinocchio_arm):
+    """Half of the difference would have the errors of nominal gains, which neither the interval nor a note stated."""
+    current = [pinocchio_arm.run(pinocchio_arm.trajectory(), load, seed=31 + load, periods=2) for load in (True, False)]
+    both = [replace(run, torque_nm=pinocchio_arm.transmission.joint_torque(run.current_a)) for run in current]
+    torque = [replace(run, current_a=None) for run in both]
+    for runs, content in (
+        ((torque[0], current[1]), "loaded.mcap contains joint torque, and unloaded.mcap contains motor current:"),
+        ((current[0], torque[1]), "loaded.mcap contains motor current, and unloaded.mcap contains joint torque:"),
+        (
+            (both[0], current[1]),
+            "loaded.mcap contains joint torque and motor current, of which the torque is used, and",
+        ),
+    ):
+        with pytest.raises(RecordingError, match=content):
+            check_pair(*runs, pinocchio_arm.transmission)
+    check_pair(both[0], torque[1], pinocchio_arm.transmission)
 
 
 @pytest.mark.parametrize(
