@@ -98,7 +98,7 @@ class ArmCalibration:
         drift: (3, n) standard deviation of a run's Coulomb, viscous and offset changes.
         noise_nm: (n,) RMS residual, axis torque with nominal gains.
         correlation_s: (n,) correlation time of that residual: its integrated autocorrelation.
-        level_nm: (n,) RMS effort, for scale.
+        level_nm: (n,) RMS effort, axis torque with nominal gains, for scale.
         payloads: One per mounting.
         runs: One per run that was used.
         left_out: File name and reason of every excluded run.
@@ -275,25 +275,28 @@ class ArmCalibration:
             chain: The configured arm.
         """
         level = self.level(chain)
-        to_joint = np.linalg.inv(self.body.coupling)
-        noise = np.sqrt((self.noise_nm * self.gain_nm_a / self.nominal) ** 2 @ to_joint**2)
         return KnownArm(
             self.effort,
             self._body_fit(),
             lambda *motion: self.torque_doubts(level, *motion),
             drift=self.drift,
             friction_spread=self.friction_spread,
-            noise_nm=noise,
+            noise_nm=self._joint_rms(self.noise_nm),
             correlation_s=self.correlation_s,
         )
+
+    def _joint_rms(self, axis_nm: FloatArray) -> FloatArray:
+        """(n,) RMS joint torque from that of axes with nominal gains, which are taken as uncorrelated."""
+        to_joint = np.linalg.inv(self.body.coupling)
+        return np.asarray(np.sqrt((axis_nm * self.gain_nm_a / self.nominal) ** 2 @ to_joint**2))
 
     def _body_fit(self) -> BodyFit:
         """The body with its standard deviations."""
         links = int(np.count_nonzero(self.body.base))
         return BodyFit(
             model=self.body,
-            residual_rms_nm=self.noise_nm,
-            torque_rms_nm=self.level_nm,
+            residual_rms_nm=self._joint_rms(self.noise_nm),
+            torque_rms_nm=self._joint_rms(self.level_nm),
             base_parameters=links,
             determined=links,
             rotor_deviation_kg_m2=self.deviation("rotors"),

@@ -199,6 +199,28 @@ def colder(run, joint, arm):
     return replace(run, current_a=current)
 
 
+def test_the_residual_of_a_known_arm_is_that_of_its_joints(result, pinocchio_arm, nominal):
+    """A calibration holds that of axes with nominal gains; joints 5 and 6 are a differential wrist here."""
+    coupling = np.eye(6)
+    coupling[4:, 4:] = [[0.5, 0.5], [0.5, -0.5]]
+    nominal = Transmission(nominal.gain_nm_a, coupling)
+    found = replace(
+        result,
+        body=replace(result.body, coupling=coupling),
+        noise_nm=np.array([1.0, 2.0, 0.5, 0.2, 0.3, 0.9]),
+        gain_nm_a=1.2 * nominal.gain_nm_a,
+    )
+    known = found.known_arm(pinocchio_arm.chain)
+    axes = np.random.default_rng(1).normal(size=(100_000, 6))
+    for axis_nm, joint_nm in (
+        (found.noise_nm, known.noise_nm),
+        (found.noise_nm, known.fit.residual_rms_nm),
+        (found.level_nm, known.fit.torque_rms_nm),
+    ):
+        torque = found.transmission(nominal).joint_torque(axes * axis_nm / nominal.gain_nm_a)
+        np.testing.assert_allclose(joint_nm, np.sqrt(np.mean(torque**2, axis=0)), rtol=0.01)
+
+
 def test_a_body_from_one_motion_says_how_little_it_knows_of_others(runs, pinocchio_arm, nominal, result):
     found = calibrated(runs[:1], {}, pinocchio_arm, nominal)
     (text,) = [text for text in found.warnings if text.startswith("for other motions")]
