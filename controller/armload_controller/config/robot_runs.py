@@ -73,7 +73,8 @@ def read_runs(robot: Robot, paths: Sequence[Path], progress: Callable[[int, int]
     for done, row in enumerate(rows, 1):
         try:
             recording = read_of(robot, row.recording)
-            runs.append(MountedRun(recording, row.mounting if tables else _mounting_of(recording)))
+            mounting = row.mounting if tables else _mounting_of(recording)
+            runs.append(MountedRun(recording, mounting, row.recorded))
         except (IdentificationError, CommissioningError) as problem:
             left_out.append((row.recording.name, str(problem).removeprefix(f"{row.recording}: ")))
         if progress is not None:

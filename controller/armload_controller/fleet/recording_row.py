@@ -17,6 +17,7 @@ from armload_controller.fleet.job import Job
 from armload_core.arrays import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.recording import Recording
+from armload_identification.recording.run_start import run_start
 from armload_identification.results.findings import Findings
 
 Row = dict[str, Any]
@@ -52,8 +53,6 @@ _TEXTS_BEHIND: Final = (
     "armload_version",
     "worker",
 )
-_EARLIEST: Final = datetime(2000, 1, 1, tzinfo=UTC)
-"""Earlier times are not times since 1970, or are from a clock that was never set."""
 _CLOCKS_DIFFER: Final = timedelta(days=1)
 
 
@@ -112,26 +111,8 @@ def recorded_fields(recording: Recording, identified: datetime) -> Row:
     """
     row: Row = {"rows_read": recording.source.rows_read, "rows_dropped": recording.source.rows_dropped}
     row |= {"loaded_sha256": recording.source.sha256}
-    for by, stated in (("recording", _created(recording)), ("time stamps", _first_stamp(recording))):
-        if stated is not None and _EARLIEST <= stated <= identified + _CLOCKS_DIFFER:
-            return row | {"recorded_utc": stated, "recorded_by": by}
-    return row
-
-
-def _created(recording: Recording) -> datetime | None:
-    """The time in a recording's metadata."""
-    try:
-        return datetime.fromisoformat(str(recording.source.run().get("created", ""))).astimezone(UTC)
-    except (ValueError, OverflowError):
-        return None
-
-
-def _first_stamp(recording: Recording) -> datetime | None:
-    """The first time stamp as a time since 1970."""
-    try:
-        return datetime.fromtimestamp(float(recording.time_s[0]), UTC)
-    except (ValueError, OverflowError, OSError):
-        return None
+    start = run_start(recording, identified + _CLOCKS_DIFFER)
+    return row if start is None else row | {"recorded_utc": start.moment, "recorded_by": start.stated_by.value}
 
 
 def findings_fields(findings: Findings) -> Row:

@@ -42,7 +42,7 @@ class CalibratedRun:
     Attributes:
         name: File name.
         mounting: Name of its payload; empty for an empty arm.
-        recorded: Day and time stated in the recording; empty if it states none.
+        recorded: Date and time of its start, ISO 8601; empty if neither table nor recording states it.
         residual_rms_nm: (n,) RMS of effort minus prediction, axis torque with nominal gains.
         off: RMS over all joints of that, relative to the noise of all runs: 1 for a typical run.
         friction_changes: (3, n) differences of Coulomb (N m), viscous (N m s/rad) and offset (N m) from all runs.

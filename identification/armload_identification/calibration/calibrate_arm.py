@@ -34,6 +34,7 @@ from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording, check_joints
+from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
@@ -68,10 +69,12 @@ class MountedRun:
     Attributes:
         recording: The run.
         mounting: Name of the payload as mounted; empty for an empty arm.
+        recorded: Date and time of its start, ISO 8601; from the recording if empty.
     """
 
     recording: Recording
     mounting: str
+    recorded: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -380,7 +383,6 @@ class _Calibration:
         turn = np.ones(of.arm)
         turn[of.log_h] = -1.0
         deviation = np.sqrt(np.diag(fit.covariance))
-        sources = [run.recording.source for run in self._used]
         return ArmCalibration(
             robot=robot,
             effort=effort,
@@ -407,7 +409,7 @@ class _Calibration:
                 CalibratedRun(
                     name=name,
                     mounting=run.mounting,
-                    recorded=str(source.run().get("created", "")),
+                    recorded=used.recorded or run_start_text(used.recording),
                     residual_rms_nm=run.residual_rms_nm,
                     off=run.off,
                     friction_changes=run.changes.reshape(PER_RUN, n),
@@ -415,7 +417,7 @@ class _Calibration:
                     rows=run.rows,
                     struck=run.struck,
                 )
-                for name, source, run in zip(self._hashes(), sources, fit.runs, strict=True)
+                for name, used, run in zip(self._hashes(), self._used, fit.runs, strict=True)
             ),
             left_out=tuple(self._left_out),
             warnings=(*warnings, *self._undetermined(fit)),

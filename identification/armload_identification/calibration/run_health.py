@@ -8,7 +8,6 @@ noise, and from the calibration's errors on the run's motion, which all runs wit
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from typing import Final
 
 import numpy as np
@@ -27,6 +26,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording, check_joints
+from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.signals.robust_scale import deviation_by_median
@@ -49,8 +49,6 @@ _MOST_WINDOWS: Final = 30
 _LEAST_WINDOWS: Final = 3
 _PAYLOAD: Final = "payload"
 _TINY: Final = 1e-12
-_EPOCH_S: Final = (1e9, 4e9)
-"""Time stamps between these are seconds since 1970."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +138,7 @@ def run_health(
             transmission = replace(transmission, gain_nm_a=calibration.nominal)
         signals = run_signals(recording, transmission)
         fit = _RunFit(signals, calibration, chain, mounting)
-        return fit.health(name, recorded or _began(recording), calibration)
+        return fit.health(name, recorded or run_start_text(recording), calibration)
 
 
 class _RunFit:
@@ -324,12 +322,3 @@ class _RunFit:
             friction[number, fast] = (own[:n] + own[n : 2 * n] * middle)[fast]
             noise[number, fast] = size[fast]
         return FrictionOverTime(0.5 * (edges[1:] + edges[:-1]), friction, noise)
-
-
-def _began(recording: Recording) -> str:
-    """Date and time of a run's start, as far as the recording states it."""
-    said = str(recording.source.run().get("created", ""))
-    first_s = float(recording.time_s[0])
-    if said or not _EPOCH_S[0] < first_s < _EPOCH_S[1]:
-        return said
-    return datetime.fromtimestamp(first_s, UTC).isoformat(timespec="seconds")

@@ -2,7 +2,7 @@
 
 A CSV file with a header line and the columns `recording` (path, relative to the table), `mounting` (a name; empty for
 an empty arm), `mass_kg` (empty: not weighed) and, for a completely known payload, `payload` (path of its file);
-`recorded` is the start of a run, for recordings that do not contain it. One name is one payload on the flange, mounted
+`recorded` is the start of a run, for recordings that do not state it. One name is one payload on the flange, mounted
 once.
 """
 
@@ -85,9 +85,9 @@ def _row(line: CsvLine, source: str, folder: Path) -> TableRow:
 
 
 def _moment(text: str, source: str, place: str) -> str:
-    """A date, or date and time, or nothing, checked."""
+    """A date, or date and time, or nothing, checked; in the format of `datetime.isoformat`."""
     try:
-        datetime.fromisoformat(text or "2000-01-01")
+        return datetime.fromisoformat(text).isoformat() if text else ""
     except ValueError:
         raise RunTableError(
             source,
@@ -95,7 +95,6 @@ def _moment(text: str, source: str, place: str) -> str:
             text,
             "expected a date, or date and time, such as 2026-03-01T08:30, or nothing",
         ) from None
-    return text
 
 
 def _require_agreement(rows: list[TableRow], source: str) -> None:

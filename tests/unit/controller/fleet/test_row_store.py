@@ -95,7 +95,7 @@ def test_failed_is_not_done_and_the_latest_row_of_a_recording_counts(tmp_path):
     ],
 )
 def test_the_time_of_a_recording_is_the_first_possible_one(created, first_s, recorded, by):
-    source = SimpleNamespace(rows_read=2, rows_dropped=0, sha256="a", run=lambda: {"created": created})
+    source = SimpleNamespace(rows_read=2, rows_dropped=0, sha256="a", between_s=None, run=lambda: {"created": created})
     made = recorded_fields(SimpleNamespace(source=source, time_s=[first_s]), DAY)
     assert made.get("recorded_by") == by
     assert (made["recorded_utc"].isoformat() if by else None) == recorded

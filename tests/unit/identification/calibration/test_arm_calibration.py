@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 
@@ -18,6 +19,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.reading_options import Effort
+from armload_identification.recording.run_format import RUN_ATTACHMENT
 from armload_identification.signals.joint_torque import Transmission
 
 pytestmark = pytest.mark.pure
@@ -73,7 +75,10 @@ def other(pinocchio_arm):
 
 @pytest.fixture(scope="module")
 def runs(pinocchio_arm, other):
-    """Six runs on two trajectories: empty, with a weighed payload, and with an unweighed one."""
+    """Six runs on two trajectories: empty, with a weighed payload, and with an unweighed one.
+
+    The empty ones do not state when they were made, the others have an entry in the table or in the recording.
+    """
     made = []
     for seed in (3, 4):
         trajectory = pinocchio_arm.trajectory(seed, period_s=10.0)
@@ -81,7 +86,11 @@ def runs(pinocchio_arm, other):
             run = arm.run(
                 trajectory, bool(name), seed=10 * seed + len(name), load_friction=LOAD_FRICTION, with_phase=False
             )
-            made.append(MountedRun(named(run, f"{name or 'empty'}{seed}"), name))
+            run = named(run, f"{name or 'empty'}{seed}")
+            if name == "other":
+                attached = {RUN_ATTACHMENT: json.dumps({"created": f"2026-03-1{seed}T08:00:00+00:00"})}
+                run = replace(run, source=replace(run.source, attachments=attached))
+            made.append(MountedRun(run, name, recorded="2026-03-01T09:30:00" if name == "weighed" else ""))
     return made
 
 
@@ -122,6 +131,12 @@ def steps():
 @pytest.fixture(scope="module")
 def result(runs, weighed, pinocchio_arm, nominal, steps):
     return calibrated(runs, weighed, pinocchio_arm, nominal, progress=lambda done, total: steps.append((done, total)))
+
+
+def test_the_days_are_those_of_the_table_and_of_the_recordings(result):
+    assert sum(run.recorded == "" for run in result.runs) == 2
+    assert result.days == ("2026-03-01", "2026-03-13", "2026-03-14")
+    assert result.origin.startswith("6 runs from 2026-03-01 to 2026-03-14, ")
 
 
 def changed(runs, index, **recording):

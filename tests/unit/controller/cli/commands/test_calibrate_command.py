@@ -56,6 +56,16 @@ def test_a_recording_that_does_not_say_what_it_carried_is_named(ur10e, tmp_path)
     assert "give a table of runs" in reason
 
 
+def test_the_start_of_a_run_may_be_in_the_table(ur10e, tmp_path):
+    table, log = tmp_path / "runs.csv", tmp_path / "log.csv"
+    row = ",".join(["0.01"] * 31)
+    log.write_text("\n".join(f"{0.01 * i},{row}" for i in range(100)))
+    for said, recorded in (("20260301", "2026-03-01T00:00:00"), ("2026-03-01T08:30", "2026-03-01T08:30:00"), ("", "")):
+        table.write_text(f"recording,mounting,mass_kg,recorded\nlog.csv,,,{said}\n")
+        (run,) = read_runs(ur10e, [table]).runs
+        assert run.recorded == recorded
+
+
 def test_a_table_among_recordings_is_refused(ur10e, tmp_path):
     table = tmp_path / "runs.csv"
     table.write_text("recording,mounting,mass_kg\na.csv,,\n")
