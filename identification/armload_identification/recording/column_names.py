@@ -64,7 +64,7 @@ def columns_by_name(path: Path, names: Sequence[str]) -> CsvColumns:
         names: Names of all columns.
 
     Raises:
-        RecordingError: no time, no positions, or an ambiguous choice.
+        RecordingError: no time, no positions, an ambiguous choice, or a quantity in two units.
     """
     found: dict[str, dict[int | str, list[tuple[str, float]]]] = {}
     times: list[tuple[int, str, float]] = []
@@ -95,8 +95,15 @@ def columns_by_name(path: Path, names: Sequence[str]) -> CsvColumns:
                 f"{path}: {' and '.join(name for name, _ in double)} could both be the {quantity} of one joint. "
                 'Specify which: --columns "time=... position=...", or a [log] table in the robot\'s file.'
             )
-        chosen[quantity] = [column[0][0] for column in columns]
-        scales[quantity] = columns[0][0][1]
+        (first, scale), *others = (column[0] for column in columns)
+        other = next((name for name, factor in others if factor != scale), None)
+        if other is not None:
+            raise RecordingError(
+                f"{path}: {first} and {other} are the {quantity} of two joints in different units. Convert one of the "
+                "columns, or correct its name if only that is wrong; without a unit in the name, SI units are assumed."
+            )
+        chosen[quantity] = [first, *(name for name, _ in others)]
+        scales[quantity] = scale
     return CsvColumns(
         min(times)[1],
         chosen["position_rad"],

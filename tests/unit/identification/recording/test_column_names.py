@@ -116,6 +116,9 @@ def test_columns_are_recognised(header, expected):
         (["q1", "q2"], "no time column"),
         (["t", "q1"], "no positions of two or more joints"),
         (["t", "left_q1", "left_q2", "right_q1", "right_q2"], "left_q1 and right_q1 could both be the position_rad"),
+        (["t", "q1_deg", "q2_rad"], "q1_deg and q2_rad are the position_rad of two joints in different units"),
+        (["t", "q1", "q2", "q3_deg"], "q1 and q3_deg are .* SI units are assumed"),
+        (["t", "q1", "q2", "tau1_mNm", "tau2_Nm"], "tau1_mNm and tau2_Nm are the torque_nm of two joints"),
     ],
 )
 def test_what_is_not_clear_is_asked_for(header, said):
