@@ -66,10 +66,8 @@ class FrictionDifference:
     Attributes:
         load_joints: (n,) True where load-dependent friction has a column.
         load: (n,) its coefficient mu; 0 where there is no column.
-        load_t: (n,) robust t statistic of mu.
         viscous_joints: (n,) True where a change of viscous friction has a column.
         viscous_nm_s_rad: (n,) the change; 0 where there is no column.
-        viscous_t: (n,) robust t statistic of the change.
         torque_nm: (K, n) torque of both.
         known_deviation: (2 n,) standard deviations of the prior from the unloaded run: of mu where that run determines
             it; inf elsewhere, and for viscous changes.
@@ -80,10 +78,8 @@ class FrictionDifference:
 
     load_joints: NDArray[np.bool_]
     load: FloatArray
-    load_t: FloatArray
     viscous_joints: NDArray[np.bool_]
     viscous_nm_s_rad: FloatArray
-    viscous_t: FloatArray
     torque_nm: FloatArray
     known_deviation: FloatArray
     known: FloatArray
@@ -294,16 +290,12 @@ class FrictionColumns:
         """
         load, viscous = np.split(coefficient, 2)
         load_joints, viscous_joints = np.split(chosen, 2)
-        t = coefficient / _deviation(fit, chosen) if chosen.any() else np.zeros(chosen.size)
-        load_t, viscous_t = np.split(t, 2)
         torque_nm = self._load(fit.theta[:10]) * load + self._velocity * viscous
         return FrictionDifference(
             load_joints=load_joints,
             load=load,
-            load_t=load_t,
             viscous_joints=viscous_joints,
             viscous_nm_s_rad=viscous,
-            viscous_t=viscous_t,
             torque_nm=torque_nm,
             known_deviation=deviation,
             known=expected,

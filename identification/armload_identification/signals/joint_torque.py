@@ -190,6 +190,24 @@ class Transmission:
         return None if current_a is None else self.joint_torque(current_a)
 
 
+def reported_effort(recording: Recording) -> FloatArray:
+    """The columns from which a recording's torque is computed: torques if reported, else currents.
+
+    Args:
+        recording: The run.
+
+    Returns:
+        (N, n) joint torques in N m or motor currents in A.
+
+    Raises:
+        RecordingError: it contains neither.
+    """
+    effort = recording.effort
+    if effort is None:
+        raise RecordingError(f"{recording.source.path}: neither motor current nor joint torque. Record 6078 or 6077.")
+    return effort
+
+
 def joint_torque(recording: Recording, transmission: Transmission) -> FloatArray:
     """Measured joint torque of a recording: reported by the drives, else from the motor currents.
 
@@ -203,15 +221,11 @@ def joint_torque(recording: Recording, transmission: Transmission) -> FloatArray
     Raises:
         RecordingError: a constant signal, or neither torque nor current.
     """
-    reported, name = (recording.current_a, "current_a")
-    if recording.torque_nm is not None:
-        reported, name = (recording.torque_nm, "torque_nm")
-    torque = transmission.measured(recording.torque_nm, recording.current_a)
-    if torque is None or reported is None:
-        raise RecordingError(f"{recording.source.path}: neither motor current nor joint torque. Record 6078 or 6077.")
-    if (np.ptp(reported, axis=0) == 0.0).all():
+    effort = reported_effort(recording)
+    name = "current_a" if recording.torque_nm is None else "torque_nm"
+    if (np.ptp(effort, axis=0) == 0.0).all():
         raise RecordingError(
             f"{recording.source.path}: every column of {name} is constant, so nothing was measured. "
             "Check the mapping of 6077 or 6078, or the column map."
         )
-    return torque
+    return transmission.joint_torque(effort) if recording.torque_nm is None else transmission.reported_torque(effort)

@@ -14,7 +14,7 @@ from armload_identification.identification_errors import EstimationError, NoPayl
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phases import whole_periods
 from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
-from armload_identification.signals.joint_torque import Transmission, joint_torque
+from armload_identification.signals.joint_torque import Transmission, joint_torque, reported_effort
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.verdict.effort_mismatch import require_same_effort
 from armload_identification.verdict.joint_scales import JointScales, joint_scales
@@ -102,7 +102,7 @@ def check_run(run: Recording, transmission: Transmission) -> None:
     _refuse_long_means(run)
     _refuse_velocity(run)
     torque = joint_torque(run, transmission)
-    measured = torque if run.effort is None else run.effort
+    measured = reported_effort(run)
     moves = np.ptp(run.position_rad, axis=0) > _MOVES_RAD
     still = np.flatnonzero(moves & (np.ptp(measured, axis=0) == 0.0))
     if still.size:

@@ -20,7 +20,6 @@ from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.known_arm_signal import KnownArmSignal
 from armload_identification.estimation.friction_columns import FrictionDifference, load_column
 from armload_identification.estimation.least_squares import NOTHING_KNOWN, Estimate, Prior, estimate_reweighted
-from armload_identification.estimation.uncertainty import nuisance_deviation
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.signals.reversals import moving_weights
@@ -93,20 +92,13 @@ def friction_covariance(fit: Estimate, n: int) -> FloatArray:
 def _named(fit: Estimate, torque_nm: FloatArray, arm: KnownArm) -> FrictionDifference:
     """The friction by name; load-dependent friction is the calibration's."""
     n = arm.noise_nm.size
-    nothing, unknown = np.zeros(n), np.full(2 * n, np.inf)
-    body = arm.fit.model
-    viscous = fit.theta[10 + n : 10 + 2 * n]
     return FrictionDifference(
         load_joints=np.zeros(n, dtype=bool),
-        load=body.load_friction,
-        load_t=np.divide(
-            body.load_friction, arm.fit.load_deviation, out=nothing.copy(), where=body.load_friction > 0.0
-        ),
+        load=arm.fit.model.load_friction,
         viscous_joints=np.zeros(n, dtype=bool),
-        viscous_nm_s_rad=viscous,
-        viscous_t=viscous / nuisance_deviation(fit)[n : 2 * n],
+        viscous_nm_s_rad=fit.theta[10 + n : 10 + 2 * n],
         torque_nm=torque_nm,
-        known_deviation=unknown,
+        known_deviation=np.full(2 * n, np.inf),
         known=np.zeros(2 * n),
         doubts_nm=np.zeros((0, *torque_nm.shape)),
     )
