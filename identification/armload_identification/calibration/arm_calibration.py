@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_model import Unknowns
 from armload_identification.calibration.arm_rows import sideways, tilt_axes
 from armload_identification.estimation.empty_arm.body_fit import BodyFit
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
@@ -168,7 +169,7 @@ class ArmCalibration:
         """Standard deviations of a part of the unknowns.
 
         Args:
-            name: One of "links", "rotors", "load", "coulomb", "viscous", "root", "delay", "tilt".
+            name: One of "log_h", "links", "rotors", "load", "coulomb", "viscous", "root", "delay", "tilt".
         """
         return np.asarray(np.sqrt(np.diag(self.covariance)[self._place(name)]))
 
@@ -180,14 +181,8 @@ class ArmCalibration:
 
     def _place(self, name: str) -> slice:
         """Indices of a part of the unknowns in the covariance."""
-        n, links = self.n, int(np.count_nonzero(self.body.base))
-        sizes = {"gain": n, "links": links, "rotors": n, "load": n, "coulomb": n, "viscous": n, "root": n}
-        start = 0
-        for part, size in (sizes | {"delay": 1, "tilt": 2}).items():
-            if part == name:
-                return slice(start, start + size)
-            start += size
-        raise KeyError(name)
+        place: slice = getattr(Unknowns(self.n, int(np.count_nonzero(self.body.base)), ()), name)
+        return place
 
     @property
     def middle_speed_rad_s(self) -> FloatArray:

@@ -29,7 +29,9 @@ PER_RUN = 3
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Layout of the vector x of all shared unknowns.
+    """Layout of the vector x of all shared unknowns, and of a calibration's covariance, which has the arm's part of it.
+
+    A calibration's file does not name the parts: in another order, existing files would be read wrongly.
 
     Attributes:
         n: Number of joints.

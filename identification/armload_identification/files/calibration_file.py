@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration, CalibratedPayload, CalibratedRun
+from armload_identification.calibration.arm_model import Unknowns
 from armload_identification.files.covariance_table import require_covariance
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import CalibrationFileError, ModelError
@@ -31,9 +32,6 @@ from armload_identification.storage.strict_toml import (
     write_text,
 )
 
-_PARTS: Final = 7
-"""Unknowns per joint in the covariance: gain, rotor, load, Coulomb, viscous, root friction; one more for the links."""
-_SINGLE: Final = 3
 _SAME: Final = 1e-6
 
 
@@ -151,7 +149,7 @@ class _CalibrationFile(Table):
         require_shape("body.rotor_inertia_kg_m2", self.body.rotor_inertia_kg_m2, (n,))
         require_shape("body.coupling", self.body.coupling, (n, n))
         require_shape("body.tilt_rad", self.body.tilt_rad, (2,))
-        size = (_PARTS - 1) * n + int(np.count_nonzero(self.body.base)) + _SINGLE
+        size = Unknowns(n, int(np.count_nonzero(self.body.base)), ()).arm
         require_shape("uncertainty.covariance", self.uncertainty.covariance, (size, size))
         for index, payload in enumerate(self.payloads, 1):
             for key in ("theta", "deviation"):
