@@ -17,7 +17,7 @@ from armload_identification.pipeline.warm_up import WarmUp, warm_up
 from armload_identification.verdict.control_limits import ControlChart, control_chart
 
 
-class Figure(StrEnum):
+class Monitored(StrEnum):
     """Monitored quantity of a joint."""
 
     FRICTION = "friction"
@@ -37,7 +37,7 @@ class Finding:
 
     Attributes:
         joint: Joint, from 0.
-        figure: The quantity.
+        quantity: The quantity.
         run: Index, from 0, of the first run after the change, or of the outlying run.
         alone: Whether it is a single outlying run.
         before: Value before it, relative to the calibration: N m, relative, or the logarithm of the residual.
@@ -46,7 +46,7 @@ class Finding:
     """
 
     joint: int
-    figure: Figure
+    quantity: Monitored
     run: int
     alone: bool
     before: float
@@ -71,14 +71,14 @@ class ArmDrift:
     runs: tuple[RunHealth, ...]
     began: tuple[datetime, ...]
     friction_nm: FloatArray
-    charts: dict[Figure, tuple[ControlChart, ...]]
+    charts: dict[Monitored, tuple[ControlChart, ...]]
     warming: WarmUp | None
     findings: tuple[Finding, ...]
 
     @property
     def out_of_date(self) -> bool:
         """Whether the calibration no longer describes the arm: a gain or the residual has changed."""
-        return any(found.figure is not Figure.FRICTION and not found.alone for found in self.findings)
+        return any(found.quantity is not Monitored.FRICTION and not found.alone for found in self.findings)
 
     def when(self, run: int) -> str:
         """Date and time of a run; its number and name if the runs do not state their times.
@@ -111,15 +111,15 @@ def arm_drift(calibration: ArmCalibration, runs: Sequence[RunHealth]) -> ArmDrif
         friction = friction - warming.of_runs_nm
     charts = 3 * calibration.n
     noise, doubt = _stacked(runs, "friction_noise_nm"), _stacked(runs, "friction_doubt_nm")
-    found: dict[Figure, list[ControlChart]] = {figure: [] for figure in Figure}
+    found: dict[Monitored, list[ControlChart]] = {quantity: [] for quantity in Monitored}
     for j in range(calibration.n):
-        found[Figure.FRICTION].append(
+        found[Monitored.FRICTION].append(
             control_chart(friction[:, j], noise[:, j], doubt[:, j], float(calibration.usual_change_nm[j]), charts)
         )
         gain, own, known = (_stacked(runs, f"gain_{part}")[:, j] for part in ("change", "noise", "doubt"))
-        found[Figure.GAIN].append(control_chart(gain, own, known, USUAL_GAIN, charts))
+        found[Monitored.GAIN].append(control_chart(gain, own, known, USUAL_GAIN, charts))
         left, own, known = (_stacked(runs, f"residual{part}")[:, j] for part in ("", "_noise", "_doubt"))
-        found[Figure.RESIDUAL].append(
+        found[Monitored.RESIDUAL].append(
             control_chart(np.log(left), own, 0.5 * np.log1p(known**2), USUAL_RESIDUAL, charts)
         )
     drift = ArmDrift(
@@ -145,30 +145,30 @@ def _moment(text: str) -> datetime | None:
 def _findings(drift: ArmDrift) -> list[Finding]:
     """Changes, then outlying runs, in their order."""
     found = []
-    for figure, charts in drift.charts.items():
+    for quantity, charts in drift.charts.items():
         for joint, chart in enumerate(charts):
             for change in chart.changes:
-                said = _said(drift, figure, joint, change.after - change.before)
+                said = _said(drift, quantity, joint, change.after - change.before)
                 where = f"since {drift.when(change.index)}"
                 if change.index == 0 or not np.isfinite(chart.values[: change.index]).any():
                     where = "in all runs than in the calibration"
                 text = f"joint {joint + 1}: {said} {where}"
-                found.append(Finding(joint, figure, change.index, False, change.before, change.after, text))
+                found.append(Finding(joint, quantity, change.index, False, change.before, change.after, text))
             for run in np.flatnonzero(chart.alone):
                 level = float(chart.level[run]) if np.isfinite(chart.level[run]) else 0.0
                 off = float(chart.values[run])
-                said = _said(drift, figure, joint, off - level)
+                said = _said(drift, quantity, joint, off - level)
                 text = f"joint {joint + 1}: {said} than in the neighbouring runs, in {drift.when(int(run))} alone"
-                found.append(Finding(joint, figure, int(run), True, level, off, text))
+                found.append(Finding(joint, quantity, int(run), True, level, off, text))
     return sorted(found, key=lambda one: (one.alone, one.run, one.joint))
 
 
-def _said(drift: ArmDrift, figure: Figure, joint: int, change: float) -> str:
+def _said(drift: ArmDrift, quantity: Monitored, joint: int, change: float) -> str:
     """A change in words, to be followed by 'since' or 'than'."""
     word = "higher" if change > 0.0 else "lower"
-    if figure is Figure.FRICTION:
+    if quantity is Monitored.FRICTION:
         share = abs(change) / max(float(drift.friction_nm[joint]), np.finfo(float).tiny)
         return f"friction is {abs(change):.3g} N m ({100.0 * share:.0f} %) {word}"
-    if figure is Figure.GAIN:
+    if quantity is Monitored.GAIN:
         return f"the gain is {100.0 * abs(change):.2f} % {word}"
     return f"the residual is {np.exp(abs(change)):.2g} times {word}"

@@ -33,7 +33,7 @@ class RecordingSurvey:
         holes: Number of gaps: rows further apart than three intervals.
         longest_hole_s: The longest gap; 0 without any.
         position_rad: (n, 2) least and greatest position of each joint.
-        speed_rad_s: (n,) greatest speed of each joint.
+        speed_rad_s: (n,) speed of each joint that 99.9 % of the rows do not exceed: single steps do not count.
         effort: (n, 2) least and greatest torque or current; None without either.
         moving_s: Start and end of the motion since the first row; None if the arm does not move.
         period_s: Period of the motion, from its excitation or its repetition; None if it is not periodic.

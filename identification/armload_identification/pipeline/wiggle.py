@@ -90,12 +90,12 @@ def shortest_wiggle(
     found: list[Wiggle] = []
     best_kg, refused = np.inf, ""
     with threadpool_limits(1):
-        for done, about_s in enumerate(PERIODS_S, 1):
-            progress(done, len(PERIODS_S))
+        for number, about_s in enumerate(PERIODS_S, 1):
+            progress(number - 1, len(PERIODS_S))
             period_s = max(round(about_s / step_s), 1) * step_s
             if found and period_s >= min(one.lasts_s for one in found):
                 continue
-            shape = _Shapes(prospect, envelope, at_rad, period_s, np.random.default_rng([seed, done]))
+            shape = _Shapes(prospect, envelope, at_rad, period_s, np.random.default_rng([seed, number]))
             trajectory = shape.best()
             said = None if trajectory is None else objection(trajectory)
             refused = refused or said or ""
@@ -108,6 +108,7 @@ def shortest_wiggle(
                     found.append(
                         Wiggle(trajectory, int(counts[enough[0]]), float(widths[enough[0]]), shape.tried, seed)
                     )
+        progress(len(PERIODS_S), len(PERIODS_S))
     if found:
         return min(found, key=lambda one: one.lasts_s)
     if not np.isfinite(best_kg):
@@ -116,9 +117,9 @@ def shortest_wiggle(
             f"no motion about this position respects all limits{why}. Choose another position or a smaller amplitude"
         )
     raise ExcitationError(
-        f"no motion of {LONGEST_S:g} s within these limits determines the mass to {wanted_kg:.3g} kg (95 %); the best "
-        f"one determines it to {best_kg:.3g} kg. Allow a larger amplitude or more speed, relax the requirement, or "
-        "calibrate the arm with more runs"
+        f"no motion of at most {LONGEST_S:g} s within these limits determines the mass to {wanted_kg:.3g} kg (95 %); "
+        f"the best one determines it to {best_kg:.3g} kg. Allow a larger amplitude or more speed, relax the "
+        "requirement, or calibrate the arm with more runs"
     )
 
 

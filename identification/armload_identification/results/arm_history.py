@@ -12,7 +12,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.extras import Extra, require_extra
-from armload_identification.pipeline.arm_drift import ArmDrift, Figure
+from armload_identification.pipeline.arm_drift import ArmDrift, Monitored
 from armload_identification.results.payload_text import plain_table
 
 _PICTURE_DPI: Final = 130
@@ -65,7 +65,7 @@ class ArmHistory:
         """Present levels by joint; empty if the runs do not determine one."""
         rows: list[tuple[str, ...]] = []
         for joint, name in enumerate(self.joint_names):
-            friction, gain, residual = (_present(self.drift.charts[figure][joint].level) for figure in Figure)
+            friction, gain, residual = (_present(self.drift.charts[quantity][joint].level) for quantity in Monitored)
             warming = self._warming_nm(joint)
             rows.append(
                 (
@@ -110,18 +110,18 @@ class ArmHistory:
                     "name": name,
                     "friction_nm": float(drift.friction_nm[joint]),
                     "warm_up_nm": self._warming_nm(joint),
-                    "charts": {figure.value: self._chart(figure, joint) for figure in Figure},
+                    "charts": {quantity.value: self._chart(quantity, joint) for quantity in Monitored},
                 }
                 for joint, name in enumerate(self.joint_names)
             ],
             "findings": [
                 {
                     "joint": self.joint_names[found.joint],
-                    "figure": found.figure.value,
+                    "figure": found.quantity.value,
                     "run": drift.runs[found.run].name,
                     "alone": found.alone,
-                    "before": _linear(found.figure, found.before),
-                    "after": _linear(found.figure, found.after),
+                    "before": _linear(found.quantity, found.before),
+                    "after": _linear(found.quantity, found.after),
                     "text": found.text,
                 }
                 for found in drift.findings
@@ -129,12 +129,12 @@ class ArmHistory:
             "left_out": [{"name": name, "reason": reason} for name, reason in self.left_out],
         }
 
-    def _chart(self, figure: Figure, joint: int) -> dict[str, Any]:
+    def _chart(self, quantity: Monitored, joint: int) -> dict[str, Any]:
         """A chart; None for unknown values."""
-        chart = self.drift.charts[figure][joint]
+        chart = self.drift.charts[quantity][joint]
 
         def listed(values: FloatArray) -> list[float | None]:
-            return [_linear(figure, float(value)) if np.isfinite(value) else None for value in values]
+            return [_linear(quantity, float(value)) if np.isfinite(value) else None for value in values]
 
         return {
             "values": listed(chart.values),
@@ -192,6 +192,6 @@ def _present(level: FloatArray) -> float | None:
     return float(known[-1]) if known.size else None
 
 
-def _linear(figure: Figure, value: float) -> float:
+def _linear(quantity: Monitored, value: float) -> float:
     """The residual as a ratio, other values unchanged."""
-    return float(np.exp(value)) if figure is Figure.RESIDUAL else value
+    return float(np.exp(value)) if quantity is Monitored.RESIDUAL else value

@@ -9,10 +9,10 @@ from typing import Final
 import matplotlib.style
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure as Drawing
+from matplotlib.figure import Figure
 
 from armload_core.arrays import FloatArray
-from armload_identification.pipeline.arm_drift import ArmDrift, Figure
+from armload_identification.pipeline.arm_drift import ArmDrift, Monitored
 from armload_identification.pipeline.warm_up import WARM_S, WarmUp
 from armload_identification.report.figures.control_chart_axes import DATES, days_of, draw_control_chart, draw_dates
 from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, VERMILION
@@ -23,33 +23,33 @@ _ROW_IN: Final = 1.25
 _ENDS_IN: Final = 0.6
 _COLUMNS: Final = 3
 _HEADINGS: Final = {
-    Figure.FRICTION: "change of friction, N m",
-    Figure.GAIN: "change of gain, %",
-    Figure.RESIDUAL: "relative residual",
+    Monitored.FRICTION: "change of friction, N m",
+    Monitored.GAIN: "change of gain, %",
+    Monitored.RESIDUAL: "relative residual",
 }
 
 
-def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Drawing:
+def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Figure:
     """The control charts of all joints, one row per joint.
 
     Args:
         drift: The arm over its runs.
         names: Names of its joints.
     """
-    figures = tuple(Figure)
+    quantities = tuple(Monitored)
     place, dated = _places(drift)
     with matplotlib.style.context(["default", FIGURE_STYLE]):
         height_in = _ROW_IN * len(names) + _ENDS_IN
-        drawing = Drawing(figsize=(_WIDE_IN, height_in))
+        drawing = Figure(figsize=(_WIDE_IN, height_in))
         # Fixed: a computed layout takes longer than the rest of the report.
         drawing.subplots_adjust(0.1, 0.4 / height_in, 0.97, 1.0 - 0.2 / height_in, 0.3, 0.3)
-        grid = drawing.subplots(len(names), len(figures), sharex=True, squeeze=False)
+        grid = drawing.subplots(len(names), len(quantities), sharex=True, squeeze=False)
         for joint, name in enumerate(names):
-            for column, figure in enumerate(figures):
+            for column, quantity in enumerate(quantities):
                 axes = grid[joint][column]
-                draw_control_chart(axes, place, drift.charts[figure][joint], partial(_drawn, figure=figure))
+                draw_control_chart(axes, place, drift.charts[quantity][joint], partial(_drawn, quantity=quantity))
                 if joint == 0:
-                    axes.set_title(_HEADINGS[figure], fontsize=7.5)
+                    axes.set_title(_HEADINGS[quantity], fontsize=7.5)
                 if column == 0:
                     axes.set_ylabel(f"{joint + 1} {name}")
                 if joint == len(names) - 1:
@@ -64,10 +64,11 @@ def _places(drift: ArmDrift) -> tuple[FloatArray, bool]:
     return np.arange(1.0, len(drift.runs) + 1.0), False
 
 
-def _drawn(values: FloatArray, figure: Figure) -> FloatArray:
-    """A chart's values in the units of the figure."""
-    shown = np.exp(values) if figure is Figure.RESIDUAL else 100.0 * values if figure is Figure.GAIN else values
-    return np.asarray(shown)
+def _drawn(values: FloatArray, quantity: Monitored) -> FloatArray:
+    """A chart's values in the units of the drawing."""
+    if quantity is Monitored.RESIDUAL:
+        return np.asarray(np.exp(values))
+    return 100.0 * values if quantity is Monitored.GAIN else values
 
 
 def _time_axis(axes: Axes, place: FloatArray, dated: bool) -> None:
@@ -79,7 +80,7 @@ def _time_axis(axes: Axes, place: FloatArray, dated: bool) -> None:
     draw_dates(axes, place)
 
 
-def warm_up_drawing(warming: WarmUp, names: Sequence[str]) -> Drawing:
+def warm_up_drawing(warming: WarmUp, names: Sequence[str]) -> Figure:
     """Friction over time in operation, one panel per joint.
 
     Args:
@@ -87,9 +88,9 @@ def warm_up_drawing(warming: WarmUp, names: Sequence[str]) -> Drawing:
         names: Names of the joints.
     """
     rows = -(-len(names) // _COLUMNS)
-    minutes = np.linspace(0.0, max(float(warming.at_work_s.max()), WARM_S), 100)
+    elapsed_s = np.linspace(0.0, max(float(warming.at_work_s.max()), WARM_S), 100)
     with matplotlib.style.context(["default", FIGURE_STYLE]):
-        drawing = Drawing(figsize=(_WIDE_IN, 1.6 * rows), layout="constrained")
+        drawing = Figure(figsize=(_WIDE_IN, 1.6 * rows), layout="constrained")
         grid = drawing.subplots(rows, _COLUMNS, squeeze=False)
         for joint, axes in enumerate(grid.ravel()):
             if joint >= len(names):
@@ -97,7 +98,7 @@ def warm_up_drawing(warming: WarmUp, names: Sequence[str]) -> Drawing:
                 continue
             axes.plot(warming.at_work_s / 60.0, warming.friction_nm[:, joint], "o", color=BLUE, markersize=2.0)
             if warming.slope_nm[joint] != 0.0:
-                axes.plot(minutes / 60.0, warming.curve_nm(minutes)[:, joint], color=VERMILION)
+                axes.plot(elapsed_s / 60.0, warming.curve_nm(elapsed_s)[:, joint], color=VERMILION)
             axes.set_title(f"{joint + 1} {names[joint]}", fontsize=7.5)
             axes.set_ylabel("friction, N m")
             axes.yaxis.set_major_locator(ticks(4))

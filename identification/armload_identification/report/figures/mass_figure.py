@@ -27,7 +27,7 @@ def mass_figure(marks: Sequence[tuple[float, float, float]], gaps: Sequence[tupl
         time_s, mass_kg, half_kg = zip(*marks, strict=True)
         axis.errorbar(time_s, mass_kg, yerr=half_kg, fmt="o", color=BLUE, capsize=3, label="mass, 95 % interval")
     for number, (start_s, end_s) in enumerate(gaps):
-        axis.axvspan(start_s, end_s, color="#dddddd", lw=0, label="too little motion" if number == 0 else None)
+        axis.axvspan(start_s, end_s, color="#dddddd", lw=0, label="no estimate" if number == 0 else None)
     axis.set_xlabel("time since the first movement, s")
     axis.set_ylabel("mass, kg")
     axis.set_title(title, fontsize=10)

@@ -285,9 +285,9 @@ def wiggle(pinocchio_arm, known, about):
     return found_about(prospect, about, 0.03 * pinocchio_arm.payload.mass_kg)
 
 
-def found_about(prospect, about, wanted_kg, objection=lambda trajectory: None):
+def found_about(prospect, about, wanted_kg, objection=lambda trajectory: None, progress=lambda done, total: None):
     place, envelope = about
-    with_nothing = {"step_s": 0.01, "seed": 1, "objection": objection, "progress": lambda done, total: None}
+    with_nothing = {"step_s": 0.01, "seed": 1, "objection": objection, "progress": progress}
     return shortest_wiggle(prospect, envelope, place, wanted_kg, **with_nothing)
 
 
@@ -315,7 +315,11 @@ def test_a_wiggle_that_must_not_be_driven_is_none(pinocchio_arm, known, about, m
         monkeypatch.setattr(f"armload_identification.pipeline.wiggle.{name}", value)
     with pytest.raises(ExcitationError, match=r"respects all limits; touches the post\. Choose another position"):
         found_about(prospect, about, 1.0, lambda trajectory: "touches the post")
+    steps = []
     with pytest.raises(
-        ExcitationError, match=r"determines the mass to 0\.001 kg \(95 %\); the best one determines it to 0\.\d+ kg"
+        ExcitationError,
+        match=r"no motion of at most 60 s .* the mass to 0\.001 kg \(95 %\); the best one determines it to 0\.\d+ kg",
     ):
-        found_about(prospect, about, 0.001)
+        found_about(prospect, about, 0.001, steps.append, lambda done, total: steps.append((done, total)))
+    assert [step for step in steps if isinstance(step, tuple)] == [(0, 1), (1, 1)]
+    assert steps[-1] == (1, 1), "all periods are evaluated only after the last motion"

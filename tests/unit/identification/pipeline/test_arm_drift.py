@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armload_identification.calibration.run_health import FrictionOverTime, RunHealth
-from armload_identification.pipeline.arm_drift import Figure, arm_drift
+from armload_identification.pipeline.arm_drift import Monitored, arm_drift
 
 pytestmark = pytest.mark.pure
 
@@ -44,10 +44,10 @@ def test_what_changed_is_named_with_its_day():
     mixed = [runs[i] for i in np.random.default_rng(1).permutation(len(runs))]
     drift = arm_drift(ARM, mixed)
     assert [one.name for one in drift.runs] == [one.name for one in runs]
-    assert {(found.joint, found.figure, found.run) for found in drift.findings} == {
-        (0, Figure.FRICTION, 7),
-        (1, Figure.FRICTION, 7),
-        (1, Figure.GAIN, 12),
+    assert {(found.joint, found.quantity, found.run) for found in drift.findings} == {
+        (0, Monitored.FRICTION, 7),
+        (1, Monitored.FRICTION, 7),
+        (1, Monitored.GAIN, 12),
     }
     assert drift.findings[0].text.endswith("higher since 2026-03-09 06:00")
     assert drift.findings[-1].text.startswith("joint 2: the gain is 4.")
@@ -60,7 +60,7 @@ def test_friction_alone_leaves_the_calibration_valid_and_undated_runs_keep_their
     drift = arm_drift(ARM, runs)
     assert not drift.out_of_date
     assert drift.began == ()
-    assert {found.figure for found in drift.findings} == {Figure.FRICTION}
+    assert {found.quantity for found in drift.findings} == {Monitored.FRICTION}
     assert all(found.text.endswith("since run 6 (5.mcap)") for found in drift.findings)
 
 
@@ -68,7 +68,7 @@ def test_what_stays_unexplained_is_a_ratio_and_one_run_alone_is_said_to_be_so():
     runs = [run(number, residual=8.0 if number == 6 else 1.0) for number in range(12)]
     drift = arm_drift(ARM, runs)
     assert not drift.out_of_date
-    assert {(found.figure, found.run, found.alone) for found in drift.findings} == {(Figure.RESIDUAL, 6, True)}
+    assert {(found.quantity, found.run, found.alone) for found in drift.findings} == {(Monitored.RESIDUAL, 6, True)}
     assert "times higher than in the neighbouring runs, in run 7 (6.mcap) alone" in drift.findings[0].text
     later = arm_drift(ARM, [run(number, residual=3.0) for number in range(12)])
     assert later.out_of_date
@@ -81,7 +81,7 @@ def test_a_joint_that_does_not_move_is_left_out():
         one.gain_change[0] = one.gain_noise[0] = one.gain_doubt[0] = np.nan
     drift = arm_drift(ARM, runs)
     assert drift.findings == ()
-    assert np.isnan(drift.charts[Figure.GAIN][0].level).all()
+    assert np.isnan(drift.charts[Monitored.GAIN][0].level).all()
 
 
 def warming(at_work_s):
