@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -240,43 +241,84 @@ def check_against_others(
     suspect = signal.loaded.moves & loud & left
     if gains_fitted and not suspect.any():
         return
-    found: list[tuple[float, int, float, float]] = []
+    shares = []
     for joint in np.flatnonzero(signal.loaded.moves & loud).tolist():
-        others = np.arange(measured.shape[1]) != joint
-        alone = estimate_reweighted(
-            regressor[:, others], signal.torque_nm[:, others], signal.valid, signal.averaged_noise_nm[others]
+        others = _fit_without(signal, regressor, joint)
+        if others.rank < regressor.shape[2]:
+            continue
+        if suspect[joint]:
+            _refuse_opposite(signal, regressor, others, joint)
+        share = _share_of_implied(signal, regressor, others, joint, friction_nm[joint])
+        if share is not None and np.isfinite(share.half_width_95):
+            shares.append(share)
+    if shares:
+        # A wrong joint contaminates what the others imply of each other, but not what they imply of it.
+        _refuse_small(max(shares, key=lambda share: share.off), signal.loaded.n, gains_fitted=gains_fitted)
+
+
+@dataclass(frozen=True)
+class _Share:
+    """Ratio of the payload torque that a joint measures to the one that the other joints imply.
+
+    Attributes:
+        joint: The joint, from 0.
+        scale: The ratio.
+        half_width_95: Half width of its 95 % interval.
+    """
+
+    joint: int
+    scale: float
+    half_width_95: float
+
+    @property
+    def off(self) -> float:
+        """Deviation from 1 in half widths."""
+        return abs(self.scale - 1.0) / max(self.half_width_95, _EXACT)
+
+
+def _fit_without(signal: LoadSignal, regressor: FloatArray, joint: int) -> Estimate:
+    """The payload by all joints but one."""
+    others = np.arange(regressor.shape[1]) != joint
+    return estimate_reweighted(
+        regressor[:, others], signal.torque_nm[:, others], signal.valid, signal.averaged_noise_nm[others]
+    )
+
+
+def _refuse_opposite(signal: LoadSignal, regressor: FloatArray, others: Estimate, joint: int) -> None:
+    """Raise if a joint measures about the opposite of what the others imply."""
+    implied, measured = regressor[signal.valid][:, joint] @ others.theta, signal.torque_nm[signal.valid][:, joint]
+    size = np.sqrt(np.mean(implied**2)) * np.sqrt(np.mean(measured**2))
+    if size > 0.0 and np.mean(implied * measured) < _OPPOSED * size:
+        raise RecordingError(
+            f"joint {joint + 1} measures the opposite of the payload torque that the other joints imply. "
+            "The sign of its current or torque is flipped: correct it in the configuration or the log."
         )
-        if alone.rank < regressor.shape[2]:
-            continue
-        own = regressor[signal.valid][:, joint]
-        predicted = own @ alone.theta
-        payload_nm = float(np.sqrt(np.mean(predicted**2)))
-        size = payload_nm * np.sqrt(np.mean(measured[:, joint] ** 2))
-        if suspect[joint] and size > 0.0 and np.mean(predicted * measured[:, joint]) < _OPPOSED * size:
-            raise RecordingError(
-                f"joint {joint + 1} measures the opposite of the payload torque that the other joints imply. "
-                "The sign of its current or torque is flipped: correct it in the configuration or the log."
-            )
-        doubt_nm = np.sqrt(np.mean(np.einsum("ki,ij,kj->k", own, alone.covariance, own)))
-        if payload_nm <= max(_IMPLIED * float(doubt_nm), _EVIDENT * friction_nm[joint]):
-            continue
-        only = np.arange(measured.shape[1]) == joint
-        scales = joint_scales(signal, np.where(only, regressor @ alone.theta, 0.0), np.zeros_like(signal.torque_nm))
-        scale, half_width = float(scales.scale[joint]), float(scales.half_width_95[joint])
-        if np.isfinite(half_width):
-            found.append((abs(scale - 1.0) / max(half_width, _EXACT), joint, scale, half_width))
-    if not found:
-        return
-    # A wrong joint contaminates what the others imply of each other, but not what they imply of it.
-    _, joint, scale, half_width = max(found)
-    greatest = scale + _CERTAINLY * half_width
+
+
+def _share_of_implied(
+    signal: LoadSignal, regressor: FloatArray, others: Estimate, joint: int, friction_nm: float
+) -> _Share | None:
+    """The share that a joint measures of what the others imply; None if that is too small or too uncertain."""
+    own = regressor[signal.valid][:, joint]
+    implied_nm = np.sqrt(np.mean((own @ others.theta) ** 2))
+    doubt_nm = np.sqrt(np.mean(np.einsum("ki,ij,kj->k", own, others.covariance, own)))
+    if implied_nm <= max(_IMPLIED * doubt_nm, _EVIDENT * friction_nm):
+        return None
+    only = np.arange(regressor.shape[1]) == joint
+    scales = joint_scales(signal, np.where(only, regressor @ others.theta, 0.0), np.zeros_like(signal.torque_nm))
+    return _Share(joint, float(scales.scale[joint]), float(scales.half_width_95[joint]))
+
+
+def _refuse_small(share: _Share, n: int, *, gains_fitted: bool) -> None:
+    """Raise if a joint of n certainly measures too small a share; a fitted gain corrects a share above a third."""
+    greatest = share.scale + _CERTAINLY * share.half_width_95
     if greatest < 1.0 / _FACTOR:
-        raise _contradiction(np.arange(measured.shape[1]) == joint)
+        raise _contradiction(np.arange(n) == share.joint)
     if greatest < _SHARE and not gains_fitted:
         raise EstimationError(
-            f"joint {joint + 1} measures {scale:.2f} +- {half_width:.2f} of the payload torque that the other joints "
-            "imply, so that mass and centre of mass would be wrong: its rated torque, torque constant or gear ratio is "
-            "wrong. Correct the configuration or the log."
+            f"joint {share.joint + 1} measures {share.scale:.2f} +- {share.half_width_95:.2f} of the payload torque "
+            "that the other joints imply, so that mass and centre of mass would be wrong: its rated torque, torque "
+            "constant or gear ratio is wrong. Correct the configuration or the log."
         )
 
 
