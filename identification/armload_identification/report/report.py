@@ -37,6 +37,7 @@ from armload_identification.report.provenance import comparison_sentence, file_r
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.verdict.joint_words import listed
 
 _TEMPLATE: Final = "template.html.j2"
 
@@ -135,7 +136,7 @@ def _notes(payload: PayloadResult, fit: Identification | None) -> Iterator[str]:
         unknown = [name for name, there in zip(PARAMETER_NAMES[:4], payload.determined[:4], strict=True) if not there]
         yield (
             "Do not use this payload for feed-forward: this requires mass and centre of mass, and "
-            f"{', '.join(unknown)} is not determined."
+            f"{listed(unknown)} {'is' if len(unknown) == 1 else 'are'} not determined."
         )
     if fit is not None:
         yield from fit.notes

@@ -34,6 +34,7 @@ _UNJUDGED: Final = 0.08
 """Error of a gain that a pair should detect; a note is given if it may not."""
 _UNLIMITED: Final = 0.5
 """Detectable error from which a pair detects practically none: no gain is expected to be that wrong."""
+_CHECKED_BY: Final = "Several runs with a weighed payload can: `armload calibrate`."
 _PUSHES: Final = 0.02
 """Share of the torque from which negative friction is reported."""
 
@@ -145,20 +146,27 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
             "is not clear which of them are right: mass and centre of mass may lie outside their intervals. Check "
             "torque constants and gear ratios, or calibrate the arm: `armload calibrate`."
         )
-    hidden = np.flatnonzero(~gains.contradicted & ~gains.beyond & (gains.noticeable > _UNJUDGED))
-    if hidden.size:
-        listed = named_joints([f"{joint + 1} ({_unnoticed(gains.noticeable[joint])})" for joint in hidden])
+    hidden = ~gains.contradicted & ~gains.beyond & (gains.noticeable > _UNJUDGED)
+    unnoticed = np.expm1(np.minimum(gains.noticeable, 1.0))
+    limited = np.flatnonzero(hidden & (unnoticed < _UNLIMITED))
+    if limited.size:
+        listed = named_joints([f"{joint + 1} (up to {100.0 * unnoticed[joint]:.0f} %)" for joint in limited])
         notes.append(
-            f"This pair cannot check the drive gain of {listed}: only a larger error is reported with a "
-            "probability of at least 90 %. Several runs with a weighed payload can: `armload calibrate`."
+            f"This pair cannot check the drive {_gains(limited.size)} of {listed}: only a larger error is reported "
+            f"with a probability of at least 90 %. {_CHECKED_BY}"
+        )
+    unlimited = hidden & (unnoticed >= _UNLIMITED)
+    if unlimited.any():
+        notes.append(
+            f"This pair cannot check the drive {_gains(int(unlimited.sum()))} of {numbered_joints(unlimited)} "
+            f"at all: even an error of {100.0 * _UNLIMITED:.0f} % may go unreported. {_CHECKED_BY}"
         )
     return notes
 
 
-def _unnoticed(noticeable: float) -> str:
-    """Range of a gain's error that may go unreported."""
-    limit = float(np.expm1(min(noticeable, 1.0)))
-    return f"up to {100.0 * limit:.0f} %" if limit < _UNLIMITED else "any error"
+def _gains(count: int) -> str:
+    """'gain' or 'gains'."""
+    return "gain" if count == 1 else "gains"
 
 
 def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:

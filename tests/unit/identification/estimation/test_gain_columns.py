@@ -125,7 +125,9 @@ def test_a_limit_holds_whatever_the_error():
     assert any(
         f"joints 1 (up to {100.0 * np.expm1(within.gains.noticeable[0]):.0f} %)" in note for note in within.notes
     )
-    assert any("cannot check the drive gain of joints 1 (any error)" in note for note in unlimited.notes)
+    limited, at_all = (note for note in unlimited.notes if "cannot check the drive gain of" in note)
+    assert "of joint 7 (up to 17 %): only a larger error is reported" in limited
+    assert "of joint 1 at all: even an error of 50 % may go unreported." in at_all
 
 
 def test_gains_that_are_known_are_not_fitted(found):

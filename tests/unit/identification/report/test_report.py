@@ -260,6 +260,7 @@ def test_every_note_is_told_and_the_gravest_comes_first(bare, noisy, without_cur
     blind = subject(noisy)
     blind = replace(blind, payload=replace(blind.payload, determined=np.zeros(10, bool)))
     text = Page(render_report(blind, ReportContent.of_identification(noisy))).text
+    assert "requires mass and centre of mass, and mass, cx, cy and cz are not determined." in text
     assert 0 < text.index("Do not use this payload for feed-forward") < text.index(noisy.notes[0][1:60])
 
 

@@ -15,4 +15,4 @@ def test_one_joint_or_several(joints, text):
 
 
 def test_a_remark_stays_with_its_joint():
-    assert named_joints(["1 (any error)", "3 (up to 9 %)"]) == "joints 1 (any error) and 3 (up to 9 %)"
+    assert named_joints(["1 (12 %)", "3 (up to 9 %)"]) == "joints 1 (12 %) and 3 (up to 9 %)"
