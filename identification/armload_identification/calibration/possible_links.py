@@ -30,7 +30,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
+from armload_identification.model.payload import PSEUDO_INERTIA_BASIS, SMALLEST_MARGIN, InertialParameters
 from armload_identification.model.regressor import PARAMETERS, body_regressor
 
 _STATES: Final = 200
@@ -45,8 +45,6 @@ _WEIGHTS: Final = 10.0 ** np.arange(-6, 11)
 _FIRM_ENOUGH: Final = 10.0
 _STEPS: Final = 100
 _SETTLED: Final = 1e-7
-_BASIS: Final = np.array([InertialParameters(row).pseudo_inertia for row in np.eye(PARAMETERS)])
-"""(10, 4, 4) pseudo-inertia of one unit of each parameter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +111,9 @@ def _nearest(theta: FloatArray, inverse_rods: FloatArray, square: FloatArray, li
     n = len(theta)
     for _ in range(_STEPS):
         inverse = np.linalg.inv(_pseudo_inertia(theta))
-        gradient = square @ theta.ravel() - linear + np.einsum("kab,iba->ik", _BASIS, inverse_rods - inverse).ravel()
-        moved = np.einsum("iab,kbc->ikac", inverse, _BASIS)
+        apart = np.einsum("kab,iba->ik", PSEUDO_INERTIA_BASIS, inverse_rods - inverse)
+        gradient = square @ theta.ravel() - linear + apart.ravel()
+        moved = np.einsum("iab,kbc->ikac", inverse, PSEUDO_INERTIA_BASIS)
         curvature = square.copy()
         for i, own in enumerate(np.einsum("ikab,ilba->ikl", moved, moved)):
             at = slice(PARAMETERS * i, PARAMETERS * (i + 1))
@@ -146,7 +145,7 @@ def _rod(end: FloatArray) -> FloatArray:
 
 def _pseudo_inertia(links: FloatArray) -> FloatArray:
     """(n, 4, 4) [[int r r' dm, int r dm], [int r' dm, m]] of each link."""
-    return np.asarray(np.einsum("ik,kab->iab", links, _BASIS))
+    return np.asarray(np.einsum("ik,kab->iab", links, PSEUDO_INERTIA_BASIS))
 
 
 def _margin(links: FloatArray, inverse_rods: FloatArray) -> float:

@@ -23,7 +23,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.identification_errors import EstimationError
-from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
+from armload_identification.model.payload import PSEUDO_INERTIA_BASIS, SMALLEST_MARGIN, InertialParameters
 
 WRITTEN_MARGIN: Final = 2.0 * SMALLEST_MARGIN
 """Imposed margin, large enough that rounding in a file does not reduce it below `SMALLEST_MARGIN`."""
@@ -41,8 +41,6 @@ _NEWTON_DECREMENT: Final = 1e-14
 _NEAR: Final = 0.06
 """Decrement from which Newton's steps are shortened, and up to which a minimum is accepted if rounding errors keep it
 from settling further: it increases the gap by less than a fiftieth. In 262 of 847 cases they do, at 6e-4 or less."""
-_BASIS: Final = np.array([InertialParameters(row).pseudo_inertia for row in np.eye(10)])
-"""(10, 4, 4): J(theta) = sum_i theta_i BASIS_i."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +146,8 @@ def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArr
     unconstrained, *_ = np.linalg.lstsq(scaled, target, rcond=None)
     _, triangle = np.linalg.qr(scaled)
     hessian = 2.0 * triangle.T @ triangle
-    constraint = _BASIS - WRITTEN_MARGIN * np.trace(_BASIS, axis1=1, axis2=2)[:, None, None] * np.eye(4)
+    trace = np.trace(PSEUDO_INERTIA_BASIS, axis1=1, axis2=2)
+    constraint = PSEUDO_INERTIA_BASIS - WRITTEN_MARGIN * trace[:, None, None] * np.eye(4)
     constraint = constraint * scale[:, None, None]
     x = start / scale
     worst = float(np.sum((triangle @ (x - unconstrained)) ** 2))

@@ -20,9 +20,9 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Prior
-from armload_identification.estimation.uncertainty import REFERENCE_LENGTH_M, derived
+from armload_identification.estimation.uncertainty import derived
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import REFERENCE_LENGTH_M, InertialParameters, value_scale
 
 EXACT: Final = 1e-5
 """Relative standard deviation of a known mass or inertia, and standard deviation of a known centre of mass in m: finer
@@ -175,9 +175,7 @@ def _center_row(axis: int, coordinate_m: float, mass_kg: float) -> FloatArray:
 def _model_rows(cad: InertialParameters, confidence: float) -> FloatArray:
     """(10, 10) rows: derivatives of mass, centre of mass and inertia about it, divided by their standard deviations."""
     _, slope = derived(cad)
-    mass = cad.mass_kg
-    unit = np.array([mass] + [REFERENCE_LENGTH_M] * 3 + [mass * REFERENCE_LENGTH_M**2] * 6)
-    return np.asarray(slope / (confidence * unit)[:, None])
+    return np.asarray(slope / (confidence * value_scale(cad.mass_kg))[:, None])
 
 
 def _symmetry_rows(mass_kg: float) -> FloatArray:

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Estimate, Prior
-from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
+from armload_identification.model.payload import DETERMINED_SHARE, PARAMETER_NAMES, InertialParameters, value_scale
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -41,9 +41,6 @@ CONFIDENCE: Final = 0.95
 _UPPER: Final = 0.5 + 0.5 * CONFIDENCE
 NORMAL_HALF_WIDTH: Final = NormalDist().inv_cdf(_UPPER)
 """Half width of the 95 % interval of a normal distribution, in standard deviations."""
-DETERMINED_SHARE: Final = 0.20
-REFERENCE_LENGTH_M: Final = 0.1
-"""A value is determined if its half width is at most 20 % of m, of 0.1 m, or of m (0.1 m)^2."""
 _WIDEST_HALF_WINDOW: Final = 8
 """Bins on either side over which a spectrum is averaged: half the bin's number, from 1 to this.
 
@@ -136,13 +133,11 @@ def quantify(fit: Estimate, parameters: InertialParameters, shifts: FloatArray |
         blind = np.abs((gradient * fit.scale) @ fit.undetermined).max(axis=1)
         seen = np.sqrt(np.sum((gradient * fit.scale) ** 2, axis=1))
         width[blind > 1e-6 * seen] = np.inf
-    mass = abs(parameters.mass_kg)
-    unit = np.array([mass] + [REFERENCE_LENGTH_M] * 3 + [mass * REFERENCE_LENGTH_M**2] * 6)
     return Uncertainty(
         values=values,
         half_width_95=width,
         degrees_of_freedom=freedom,
-        determined=width <= DETERMINED_SHARE * unit,
+        determined=width <= DETERMINED_SHARE * value_scale(abs(parameters.mass_kg)),
         covariance=(half @ (spectrum.covariance() + known.T @ known) @ half.T)[:10, :10],
     )
 

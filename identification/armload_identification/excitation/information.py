@@ -23,7 +23,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import CRITERIA, ROBUST_CRITERIA
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import REFERENCE_LENGTH_M, InertialParameters
 from armload_identification.model.regressor import payload_regressor
 
 NOISE_RATE_HZ = 100.0
@@ -32,7 +32,6 @@ NOISE_RATE_HZ = 100.0
 SHARPNESS = 50
 """Exponent of the smooth maximum of several costs."""
 
-_ARM_LENGTH_M = 0.1  # distance of the centre of mass that scales parameters expected to be about zero
 _RANK_TOLERANCE = 1e-8
 _PROBE_STATES = 200
 
@@ -198,7 +197,7 @@ def _scale(payload: InertialParameters) -> FloatArray:
     mass_kg = payload.mass_kg
     if not mass_kg > 0.0:
         raise ExcitationError(f"the expected payload's mass is {mass_kg} kg; expected a number above 0")
-    least = mass_kg * np.repeat([1.0, _ARM_LENGTH_M, _ARM_LENGTH_M**2], [1, 3, 6])
+    least = mass_kg * np.repeat([1.0, REFERENCE_LENGTH_M, REFERENCE_LENGTH_M**2], [1, 3, 6])
     return np.maximum(np.abs(payload.theta), least)
 
 

@@ -20,6 +20,12 @@ PARAMETER_NAMES = ("mass", "cx", "cy", "cz", *TENSOR_ELEMENTS)
 SMALLEST_MARGIN = 1e-6
 """Least margin of a body in a file, after reading it back."""
 
+REFERENCE_LENGTH_M = 0.1
+"""Length in the scales of the ten values, `value_scale`."""
+
+DETERMINED_SHARE = 0.20
+"""A value is determined if the half width of its 95 % interval is at most this share of its scale, `value_scale`."""
+
 
 @dataclass(frozen=True, eq=False)
 class InertialParameters:
@@ -232,6 +238,15 @@ class PayloadResult:
         return bool(np.all(self.determined[:4]))
 
 
+def value_scale(mass_kg: float) -> FloatArray:
+    """(10,) scale of each value of a payload: m; 0.1 m for the centre of mass; m (0.1 m)^2 for the inertia about it.
+
+    Args:
+        mass_kg: Its mass.
+    """
+    return np.array([mass_kg] + [REFERENCE_LENGTH_M] * 3 + [mass_kg * REFERENCE_LENGTH_M**2] * 6)
+
+
 def symmetric_tensor(elements: ArrayLike) -> FloatArray:
     """(3, 3) tensor of its six elements, in the order of `TENSOR_ELEMENTS`."""
     ixx, iyy, izz, ixy, ixz, iyz = np.asarray(elements, dtype=np.float64)
@@ -241,3 +256,7 @@ def symmetric_tensor(elements: ArrayLike) -> FloatArray:
 def tensor_elements(tensor: FloatArray) -> FloatArray:
     """(6,) elements of a (3, 3) tensor, in the order of `TENSOR_ELEMENTS`."""
     return np.asarray(tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
+
+
+PSEUDO_INERTIA_BASIS = np.array([InertialParameters(row).pseudo_inertia for row in np.eye(10)])
+"""(10, 4, 4) pseudo-inertia of one unit of each parameter: J(theta) = sum_i theta_i BASIS_i."""

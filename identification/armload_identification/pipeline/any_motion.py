@@ -14,10 +14,10 @@ from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.known_arm_fit import fit_on_known_arm, friction_covariance
 from armload_identification.estimation.empty_arm.known_arm_signal import KnownArmSignal
 from armload_identification.estimation.least_squares import Estimate, Prior
-from armload_identification.estimation.uncertainty import DETERMINED_SHARE, NORMAL_HALF_WIDTH, quantify, shifts_by
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, quantify, shifts_by
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters
 from armload_identification.pipeline.identification import Fit, Identification, completed, without_blows
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission

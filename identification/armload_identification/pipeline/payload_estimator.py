@@ -18,15 +18,13 @@ from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.estimation.empty_arm.known_arm_rows import KnownArmRows
 from armload_identification.estimation.physical_consistency import nearest_possible
 from armload_identification.estimation.uncertainty import (
-    DETERMINED_SHARE,
     NORMAL_HALF_WIDTH,
-    REFERENCE_LENGTH_M,
     derived,
 )
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters, value_scale
 from armload_identification.pipeline.any_motion import FLOOR_KG, FLOOR_SHARE
 from armload_identification.pipeline.estimator_constants import ROW_S, estimator_constants
 from armload_identification.signals.joint_torque import Transmission
@@ -189,9 +187,8 @@ class PayloadEstimator:
         variance[0] += FLOOR_KG**2 + (FLOOR_SHARE**2 + law**2) * mass**2
         values[0] = mass
         width = NORMAL_HALF_WIDTH * np.sqrt(variance)
-        unit = np.array([abs(mass)] + [REFERENCE_LENGTH_M] * 3)
         width[1:] = np.where(mass > _WEIGHTLESS_KG, width[1:], np.inf)
-        determined = width <= DETERMINED_SHARE * unit
+        determined = width <= DETERMINED_SHARE * value_scale(abs(mass))[:4]
         determined &= determined[0]
         return LivePayload(
             time_s=float(status[kernels.ESTIMATOR_TIME]),

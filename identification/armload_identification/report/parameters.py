@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M, derived
-from armload_identification.model.payload import InertialParameters, PayloadResult
+from armload_identification.estimation.uncertainty import derived
+from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters, PayloadResult, value_scale
 from armload_identification.pipeline.identification import Identification
 from armload_identification.report.numerals import NO_BREAK, Numeral, align, decimals_for, numeral
 from armload_identification.verdict.joint_words import listed
@@ -216,8 +216,7 @@ def compared_rows(identification: Identification, payload: PayloadResult) -> tup
 
 def _limits(mass_kg: float) -> FloatArray:
     """(10,) greatest half widths of determined parameters for a payload of this mass."""
-    unit = np.array([mass_kg] + [REFERENCE_LENGTH_M] * 3 + [mass_kg * REFERENCE_LENGTH_M**2] * 6)
-    return np.asarray(DETERMINED_SHARE * unit)
+    return np.asarray(DETERMINED_SHARE * value_scale(mass_kg))
 
 
 def half_widths(payload: PayloadResult) -> FloatArray:

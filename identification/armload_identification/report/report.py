@@ -14,9 +14,14 @@ import numpy as np
 from markupsafe import Markup
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M
 from armload_identification.identification_errors import ReportError
-from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGIN, PayloadResult
+from armload_identification.model.payload import (
+    DETERMINED_SHARE,
+    PARAMETER_NAMES,
+    REFERENCE_LENGTH_M,
+    SMALLEST_MARGIN,
+    PayloadResult,
+)
 from armload_identification.pipeline.identification import Identification
 from armload_identification.report.content import ReportContent, ReportSubject
 from armload_identification.report.figures import joint_figures

@@ -33,7 +33,7 @@ from armload_controller.feedforward.payload_feedforward import PayloadFeedforwar
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_drivers.servos import JointCommand, JointFeedback
-from armload_identification.estimation.uncertainty import REFERENCE_LENGTH_M
+from armload_identification.model.payload import REFERENCE_LENGTH_M
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.recording.reading_options import Effort
 from tests.live_estimates import live_estimate, sphere

@@ -9,7 +9,12 @@ from hypothesis import strategies as st
 
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import pose_from_xyz_rpy
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import (
+    DETERMINED_SHARE,
+    PSEUDO_INERTIA_BASIS,
+    InertialParameters,
+    value_scale,
+)
 
 pytestmark = pytest.mark.pure
 
@@ -104,3 +109,13 @@ def test_an_inertia_that_is_not_symmetric_is_refused():
 def test_a_body_without_mass_has_no_centre():
     with pytest.raises(ModelError, match="no centre of mass"):
         _ = InertialParameters(np.zeros(10)).center_of_mass_m
+
+
+def test_the_scales_of_the_values_are_those_of_the_payload_file():
+    """Determined: within 20 % of m, of 0.1 m, of m (0.1 m)^2."""
+    assert pytest.approx([0.4, *3 * [0.02], *6 * [0.004]]) == DETERMINED_SHARE * value_scale(2.0)
+
+
+def test_the_pseudo_inertia_is_linear_in_the_parameters():
+    body = body_of(*masses(3))
+    np.testing.assert_allclose(np.tensordot(body.theta, PSEUDO_INERTIA_BASIS, axes=1), body.pseudo_inertia, atol=1e-14)
