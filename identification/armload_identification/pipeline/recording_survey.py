@@ -14,6 +14,7 @@ from armload_identification.recording.reduction.phase_advance import interruptio
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.repetition import repeated_after
+from armload_identification.verdict.effort_mismatch import require_same_effort
 
 _HOLE: Final = 3.0
 """Multiple of the median interval from which two rows have a gap between them."""
@@ -105,7 +106,7 @@ def survey(recording: Recording) -> RecordingSurvey:
 
 
 def pair_problem(loaded: Recording, unloaded: Recording) -> str | None:
-    """Why two recordings are not a pair of the same motion; None if they are.
+    """Why two recordings are not a pair of the same motion and quantities; None if they are.
 
     Args:
         loaded: Run with the payload.
@@ -114,6 +115,7 @@ def pair_problem(loaded: Recording, unloaded: Recording) -> str | None:
     nothing = Transmission(np.ones(loaded.n), np.eye(loaded.n))
     try:
         load_signal(loaded, unloaded, nothing)
+        require_same_effort(loaded, unloaded)
     except IdentificationError as problem:
         return str(problem)
     return None

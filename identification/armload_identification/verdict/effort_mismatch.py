@@ -10,6 +10,7 @@ from typing import Final
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording
+from armload_identification.signals.joint_torque import reported_effort
 
 _NAMES: Final = {Effort.TORQUE: "joint torque", Effort.CURRENT: "motor current"}
 _SELECT: Final = "`--columns` for a table, `--effort` for ROS messages"
@@ -23,7 +24,7 @@ def require_effort(run: Recording, effort: Effort) -> None:
         effort: The quantity to which the gains of the calibration refer.
 
     Raises:
-        RecordingError: naming the file, its content and the remedy.
+        RecordingError: naming the file, its content and the remedy; or it contains neither.
     """
     if _used(run) is not effort:
         wanted = _NAMES[effort]
@@ -41,7 +42,7 @@ def require_same_effort(loaded: Recording, unloaded: Recording) -> None:
         unloaded: Run without it.
 
     Raises:
-        RecordingError: naming both files, their content and the remedy.
+        RecordingError: naming both files, their content and the remedy; or one contains neither.
     """
     if _used(loaded) is not _used(unloaded):
         raise RecordingError(
@@ -52,7 +53,8 @@ def require_same_effort(loaded: Recording, unloaded: Recording) -> None:
 
 
 def _used(run: Recording) -> Effort:
-    """The quantity from which a run's torque is computed."""
+    """The quantity from which a run's torque is computed; raises if there is none."""
+    reported_effort(run)
     return Effort.CURRENT if run.torque_nm is None else Effort.TORQUE
 
 

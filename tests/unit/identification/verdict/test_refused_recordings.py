@@ -12,6 +12,7 @@ import pytest
 
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.recording_survey import pair_problem
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reduction.repeated_values import repeated_values
@@ -67,7 +68,11 @@ def test_torque_of_one_run_and_current_of_the_other_are_not_subtracted(pinocchio
     ):
         with pytest.raises(RecordingError, match=content):
             check_pair(*runs, pinocchio_arm.transmission)
+        assert content in pair_problem(*runs)
     check_pair(both[0], torque[1], pinocchio_arm.transmission)
+    assert pair_problem(both[0], torque[1]) is None
+    with pytest.raises(RecordingError, match=r"unloaded\.mcap: neither motor current nor joint torque"):
+        check_pair(torque[0], replace(current[1], current_a=None), pinocchio_arm.transmission)
 
 
 @pytest.mark.parametrize(
