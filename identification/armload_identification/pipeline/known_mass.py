@@ -42,7 +42,7 @@ def note_on_mass(known: KnownPayload, identified: Callable[[Prior], Identificati
         # An empty arm has an accurate mass too, of 0; with an exact mass as prior nothing else would refuse its run.
         refusal, center, half_width = problem, problem.mass_kg, problem.half_width_kg
     except EstimationError:
-        return ""  # Without the mass, the data determine nothing to compare it with.
+        return ""  # Judged again with the mass, which may complete what the motion does not determine.
     else:
         center, half_width = float(free.values[0]), float(free.half_width_95[0])
     if abs(mass_kg - center) <= half_width:
