@@ -48,7 +48,7 @@ def draw(comparisons: Sequence[Comparison], robot: str, path: Path) -> None:
             axis = axes[i, column]
             axis.plot(comparison.phase_s, 1e3 * comparison.without_rad[:, i], color="#999999", label="without")
             for color, (label, error) in zip(COLORS, comparison.with_rad.items(), strict=False):
-                text = f"{label}: {100 * comparison.reduction(label)[i]:z.0f} % less"
+                text = f"{label}: {comparison.less(label, i, 0)}"
                 axis.plot(comparison.phase_s, 1e3 * error[:, i], color=color, lw=0.9, label=text)
             axis.set_ylabel(f"{name}\nmrad", fontsize=8)
             axis.tick_params(labelsize=7)

@@ -91,8 +91,15 @@ class Comparison:
         return rms(self.without_rad)
 
     def reduction(self, label: str) -> FloatArray:
-        """(n,) relative reduction of the RMS by feed-forward."""
-        return np.asarray(1.0 - rms(self.with_rad[label]) / self.without_rms_rad + 0.0)
+        """(n,) relative reduction of the RMS by feed-forward; NaN if there is no error without."""
+        before = self.without_rms_rad
+        after = rms(self.with_rad[label])
+        return np.asarray(1.0 - np.divide(after, before, out=np.full_like(before, np.nan), where=before > 0.0))
+
+    def less(self, label: str, joint: int, digits: int) -> str:
+        """The reduction of one joint's error, in words."""
+        share = self.reduction(label)[joint]
+        return "no error without it" if np.isnan(share) else f"{100.0 * share:z.{digits}f} % less"
 
 
 def beyond_lag(error_rad: FloatArray, path: FourierTrajectory, phase_s: FloatArray) -> FloatArray:

@@ -11,9 +11,9 @@ from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.pipeline.identification import Identification
 
-_CONTRADICTS: Final = 2.0
-"""Half widths of the 95 % interval from which the mass is refused: exceeded by chance in one of 10,000 cases, while a
-correct mass lies outside the interval itself in one of 20. Between the two a note is given."""
+CONTRADICTS: Final = 2.0
+"""Half widths of the 95 % interval from which prior knowledge is refused: exceeded by chance in one of 10,000 cases,
+while a correct mass lies outside the interval itself in one of 20. Between the two a note is given."""
 
 
 def note_on_mass(known: KnownPayload, identified: Callable[[Prior], Identification]) -> str:
@@ -48,7 +48,7 @@ def note_on_mass(known: KnownPayload, identified: Callable[[Prior], Identificati
     if abs(mass_kg - center) <= half_width:
         return ""
     without = f"{center:.4g} +- {half_width:.2g} kg (95 %)"
-    if abs(mass_kg - center) > _CONTRADICTS * half_width:
+    if abs(mass_kg - center) > CONTRADICTS * half_width:
         if refusal is not None:
             raise EstimationError(f"the weighed mass {mass_kg:g} kg contradicts the data. Without it: {refusal}")
         raise EstimationError(

@@ -32,7 +32,7 @@ from armload_identification.model.payload import InertialParameters, PayloadResu
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.any_motion import identify_alone
 from armload_identification.pipeline.identification import Fit, Identification, completed, without_blows
-from armload_identification.pipeline.known_mass import note_on_mass
+from armload_identification.pipeline.known_mass import CONTRADICTS, note_on_mass
 from armload_identification.pipeline.known_ranges import within_ranges
 from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
@@ -52,8 +52,6 @@ from armload_identification.verdict.sanity import (
 )
 
 FLANGE: Final = "flange"
-_CONTRADICTS: Final = 2.0
-"""Threshold in half widths of the 95 % interval, exceeded by chance in one of 10,000 cases."""
 
 
 def identify(
@@ -107,7 +105,7 @@ def identify(
 def _require_symmetric(found: Identification) -> None:
     """Raise if the data contradict a symmetry about the flange axis."""
     center, half_width = found.uncertainty.values[1:3], found.uncertainty.half_width_95[1:3]
-    if (np.abs(center) > _CONTRADICTS * half_width).any():
+    if (np.abs(center) > CONTRADICTS * half_width).any():
         raise EstimationError(
             "the payload was declared symmetric about the flange axis, but from the data its centre of mass lies "
             f"{1e3 * center[0]:+z.1f} and {1e3 * center[1]:+z.1f} mm off that axis (95 %: "

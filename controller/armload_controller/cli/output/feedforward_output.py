@@ -49,7 +49,7 @@ def following_error_table(comparison: Comparison) -> Table:
     for column in ("weight N m", "without mrad", *comparison.with_rad):
         table.add_column(column, justify="right")
     for i, name in enumerate(comparison.joint_names):
-        shares = [f"{100 * comparison.reduction(label)[i]:z.1f} % less" for label in comparison.with_rad]
+        shares = [comparison.less(label, i, 1) for label in comparison.with_rad]
         mark = " *" if i in comparison.gravity_loaded else ""
         weight, before = comparison.weight_nm[i], 1e3 * comparison.without_rms_rad[i]
         table.add_row(name + mark, f"{weight:.1f}", f"{before:.3f}", *shares)

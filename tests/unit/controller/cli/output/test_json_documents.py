@@ -223,10 +223,10 @@ def test_a_joint_that_never_left_its_setpoint_has_no_reduction():
     offset = OffsetVerdict(joints, ones, ones, np.full(2, 0.01), 4)
     errors = np.tile([0.01, 0.0], (5, 1))
     compared = Comparison(Measure.ADDED, joints, np.arange(5.0), errors, {"fed": 0.1 * errors}, 9.0 * ones)
-    with np.errstate(invalid="ignore"):
-        fed = feedforward_document("arm", offset, [compared], None)
+    fed = feedforward_document("arm", offset, [compared], None)
     reductions = [joint["reduction"]["fed"] for joint in fed["comparisons"][0]["joints"]]
     assert reductions == [pytest.approx(0.9), None]
+    assert [compared.less("fed", joint, 1) for joint in (0, 1)] == ["90.0 % less", "no error without it"]
 
 
 @pytest.mark.parametrize(
