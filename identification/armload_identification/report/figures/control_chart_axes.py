@@ -19,6 +19,7 @@ DATES: Final = 4
 _BAND: Final = "#e3e3e3"
 _DAY_S: Final = 86_400.0
 _FEW_DAYS: Final = 3.0
+_FEW_MINUTES: Final = 5.0 / 1440.0
 
 
 def days_of(moments: Sequence[datetime]) -> FloatArray:
@@ -53,7 +54,7 @@ def draw_control_chart(
 
 
 def draw_dates(axes: Axes, place: FloatArray) -> None:
-    """Label an axis of days with dates, and with hours if there are few days; a single moment is the middle of a day.
+    """Label an axis of days with dates, with times if there are few days; a single moment is the middle of a day.
 
     Args:
         axes: The axes.
@@ -62,5 +63,6 @@ def draw_dates(axes: Axes, place: FloatArray) -> None:
     if np.ptp(place) == 0.0:
         axes.set_xlim(place[0] - 0.5, place[0] + 0.5)
     axes.xaxis.set_major_locator(ticks(DATES))
-    text = "{:%d %b\n%H:%M}" if np.ptp(place) < _FEW_DAYS else "{:%d %b\n%Y}"
+    span = np.ptp(place)
+    text = "{:%d %b\n%Y}" if span >= _FEW_DAYS else "{:%d %b\n%H:%M}" if span >= _FEW_MINUTES else "{:%d %b\n%H:%M:%S}"
     axes.xaxis.set_major_formatter(lambda day, _position: text.format(datetime.fromtimestamp(day * _DAY_S, UTC)))
