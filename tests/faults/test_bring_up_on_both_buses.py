@@ -176,13 +176,19 @@ def alone(arm, seconds):
     arm.heard()
 
 
-def test_drives_without_their_master_stop_hold_and_leave_the_cycle(fault_arm):
-    """6007 and 1029 as set by bring-up: the drives stop by quick stop, hold, and ignore further PDOs."""
+def abandoned(fault_arm):
+    """An arm whose master ended while it moved; its drives have stopped and hold it."""
     arm = fault_arm()
     arm.enable()
     arm.move()
     alone(arm, 4.0 * arm.arm.heartbeat_s)
     assert power_states(arm) == [State.QUICK_STOP_ACTIVE] * 3
+    return arm
+
+
+def test_drives_without_their_master_stop_hold_and_leave_the_cycle(fault_arm):
+    """6007 and 1029 as set by bring-up: the drives stop by quick stop, hold, and ignore further PDOs."""
+    arm = abandoned(fault_arm)
     assert nmt_states(arm) == [NmtState.PRE_OPERATIONAL] * 3
     assert all(arm.plant.powered)
     stood = arm.plant.position_rad
@@ -194,11 +200,7 @@ def test_drives_without_their_master_stop_hold_and_leave_the_cycle(fault_arm):
 
 def test_an_arm_whose_master_was_killed_is_taken_over(fault_arm):
     """The drives hold their position with torque, in QUICK STOP ACTIVE; the next master resets them."""
-    arm = fault_arm()
-    arm.enable()
-    arm.move()
-    alone(arm, 4.0 * arm.arm.heartbeat_s)
-    assert power_states(arm) == [State.QUICK_STOP_ACTIVE] * 3
+    arm = abandoned(fault_arm)
     sync = BcmSync(BroadcastManager("vcan0")) if arm.vcan else LockstepSync(arm.sync._clock)
     second = CanopenServos(arm.arm, arm.bus, sync, arm.timeouts)
     second.connect()

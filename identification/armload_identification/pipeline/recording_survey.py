@@ -14,7 +14,7 @@ from armload_identification.recording.reduction.phase_advance import interruptio
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.repetition import repeated_after
-from armload_identification.verdict.effort_mismatch import require_same_effort
+from armload_identification.verdict.effort_mismatch import EFFORT_NAMES, effort_used, require_same_effort
 
 _HOLE: Final = 3.0
 """Multiple of the median interval from which two rows have a gap between them."""
@@ -62,7 +62,7 @@ class RecordingSurvey:
         """Kind of the effort: "joint torque", "motor current", or None."""
         if self.effort is None:
             return None
-        return "motor current" if self.recording.torque_nm is None else "joint torque"
+        return EFFORT_NAMES[effort_used(self.recording)]
 
 
 def survey(recording: Recording) -> RecordingSurvey:
@@ -84,6 +84,7 @@ def survey(recording: Recording) -> RecordingSurvey:
     if moving.size:
         moving_s = float(time_s[moving[0]] - time_s[0]), float(time_s[moving[-1] + window] - time_s[0])
     period_s, periods = _period_of(recording, moving_s)
+    interrupted = interruptions(recording)
     duration_s = float(time_s[-1] - time_s[0])
     if recording.average is not None and recording.excitation is not None:
         duration_s = recording.average.periods * recording.excitation.trajectory.period_s
@@ -100,8 +101,8 @@ def survey(recording: Recording) -> RecordingSurvey:
         moving_s=moving_s,
         period_s=period_s,
         periods=periods,
-        interruptions=interruptions(recording),
-        missing=_missing(recording, moving_s is not None, interval_s),
+        interruptions=interrupted,
+        missing=_missing(recording, interval_s, moves=moving_s is not None, measured=not interrupted or periods > 0),
     )
 
 
@@ -133,8 +134,8 @@ def _period_of(recording: Recording, moving_s: tuple[float, float] | None) -> tu
     return period_s, 0 if period_s is None else int((moving_s[1] - moving_s[0]) / period_s + 0.01)
 
 
-def _missing(recording: Recording, moves: bool, interval_s: float) -> tuple[str, ...]:
-    """Reasons why a recording cannot be used."""
+def _missing(recording: Recording, interval_s: float, *, moves: bool, measured: bool) -> tuple[str, ...]:
+    """Reasons why a recording cannot be used; `measured`: every part of the period was, if it was interrupted."""
     missing = []
     if recording.effort is None:
         missing.append("joint torque or motor current: record 6077 or 6078, or the effort of the joints")
@@ -144,7 +145,7 @@ def _missing(recording: Recording, moves: bool, interval_s: float) -> tuple[str,
         missing.append("motion: no joint moves")
     if interval_s * _SLOWEST_HZ > 1.0:
         missing.append(f"rows: {1.0 / interval_s:.3g} per second, {_SLOWEST_HZ:g} or more are recommended")
-    if interruptions(recording) and not measured_periods(recording):
+    if not measured:
         missing.append("a part of the period at full speed: in every period the run was paused or slowed down there")
     if recording.source.truncated:
         missing.append("its end: the file is truncated")

@@ -12,7 +12,7 @@ from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import reported_effort
 
-_NAMES: Final = {Effort.TORQUE: "joint torque", Effort.CURRENT: "motor current"}
+EFFORT_NAMES: Final = {Effort.TORQUE: "joint torque", Effort.CURRENT: "motor current"}
 _SELECT: Final = "`--columns` for a table, `--effort` for ROS messages"
 
 
@@ -26,8 +26,8 @@ def require_effort(run: Recording, effort: Effort) -> None:
     Raises:
         RecordingError: naming the file, its content and the remedy; or it contains neither.
     """
-    if _used(run) is not effort:
-        wanted = _NAMES[effort]
+    if effort_used(run) is not effort:
+        wanted = EFFORT_NAMES[effort]
         raise RecordingError(
             f"{run.source.path}: it contains {_content(run)}, but the arm was calibrated with {wanted}, which has "
             f"other gains. Select the {wanted} ({_SELECT}), record it, or calibrate the arm from recordings like this."
@@ -44,7 +44,7 @@ def require_same_effort(loaded: Recording, unloaded: Recording) -> None:
     Raises:
         RecordingError: naming both files, their content and the remedy; or one contains neither.
     """
-    if _used(loaded) is not _used(unloaded):
+    if effort_used(loaded) is not effort_used(unloaded):
         raise RecordingError(
             f"{loaded.source.path} contains {_content(loaded)}, and {unloaded.source.path} contains "
             f"{_content(unloaded)}: their difference would include the errors of the gains. Select the same quantity "
@@ -52,8 +52,15 @@ def require_same_effort(loaded: Recording, unloaded: Recording) -> None:
         )
 
 
-def _used(run: Recording) -> Effort:
-    """The quantity from which a run's torque is computed; raises if there is none."""
+def effort_used(run: Recording) -> Effort:
+    """The quantity from which a run's torque is computed.
+
+    Args:
+        run: The run.
+
+    Raises:
+        RecordingError: it contains neither.
+    """
     reported_effort(run)
     return Effort.CURRENT if run.torque_nm is None else Effort.TORQUE
 
@@ -61,5 +68,5 @@ def _used(run: Recording) -> Effort:
 def _content(run: Recording) -> str:
     """What a run contains, and which of it is used."""
     if run.torque_nm is not None and run.current_a is not None:
-        return f"{_NAMES[Effort.TORQUE]} and {_NAMES[Effort.CURRENT]}, of which the torque is used"
-    return _NAMES[_used(run)]
+        return f"{EFFORT_NAMES[Effort.TORQUE]} and {EFFORT_NAMES[Effort.CURRENT]}, of which the torque is used"
+    return EFFORT_NAMES[effort_used(run)]
