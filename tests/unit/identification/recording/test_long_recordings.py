@@ -15,6 +15,7 @@ from mcap.writer import Writer
 
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.identification_errors import RecordingError
+from armload_identification.pipeline.recording_survey import survey
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
@@ -151,6 +152,9 @@ def test_a_long_run_is_refused_whose_every_period_was_interrupted_at_the_same_ph
     path = write_mcap(tmp_path / "paused.mcap", paused(runs[0], *range(200, 3000, 500)))
     with pytest.raises(RecordingError, match="a part of the period was never measured at full speed"):
         read_recording(path, short_rows=NOTHING)
+    found = survey(read_recording(path, short_rows=EVERYTHING))
+    assert found.periods == 0
+    assert any("a part of the period at full speed" in reason for reason in found.missing)
 
 
 def test_a_change_of_speed_is_refused_in_a_long_run_too(runs, tmp_path):
