@@ -8,9 +8,14 @@ from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.independent_master import Master, description, network_with_drives
 
 
-@pytest.mark.parametrize("split", [False, True], ids=["one PDO", "two PDOs"])
 @pytest.mark.parametrize(
-    ("robot", "mode"), [("er50", "CYCLIC SYNCHRONOUS POSITION"), ("prbt", "INTERPOLATED POSITION")]
+    ("robot", "mode", "split"),
+    [
+        ("er50", "CYCLIC SYNCHRONOUS POSITION", True),
+        ("prbt", "INTERPOLATED POSITION", False),
+        pytest.param("er50", "CYCLIC SYNCHRONOUS POSITION", False, marks=pytest.mark.long),
+        pytest.param("prbt", "INTERPOLATED POSITION", True, marks=pytest.mark.long),
+    ],
 )
 def test_a_node_is_booted_enabled_moved_by_a_degree_and_disabled(tmp_path, robot, mode, split):
     arm = load_robot(robot).drives.settings

@@ -109,10 +109,10 @@ def test_feedback_missing_for_a_while(fault_arm, cycles):
     arm.enable()
     arm.move(3)
     arm.drives.drop_feedback(3, cycles)
-    missing = 0
-    for _ in range(20):
-        missing += arm.move(1).missing.sum()
-    assert missing == cycles
+    moved = [arm.move(1) for _ in range(20)]
+    missing = sum(feedback.missing.sum() for feedback in moved)
+    # On vcan0, a cycle without feedback may be one that this program was too late for.
+    assert missing <= cycles <= missing + sum(feedback.skipped_cycles for feedback in moved)
     arm.comes_to_rest()
 
 

@@ -61,7 +61,7 @@ def test_a_gain_that_is_off_is_named_with_its_size(found, joint, off):
 
 
 @pytest.mark.parametrize(
-    "off", [-0.2, -0.05, 0.05, 0.2, *(pytest.param(off, marks=pytest.mark.long) for off in (-0.1, 0.1))]
+    "off", [-0.2, 0.2, *(pytest.param(off, marks=pytest.mark.long) for off in (-0.1, -0.05, 0.05, 0.1))]
 )
 @pytest.mark.parametrize("joint", [1, WRONG])
 def test_a_larger_error_is_named_as_a_smaller_one_is(found, joint, off):
