@@ -140,21 +140,10 @@ class VendorSettingTable(Table):
         return VendorSetting(entry, self.value, self.meets)
 
 
-class DriveTable(Table):
-    """One joint's drive. A scale that is not given is read from the drive."""
+class ProductKeys(Table):
+    """Keys of `[joints.drive]` that belong to the product, and so may stand in its profile."""
 
-    profile: str | None = None
-    node_id: Annotated[int, Field(ge=1, le=127)]
-    mode: Literal["csp", "ip"]
-    feedback: Literal["current", "torque"]
     counts_per_axis_turn: Positive | None = None
-    rated_current_a: Positive | None = None
-    rated_torque_nm: Positive | None = None
-    max_torque_permille: Annotated[int, Field(ge=1, le=65535)]
-    following_error_rad: Positive
-    following_lag_s: Positive | None = None
-    has_brake: bool
-    torque_limit_in_drive: bool = False
     torque_offset: bool = True
     torque_offset_bits: Literal[16, 32] = 16
     pdo_objects_max: Annotated[int, Field(ge=2, le=8)] = 8
@@ -162,6 +151,22 @@ class DriveTable(Table):
     effort_object: EffortObjectTable | None = None
     temperature_object: TemperatureObjectTable | None = None
     vendor_settings: list[VendorSettingTable] = Field(default=[])
+
+
+class DriveTable(ProductKeys):
+    """One joint's drive. A scale that is not given is read from the drive."""
+
+    profile: str | None = None
+    node_id: Annotated[int, Field(ge=1, le=127)]
+    mode: Literal["csp", "ip"]
+    feedback: Literal["current", "torque"]
+    rated_current_a: Positive | None = None
+    rated_torque_nm: Positive | None = None
+    max_torque_permille: Annotated[int, Field(ge=1, le=65535)]
+    following_error_rad: Positive
+    following_lag_s: Positive | None = None
+    has_brake: bool
+    torque_limit_in_drive: bool = False
     accept_missing: list[str] = Field(default=[])
     description: str | None = None
     identity: IdentityTable | None = None
