@@ -85,7 +85,7 @@ def _judged(setup: DriveSetup, state: State, commands: str, speed_counts_s: floa
         return PoweredDrive(
             setup,
             f"{carries}: another program, the manufacturer's tool or the drive itself may be moving it",
-            "End that, or press the emergency stop, then repeat this command",
+            "Stop it, or press the emergency stop, then repeat this command",
         )
     speed_rad_s = speed_counts_s / abs(setup.read_units().counts_per_rad)
     if speed_rad_s > STANDSTILL_RAD_S:

@@ -159,7 +159,7 @@ class DriveSettings:
 
     @property
     def is_named(self) -> bool:
-        """Whether vendor and product are stated; a real drive of which they are not is not written to."""
+        """Whether vendor and product are stated; otherwise nothing is written to a real drive."""
         return None not in {self.wanted_identity.vendor_id, self.wanted_identity.product_code}
 
 
