@@ -111,8 +111,8 @@ class FilePlugin:
         if answer is not None:
             raise PluginFailed(
                 self.name,
-                f"of {self.package} returned {answer!r}, expected None: a plug-in of a robot's file adds no torque, "
-                "as the drives' torque offset is not tried for it",
+                f"of {self.package} returned {answer!r}, expected None: a plug-in named in a robot's file "
+                "cannot add torque, because the drives' torque offset is not tested for it",
             )
 
 
@@ -183,7 +183,7 @@ def _made(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, obj
         why = f"{type(problem).__name__}: {problem}"
         raise robot.source.refused(key, {}, f"{whose} could not create its plug-in: {why}") from problem
     if not callable(getattr(watcher, "on_cycle", None)):
-        raise robot.source.refused(key, {}, f"{whose} made {watcher!r}, expected an object with on_cycle(step)")
+        raise robot.source.refused(key, {}, f"{whose} returned {watcher!r}, expected an object with on_cycle(step)")
     return watcher
 
 

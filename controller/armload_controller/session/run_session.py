@@ -290,7 +290,7 @@ class RunSession:
         """
         if path.constraints.robot_sha256 != self._robot.sha256:
             raise CommissioningError(
-                f"this path was not checked for {self._robot.name} as {self._robot.file} has it: check it again"
+                f"this path was not checked for {self._robot.name} as configured in {self._robot.file}: check it again"
             )
         if path.cycle_s != self._servos.cycle_s:
             raise CommissioningError(

@@ -188,7 +188,7 @@ def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequenc
     with operator_at(arm, screen, control, agreed=plan.yes, live=plan.live) as operator:
         for load in halves:
             if load not in todo:
-                screen.step(f"{load}: already recorded in {directory}, used")
+                screen.step(f"{load}: already recorded in {directory}, not repeated")
                 continue
             if load is Load.LOADED and len(halves) > 1:
                 _mount(arm, screen, operator.consent, arm.bus.interface == VIRTUAL)
@@ -285,7 +285,7 @@ def _calibrate(arm: Robot, directory: Path, runs: Sequence[Recording], mass_kg: 
     for recorded_kg in masses_otherwise_recorded(runs, mass_kg):
         notes.append(
             f"the recordings state {recorded_kg:g} kg, which was not used. `armload calibrate` would use it: give it a "
-            "table of runs with the right mass_kg."
+            "table of runs with the correct mass_kg."
         )
     return [
         *(f"calibration: {text}" for text in notes),
