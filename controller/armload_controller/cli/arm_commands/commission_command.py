@@ -207,7 +207,7 @@ def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) 
 
 
 def mounting_question(arm: Robot) -> str:
-    """The question before the loaded runs; it speaks of brakes only if every axis has one."""
+    """The question before the loaded runs; it mentions brakes only if every axis has one."""
     braked = all(drive.has_brake for drive in arm.drives.settings.drives)
     state = "The drives are off, the brakes are on." if braked else "The drives are off."
     return f"{state} Is the payload mounted and the workspace clear?"
