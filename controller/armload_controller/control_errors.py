@@ -5,7 +5,7 @@ ControlError
  +-- UnsafeBus            a bus that must not be opened like this
  +-- MotionError          the motion was stopped: cause, joint, value, bound; carries the last feedback
  +-- RecordingFailed      the disk is full, or another error of the file
- +-- CommissioningError   a step of the commissioning cannot be done as asked
+ +-- CommissioningError   a step of the commissioning cannot be done as requested
  +-- OffsetRefused        a drive responds wrongly to its torque offset
  +-- ExportError          a payload that must not be exported, or a different file that exists
  +-- FleetError           recordings of many arms cannot be processed: a scheduler, a file of rows
@@ -55,7 +55,7 @@ class RecordingFailed(ControlError):
 
 
 class CommissioningError(ControlError):
-    """A step of the commissioning cannot be done as asked."""
+    """A step of the commissioning cannot be done as requested."""
 
 
 class OffsetRefused(ControlError):

@@ -1,1 +1,1 @@
-"""Arithmetic that runs per sample or per cycle, and the type of its arrays; knows numpy alone."""
+"""Arithmetic that runs per sample or per cycle, and the type of its arrays; imports only numpy."""

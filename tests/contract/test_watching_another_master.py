@@ -212,7 +212,7 @@ def test_the_command_listens_and_records(robot, armload, tmp_path, monkeypatch, 
     ("words", "text"),
     [
         (["a.mcap", "--channel", "can0"], "applies to a bus"),
-        (["--load", "loaded"], "goes with --record"),
+        (["--load", "loaded"], "requires --record"),
         (["--follow"], "requires a RECORDING"),
         (["--record", "x.mcap", "--load", "heavy"], "expected unloaded or loaded"),
         (["--record", "x.mcap", "--for", "soon"], "'soon' is not a time"),

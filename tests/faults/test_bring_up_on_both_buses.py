@@ -205,7 +205,7 @@ def test_an_arm_whose_master_was_killed_is_taken_over(fault_arm):
     second = CanopenServos(arm.arm, arm.bus, sync, arm.timeouts)
     second.connect()
     arm.has_no_torque()
-    held = "joint_2, joint_3, joint_5: held with torque since the last master had ended; the reset has removed it"
+    held = "joint_2, joint_3, joint_5: held with torque after the last master ended; the reset removed the torque"
     assert second.take_remarks() == (held,)
     second.enable()
     second.close()

@@ -374,7 +374,7 @@ def test_feedback_that_has_frozen_leaves_no_torque_on(virtual_arm, in_motion):
     with pytest.raises(ServoTimeout, match="joint_3") as raised:
         arm.servos.disable()
     assert not any(arm.plant.powered)
-    assert "By SDO the drive reports that it has no torque" in raised.value.__notes__[0]
+    assert "Read by SDO, the drive reports no torque" in raised.value.__notes__[0]
 
 
 def test_a_described_drive_that_has_no_reaction_to_a_lost_master_shows_none(virtual_arm, arm_settings):

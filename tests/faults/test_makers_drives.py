@@ -295,7 +295,7 @@ def test_every_consent_is_needed(drives_of, name, consent):
     with pytest.raises(MissingSafety) as raised:
         arm.servos.connect()
     wanting = "torque_limit" if consent == CONSENT else consent
-    assert f"what safety rests on: {wanting}: " in str(raised.value)
+    assert f"required safety properties: {wanting}: " in str(raised.value)
     kept = sorted({*row.consents, wanting} - {CONSENT})
     assert str(raised.value).endswith("accept_missing = [" + ", ".join(f'"{key}"' for key in kept) + "]")
     arm.has_no_torque()

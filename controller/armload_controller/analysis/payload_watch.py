@@ -197,7 +197,7 @@ class PayloadWatch:
         Args:
             time_s: (N,) stamps.
             position: (N, n) joint positions in rad.
-            effort: (N, n) motor currents in A or reported joint torques in N m, as `effort` says.
+            effort: (N, n) motor currents in A or reported joint torques in N m, as specified by `effort`.
         """
         self._estimator.update_all(time_s, position, effort)
         if time_s.size:

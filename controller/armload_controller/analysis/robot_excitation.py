@@ -30,7 +30,7 @@ from armload_identification.excitation.information import named_criterion
 from armload_identification.extras import Extra, require_extra
 
 POSITION_MARGIN_RAD: Final = 0.1
-"""Room left to the position limits, for the ramps and the servo."""
+"""Margin to the position limits, for the ramps and the servo."""
 RATE_SHARE: Final = 0.7
 """Share of speed, acceleration and jerk limits that the excitation uses; the phase ramps need the rest."""
 TORQUE_SHARE: Final = 0.8

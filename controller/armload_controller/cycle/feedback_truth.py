@@ -224,7 +224,7 @@ class FeedbackTruth:
             raise PositionJumps(
                 self._names[joint],
                 f"the position moved by {moved[joint]:.4f} rad in {self._since_s[joint] * 1e3:.0f} ms, "
-                f"{allowed[joint]:.4f} rad are possible",
+                f"at most {allowed[joint]:.4f} rad is possible",
             )
         self._since_s *= feedback.missing
 

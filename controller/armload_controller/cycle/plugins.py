@@ -24,7 +24,7 @@ from armload_drivers.servos import JointCommand, JointFeedback
 BUDGET_SHARE = 0.5
 """Share of the cycle that one call of a plug-in may take."""
 OVERRUNS_IN_A_ROW = 5
-"""After this many consecutive calls over the budget, the plug-in is blamed and not the computer."""
+"""After this many consecutive calls over the budget, the plug-in is taken to be the cause, not the computer."""
 
 AskToStop = Callable[[str], None]
 """Called with the reason, as text for the operator."""

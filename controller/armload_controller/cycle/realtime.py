@@ -10,8 +10,8 @@ Everything is restored afterwards. What is not permitted is reported once, and t
 lockstep simulations, where nothing waits for a clock and a real-time thread would only starve other processes.
 
 A new thread inherits policy, priority and CPU of the thread that starts it. One that is started by the cycle would
-compute at the cycle's priority on the cycle's only CPU, and the cycle would wait for it. So work beside the cycle gets
-a `running_worker`, created before. A thread or process that is started later has the ordinary policy
+compute at the cycle's priority on the cycle's only CPU, and the cycle would wait for it. So work beside the cycle is
+done by a `running_worker`, created beforehand. A thread or process that is started later has the ordinary policy
 (SCHED_RESET_ON_FORK), so that it cannot keep the cycle waiting for the CPU, but it stays on that CPU.
 """
 
@@ -60,7 +60,7 @@ def tuned_for_cycles(report: Callable[[str], None]) -> Iterator[None]:
 
 
 def running_worker(name: str) -> ThreadPoolExecutor:
-    """An executor of one thread that runs already, for work beside the cycle; create it before `tuned_for_cycles`.
+    """An executor with one running thread, for work beside the cycle; create it before `tuned_for_cycles`.
 
     An executor starts its thread at the first task, which is submitted by the cycle: see above.
 

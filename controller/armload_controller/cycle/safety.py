@@ -130,7 +130,7 @@ DECISIONS: dict[Cause, Decision] = {
     Cause.OPERATOR: Decision(_ALONG, "start again when ready"),
     Cause.OPERATOR_AGAIN: Decision(_QUICK, "start again when ready"),
     Cause.TERMINATION: Decision(_ALONG, "start again when the system allows it to run"),
-    Cause.PLUGIN_REQUEST: Decision(_ALONG, "see what the plug-in says, then start again"),
+    Cause.PLUGIN_REQUEST: Decision(_ALONG, "read the plug-in's message, then start again"),
     Cause.PLUGIN_FAILED: Decision(_ALONG, "correct the plug-in or run without it"),
     Cause.PLUGIN_TOO_SLOW: Decision(_ALONG, "make it faster, move its work to another process, or lower --cycle-hz"),
     Cause.RECORDING: Decision(_ALONG, "free disk space, or choose another --output"),

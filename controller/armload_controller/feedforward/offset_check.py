@@ -46,7 +46,7 @@ FADES = 4
 """Fades per fit of a gain: short enough for slow drift, and a slip spoils only one of many fits."""
 LEAST_FITS = 8
 MOST_FITS = 20
-"""After this number of fits, a joint whose gain is still uncertain gets no feed-forward."""
+"""After this number of fits, a joint whose gain is still uncertain has no feed-forward."""
 PATH_SAMPLES = 512
 """Positions along one period of a path among which the payload's greatest torque is looked for."""
 _MEDIAN_EFFICIENCY = 1.2533

@@ -53,7 +53,7 @@ def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
         matched = matches(_placed(entry.recordings[_LOADED], table))
         there = matched.files
         remarks += [
-            f"{table}, line {entry.line}: the folder {folder} may not be listed, so nothing in it is processed"
+            f"{table}, line {entry.line}: no permission to list the folder {folder}, so nothing in it is processed"
             for folder in matched.closed
         ]
         if not there:
@@ -87,7 +87,7 @@ def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
             jobs.append(Job(key, entry.arm, robot, recordings, calibration, entry.payload, entry.mass_kg, modified))
         remarks += [
             f"{table}, line {entry.line}, {name}: {len(urls)} of {counted(len(there), 'file')} missing, such as "
-            f"{urls[0]}; each * takes the text that the one in loaded matched"
+            f"{urls[0]}; each * stands for the text matched by the * in loaded"
             for name, urls in missing.items()
             if urls
         ]
@@ -107,8 +107,8 @@ def _partner(entry: TableEntry, name: str, stars: tuple[str, ...], table: Path) 
             str(table),
             f"line {entry.line}, {name}",
             entry.recordings[name],
-            f"expected at most as many * as in loaded, {entry.recordings[_LOADED]}: each takes the text that the one "
-            "in loaded matched",
+            f"expected at most as many * as in loaded, {entry.recordings[_LOADED]}: each stands for the text "
+            "matched by the * in loaded",
         )
     return _placed(filled, table)
 

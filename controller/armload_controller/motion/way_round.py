@@ -50,7 +50,7 @@ def find_way(
         The ends of the segments; the last is the goal.
 
     Raises:
-        BlockedWay: no path was found; the message says why the straight one is blocked.
+        BlockedWay: no path was found; the message states why the straight one is blocked.
     """
     straight = objection(start_rad, goal_rad)
     if straight is None:

@@ -79,7 +79,7 @@ def add_drive(file: DraftedFile, joint: int, drive: DriveDraft | None, bus: BusD
             "accepting this"
         )
         if joint == 0:
-            file.unchecked.append(f"the drives lack objects that safety rests on: {', '.join(known.missing)}")
+            file.unchecked.append(f"the drives have no objects for these safety properties: {', '.join(known.missing)}")
     lines.append("# counts_per_axis_turn, rated_torque_nm, rated_current_a: read from the drive if omitted")
     if known.feedback == "current":
         file.holes += [f"{where}.gear_ratio", f"{where}.torque_constant_nm_a"]

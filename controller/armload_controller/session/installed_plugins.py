@@ -11,7 +11,7 @@ The entry point is a `PluginTable`. A session creates the plug-ins before it ope
 after its own monitors, in the order of the file, and calls their `close`, if any, once the arm is off.
 
 Such a plug-in can watch, record and request a stop. It cannot add torque: torque reaches the drives only after their
-offset was tried at standstill (`offset_check`), which is not done for packages. Any exception from it counts as a
+offset was tested at standstill (`offset_check`), which is not done for packages. Any exception from it counts as a
 failure of the plug-in, and the arm is brought to rest along its path.
 """
 
@@ -62,7 +62,7 @@ class PluginTable(Table, ABC):
         ...
         ...     def on_cycle(self, step: armload.CycleStep) -> None:
         ...         if abs(step.command.velocity_rad_s).max() > self.velocity_rad_s:
-        ...             step.ask_to_stop("too fast for what hangs there")
+        ...             step.ask_to_stop("too fast for the load")
         >>> isinstance(SlowestTable(velocity_rad_s=1.0).plugin(armload.load_robot("er50")), Slowest)
         True
     """
@@ -111,8 +111,8 @@ class FilePlugin:
         if answer is not None:
             raise PluginFailed(
                 self.name,
-                f"of {self.package} returned {answer!r}, expected None: a plug-in of a robot's file adds no torque, "
-                "as the drives' torque offset is not tried for it",
+                f"of {self.package} returned {answer!r}, expected None: a plug-in named in a robot's file "
+                "cannot add torque, because the drives' torque offset is not tested for it",
             )
 
 
@@ -183,7 +183,7 @@ def _made(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, obj
         why = f"{type(problem).__name__}: {problem}"
         raise robot.source.refused(key, {}, f"{whose} could not create its plug-in: {why}") from problem
     if not callable(getattr(watcher, "on_cycle", None)):
-        raise robot.source.refused(key, {}, f"{whose} made {watcher!r}, expected an object with on_cycle(step)")
+        raise robot.source.refused(key, {}, f"{whose} returned {watcher!r}, expected an object with on_cycle(step)")
     return watcher
 
 

@@ -65,7 +65,7 @@ class ClientPace:
             self._taken, self._moved_s = taken, now_s
         self._given += size
         if waiting + size > self._limits.waiting_bytes:
-            return f"more than {self._limits.waiting_bytes / 1e6:.2g} MB waited for it"
+            return f"more than {self._limits.waiting_bytes / 1e6:.2g} MB was waiting to be sent to it"
         if now_s - self._moved_s > self._limits.stalled_s:
             return f"it read nothing for {self._limits.stalled_s:g} s"
         return None

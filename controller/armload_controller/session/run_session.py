@@ -5,7 +5,7 @@
 Rules. A path is run at full speed only after its slow round in the same session, that is, with the same load and
 without reconnecting. The first motion of a session requires consent, with a payload even if consent was given
 beforehand. Between two motions the drives are off. A simulated arm needs no consent, but it needs a slow round, too.
-No enabled arm is handed out: work at standstill is given a function that can only hold it.
+Callers never receive an enabled arm: work at standstill receives a function that can only hold it in position.
 """
 
 from __future__ import annotations
@@ -290,7 +290,7 @@ class RunSession:
         """
         if path.constraints.robot_sha256 != self._robot.sha256:
             raise CommissioningError(
-                f"this path was not checked for {self._robot.name} as {self._robot.file} has it: check it again"
+                f"this path was not checked for {self._robot.name} as configured in {self._robot.file}: check it again"
             )
         if path.cycle_s != self._servos.cycle_s:
             raise CommissioningError(

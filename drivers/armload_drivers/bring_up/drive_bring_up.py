@@ -129,7 +129,7 @@ class DriveSetup(DriveDialogue):
                 self.settings.joint,
                 "booting",
                 f"no boot-up message within {self._timeouts.boot_s} s of the reset and no answer after it",
-                "Is the drive supplied and connected, with this node id and bit rate?",
+                "Is the drive powered and connected, with this node id and bit rate?",
             )
 
     def check_identity(self) -> Identity:

@@ -141,9 +141,7 @@ def _by_joint(rows: list[Check], arm: ArmSettings) -> list[Check]:
 def _identify(setup: DriveSetup, rows: list[Check]) -> bool:
     """Whether a node answers and is not another device than the configured drive. Only reads."""
     if not setup.is_up():
-        rows.append(
-            _row(setup, "answers", Verdict.WRONG, "no answer: is it supplied and connected, with this node id?")
-        )
+        rows.append(_row(setup, "answers", Verdict.WRONG, "no answer: is it powered and connected, with this node id?"))
         return False
     rows.append(_row(setup, "answers", Verdict.OK, ""))
     try:

@@ -132,7 +132,7 @@ class DriveDialogue:
         if state in POWERED:
             raise self._sdo.failure(
                 f"the drive carries torque in {state.title}, which this program has not requested",
-                "Another program has enabled it: end that, then repeat this command",
+                "Another program has enabled it: stop that program, then repeat this command",
             )
 
     def hold_present_position(self) -> int:

@@ -64,7 +64,7 @@ def require_safety(drive: DriveObjects, values: SafetyValues, findings: tuple[Sa
         settings.node_id,
         settings.joint,
         drive.sdo.step,
-        f"the drive lacks what safety rests on: {reasons}",
+        f"the drive lacks required safety properties: {reasons}",
         f"{remedies}. If the arm stops by other means that you have tested, accept this: "
         f"{acceptance(tuple(finding.of for finding in refused), settings)}",
     )

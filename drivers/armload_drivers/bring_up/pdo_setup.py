@@ -20,7 +20,7 @@ _MOST_PDOS = 512
 
 
 def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> dict[Entry, int]:
-    """Make one of a drive's PDOs carry what the layout says, synchronously.
+    """Map one of a drive's PDOs as the layout specifies, with synchronous transmission.
 
     Args:
         sdo: Access to the drive; its `step` names the step in progress.

@@ -2,14 +2,14 @@
 
 Rules of this file:
 - Nothing else sends an NMT reset, and none is sent before the power states of the drives were read.
-- OPERATION ENABLED: never reset. Something commands the drive, and need not be heard: another make of master may move
-  it by SDO, its manufacturer's tool over a cable of its own, a program in the drive by itself.
-- QUICK STOP ACTIVE (and FAULT REACTION ACTIVE): this is how drives wait whose master has ended (6007, and 605A = 6),
-  and how they stand for a moment under a living one. They may be reset if no master is heard, the axis stands still,
-  and a brake holds it. So a program that was killed can be started again.
-- A master is heard by what only a master sends: `rival_master`. While no drive carries torque nobody is listened for,
-  and SYNC from elsewhere is no obstacle: a drive may produce it, which bring-up ends (1005), and a second producer is
-  detected as soon as cycles run.
+- OPERATION ENABLED: never reset. Something commands the drive, even if nothing is received on the bus: another make of
+  master may move it by SDO, its manufacturer's tool over a separate cable, or a program in the drive itself.
+- QUICK STOP ACTIVE (and FAULT REACTION ACTIVE): drives remain in this state after their master has ended (6007, and
+  605A = 6), and are briefly in it while their master still runs. They may be reset if no master is heard, the axis
+  stands still, and a brake holds it. So a program that was killed can be started again.
+- A master is detected by frames that only a master sends: `rival_master`. While no drive carries torque this check is
+  omitted, and SYNC from another node does not prevent the reset: a drive may produce it, which bring-up ends (1005),
+  and a second producer is detected as soon as cycles run.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def _judged(setup: DriveSetup, state: State, commands: str, speed_counts_s: floa
         return PoweredDrive(
             setup,
             f"{carries}: another program, the manufacturer's tool or the drive itself may be moving it",
-            "End that, or press the emergency stop, then repeat this command",
+            "Stop it, or press the emergency stop, then repeat this command",
         )
     speed_rad_s = speed_counts_s / abs(setup.read_units().counts_per_rad)
     if speed_rad_s > STANDSTILL_RAD_S:

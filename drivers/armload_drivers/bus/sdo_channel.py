@@ -232,7 +232,7 @@ class SdoChannel:
                 self._joint,
                 self.step,
                 f"{verb} {entry}: {error}",
-                "Is the drive supplied and connected, with this node id and bit rate?",
+                "Is the drive powered and connected, with this node id and bit rate?",
             ) from error
         except SdoCommunicationError as error:
             raise self.failure(

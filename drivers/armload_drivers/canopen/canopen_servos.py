@@ -280,12 +280,12 @@ class CanopenServos:
             self._sync.end(self._link)
 
     def take_remarks(self) -> tuple[str, ...]:
-        """What the operator should know since the last call: torque that `connect` removed, trouble on the bus."""
+        """What the operator should know since the last call: torque that `connect` removed, problems on the bus."""
         joints, self._taken_over = self._taken_over, ""
         trouble = self._bus_remarks.take()
         if not joints:
             return trouble
-        return (f"{joints}: held with torque since the last master had ended; the reset has removed it", *trouble)
+        return (f"{joints}: held with torque after the last master ended; the reset removed the torque", *trouble)
 
     @property
     def bus_load(self) -> float:

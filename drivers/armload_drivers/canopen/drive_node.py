@@ -309,7 +309,7 @@ class DriveNode:
             step,
             f"{goal} and standstill not reached within {limit_s} s, the drive has been in {self._state_text} "
             f"for {now_s - self.machine.since_s:.2f} s",
-            "Is its power stage supplied, safe torque off inactive, and its brake able to release?",
+            "Is its power stage powered, safe torque off inactive, and its brake able to release?",
         )
 
     def gone(self, step: str) -> ServoTimeout:

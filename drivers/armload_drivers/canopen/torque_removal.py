@@ -97,7 +97,7 @@ class TorqueRemoval:
                     raise
                 node.lost = True
             if keeping:
-                error.add_note("By SDO the drive reports that it has no torque: its feedback in the cycle is wrong.")
+                error.add_note("Read by SDO, the drive reports no torque: its cyclic feedback is wrong.")
                 return error
         return None
 

@@ -113,7 +113,7 @@ class DriveSettings:
         has_brake: Whether a brake holds the axis when torque is removed.
         identity: Required content of 1018.
         torque_offset: Whether the drive has a torque offset (60B2); two of eight products examined do not.
-        gear_ratio: Motor turns per axis turn, for drives that do not know their gear.
+        gear_ratio: Motor turns per axis turn, for drives that do not store it.
         vendor_effort: The vendor's object for the effort; None for the standard's.
         accept_missing: Names of the safety properties that this drive is permitted to lack.
         description: The vendor's device description, if any.
@@ -159,7 +159,7 @@ class DriveSettings:
 
     @property
     def is_named(self) -> bool:
-        """Whether vendor and product are stated; a real drive of which they are not is not written to."""
+        """Whether vendor and product are stated; otherwise nothing is written to a real drive."""
         return None not in {self.wanted_identity.vendor_id, self.wanted_identity.product_code}
 
 

@@ -356,7 +356,7 @@ class Safety(Enum):
     )
     POSITION_LIMITS = SafetyProperty(
         "keeps to the joint's limits",
-        "the drive does not know the joint's limits",
+        "the drive does not enforce the joint's limits",
         "Set the position limits with the manufacturer's tool, or rely on limit switches that you have tested",
         (
             Way(

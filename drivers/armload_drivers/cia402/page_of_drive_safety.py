@@ -7,7 +7,7 @@ import sys
 from armload_drivers.cia402.drive_safety import Safety
 
 _HEAD = """\
-# What safety rests on in a drive
+# Safety properties of a drive
 
 Generated from [drive_safety.py](armload_drivers/cia402/drive_safety.py) by
 `python -m armload_drivers.cia402.page_of_drive_safety`; do not edit.
@@ -33,7 +33,7 @@ def _section(of: Safety) -> str:
     return f"""\
 ## `{of.key}`: the drive {of.value.title}
 
-Lost without it: {of.value.lost}.
+Consequence if missing: {of.value.lost}.
 {remedy}
 | | way | verified |
 |---|---|---|

@@ -255,7 +255,9 @@ class MasterMachine:
         if goal is State.OPERATION_ENABLED:
             blocked[State.QUICK_STOP_ACTIVE] = "the torque to be removed first"
         if self.state in blocked and goal is not self.state:
-            raise TransitionError(f"{goal.title} from {self.state.title} needs {blocked[self.state]}", self.statusword)
+            raise TransitionError(
+                f"{goal.title} from {self.state.title} requires {blocked[self.state]}", self.statusword
+            )
         self.goal = goal
         self._end_fault_reset()
 

@@ -250,11 +250,15 @@ def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhe
         apart = here_m - there_m
         if apart @ np.linalg.solve(of_here + of_there, apart) > _APART**2:
             return (
-                f"its payload is mounted otherwise, with the centre of mass {1e3 * float(np.sqrt(apart @ apart)):.0f} "
-                f"mm from where it is in the other runs of '{mounting}': give it a mounting of its own"
+                "its payload is mounted differently, with the centre of mass "
+                f"{1e3 * float(np.sqrt(apart @ apart)):.0f} mm from where it is in the other runs of "
+                f"'{mounting}': give it a mounting name of its own"
             )
         if abs(found_kg - elsewhere_kg) < _APART * np.sqrt(found.covariance[0, 0] + elsewhere.covariance[0, 0]):
-            return f"its payload has another inertia than in the other runs of '{mounting}': give it a name of its own"
+            return (
+                f"the inertia of its payload differs from that in the other runs of '{mounting}': give it a mounting "
+                "name of its own"
+            )
     return f"it carries {found_kg:.3f} kg, not {elsewhere_kg:.3f} kg as in the other runs of '{mounting}'"
 
 

@@ -11,7 +11,7 @@ loaded run's link torque is the body's plus the payload's, and is iterated with 
 A gear that has warmed up between the runs has less friction: a difference of viscous friction, d dq. Such columns cost
 accuracy if nothing has changed.
 
-A joint gets a column only if its coefficient is significant in a robust t test; mu must also be positive and
+A joint is given a column only if its coefficient is significant in a robust t test; mu must also be positive and
 possible. The columns are dropped one by one, the least justified first.
 
 The run of the empty arm also determines mu, and much more precisely, from torques many times the payload's. Unless

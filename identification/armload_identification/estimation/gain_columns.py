@@ -126,7 +126,7 @@ def fit_with_gains(
         columns: Of payload and friction.
         fit: The fit with the assumed gains.
         friction: Which joints have friction columns, and the prior of these.
-        transmission: The gains; its covariance says which are uncertain, and by how much.
+        transmission: The gains; its covariance states which are uncertain, and by how much.
         prior: Prior knowledge of the payload.
         arm: How well the body is known, if it was fitted to the unloaded run.
         least_nm: (n,) lower bound of each joint's noise.

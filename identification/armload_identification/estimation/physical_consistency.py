@@ -95,9 +95,9 @@ def make_physical(fit: Estimate) -> PhysicalEstimate:
         if fit.rank == fit.theta.size:
             raise
         raise EstimationError(
-            f"the motion determines only {fit.rank} of {fit.theta.size} parameter directions, which no physically "
-            "possible payload completes: it moves too few joints, or the columns or their order do not belong to this "
-            "arm. Record a longer motion of all joints."
+            f"the motion determines only {fit.rank} of {fit.theta.size} parameter directions, and no physically "
+            "possible payload agrees with them: it moves too few joints, or the columns or their order do not belong "
+            "to this arm. Record a longer motion of all joints."
         ) from error
     return PhysicalEstimate(
         parameters=InertialParameters(theta),

@@ -55,7 +55,7 @@ class LivePayload:
         changes: Number of changes of the payload.
         changed_s: Time of the last change; 0 without a change.
         change_kg: Rough size of the last change, from the second before its detection; even its sign may be wrong. The
-            next estimates show it better.
+            next estimates are more accurate.
         contact: Whether, at rest, a torque exceeds what friction can hold.
         refused: Number of samples ignored: not finite, or not later than the previous one.
         covariance: (10, 10) of theta from the rows only, without the arm's errors.

@@ -70,7 +70,7 @@ def motion_sentence(source: RecordingSource | None, signal: LoadSignal) -> str:
     text = None if source is None else source.attachments.get(EXCITATION_ATTACHMENT)
     span = f"{numeral(signal.time_s[-1] + signal.interval_s, 1)}{NO_BREAK}s"
     if text is None:
-        return f"The motion lasts {span}; the recording does not contain how it was planned."
+        return f"The motion lasts {span}; its planning is not recorded."
     excitation = parse_excitation(text)
     trajectory = excitation.trajectory
     planned = (

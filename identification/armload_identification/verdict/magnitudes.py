@@ -129,7 +129,7 @@ def _refuse_speeds(run: Recording, arm: ArmMagnitudes) -> None:
     joint = int(np.flatnonzero(fast)[0])
     raise RecordingError(
         f"{run.source.path}: {arm.joint_names[joint]} reaches {speed[joint]:.3g} rad/s, {times[joint]:.2g} times its "
-        f"greatest speed, {arm.velocity_max_rad_s[joint]:.3g} rad/s, and the other joints keep to theirs. Its "
+        f"greatest speed, {arm.velocity_max_rad_s[joint]:.3g} rad/s, and the other joints are within theirs. Its "
         "positions look like degrees: convert them, or add the unit to the column names of a table "
         f"(q{joint + 1}_deg); if they are radians, correct its speed limit."
     )

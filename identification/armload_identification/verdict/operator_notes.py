@@ -152,13 +152,13 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
     if limited.size:
         listed = named_joints([f"{joint + 1} (up to {100.0 * unnoticed[joint]:.0f} %)" for joint in limited])
         notes.append(
-            f"This pair cannot check the drive {_gains(limited.size)} of {listed}: only a larger error is reported "
+            f"These runs cannot check the drive {_gains(limited.size)} of {listed}: only a larger error is reported "
             f"with a probability of at least 90 %. {_CHECKED_BY}"
         )
     unlimited = hidden & (unnoticed >= _UNLIMITED)
     if unlimited.any():
         notes.append(
-            f"This pair cannot check the drive {_gains(int(unlimited.sum()))} of {numbered_joints(unlimited)} "
+            f"These runs cannot check the drive {_gains(int(unlimited.sum()))} of {numbered_joints(unlimited)} "
             f"at all: even an error of {100.0 * _UNLIMITED:.0f} % may go unreported. {_CHECKED_BY}"
         )
     return notes

@@ -51,7 +51,7 @@ _FOLLOWS: Final = 0.9
 _ABOUT: Final = 0.2
 """Logarithm of the ratio of position to velocity within which it is that of a degree to a radian."""
 _FAR: Final = 0.1
-"""Share of its range of motion that no joint goes there and back with the same torque: at most 1e-4 on er50, prbt and
+"""Share of its range of motion that no joint moves back and forth with the same torque: at most 1e-4 on er50, prbt and
 the UR10e with torques in steps of 1 % of the greatest possible one, and 0.025 in steps of a fifth of the run's."""
 _STAYS: Final = 7
 """A signal with noise does not repeat its greatest value this often in succession by chance."""
@@ -181,14 +181,14 @@ def _refuse_velocity(run: Recording) -> None:
 
 
 def _refuse_stuck(run: Recording, repeats: RepeatedValues, moves: NDArray[np.bool_]) -> None:
-    """Raise for a run in which a joint goes there and back while its torque stays the same: friction would change."""
+    """Raise for a run in which a joint moves back and forth while its torque stays the same: friction would change."""
     stuck = moves & (repeats.turned_rad > np.maximum(_MOVES_RAD, _FAR * np.ptp(run.position_rad, axis=0)))
     for joint in np.flatnonzero(stuck):
         raise RecordingError(
-            f"{run.source.path}: joint {joint + 1} goes there and back by {repeats.turned_rad[joint]:.2g} rad, but its "
-            f"current or torque stays at {repeats.turned_at[joint]:.4g} for {repeats.turned_for[joint]:.0f} samples in "
-            "a row: an old value was recorded again and again. Record the run again, or select a part without it with "
-            "--between."
+            f"{run.source.path}: joint {joint + 1} moves back and forth by {repeats.turned_rad[joint]:.2g} rad, but "
+            f"its current or torque stays at {repeats.turned_at[joint]:.4g} for {repeats.turned_for[joint]:.0f} "
+            "samples in a row: an old value was recorded repeatedly. Record the run again, or select a part without it "
+            "with --between."
         )
 
 

@@ -182,19 +182,19 @@ def _remedy(remedy: Remedy, agreement: Agreement, names: Sequence[str]) -> list[
         ]
     if remedy.mass_limits:
         text.append(
-            f"The mass shows best on {names[remedy.mass_joint]}: a motion that holds the payload far from that axis, "
-            "perpendicular to gravity, needs less time."
+            f"The mass is best determined by {names[remedy.mass_joint]}: a motion that holds the payload far "
+            "from that axis, perpendicular to gravity, needs less time."
         )
     if remedy.center_limits:
         direction = _direction(agreement).removeprefix("along ")
         if remedy.level_share < _LEVEL:
             text.append(
-                f"The motion hardly ever brings {direction} to the horizontal, where gravity shows it best: add such "
-                "poses."
+                f"The motion hardly ever brings {direction} to the horizontal, where gravity has the greatest "
+                "effect: add such poses."
             )
         else:
             text.append(
-                f"That direction shows best on {names[remedy.center_joint]}: with more wrist motion that turns it to "
-                "the horizontal and back, less time is needed."
+                f"That direction is best determined by {names[remedy.center_joint]}: with more wrist motion that "
+                "turns it to the horizontal and back, less time is needed."
             )
     return text

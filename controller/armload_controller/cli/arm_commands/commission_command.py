@@ -188,7 +188,7 @@ def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequenc
     with operator_at(arm, screen, control, agreed=plan.yes, live=plan.live) as operator:
         for load in halves:
             if load not in todo:
-                screen.step(f"{load}: already recorded in {directory}, used")
+                screen.step(f"{load}: already recorded in {directory}, not repeated")
                 continue
             if load is Load.LOADED and len(halves) > 1:
                 _mount(arm, screen, operator.consent, arm.bus.interface == VIRTUAL)
@@ -207,7 +207,7 @@ def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) 
 
 
 def mounting_question(arm: Robot) -> str:
-    """The question before the loaded runs; it speaks of brakes only if every axis has one."""
+    """The question before the loaded runs; it mentions brakes only if every axis has one."""
     braked = all(drive.has_brake for drive in arm.drives.settings.drives)
     state = "The drives are off, the brakes are on." if braked else "The drives are off."
     return f"{state} Is the payload mounted and the workspace clear?"
@@ -285,7 +285,7 @@ def _calibrate(arm: Robot, directory: Path, runs: Sequence[Recording], mass_kg: 
     for recorded_kg in masses_otherwise_recorded(runs, mass_kg):
         notes.append(
             f"the recordings state {recorded_kg:g} kg, which was not used. `armload calibrate` would use it: give it a "
-            "table of runs with the right mass_kg."
+            "table of runs with the correct mass_kg."
         )
     return [
         *(f"calibration: {text}" for text in notes),

@@ -236,7 +236,7 @@ def require_one_kind(payload: Path | None, expect: str | None, *, adapt: bool, c
             "required with --adapt: the range of the possible payload, such as 0..3", param_hint="--expect"
         )
     if not adapt and expect is not None:
-        raise typer.BadParameter("goes with --adapt", param_hint="--expect")
+        raise typer.BadParameter("requires --adapt", param_hint="--expect")
     if not adapt and payload is None:
         raise typer.BadParameter("give a payload file, or --adapt", param_hint="PAYLOAD")
 

@@ -75,7 +75,7 @@ def watch(
         given = ", ".join(name for name, value in of_bus.items() if value is not None)
         raise typer.BadParameter("applies to a bus and cannot be combined with a RECORDING", param_hint=given)
     if load is not None and record is None:
-        raise typer.BadParameter("goes with --record", param_hint="--load")
+        raise typer.BadParameter("requires --record", param_hint="--load")
     if follow and recording is None:
         raise typer.BadParameter("requires a RECORDING; a bus is always followed", param_hint="--follow")
     if report is not None:

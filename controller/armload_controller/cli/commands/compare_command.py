@@ -27,7 +27,7 @@ def compare(
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare a payload with CAD: the verdict, and relative errors. Exit status 3: wrong; 4: this cannot tell.
+    """Compare a payload with CAD: the verdict, and relative errors. Exit status 3: wrong; 4: cannot tell.
 
     The verdict covers mass and centre of mass; with a calibration, as they are with its gains. The errors follow the
     paper's convention.

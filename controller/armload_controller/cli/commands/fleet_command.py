@@ -47,8 +47,8 @@ def identify_command(
 ) -> None:
     """Identify every recording of the table that has no row yet.
 
-    A refused recording gets a row with the reason. A second run processes only what is new, has changed or has failed.
-    Exit status 1: none of the new recordings gave a result.
+    A refused recording is stored as a row with the reason. A second run processes only what is new, has changed or
+    has failed. Exit status 1: none of the new recordings gave a result.
     """
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
@@ -97,8 +97,7 @@ def watch_command(
 ) -> None:
     """Identify new recordings repeatedly, until Ctrl-C.
 
-    A recording is processed once it has not changed between two checks, because until then it may still be being
-    written.
+    A recording is processed once it has not changed between two checks, because until then it may be incomplete.
     """
     from time import sleep
 

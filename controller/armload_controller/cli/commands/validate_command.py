@@ -53,7 +53,7 @@ def validate(
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
 ) -> None:
-    """Validate a payload file by identifying the payload again. Exit status 3: wrong; 4: these runs cannot tell."""
+    """Validate a payload file by identifying the payload again. Exit status 3: wrong; 4: cannot tell."""
     from armload_controller.analysis import robot_payload
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot_recordings import read_of

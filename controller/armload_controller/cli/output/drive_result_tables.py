@@ -51,7 +51,7 @@ def check_table(rows: Sequence[Check]) -> Table:
 
 def safety_table(drives: Sequence[DriveSafety]) -> Table:
     """One row per property and joint: how it is provided, or the consequence of its absence and the remedy."""
-    table = Table(title="what safety rests on")
+    table = Table(title="safety properties of the drives")
     for heading in ("joint", "the drive ...", "", "by"):
         table.add_column(heading, overflow="fold")
     for drive in drives:
@@ -66,7 +66,7 @@ def _safety_cells(finding: SafetyFinding) -> tuple[Text, str]:
     """Verdict and explanation of one property."""
     if finding.way is not None:
         return Text("ok", style="green"), f"{finding.way.text}: {finding.way.verified}"
-    what = f"{finding.found}. Lost: {finding.of.value.lost}. {finding.of.value.remedy}"
+    what = f"{finding.found}. Consequence: {finding.of.value.lost}. {finding.of.value.remedy}"
     if finding.accepted:
         return Text("accepted", style="yellow"), what
     return Text("missing", style="red"), f'{what}. Then name "{finding.of.key}" in accept_missing'

@@ -109,8 +109,8 @@ def _fields(facts: RecordingSurvey) -> dict[str, Any]:
 
 def _holes(facts: RecordingSurvey) -> str:
     if not facts.holes:
-        return ", no holes"
-    return f", {facts.holes} hole{'s' if facts.holes > 1 else ''}, the longest {facts.longest_hole_s:.3g} s"
+        return ", no gaps"
+    return f", {facts.holes} gap{'s' if facts.holes > 1 else ''}, the longest {facts.longest_hole_s:.3g} s"
 
 
 def _motion(facts: RecordingSurvey) -> str:
@@ -119,7 +119,7 @@ def _motion(facts: RecordingSurvey) -> str:
         return "none"
     text = f"from {facts.moving_s[0]:.4g} to {facts.moving_s[1]:.4g} s"
     if facts.period_s is None:
-        return f"{text}, does not repeat itself"
+        return f"{text}, not periodic"
     known = "of a known excitation" if facts.recording.excitation is not None else "found in the motion"
     count = facts.interruptions
     interrupted = f", interrupted {'once' if count == 1 else f'{count} times'}" if count else ""

@@ -15,7 +15,7 @@ from armload_identification.results.payload_text import value_texts
 def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> Table:
     """Per parameter the estimate, its interval, whether it is determined, and in simulation truth and error.
 
-    For a parameter that is not determined, the table says so instead of a number.
+    For a parameter that is not determined, the table states this instead of a number.
     """
     table = Table(title=f"Payload in the {payload.frame} frame, inertia about its centre of mass", title_justify="left")
     table.add_column("parameter", no_wrap=True)

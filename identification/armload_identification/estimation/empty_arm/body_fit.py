@@ -165,7 +165,7 @@ class _System:
         self._place = [self._place_of(joint) for joint in range(n)]
 
     def fit(self) -> _Fit:
-        """The best solution; a joint whose friction does not grow with its load gets no such column."""
+        """The best solution; a joint whose friction does not grow with its load has no such column."""
         plain = self._gauss_newton(np.zeros(self._n, dtype=bool), None)
         allowed = self._moving
         while allowed.any():

@@ -27,7 +27,7 @@ _ROW_S: Final = 0.05
 _MODEL_S: Final = 0.01
 """Interval of the model's samples within a row's window."""
 _FEW: Final = 0.1
-"""Share of its rows that a joint must keep; a joint that turns round more often is weighted by its speed alone."""
+"""Share of its rows that a joint must keep; a joint that reverses more often is weighted by its speed alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class BodyRows:
         acceleration_rad_s2: (N, n).
         jerk_rad_s3: (N, n).
         direction: (N, n) direction of motion, -1 to 1.
-        weight: (N, n) 0 where the joint turns round within the window or rests, or a sample is invalid.
+        weight: (N, n) 0 where the joint reverses within the window or rests, or a sample is invalid.
         links: (N, n, b) joint torque per base parameter of the links.
         links_rate: (N, n, b) its time derivative.
     """

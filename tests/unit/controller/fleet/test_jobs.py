@@ -64,7 +64,7 @@ def test_lines_without_a_file_are_named_and_a_missing_partner_is_the_jobs_troubl
     found = jobs_of(cells, "one,er50,cell-9/*/loaded.mcap", "two,er50,cell-2/*/loaded.mcap,cell-2/*/unloaded.mcap")
     remark, other = found.remarks
     assert "line 2: no file matches cell-9/*/loaded.mcap" in remark
-    assert f"line 3, unloaded: 1 of 2 files missing, such as {cells}/cell-2/tu/unloaded.mcap; each * takes" in other
+    assert f"line 3, unloaded: 1 of 2 files missing, such as {cells}/cell-2/tu/unloaded.mcap; each * stands" in other
     assert len(found.jobs) == 2
 
 
@@ -224,7 +224,7 @@ def test_a_folder_that_may_not_be_listed_does_not_stop_the_others(cells):
     found = jobs_of(cells, "one,er50,locked://disk/*/*.mcap")
     assert [job.loaded for job in found.jobs] == ["locked://disk/cell-1/a.mcap"]
     (remark,) = found.remarks
-    assert remark.endswith("line 2: the folder disk/lost+found may not be listed, so nothing in it is processed")
+    assert remark.endswith("line 2: no permission to list the folder disk/lost+found, so nothing in it is processed")
     with pytest.raises(ListingError, match=r"cannot be listed .*Permission denied"):
         matches("locked://disk/lost+found/*.mcap")
 

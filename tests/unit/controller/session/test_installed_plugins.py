@@ -174,7 +174,7 @@ def test_a_plug_in_is_a_table(robot):
         ),
         (
             "class Mine(armload.PluginTable):\n    def plugin(self, robot): return 5",
-            r"{package} made 5, expected an object with on_cycle\(step\)",
+            r"{package} returned 5, expected an object with on_cycle\(step\)",
         ),
         ("class Mine(armload.PluginTable): pass", r"{package} could not create its plug-in: .*abstract"),
     ],
@@ -212,7 +212,7 @@ calls = []
     [
         (
             "return step.feedback.position_rad",
-            r"returned array.*expected None: a plug-in of a robot's file adds no torque",
+            r"returned array.*expected None: a plug-in named in a robot's file cannot add torque",
         ),
         ("raise KeyError('x')", "raised KeyError: 'x'"),
         # an error that the cycle could take for its own stop and then ignore

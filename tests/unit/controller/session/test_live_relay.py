@@ -91,7 +91,7 @@ def test_a_client_that_ends_reading_is_disconnected_and_the_others_see_every_fra
             assert cycle < 2000
         assert lines == [
             f"warning: the live view's client 127.0.0.1, port {silent_port}, was disconnected: "
-            "more than 0.03 MB waited for it"
+            "more than 0.03 MB was waiting to be sent to it"
         ]
         silent.settimeout(10.0)
         left = []

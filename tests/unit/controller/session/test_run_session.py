@@ -39,7 +39,7 @@ def checked():
 @pytest.mark.parametrize(
     ("changes", "cycle_s", "text"),
     [
-        ({"robot_sha256": "0" * 64}, CYCLE_S, r"was not checked for prbt as prbt\.toml has it"),
+        ({"robot_sha256": "0" * 64}, CYCLE_S, r"was not checked for prbt as configured in prbt\.toml"),
         ({}, 0.005, r"was checked for cycles of 5 ms, the drives run at 20 ms"),
     ],
 )

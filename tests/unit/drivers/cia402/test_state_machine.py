@@ -144,7 +144,7 @@ def test_an_arm_is_not_enabled_out_of_a_quick_stop():
     master.request(State.QUICK_STOP_ACTIVE)
     talk(master, drive, 3)
     assert drive.state is State.QUICK_STOP_ACTIVE
-    with pytest.raises(TransitionError, match="needs the torque to be removed first"):
+    with pytest.raises(TransitionError, match="requires the torque to be removed first"):
         master.request(State.OPERATION_ENABLED)
     talk(master, drive, 5)
     assert drive.state is State.QUICK_STOP_ACTIVE

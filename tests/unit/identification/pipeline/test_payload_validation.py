@@ -163,7 +163,7 @@ def test_what_cannot_be_told_comes_with_what_would_show_it(measured, pinocchio_a
     text = " ".join(sentences(result.verdict, NAMES))
     assert "the smallest error that would be detected" in text
     assert "times the length would detect" in text
-    assert "The mass shows best on axis 2" in text
+    assert "The mass is best determined by axis 2" in text
     hopeless = judge(measured, pinocchio_arm.chain, known_payload(vague), Tolerance(0.001, 0.010))
     assert "No run would detect it" in " ".join(sentences(hopeless.verdict, NAMES))
 

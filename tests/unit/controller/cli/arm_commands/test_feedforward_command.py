@@ -204,7 +204,7 @@ def test_torque_follows_what_the_arm_finds_out_and_every_decision_is_kept(adapte
         (["--adapt"], "required with --adapt"),
         (["--adapt", "--expect", "0..3", "--compare"], "requires a PAYLOAD"),
         (["--adapt", "--expect", "three"], "expected a range such as 0..3"),
-        (["payload.toml", "--expect", "0..3"], "goes with --adapt"),
+        (["payload.toml", "--expect", "0..3"], "requires --adapt"),
         ([], "give a payload file, or --adapt"),
     ],
 )

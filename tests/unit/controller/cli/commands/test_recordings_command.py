@@ -42,7 +42,7 @@ def test_a_log_is_described(armload, tmp_path):
     for fact in (
         r"format +csv",
         r"rows +1092",
-        r"time +10\.99 s, 100 rows per second, 1 hole, the longest 0\.09 s",
+        r"time +10\.99 s, 100 rows per second, 1 gap, the longest 0\.09 s",
         r"joints +3, not named",
         r"effort +joint torque",
         r"motion +from (0\.9|1)\S* to (10|9\.9)\S* s, \d whole periods of [23]\.\d+ s, found in the motion",

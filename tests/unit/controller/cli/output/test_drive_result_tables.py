@@ -31,7 +31,7 @@ def test_a_property_is_given_or_what_a_person_must_do_is_said():
     )
     given, missing, accepted = rows(shown(safety_table([DriveSafety("joint_2", 5, findings)])))
     assert given == ["joint_2 (5)", torque.title, "ok", f"{torque.ways[1].text}: {torque.ways[1].verified}"]
-    reason = f"no 6007; no 1029:1. Lost: {lost.lost}. {lost.remedy}"
+    reason = f"no 6007; no 1029:1. Consequence: {lost.lost}. {lost.remedy}"
     assert missing[2:] == ["missing", f'{reason}. Then name "master_lost" in accept_missing']
     assert accepted[2:] == ["accepted", reason]
 
