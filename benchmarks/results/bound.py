@@ -55,15 +55,8 @@ def _columns(setup: Setup, result: Identification) -> FloatArray:
     """(K, n, p) regressor of an identification, nuisance columns included."""
     signal = result.signal
     phi = payload_regressor(setup.chain, *signal.states)
-    fit = result.plain
-    weight = fit.sample_weight * fit.weight_1_nm
-    nuisance = np.divide(
-        fit.whitened[:, :, 10:],
-        weight[:, :, None],
-        out=np.zeros_like(fit.whitened[:, :, 10:]),
-        where=weight[:, :, None] > 0.0,
-    )
-    return np.concatenate([phi, nuisance], axis=2)
+    used = result.plain.sample_weight > 0.0
+    return np.concatenate([phi, result.plain.regressor[:, :, 10:] * used[:, :, None]], axis=2)
 
 
 def paper_values(body: InertialParameters) -> FloatArray:

@@ -23,6 +23,7 @@ _REWEIGHTINGS: Final = 20
 _WEIGHTS_SETTLED: Final = 1e-4
 _HUBER: Final = 1.345
 _LEAST_NOISE: Final = 1e-6
+_BLOCK_ROWS: Final = 512
 """Least noise of a joint as a share of the noisiest joint's."""
 
 
@@ -67,7 +68,7 @@ class Estimate:
             the minimum-norm solution.
         weight_1_nm: (n,) inverse standard deviation with which each joint was weighted.
         sample_weight: (N, n) further factor on every row, 0 where a sample was not used.
-        whitened: (N, n, p) regressor rows times both weights.
+        regressor: (N, n, p) Phi as it was fitted, without weights.
         prior_rows: (k, p) coefficients of the prior's equations.
         root: (p, p) upper triangular R with R^T R = Phi^T S^-1 Phi, a prior's equations included, so that
             ||R (theta - estimate)||^2 is the additional cost of another theta.
@@ -86,7 +87,7 @@ class Estimate:
     theta: FloatArray
     weight_1_nm: FloatArray
     sample_weight: FloatArray
-    whitened: FloatArray
+    regressor: FloatArray
     prior_rows: FloatArray
     root: FloatArray
     undetermined: FloatArray
@@ -98,6 +99,18 @@ class Estimate:
     residual_rms_nm: FloatArray
     covariance: FloatArray
     iterations: int
+
+    def whitened(self, directions: FloatArray) -> FloatArray:
+        """(N, n, r) regressor rows, times both weights, along directions of theta.
+
+        Args:
+            directions: (p, r).
+        """
+        samples, joints, parameters = self.regressor.shape
+        # One product of two matrices is faster than N small ones.
+        along = (self.regressor.reshape(-1, parameters) @ directions).reshape(samples, joints, -1)
+        along *= (self.sample_weight * self.weight_1_nm)[:, :, None]
+        return along
 
 
 def estimate(
@@ -234,7 +247,8 @@ def _require_data(regressor: FloatArray, torque_nm: FloatArray, valid: NDArray[n
         raise EstimationError(
             f"{used} samples of {joints} joints are not enough for {parameters} parameters. Record a longer run."
         )
-    if not (np.isfinite(regressor[valid]).all() and np.isfinite(torque_nm[valid]).all()):
+    # All rows first: they are usually finite, and a selection copies them.
+    if not all(np.isfinite(data).all() or np.isfinite(data[valid]).all() for data in (regressor, torque_nm)):
         raise EstimationError("the regressor or the torque contains numbers that are not finite. Clean the recording.")
     if not (np.isfinite(noise_nm).all() and noise_nm.max() > 0.0):
         raise EstimationError(
@@ -250,14 +264,25 @@ def _triangles(regressor: FloatArray, torque_nm: FloatArray, weight: FloatArray)
     """
     _, joints, parameters = regressor.shape
     triangles = np.zeros((joints, parameters + 1, parameters + 1))
+    there = np.any(regressor, axis=0)
     for joint in range(joints):
-        place = np.append(np.flatnonzero(np.any(regressor[:, joint], axis=0)), parameters)
+        place = np.append(np.flatnonzero(there[joint]), parameters)
         rows = np.empty((len(torque_nm), place.size))
         np.multiply(regressor[:, joint, place[:-1]], weight[:, joint, None], out=rows[:, :-1])
         np.multiply(torque_nm[:, joint], weight[:, joint], out=rows[:, -1])
-        own = np.asarray(np.linalg.qr(rows, mode="r"))
+        own = _triangle(rows)
         triangles[joint, : len(own), place] = own.T
     return triangles
+
+
+def _triangle(rows: FloatArray) -> FloatArray:
+    """R factor of many rows: of blocks that fit into a processor's cache, then of their R factors, in half the time."""
+    blocks, columns = len(rows) // _BLOCK_ROWS, rows.shape[1]
+    if blocks < 2:
+        return np.asarray(np.linalg.qr(rows, mode="r"))
+    cut = blocks * _BLOCK_ROWS
+    of_blocks = np.linalg.qr(rows[:cut].reshape(blocks, _BLOCK_ROWS, columns), mode="r")
+    return np.asarray(np.linalg.qr(np.concatenate([of_blocks.reshape(-1, columns), rows[cut:]]), mode="r"))
 
 
 def _used(valid: NDArray[np.bool_], torque_nm: FloatArray, sample_weight: FloatArray | None) -> FloatArray:
@@ -356,7 +381,8 @@ def _completed(
 ) -> Estimate:
     """A solution with the residual of every row."""
     scale, rank = solution.scale, solution.rank
-    residual = torque_nm - regressor @ solution.theta
+    samples, joints, parameters = regressor.shape
+    residual = torque_nm - (regressor.reshape(-1, parameters) @ solution.theta).reshape(samples, joints)
     half = scale[:, None] * solution.right.T * solution.inverse
     root = solution.triangle / scale
     singular_values = np.linalg.svd(root, compute_uv=False)
@@ -365,7 +391,7 @@ def _completed(
         theta=solution.theta,
         weight_1_nm=weight,
         sample_weight=sample_weight,
-        whitened=regressor * (sample_weight * weight)[:, :, None],
+        regressor=regressor,
         prior_rows=known.rows,
         root=root,
         undetermined=solution.right[rank:].T,

@@ -146,7 +146,7 @@ def determined_basis(fit: Estimate) -> FloatArray:
     """(p, rank) B with B B^T the covariance for white residuals, without undetermined directions.
 
     Args:
-        fit: The fit; the columns of `fit.whitened @ B` are orthonormal if there was no prior.
+        fit: The fit; the columns of `fit.whitened(B)` are orthonormal if there was no prior.
     """
     _, diagonal, right = np.linalg.svd(fit.root * fit.scale)
     return np.asarray(fit.scale[:, None] * right[: fit.rank].T / diagonal[: fit.rank])
@@ -163,7 +163,8 @@ def shifts_by(fit: Estimate, torque_nm: FloatArray) -> FloatArray:
         (k, p) changes, 0 along directions that the data do not determine.
     """
     half = determined_basis(fit)
-    seen = np.einsum("tjp,ktj->kp", fit.whitened, torque_nm * (fit.weight_1_nm * fit.sample_weight))
+    weighted = torque_nm * (fit.weight_1_nm * fit.sample_weight) ** 2
+    seen = weighted.reshape(len(torque_nm), -1) @ fit.regressor.reshape(-1, fit.theta.size)
     return np.asarray(seen @ half @ half.T)
 
 
@@ -276,7 +277,8 @@ class ResidualSpectrum:
     def __init__(self, basis: FloatArray, residual: FloatArray, weight: FloatArray) -> None:
         samples = residual.shape[0]
         transformed = np.fft.rfft(basis, axis=0) / np.sqrt(samples)
-        leverage = np.sum(np.abs(transformed) ** 2, axis=2)
+        parts = transformed.view(np.float64)
+        leverage = np.einsum("kjr,kjr->kj", parts, parts)
         held = np.cumsum(leverage.sum(axis=1))
         bins = min(int(np.searchsorted(held, _BAND_SHARE * held[-1])) + 2 * _WIDEST_HALF_WINDOW, held.size)
         self._basis, leverage = transformed[:bins], leverage[:bins]
@@ -305,7 +307,7 @@ class ResidualSpectrum:
             basis: (p, r) as `determined_basis`.
         """
         residual = fit.residual_nm * fit.weight_1_nm * fit.sample_weight
-        return cls(fit.whitened @ basis, residual, fit.sample_weight)
+        return cls(fit.whitened(basis), residual, fit.sample_weight)
 
     def in_band(self) -> FloatArray:
         """(n,) mean power of each joint's residual in the basis's band; 1 for white noise of unit variance."""

@@ -127,8 +127,9 @@ def remedy_for(
     mass, center = np.zeros(10), np.zeros(10)
     mass[0], center[1:4] = 1.0, agreement.weakest
     # Changes of theta for an error of only the mass, and of only the centre of mass.
-    errors = np.linalg.solve(slope, np.column_stack([mass, center]))
-    seen = np.sum((fit.whitened[:, :, :10] @ errors) ** 2, axis=0)
+    errors = np.zeros((fit.theta.size, 2))
+    errors[:10] = np.linalg.solve(slope, np.column_stack([mass, center]))
+    seen = np.sum(fit.whitened(errors) ** 2, axis=0)
     down = chain.gravity_m_s2 / np.linalg.norm(chain.gravity_m_s2)
     poses = position_rad[:: max(1, len(position_rad) // _POSES)]
     along = [down @ chain.forward(q)[-1][:3, :3] @ agreement.weakest for q in poses]
