@@ -6,13 +6,26 @@ from enum import StrEnum
 
 
 class Estimator(StrEnum):
-    """How a payload is fitted to a torque difference; identification/README.md explains the choice of the default."""
+    """How a payload is fitted to a torque difference; identification/README.md explains the choice of the default.
 
-    OLS = "ols"
-    """Least squares with equal weights, as in the paper."""
-    WLS = "wls"
-    """Weights by each joint's noise: from the scatter between periods, else from the residual."""
-    ROBUST = "robust"
-    """Weights by each joint's residual, reversals and outliers weighing less (Huber)."""
-    FRICTION = "friction"
-    """Weights by each joint's residual, reversals weighing less, friction columns where the data justify them."""
+    Attributes:
+        description: How the joints are weighted, and what else is fitted.
+    """
+
+    description: str
+
+    def __new__(cls, name: str, description: str) -> Estimator:
+        """A member whose value is its name."""
+        member = str.__new__(cls, name)
+        member._value_ = name
+        member.description = description
+        return member
+
+    OLS = "ols", "all joints weighted equally, as in the paper"
+    WLS = "wls", "weighted by each joint's noise"
+    ROBUST = "robust", "weighted by each joint's residual, less at reversals and for outliers"
+    FRICTION = (
+        "friction",
+        "weighted by each joint's residual, less at reversals; load-dependent friction and changes of viscous friction "
+        "are fitted if the data justify it",
+    )

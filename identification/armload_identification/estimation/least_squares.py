@@ -278,11 +278,11 @@ def _triangles(regressor: FloatArray, torque_nm: FloatArray, weight: FloatArray)
 def _triangle(rows: FloatArray) -> FloatArray:
     """R factor of many rows: of blocks that fit into a processor's cache, then of their R factors, in half the time."""
     blocks, columns = len(rows) // _BLOCK_ROWS, rows.shape[1]
-    if blocks < 2:
-        return np.asarray(np.linalg.qr(rows, mode="r"))
-    cut = blocks * _BLOCK_ROWS
-    of_blocks = np.linalg.qr(rows[:cut].reshape(blocks, _BLOCK_ROWS, columns), mode="r")
-    return np.asarray(np.linalg.qr(np.concatenate([of_blocks.reshape(-1, columns), rows[cut:]]), mode="r"))
+    if blocks > 1:
+        cut = blocks * _BLOCK_ROWS
+        of_blocks = np.asarray(np.linalg.qr(rows[:cut].reshape(blocks, _BLOCK_ROWS, columns), mode="r"))
+        rows = np.concatenate([of_blocks.reshape(-1, columns), rows[cut:]])
+    return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
 def _used(valid: NDArray[np.bool_], torque_nm: FloatArray, sample_weight: FloatArray | None) -> FloatArray:

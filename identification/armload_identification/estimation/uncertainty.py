@@ -164,7 +164,7 @@ def shifts_by(fit: Estimate, torque_nm: FloatArray) -> FloatArray:
     """
     half = determined_basis(fit)
     weighted = torque_nm * (fit.weight_1_nm * fit.sample_weight) ** 2
-    seen = weighted.reshape(len(torque_nm), -1) @ fit.regressor.reshape(-1, fit.theta.size)
+    seen = weighted.reshape(len(torque_nm), fit.sample_weight.size) @ fit.regressor.reshape(-1, fit.theta.size)
     return np.asarray(seen @ half @ half.T)
 
 

@@ -79,10 +79,7 @@ def identify(
     estimator: Annotated[
         Estimator,
         typer.Option(
-            help="Estimator. ols: all joints weighted equally, as in the paper. wls: weighted by each joint's noise. "
-            "robust: weighted by each joint's residual, less at reversals and for outliers. friction: weighted by each "
-            "joint's residual, less at reversals; load-dependent friction and changes of viscous friction are fitted "
-            "if the data justify it."
+            help="Estimator. " + " ".join(f"{estimator}: {estimator.description}." for estimator in Estimator)
         ),
     ] = Estimator.FRICTION,
     tolerance: ToleranceOption = TOLERANCE,

@@ -90,7 +90,7 @@ def test_low_pass_has_no_delay():
 @pytest.mark.parametrize("rows", [37, 150, 1999, 4000])
 def test_low_pass_is_scipys_butterworth_of_order_four_twice(rows):
     interval_s, cutoff_hz = 0.01, 4.0
-    values = np.cumsum(np.random.default_rng(5).normal(size=(rows, 3)), axis=0) + [0.0, 50.0, -1e3]
+    values = np.array([0.0, 50.0, -1e3]) + np.cumsum(np.random.default_rng(5).normal(size=(rows, 3)), axis=0)
     sections = butter(4, cutoff_hz, fs=1.0 / interval_s, output="sos")
     expected = sosfiltfilt(sections, values, axis=0, padlen=min(rows - 1, 75))
     found = low_pass(values, interval_s, cutoff_hz)
