@@ -1,5 +1,6 @@
 """Drive faults and features of real drives, in lockstep and on vcan0: message, final state, recovery."""
 
+import struct
 from dataclasses import replace
 from itertools import pairwise
 
@@ -226,6 +227,8 @@ class _Witness(IdealPlant):
 def test_torque_goes_at_standstill_only_even_where_another_master_stopped_the_nodes(fault_arm):
     arm = fault_arm(plant=_Witness([0.1, 0.2, 0.3]))
     arm.enable()
+    # One drive takes 0.5 s to stop (6085 = 1 rad/s2), longer than the others and the watch after their torque.
+    arm.send(0x603, struct.pack("<B3sI", 0x23, b"\x85\x60\x00", round(arm.arm.drives[1].counts_per_rad)))
     arm.move()
     arm.send(0x000, b"\x02\x00")
     arm.failure(DriverError)

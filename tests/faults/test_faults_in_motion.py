@@ -15,13 +15,14 @@ from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import (
     BusError,
     DriverError,
+    SdoRefused,
     ServoError,
     ServoFault,
     ServoTimeout,
     SimulationError,
 )
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
+from armload_drivers.simulation.drives.drive_dictionary import QUICK_STOP_DECELERATION_RAD_S2, DriveTraits
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.bounded import MOST_FRAMES
@@ -267,6 +268,39 @@ def test_a_lost_heartbeat_of_the_master_ends_pdo_communication(virtual_arm):
     with pytest.raises(ServoError):
         move(arm, np.zeros(3), 5)
     assert arm.plant.position_rad == pytest.approx([0.1, -0.2, 0.3], abs=1e-5)
+
+
+# Stopping ----------------------------------------------------------------------------------------------------
+
+
+def test_disabling_a_moving_arm_decelerates_it_on_the_drives_ramps(virtual_arm):
+    """Setpoints that merely end would stop it within one cycle, with a jerk."""
+    arm = virtual_arm()
+    last = move(arm, enabled(arm), 20, 0.5)
+    arm.servos.disable()
+    assert not any(arm.plant.powered)
+    ramp_rad = 0.5**2 / (2 * QUICK_STOP_DECELERATION_RAD_S2)
+    assert np.all(arm.arm.coupling @ arm.plant.position_rad - last > 0.8 * ramp_rad)
+
+
+def test_a_drive_that_cannot_be_disabled_is_left_to_its_own_reaction_at_once(virtual_arm):
+    """It no longer receives setpoints and refuses the controlword; nothing else would stop it before its watch."""
+
+    def no_controlword(request):
+        return 0x0800_0022 if request[:3] == b"\x2b\x40\x60" else None
+
+    arm = virtual_arm(traits={3: DriveTraits(on_request=no_controlword)}, timeouts=QUICK)
+    move(arm, enabled(arm), 5)
+    # Another client disables RPDO1.
+    arm.monitor.send(can.Message(arbitration_id=0x603, data=bytes.fromhex("2300140103020080"), is_extended_id=False))
+    with pytest.raises(SdoRefused, match="6040") as raised:
+        arm.servos.close()
+    assert raised.value.node_id == 3
+    assert any("emergency stop" in note for note in raised.value.__notes__)
+    drive = arm.drives._drives[3]
+    assert drive.state is NmtState.STOPPED
+    assert drive.power.machine.state is State.QUICK_STOP_ACTIVE, "6007"
+    assert arm.plant.powered == [False, True, False]
 
 
 # The bus -----------------------------------------------------------------------------------------------------

@@ -52,6 +52,21 @@ def test_a_wrong_identity_is_refused_before_anything_is_changed(virtual_arm, ide
     assert not any(arm.plant.powered)
 
 
+def test_a_node_that_answers_only_after_the_reset_is_identified_before_anything_is_written(virtual_arm, arm_settings):
+    """One that another master has stopped, and that is another device."""
+    right, wrong = Identity(0x0000_00AB, 0x1234), Identity(0x0000_00AB, 0x5678)
+    traits = {node: DriveTraits(identity=wrong if node == 3 else right) for node in (2, 3, 5)}
+    arm = virtual_arm(arm_settings(identity=right), traits=traits)
+    arm.monitor.send(can.Message(arbitration_id=0x000, data=[0x02, 3], is_extended_id=False))
+    arm.frames(0)
+    with pytest.raises(WrongDevice, match="product code") as raised:
+        arm.servos.connect()
+    assert raised.value.node_id == 3
+    frames = overheard(arm.monitor)
+    assert [m for m in frames if m.arbitration_id == 0 and bytes(m.data) == b"\x81\x03"], "it was silent before"
+    assert not [m for m in frames if 0x600 < m.arbitration_id < 0x680 and m.data[0] >> 5 == 1], "nothing is written"
+
+
 class SlowSlave:
     """A foreign node with slow SDO answers: a real drive on the same bus as a simulation.
 
@@ -127,6 +142,15 @@ def test_a_device_of_another_kind_is_refused(virtual_arm):
 def test_an_arm_that_is_not_simulated_says_so(virtual_arm, arm_settings):
     real = Identity(0x0000_00AB, 0x1234)
     arm = virtual_arm(arm_settings(identity=real), traits={node: DriveTraits(identity=real) for node in (2, 3, 5)})
+    arm.servos.connect()
+    assert not arm.servos.simulated
+
+
+@pytest.mark.parametrize("node_id", [2, 3, 5])
+def test_one_drive_that_is_not_simulated_makes_the_arm_real(virtual_arm, arm_settings, node_id):
+    """Otherwise a real drive would be moved without its operator's consent."""
+    real = DriveTraits(identity=Identity(0x0000_00AB, 0x1234))
+    arm = virtual_arm(arm_settings(identity=Identity(None, None)), traits={node_id: real})
     arm.servos.connect()
     assert not arm.servos.simulated
 

@@ -133,6 +133,16 @@ def test_after_another_program_has_reset_the_drives_they_are_not_enabled(virtual
     second.close()
 
 
+def test_the_position_of_a_drive_that_another_program_has_reset_is_not_reported(virtual_arm):
+    """Its scale and its zero may have changed, and an approach would be checked from the wrong place."""
+    arm = virtual_arm()
+    arm.servos.connect()
+    arm.servos.standing_rad()
+    arm.monitor.send(can.Message(arbitration_id=0x000, data=[0x81, 3], is_extended_id=False))
+    with pytest.raises(ServoError, match=r"joint_3 \(node 3\), .*the drive has rebooted since it was configured"):
+        arm.servos.standing_rad()
+
+
 SILENT = dict.fromkeys((2, 3, 5), DriveTraits(boot_message=False))
 """Drives whose boot-up is not noticed, as after a long wait in which the interface's queue overflowed."""
 
