@@ -15,7 +15,7 @@ line nor a bus. All units are SI and are part of the names.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from armload_controller.analysis.robot_excitation import design
@@ -78,14 +78,16 @@ _HOMES: Final = {
 """Module of each public name, and its name in that module; the imports above state the same for type checkers."""
 
 
-def __getattr__(name: str) -> Any:
-    """Load a name on its first use."""
-    if name not in _HOMES:
-        raise AttributeError(f"module 'armload' has no attribute {name!r}")
-    module, there = _HOMES[name]
-    value = getattr(import_module(module), there)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # a type checker would accept any name
+
+    def __getattr__(name: str) -> object:
+        """Load a name on its first use."""
+        if name not in _HOMES:
+            raise AttributeError(f"module 'armload' has no attribute {name!r}")
+        module, there = _HOMES[name]
+        value = getattr(import_module(module), there)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

@@ -66,6 +66,12 @@ def design() -> None:
     excitation.picture(Path("excitation.png"))
 
 
+def names_that_do_not_exist() -> None:
+    """Are errors: strict mode would report an `ignore` that is not needed."""
+    armload.identfy("er50", "loaded.mcap")  # type: ignore[attr-defined]
+    from armload import Recordings  # type: ignore[attr-defined] # noqa: F401
+
+
 class Near:
     """Stops the motion if a joint is near zero."""
 

@@ -1,5 +1,6 @@
 """`import armload`: its names, what they import, their examples, and the result of an identification."""
 
+import ast
 import contextlib
 import doctest
 import json
@@ -44,6 +45,13 @@ def test_every_public_name_is_there_and_listed():
         assert getattr(armload, name) is getattr(armload, name)
     with pytest.raises(AttributeError, match="no attribute 'identity'"):
         armload.identity  # noqa: B018 - tests the attribute access
+
+
+def test_a_type_checker_is_told_the_same_names_and_places():
+    tree = ast.parse(Path(armload.__file__).read_text("utf-8"))
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    told = {name.asname or name.name: (node.module, name.name) for node in imports for name in node.names}
+    assert {name: told[name] for name in armload.__all__} == armload._HOMES
 
 
 def test_names_are_loaded_when_they_are_used():
