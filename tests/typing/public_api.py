@@ -48,7 +48,7 @@ def from_arrays(time_s: NDArray[np.float64], q: NDArray[np.float64], tau: NDArra
     """The user's arrays."""
     loaded = Recording.from_arrays(time_s, q, torque_nm=tau)
     assert_type(loaded, Recording)
-    return armload.identify("my_arm.toml", loaded, Recording.from_arrays(time_s, q, current_a=tau, name="empty"))
+    return armload.identify(Path("my_arm.toml"), loaded, Recording.from_arrays(time_s, q, current_a=tau, name="empty"))
 
 
 def control(q: NDArray[np.float64], dq: NDArray[np.float64], ddq: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -60,7 +60,7 @@ def control(q: NDArray[np.float64], dq: NDArray[np.float64], ddq: NDArray[np.flo
 
 def design() -> None:
     """An excitation."""
-    excitation = armload.design("my_arm.toml", period_s="auto", restarts=4)
+    excitation = armload.design(Path("my_arm.toml"), period_s="auto", restarts=4)
     assert_type(excitation.periods, int)
     excitation.save("excitation.toml")
     excitation.picture(Path("excitation.png"))

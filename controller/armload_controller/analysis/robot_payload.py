@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
+from os import PathLike
 from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import ArmInUse, FilePath, arm_in_use
@@ -40,7 +41,7 @@ RunPair = tuple[Recording | FilePath, Recording | FilePath]
 
 def read_run(
     path: FilePath,
-    robot: MeasuredArm | str | None = None,
+    robot: MeasuredArm | FilePath | None = None,
     *,
     columns: CsvColumns | str | None = None,
     effort: Effort | str = Effort.TORQUE,
@@ -82,7 +83,7 @@ def read_run(
 
 
 def identify(
-    robot: MeasuredArm | str,
+    robot: MeasuredArm | FilePath,
     loaded: Recording | FilePath,
     unloaded: Recording | FilePath | None = None,
     *,
@@ -166,7 +167,7 @@ def identify(
 
 
 def identify_over_time(
-    robot: MeasuredArm | str, loaded: Recording | FilePath, every_s: float, *, calibration: FilePath | None = None
+    robot: MeasuredArm | FilePath, loaded: Recording | FilePath, every_s: float, *, calibration: FilePath | None = None
 ) -> PayloadOverTime:
     """Identify the payload of a calibrated arm in successive windows of one run of any motion.
 
@@ -198,7 +199,7 @@ def identify_over_time(
 
 
 def validate(
-    robot: MeasuredArm | str,
+    robot: MeasuredArm | FilePath,
     payload: PayloadResult | FilePath,
     loaded: Recording | FilePath,
     unloaded: Recording | FilePath,
@@ -237,7 +238,7 @@ def validate(
 
 
 def findings_from_files(
-    robot: MeasuredArm | str,
+    robot: MeasuredArm | FilePath,
     payload: FilePath,
     *,
     fitted: RunPair | None = None,
@@ -303,8 +304,8 @@ def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:
     )
 
 
-def _robot(robot: MeasuredArm | str) -> MeasuredArm:
-    return load_robot(robot) if isinstance(robot, str) else robot
+def _robot(robot: MeasuredArm | FilePath) -> MeasuredArm:
+    return load_robot(robot) if isinstance(robot, str | PathLike) else robot
 
 
 def _run(arm: MeasuredArm, run: Recording | FilePath) -> Recording:

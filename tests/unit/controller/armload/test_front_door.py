@@ -16,7 +16,13 @@ import numpy as np
 import pytest
 
 import armload
-from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_controller.control_errors import ConfigurationError
+from armload_identification.identification_errors import (
+    EstimationError,
+    ExcitationError,
+    PayloadFileError,
+    RecordingError,
+)
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
 from armload_identification.verdict.agreement import Outcome
 
@@ -187,6 +193,25 @@ def test_a_mass_that_the_arm_cannot_carry_is_refused(recorded_er50, tmp_path):
 def test_a_run_of_another_arm_is_refused(recorded_er50):
     with pytest.raises(Exception, match="recorded on er50, not on prbt"):
         armload.read_recording(recorded_er50 / "runs/today/loaded_validation.mcap", "prbt")
+
+
+def test_a_robot_is_given_by_its_name_or_by_a_path(recorded_er50, tmp_path):
+    configs = Path(str(resources.files("armload_configs")))
+    for file in configs.glob("er50*.toml"):
+        shutil.copy(file, tmp_path)
+    path = tmp_path / "er50.toml"
+    assert armload.load_robot(path).file == armload.load_robot(str(path)).file == str(path)
+    assert armload.load_robot(Path("er50")).sha256 == armload.load_robot("er50").sha256
+    run = recorded_er50 / "runs/today/loaded_identification.mcap"
+    assert armload.read_recording(run, path).n == 6
+    with pytest.raises(EstimationError, match="no unloaded recording was given"):
+        armload.identify(path, run)
+    with pytest.raises(PayloadFileError, match=r"none\.toml"):
+        armload.validate(path, tmp_path / "none.toml", run, run)
+    with pytest.raises(ExcitationError, match="criterion is 'none'"):
+        armload.design(path, criterion="none")
+    with pytest.raises(ConfigurationError, match=r"none\.toml': no such file, and no shipped robot: er50"):
+        armload.identify(tmp_path / "none.toml", run)
 
 
 def test_joints_that_are_called_otherwise_are_taken_in_their_order_and_that_is_said(recorded_er50):
