@@ -16,7 +16,7 @@ from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_recordings import RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
-from armload_identification.estimation.estimator_names import Estimator
+from armload_identification.estimation.estimator_names import Estimator, EstimatorName, named_estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.extras import Extra, require_extra
 from armload_identification.files.payload_file import read_payload
@@ -90,7 +90,7 @@ def identify(
     validation: RunPair | None = None,
     calibration: FilePath | None = None,
     known: KnownPayload | None = None,
-    estimator: Estimator = Estimator.FRICTION,
+    estimator: Estimator | EstimatorName = Estimator.FRICTION,
     tolerance: Tolerance | None = None,
 ) -> Findings:
     """Identify the payload from a run that carried it and one that did not.
@@ -102,7 +102,7 @@ def identify(
         validation: A loaded and an unloaded run of another motion, to judge the result.
         calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
         known: Prior knowledge of the payload.
-        estimator: Estimation method.
+        estimator: Estimation method: "friction", "robust", "wls" or "ols".
         tolerance: Permitted error of the payload; 2 % of its mass and 10 mm if not given.
 
     Returns:
@@ -110,8 +110,8 @@ def identify(
 
     Raises:
         RecordingError: recordings that do not fit the arm or each other, or are implausible.
-        EstimationError: neither unloaded run nor calibration, data that no payload explains, or a mass that this arm
-            cannot carry.
+        EstimationError: no such estimator, neither unloaded run nor calibration, data that no payload explains, or a
+            mass that this arm cannot carry.
 
     Examples:
         >>> import armload
@@ -131,13 +131,14 @@ def identify(
         >>> result.report("report.html")
     """
     require_extra(Extra.IDENTIFY, "identifying a payload")
+    method = named_estimator(estimator)
     arm = _robot(robot)
     used = arm_in_use(arm, calibration)
     run, empty = _run(arm, loaded), None if unloaded is None else _run(arm, unloaded)
     unnamed = _taken_in_order(arm, run)
     try:
         identification = payload_identification.identify(
-            run, empty, used.chain, used.transmission, estimator=estimator, known=known, arm=used.known
+            run, empty, used.chain, used.transmission, estimator=method, known=known, arm=used.known
         )
     except RecordingError as error:
         if unnamed is None:

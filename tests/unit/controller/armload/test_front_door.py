@@ -11,12 +11,14 @@ import sys
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 import armload
 from armload_controller.control_errors import ConfigurationError
+from armload_identification.estimation.estimator_names import Estimator, EstimatorName
 from armload_identification.identification_errors import (
     EstimationError,
     ExcitationError,
@@ -193,6 +195,42 @@ def test_a_mass_that_the_arm_cannot_carry_is_refused(recorded_er50, tmp_path):
 def test_a_run_of_another_arm_is_refused(recorded_er50):
     with pytest.raises(Exception, match="recorded on er50, not on prbt"):
         armload.read_recording(recorded_er50 / "runs/today/loaded_validation.mcap", "prbt")
+
+
+def test_an_estimator_is_given_by_its_name(recorded_er50):
+    pair = [recorded_er50 / f"runs/today/{load}_identification.mcap" for load in ("loaded", "unloaded")]
+    assert get_args(EstimatorName) == tuple(Estimator)
+    assert armload.identify("er50", *pair, estimator="ols").payload.model.mass_kg > 0.0
+    with pytest.raises(EstimationError, match="the estimator 'ols' requires the difference of two runs"):
+        armload.identify(
+            "er50", pair[0], calibration=recorded_er50 / "runs/today/arm.calibration.toml", estimator="ols"
+        )
+    for wrong in ("nonsense", "Friction", "", None):
+        with pytest.raises(
+            EstimationError, match=f"estimator is {wrong!r}; expected one of ols, wls, robust, friction$"
+        ):
+            armload.identify("er50", *pair, estimator=wrong)
+
+
+@pytest.mark.parametrize(
+    ("call", "base"),
+    [
+        (lambda: armload.load_robot("none.toml"), armload.ControlError),
+        (lambda: armload.read_urdf_arm("none.urdf"), armload.ControlError),
+        (lambda: armload.read_recording("none.mcap"), armload.IdentificationError),
+        (lambda: armload.read_payload("none.toml"), armload.IdentificationError),
+        (lambda: armload.read_calibration("none.toml"), armload.IdentificationError),
+        (lambda: armload.identify("er50", "none.mcap", "none.mcap"), armload.IdentificationError),
+        (lambda: armload.design("er50", criterion="none"), armload.IdentificationError),
+        (lambda: armload.design("er50", period_s=-1.0), armload.ControlError),
+        (lambda: armload.Tolerance(mass_share=0.0), armload.IdentificationError),
+        (lambda: armload.KnownPayload(mass_kg=-1.0), armload.IdentificationError),
+        (lambda: armload.Recording.from_arrays([0.0, 1.0], [0.0, 1.0]), armload.IdentificationError),
+    ],
+)
+def test_what_is_wrong_is_one_of_two_errors(call, base):
+    with pytest.raises(base):
+        call()
 
 
 def test_a_robot_is_given_by_its_name_or_by_a_path(recorded_er50, tmp_path):
