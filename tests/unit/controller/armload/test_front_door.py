@@ -133,6 +133,18 @@ def test_printed_it_is_a_table_with_the_verdict(found):
     assert found.verdict.title in lines[12]
 
 
+def test_a_printed_recording_is_one_line():
+    time_s = 0.01 * np.arange(300.0)
+    position_rad = np.sin(np.outer(time_s, [1.0, 2.0]))
+    run = armload.Recording.from_arrays(time_s, position_rad, torque_nm=position_rad, name="mine")
+    assert str(run) == "mine: 2 joints, 2.99 s, 300 rows of time_s, position_rad, torque_nm"
+    gap = np.where(time_s == time_s[7], np.nan, time_s)
+    part = armload.Recording.from_arrays(gap, position_rad, current_a=position_rad, velocity_rad_s=position_rad)
+    assert str(part.joints([1])) == (
+        "arrays: 1 joint, 2.99 s, 299 rows (1 of 300 left out) of time_s, position_rad, velocity_rad_s, current_a"
+    )
+
+
 def test_it_is_saved(found, tmp_path):
     found.save(tmp_path / "payload.toml")
     assert armload.read_payload(tmp_path / "payload.toml").model.mass_kg == found.payload.model.mass_kg
