@@ -25,7 +25,16 @@ if TYPE_CHECKING:
 
 
 class ControlError(Exception):
-    """Root of everything that `armload_controller` raises."""
+    """Root of everything that `armload_controller` raises; a mistake in a recording is an `IdentificationError`.
+
+    Examples:
+        >>> import armload
+        >>> try:
+        ...     armload.load_robot("none.toml")
+        ... except armload.ControlError as error:
+        ...     print(error)
+        command line: ROBOT is 'none.toml': no such file, and no shipped robot: er50, prbt, ur10e
+    """
 
 
 class ConfigurationError(ControlError):

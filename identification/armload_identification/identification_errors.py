@@ -21,7 +21,16 @@ import reprlib
 
 
 class IdentificationError(Exception):
-    """Root of everything that `armload_identification` raises."""
+    """Root of everything that `armload_identification` raises; a mistake in a robot's file is a `ControlError`.
+
+    Examples:
+        >>> import armload
+        >>> try:
+        ...     armload.read_recording("none.mcap")
+        ... except armload.IdentificationError as error:
+        ...     print(type(error).__name__)
+        RecordingError
+    """
 
 
 class ModelError(IdentificationError):

@@ -34,7 +34,16 @@ def identify_with_ranges(loaded: Path, unloaded: Path) -> Findings:
     weighed = armload.KnownPayload(mass_kg=2.1, center_of_mass_m=np.zeros(3))
     assert_type(weighed, armload.KnownPayload)
     known = armload.KnownPayload(mass_kg=(1, 3), center_of_mass_m=[0.0, (-0.01, 0.01), (0.05, 0.15)])
-    return armload.identify("er50", loaded, unloaded, known=known)
+    return armload.identify("er50", loaded, unloaded, known=known, estimator="robust")
+
+
+def judge(payload: Path, loaded: Path, unloaded: Path) -> str:
+    """A tolerance, and the errors."""
+    tolerance = armload.Tolerance(mass_share=0.05, center_m=0.02)
+    try:
+        return armload.validate("er50", payload, loaded, unloaded, tolerance=tolerance).verdict.title
+    except (armload.IdentificationError, armload.ControlError) as error:
+        return str(error)
 
 
 def loop_of_any_arm(urdf: Path, payload: Path) -> PayloadFeedforward:
@@ -48,22 +57,32 @@ def from_arrays(time_s: NDArray[np.float64], q: NDArray[np.float64], tau: NDArra
     """The user's arrays."""
     loaded = Recording.from_arrays(time_s, q, torque_nm=tau)
     assert_type(loaded, Recording)
-    return armload.identify("my_arm.toml", loaded, Recording.from_arrays(time_s, q, current_a=tau, name="empty"))
+    return armload.identify(Path("my_arm.toml"), loaded, Recording.from_arrays(time_s, q, current_a=tau, name="empty"))
 
 
 def control(q: NDArray[np.float64], dq: NDArray[np.float64], ddq: NDArray[np.float64]) -> NDArray[np.float64]:
     """The payload's torque in a control loop."""
     payload = armload.read_payload(Path("payload.toml"))
+    assert_type(payload.model, armload.InertialParameters)
     feedforward = PayloadFeedforward(armload.load_robot("er50").chain, payload.model)
+    feedforward.set_payload(armload.NOTHING, transition_s=0.2, cycle_s=0.001)
     return feedforward.torque_nm(q, dq, ddq)
 
 
 def design() -> None:
     """An excitation."""
-    excitation = armload.design("my_arm.toml", period_s="auto", restarts=4)
+    excitation = armload.design(Path("my_arm.toml"), period_s="auto", restarts=4)
     assert_type(excitation.periods, int)
     excitation.save("excitation.toml")
     excitation.picture(Path("excitation.png"))
+
+
+def wrong_names() -> None:
+    """Are errors: strict mode would report an `ignore` that is not needed."""
+    armload.identfy("er50", "loaded.mcap")  # type: ignore[attr-defined]
+    from armload import Recordings  # type: ignore[attr-defined] # noqa: F401
+
+    armload.identify("er50", "loaded.mcap", estimator="nonsense")  # type: ignore[arg-type]
 
 
 class Near:

@@ -66,6 +66,10 @@ def test_reset(drives):
     done = armload("reset", "prbt", "prbt_joint_2", *BUS)
     assert done.exit_code == 0, done.output
     assert "prbt_joint_2: SWITCH ON DISABLED" in done.output
+    drives.fail(4, 0x4310)
+    time.sleep(0.2)
+    printed = json.loads(armload("reset", "prbt", "prbt_joint_2", *BUS, "--json").stdout)
+    assert (printed["node_id"], printed["state"]) == (4, "SWITCH ON DISABLED")
     drives.fail(4, 0x4310, persistent=True)
     time.sleep(0.2)
     assert isinstance(armload("reset", "prbt", "prbt_joint_2", *BUS).exception, ServoFault)

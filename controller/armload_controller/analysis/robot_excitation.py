@@ -158,7 +158,7 @@ class DesignedExcitation:
 
 
 def design(
-    robot: Robot | str,
+    robot: Robot | str | PathLike[str],
     *,
     seed: int = 1,
     restarts: int = 8,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
+from os import PathLike
 from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import ArmInUse, FilePath, arm_in_use
@@ -15,7 +16,7 @@ from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_recordings import RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
-from armload_identification.estimation.estimator_names import Estimator
+from armload_identification.estimation.estimator_names import Estimator, EstimatorName, named_estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.extras import Extra, require_extra
 from armload_identification.files.payload_file import read_payload
@@ -40,7 +41,7 @@ RunPair = tuple[Recording | FilePath, Recording | FilePath]
 
 def read_run(
     path: FilePath,
-    robot: MeasuredArm | str | None = None,
+    robot: MeasuredArm | FilePath | None = None,
     *,
     columns: CsvColumns | str | None = None,
     effort: Effort | str = Effort.TORQUE,
@@ -82,14 +83,14 @@ def read_run(
 
 
 def identify(
-    robot: MeasuredArm | str,
+    robot: MeasuredArm | FilePath,
     loaded: Recording | FilePath,
     unloaded: Recording | FilePath | None = None,
     *,
     validation: RunPair | None = None,
     calibration: FilePath | None = None,
     known: KnownPayload | None = None,
-    estimator: Estimator = Estimator.FRICTION,
+    estimator: Estimator | EstimatorName = Estimator.FRICTION,
     tolerance: Tolerance | None = None,
 ) -> Findings:
     """Identify the payload from a run that carried it and one that did not.
@@ -101,7 +102,7 @@ def identify(
         validation: A loaded and an unloaded run of another motion, to judge the result.
         calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
         known: Prior knowledge of the payload.
-        estimator: Estimation method.
+        estimator: Estimation method: "friction", "robust", "wls" or "ols".
         tolerance: Permitted error of the payload; 2 % of its mass and 10 mm if not given.
 
     Returns:
@@ -109,8 +110,8 @@ def identify(
 
     Raises:
         RecordingError: recordings that do not fit the arm or each other, or are implausible.
-        EstimationError: neither unloaded run nor calibration, data that no payload explains, or a mass that this arm
-            cannot carry.
+        EstimationError: no such estimator, neither unloaded run nor calibration, data that no payload explains, or a
+            mass that this arm cannot carry.
 
     Examples:
         >>> import armload
@@ -130,13 +131,14 @@ def identify(
         >>> result.report("report.html")
     """
     require_extra(Extra.IDENTIFY, "identifying a payload")
+    method = named_estimator(estimator)
     arm = _robot(robot)
     used = arm_in_use(arm, calibration)
     run, empty = _run(arm, loaded), None if unloaded is None else _run(arm, unloaded)
     unnamed = _taken_in_order(arm, run)
     try:
         identification = payload_identification.identify(
-            run, empty, used.chain, used.transmission, estimator=estimator, known=known, arm=used.known
+            run, empty, used.chain, used.transmission, estimator=method, known=known, arm=used.known
         )
     except RecordingError as error:
         if unnamed is None:
@@ -166,7 +168,7 @@ def identify(
 
 
 def identify_over_time(
-    robot: MeasuredArm | str, loaded: Recording | FilePath, every_s: float, *, calibration: FilePath | None = None
+    robot: MeasuredArm | FilePath, loaded: Recording | FilePath, every_s: float, *, calibration: FilePath | None = None
 ) -> PayloadOverTime:
     """Identify the payload of a calibrated arm in successive windows of one run of any motion.
 
@@ -198,7 +200,7 @@ def identify_over_time(
 
 
 def validate(
-    robot: MeasuredArm | str,
+    robot: MeasuredArm | FilePath,
     payload: PayloadResult | FilePath,
     loaded: Recording | FilePath,
     unloaded: Recording | FilePath,
@@ -237,7 +239,7 @@ def validate(
 
 
 def findings_from_files(
-    robot: MeasuredArm | str,
+    robot: MeasuredArm | FilePath,
     payload: FilePath,
     *,
     fitted: RunPair | None = None,
@@ -303,8 +305,8 @@ def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:
     )
 
 
-def _robot(robot: MeasuredArm | str) -> MeasuredArm:
-    return load_robot(robot) if isinstance(robot, str) else robot
+def _robot(robot: MeasuredArm | FilePath) -> MeasuredArm:
+    return load_robot(robot) if isinstance(robot, str | PathLike) else robot
 
 
 def _run(arm: MeasuredArm, run: Recording | FilePath) -> Recording:

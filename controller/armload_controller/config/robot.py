@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
+from os import PathLike, fspath
 from pathlib import Path
 
 from armload_controller.config.drive_profiles import with_profiles
@@ -337,7 +338,7 @@ def shipped_robots() -> tuple[str, ...]:
     return tuple(sorted(name for name, text in texts.items() if "[kinematics]" in text))
 
 
-def load_robot(name_or_path: str) -> Robot:
+def load_robot(name_or_path: str | PathLike[str]) -> Robot:
     """Read and check a robot's configuration.
 
     Args:
@@ -352,11 +353,11 @@ def load_robot(name_or_path: str) -> Robot:
         >>> isinstance(robot, armload.Robot), robot.n, robot.chain.n
         (True, 6, 6)
     """
-    shipped = shipped_robots()
-    if name_or_path in shipped:
-        path, file = Path(str(resources.files("armload_configs") / f"{name_or_path}.toml")), f"{name_or_path}.toml"
+    shipped, given = shipped_robots(), fspath(name_or_path)
+    if given in shipped:
+        path, file = Path(str(resources.files("armload_configs") / f"{given}.toml")), f"{given}.toml"
     else:
-        path, file = Path(name_or_path), name_or_path
+        path, file = Path(given), given
         if not path.is_file():
             raise ConfigurationError(
                 "command line", "ROBOT", file, f"no such file, and no shipped robot: {', '.join(shipped)}"

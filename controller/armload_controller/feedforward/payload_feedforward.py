@@ -41,6 +41,7 @@ class PayloadFeedforward(kernels.PayloadTorque):
         >>> still = np.zeros(6)
         >>> feedforward.torque_nm(np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]), still, still).shape
         (6,)
+        >>> feedforward.set_payload(armload.NOTHING, transition_s=0.2, cycle_s=0.001)
     """
 
     __slots__ = ()
@@ -55,7 +56,7 @@ class PayloadFeedforward(kernels.PayloadTorque):
         and every intermediate body is physically possible. A second change continues from the present values.
 
         Args:
-            payload: The new payload, in the flange frame; `NOTHING` for an empty flange.
+            payload: The new payload, in the flange frame; `armload.NOTHING` for an empty flange.
             transition_s: Duration of the change; 0 for immediately.
             cycle_s: Time between two calls of `torque_nm`.
 

@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Literal
+
+from armload_identification.identification_errors import EstimationError
+
+EstimatorName = Literal["ols", "wls", "robust", "friction"]
+"""Name of an `Estimator`, for callers from Python."""
 
 
 class Estimator(StrEnum):
@@ -29,3 +35,17 @@ class Estimator(StrEnum):
         "weighted by each joint's residual, less at reversals; load-dependent friction and changes of viscous friction "
         "are fitted if the data justify it",
     )
+
+
+def named_estimator(name: str) -> Estimator:
+    """An estimator by its name.
+
+    Args:
+        name: One of `EstimatorName`, or an `Estimator`.
+
+    Raises:
+        EstimationError: there is no such estimator.
+    """
+    if name not in tuple(Estimator):
+        raise EstimationError(f"estimator is {name!r}; expected one of {', '.join(Estimator)}")
+    return Estimator(name)

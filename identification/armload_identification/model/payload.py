@@ -40,6 +40,13 @@ class InertialParameters:
 
     References:
         Chen 2016, eq. (4), but with the sign convention of URDF for the products of inertia.
+
+    Examples:
+        >>> import armload, numpy as np
+        >>> tool = armload.InertialParameters.from_center_of_mass(2.0, [0.0, 0.0, 0.05], np.diag([0.01, 0.01, 0.002]))
+        >>> tool.mass_kg, tool.theta.shape
+        (2.0, (10,))
+        >>> known = armload.KnownPayload(cad=tool)
     """
 
     theta: FloatArray

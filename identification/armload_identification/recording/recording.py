@@ -91,7 +91,7 @@ class PeriodAverage:
 
 @dataclass(frozen=True, eq=False)
 class Recording(RowBlock):
-    """One run of an arm with strictly increasing time stamps and current or torque.
+    """One run of an arm with strictly increasing time stamps and current or torque; prints as one line.
 
     A long run is reduced while it is read: to its average period if it follows an excitation, else to means over 10 ms.
     Information about the raw rows is then in `average` and `repeats`.
@@ -101,6 +101,11 @@ class Recording(RowBlock):
         source: The file or arrays.
         average: Statistics of the averaged periods; None unless the rows are the average period.
         repeats: Longest repetitions of a value in the raw rows; None if the rows are the raw rows.
+
+    Examples:
+        >>> import armload
+        >>> print(armload.read_recording("runs/today/loaded_identification.mcap", between_s=(0.0, 5.0)))
+        runs/today/loaded_identification.mcap: 6 joints, 5 s, 251 rows of time_s, position_rad, current_a, phase_s
     """
 
     excitation: Excitation | None
@@ -112,6 +117,20 @@ class Recording(RowBlock):
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints in the order of the columns; empty if the recording does not name them."""
         return self.source.joint_names
+
+    def __str__(self) -> str:
+        """File, joints, duration, rows, and the quantities recorded."""
+        source, average = self.source, self.average
+        lasts_s = float(self.time_s[-1] - self.time_s[0]) if self.size else 0.0
+        notes = [f"{source.rows_dropped} of {source.rows_read} left out"] if source.rows_dropped else []
+        if average is not None:
+            notes.append(f"average of {average.periods} periods")
+        elif self.repeats is not None:
+            notes.append("means over short times")
+        noted = f" ({', '.join(notes)})" if notes else ""
+        joints = f"{self.n} joint" if self.n == 1 else f"{self.n} joints"
+        recorded = ", ".join(name for name in QUANTITIES if getattr(self, name) is not None)
+        return f"{source.path}: {joints}, {lasts_s:.4g} s, {self.size} rows{noted} of {recorded}"
 
     def joints(self, chosen: Sequence[int]) -> Recording:
         """The same run with some of its joints, in a given order.

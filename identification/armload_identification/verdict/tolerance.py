@@ -18,6 +18,11 @@ class Tolerance:
 
     Raises:
         ModelError: a tolerance that is not positive.
+
+    Examples:
+        >>> import armload
+        >>> armload.Tolerance(mass_share=0.05)
+        Tolerance(mass_share=0.05, center_m=0.01)
     """
 
     mass_share: float = 0.02

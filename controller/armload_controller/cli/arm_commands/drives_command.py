@@ -133,8 +133,10 @@ def reset_command(
     channel: ChannelOption = None,
     bitrate: BitrateOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="The cause has been removed: do not ask.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Reset the fault of one drive, once its cause is removed. On a real arm, asks first. Nothing is enabled."""
+    from armload_controller.cli.output.result_documents import reset_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_drivers.bring_up.drive_check import reset
@@ -142,12 +144,15 @@ def reset_command(
     arm = load_robot(robot).with_bus(interface, channel, bitrate)
     if joint not in arm.joint_names:
         raise ConfigurationError(arm.file, "JOINT", joint, f"one of: {', '.join(arm.joint_names)}")
-    screen = Screen()
+    node_id = arm.drives.settings.drives[arm.joint_names.index(joint)].node_id
+    screen = Screen(as_json=as_json)
     with _bus_of(arm) as bus:
         state = reset(arm.drives.settings, joint, bus, lambda question: yes or screen.confirm(question))
     if state is None:
         raise CommissioningError("not confirmed: nothing was reset")
-    screen.step(f"{joint}: {state.title}")
+    if as_json:
+        print_document(reset_document(arm.name, joint, node_id, state))
+    screen.result(f"{joint}: {state.title}")
 
 
 @contextmanager

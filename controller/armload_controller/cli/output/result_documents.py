@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from armload_controller.session.feedforward_comparison import Comparison as FollowingComparison
     from armload_drivers.bring_up.drive_check import ArmCheck
     from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
+    from armload_drivers.cia402.state_machine import State
     from armload_identification.calibration.arm_calibration import ArmCalibration
     from armload_identification.verdict.agreement import Agreement
     from armload_identification.verdict.cad_comparison import Comparison
@@ -172,6 +173,11 @@ def status_document(robot: str, status: ArmStatus) -> dict[str, Any]:
             "error_passive": status.error_passive,
         },
     )
+
+
+def reset_document(robot: str, joint: str, node_id: int, state: State) -> dict[str, Any]:
+    """The state of a drive after its fault was reset."""
+    return _document("reset", {"robot": robot, "joint": joint, "node_id": node_id, "state": state.title})
 
 
 def feedforward_document(

@@ -1,5 +1,6 @@
 """`import armload`: its names, what they import, their examples, and the result of an identification."""
 
+import ast
 import contextlib
 import doctest
 import json
@@ -10,12 +11,20 @@ import sys
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 import armload
-from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_controller.control_errors import ConfigurationError
+from armload_identification.estimation.estimator_names import Estimator, EstimatorName
+from armload_identification.identification_errors import (
+    EstimationError,
+    ExcitationError,
+    PayloadFileError,
+    RecordingError,
+)
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
 from armload_identification.verdict.agreement import Outcome
 
@@ -44,6 +53,13 @@ def test_every_public_name_is_there_and_listed():
         assert getattr(armload, name) is getattr(armload, name)
     with pytest.raises(AttributeError, match="no attribute 'identity'"):
         armload.identity  # noqa: B018 - tests the attribute access
+
+
+def test_a_type_checker_is_told_the_same_names_and_places():
+    tree = ast.parse(Path(armload.__file__).read_text("utf-8"))
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    told = {name.asname or name.name: (node.module, name.name) for node in imports for name in node.names}
+    assert {name: told[name] for name in armload.__all__} == armload._HOMES
 
 
 def test_names_are_loaded_when_they_are_used():
@@ -117,6 +133,18 @@ def test_printed_it_is_a_table_with_the_verdict(found):
     assert found.verdict.title in lines[12]
 
 
+def test_a_printed_recording_is_one_line():
+    time_s = 0.01 * np.arange(300.0)
+    position_rad = np.sin(np.outer(time_s, [1.0, 2.0]))
+    run = armload.Recording.from_arrays(time_s, position_rad, torque_nm=position_rad, name="mine")
+    assert str(run) == "mine: 2 joints, 2.99 s, 300 rows of time_s, position_rad, torque_nm"
+    gap = np.where(time_s == time_s[7], np.nan, time_s)
+    part = armload.Recording.from_arrays(gap, position_rad, current_a=position_rad, velocity_rad_s=position_rad)
+    assert str(part.joints([1])) == (
+        "arrays: 1 joint, 2.99 s, 299 rows (1 of 300 left out) of time_s, position_rad, velocity_rad_s, current_a"
+    )
+
+
 def test_it_is_saved(found, tmp_path):
     found.save(tmp_path / "payload.toml")
     assert armload.read_payload(tmp_path / "payload.toml").model.mass_kg == found.payload.model.mass_kg
@@ -179,6 +207,61 @@ def test_a_mass_that_the_arm_cannot_carry_is_refused(recorded_er50, tmp_path):
 def test_a_run_of_another_arm_is_refused(recorded_er50):
     with pytest.raises(Exception, match="recorded on er50, not on prbt"):
         armload.read_recording(recorded_er50 / "runs/today/loaded_validation.mcap", "prbt")
+
+
+def test_an_estimator_is_given_by_its_name(recorded_er50):
+    pair = [recorded_er50 / f"runs/today/{load}_identification.mcap" for load in ("loaded", "unloaded")]
+    assert get_args(EstimatorName) == tuple(Estimator)
+    assert armload.identify("er50", *pair, estimator="ols").payload.model.mass_kg > 0.0
+    with pytest.raises(EstimationError, match="the estimator 'ols' requires the difference of two runs"):
+        armload.identify(
+            "er50", pair[0], calibration=recorded_er50 / "runs/today/arm.calibration.toml", estimator="ols"
+        )
+    for wrong in ("nonsense", "Friction", "", None):
+        with pytest.raises(
+            EstimationError, match=f"estimator is {wrong!r}; expected one of ols, wls, robust, friction$"
+        ):
+            armload.identify("er50", *pair, estimator=wrong)
+
+
+@pytest.mark.parametrize(
+    ("call", "base"),
+    [
+        (lambda: armload.load_robot("none.toml"), armload.ControlError),
+        (lambda: armload.read_urdf_arm("none.urdf"), armload.ControlError),
+        (lambda: armload.read_recording("none.mcap"), armload.IdentificationError),
+        (lambda: armload.read_payload("none.toml"), armload.IdentificationError),
+        (lambda: armload.read_calibration("none.toml"), armload.IdentificationError),
+        (lambda: armload.identify("er50", "none.mcap", "none.mcap"), armload.IdentificationError),
+        (lambda: armload.design("er50", criterion="none"), armload.IdentificationError),
+        (lambda: armload.design("er50", period_s=-1.0), armload.ControlError),
+        (lambda: armload.Tolerance(mass_share=0.0), armload.IdentificationError),
+        (lambda: armload.KnownPayload(mass_kg=-1.0), armload.IdentificationError),
+        (lambda: armload.Recording.from_arrays([0.0, 1.0], [0.0, 1.0]), armload.IdentificationError),
+    ],
+)
+def test_what_is_wrong_is_one_of_two_errors(call, base):
+    with pytest.raises(base):
+        call()
+
+
+def test_a_robot_is_given_by_its_name_or_by_a_path(recorded_er50, tmp_path):
+    configs = Path(str(resources.files("armload_configs")))
+    for file in configs.glob("er50*.toml"):
+        shutil.copy(file, tmp_path)
+    path = tmp_path / "er50.toml"
+    assert armload.load_robot(path).file == armload.load_robot(str(path)).file == str(path)
+    assert armload.load_robot(Path("er50")).sha256 == armload.load_robot("er50").sha256
+    run = recorded_er50 / "runs/today/loaded_identification.mcap"
+    assert armload.read_recording(run, path).n == 6
+    with pytest.raises(EstimationError, match="no unloaded recording was given"):
+        armload.identify(path, run)
+    with pytest.raises(PayloadFileError, match=r"none\.toml"):
+        armload.validate(path, tmp_path / "none.toml", run, run)
+    with pytest.raises(ExcitationError, match="criterion is 'none'"):
+        armload.design(path, criterion="none")
+    with pytest.raises(ConfigurationError, match=r"none\.toml': no such file, and no shipped robot: er50"):
+        armload.identify(tmp_path / "none.toml", run)
 
 
 def test_joints_that_are_called_otherwise_are_taken_in_their_order_and_that_is_said(recorded_er50):

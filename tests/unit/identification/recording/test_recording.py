@@ -319,6 +319,7 @@ def test_a_long_runs_joints_are_chosen_with_all_that_was_kept_of_it(tmp_path):
     path = write_mcap(tmp_path / "a.mcap", content, [(EXCITATION_ATTACHMENT, format_excitation(excitation))])
     recording = read_recording(path, short_rows=50)
     chosen = recording.joints([2, 0])
+    assert f"{recording.size} rows (average of {recording.average.periods} periods) of time_s, " in str(recording)
     order = np.ix_([2, 0], [2, 0])
     np.testing.assert_array_equal(chosen.average.effort_covariance, recording.average.effort_covariance[order])
     np.testing.assert_array_equal(chosen.repeats.bound, recording.repeats.bound[[2, 0]])

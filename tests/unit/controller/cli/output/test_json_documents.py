@@ -30,9 +30,10 @@ from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.fleet.fleet_run import FleetProblem, FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
 from armload_controller.session.feedforward_comparison import Comparison, Measure
-from armload_drivers.bring_up import inspection
+from armload_drivers.bring_up import drive_check, inspection
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
+from armload_drivers.cia402.state_machine import State
 from armload_identification.calibration.run_health import RunHealth
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.many_arms.arm_runs import Kind, Quantity
@@ -91,6 +92,7 @@ COMMANDS = {
     "recordings show": "recordings show {l1} {l2}",
     "drives check": "drives check er50",
     "drives show": "drives show er50 --once",
+    "drives reset": "drives reset er50 joint_2 --yes",
 }
 """Commands with a document that need no bus and move no arm."""
 
@@ -111,6 +113,7 @@ def document(armload, recorded_er50, tmp_path_factory):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(inspection, "LISTEN_S", 0.01)
+        patch.setattr(drive_check, "reset", lambda *_: State.SWITCH_ON_DISABLED)  # no drive is in FAULT
         yield printed
 
 
@@ -270,11 +273,23 @@ def test_every_command_with_a_result_has_the_option():
         for name, command in commands(typer.main.get_command(app))
         if not any("--json" in option.opts for option in command.params)
     }
-    assert without == {"drives reset", "simulate"}
+    assert without == {"simulate"}
 
 
 def test_of_a_validation_there_is_no_identification(document):
     assert document("validate")["identification"] is None
+
+
+def test_of_a_reset_the_drive_and_its_state_are_printed(document):
+    found = document("drives reset")
+    node_id = load_robot("er50").drives.settings.drives[1].node_id
+    assert (found["joint"], found["node_id"], found["state"]) == ("joint_2", node_id, "SWITCH ON DISABLED")
+
+
+def test_a_reset_that_is_not_confirmed_prints_no_document(armload, monkeypatch):
+    monkeypatch.setattr(drive_check, "reset", lambda *_: None)
+    result = armload("drives", "reset", "er50", "joint_2", "--json")
+    assert (result.exit_code, result.stdout) == (1, "")
 
 
 @pytest.mark.long
