@@ -11,6 +11,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
+from armload_controller.motion import setpoints
 from armload_controller.motion.checked_path import SAG_RAD, CheckedLeg, CheckedPath, check_path
 from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.obstacles import Obstacles
@@ -162,6 +163,17 @@ def test_a_path_beyond_a_joints_limit_is_refused(constraints, quantity):
     assert caught.value.quantity == quantity
     if constraints.following_speed_rad_s is CONSTRAINTS.following_speed_rad_s:
         assert caught.value.joint == LIMITS.joint_names[JOINT]
+
+
+@pytest.mark.parametrize(
+    ("too_steep", "quantity"), [(PhaseLimits(20.0, 20.0), "acceleration"), (PhaseLimits(2.0, 1e4), "jerk")]
+)
+def test_a_plan_with_ramps_too_steep_for_a_joint_is_refused(monkeypatch, too_steep, quantity):
+    """The planning of ramps keeps the limits by itself; here it does not, as from a defect."""
+    monkeypatch.setattr(setpoints, "bound_phase", lambda path, limits: too_steep)
+    with pytest.raises(LimitViolation) as caught:
+        checked(replace(CONSTRAINTS, torque=None))
+    assert caught.value.quantity == quantity
 
 
 def test_a_path_of_another_arm_is_refused():
