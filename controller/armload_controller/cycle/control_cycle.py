@@ -230,8 +230,7 @@ class PoweredArm:
 
     def _ramp_down(self) -> None:
         """Bring the arm to rest along the path and added torque to zero."""
-        self._control.stop(PluginStop("cycle", "coming to rest"))
-        self._gate.release()
+        self._control.stop(PluginStop("cycle", "coming to rest"))  # from now on every exchange releases the gate
         if self._unsent is not None:
             # A plug-in raised before this setpoint was sent; skipping it would cause a jump.
             self._send(*self._unsent)

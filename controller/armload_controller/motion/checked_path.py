@@ -45,7 +45,10 @@ SAG_RAD = 0.01
 @final
 @dataclass(frozen=True, eq=False, init=False)
 class CheckedLeg:
-    """A leg from rest to rest that passed every check; only the functions of this module create one.
+    """A leg from rest to rest that passed the checks for its kind; only the functions of this module create one.
+
+    Legs of a path and segments of an approach passed all checks; the leg of `CheckedPath.back_to`, which the arm has
+    just moved along by itself, passed those of the joints' limits only.
 
     Attributes:
         leg: The leg.
@@ -55,7 +58,8 @@ class CheckedLeg:
 
     def __init__(self, *unchecked: Never, **fields: Never) -> None:
         raise TypeError(
-            "a CheckedLeg is made by check_path and CheckedPath.approach_from, which check the motion first"
+            "a CheckedLeg is made by check_path, CheckedPath.approach_from and CheckedPath.back_to, which check the "
+            "motion first"
         )
 
 

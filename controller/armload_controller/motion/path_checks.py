@@ -5,7 +5,8 @@ With V, A, J the greatest derivatives of the path to its phase, a phase rate r f
 
     velocity V        acceleration A + V alpha        jerk J + 3 A alpha + V beta        following error V lag
 
-Torque is linear in the phase acceleration and in r^2, so its greatest value is at r = 0 or 1 and dr/dt = +-alpha.
+Torque without friction is linear in the phase acceleration and in r^2, so its greatest value is at r = 0 or 1 and
+dr/dt = +-alpha; viscous friction is bounded by a function that is linear in r^2 too.
 The speed of a point of the arm is linear in r.
 """
 
@@ -107,26 +108,31 @@ def _needed(path: FourierTrajectory | LinePath, phase: PhaseLimits, torque: Torq
     alpha = phase.acceleration_1_s
     if isinstance(path, LinePath):
         steps = int(np.ceil(np.abs(path.goal_rad - path.start_rad).max() / LINE_STEP_RAD)) + 1
-        needed = _greatest(torque, path.evaluate(np.linspace(0.0, path.duration_s, steps + 1)), alpha)
-    else:
-        samples = RAMP_SAMPLES * path.harmonics
-        state = path.evaluate(np.arange(samples) * (path.period_s / samples))
-        # At constant rate the bound also holds between samples; ramps vary slowly compared with their spacing.
-        ramps = _greatest(torque, state, alpha) - _greatest(torque, state, 0.0)
-        needed = torque.greatest(path) + ramps
-    return np.asarray(needed.reshape(torque.cases, -1).max(axis=0))
+        return _greatest(torque, path.evaluate(np.linspace(0.0, path.duration_s, steps + 1)), alpha)
+    samples = RAMP_SAMPLES * path.harmonics
+    state = path.evaluate(np.arange(samples) * (path.period_s / samples))
+    # At constant rate the bound also holds between samples; ramps vary slowly compared with their spacing.
+    steady = _greatest_case(torque, torque.greatest(path))
+    return steady + _greatest(torque, state, alpha) - _greatest(torque, state, 0.0)
 
 
 def _greatest(torque: TorqueLimits, state: FourierState, alpha: float) -> FloatArray:
-    """(cases * n,) greatest demand at samples, at rates 0 and 1 and phase accelerations of both signs."""
+    """(n,) greatest demand at samples, at rates 0 and 1 and phase accelerations of both signs."""
     q, v, a = state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2
     still = np.zeros_like(q)
+    # At rate r friction is r f <= (1 + r^2) f / 2: half of it at rate 0, all of it at rate 1 bound the rates between.
+    friction = 0.5 * torque.friction(v)
     demands = [
-        torque.demand(q, rate, acceleration + ramp * v).max(axis=0)
-        for rate, acceleration in ((v, a), (still, still))
+        demand.max(axis=0)
         for ramp in (-alpha, alpha)
+        for demand in (torque.demand(q, v, a + ramp * v), torque.demand(q, still, ramp * v) + friction)
     ]
-    return np.asarray(np.max(demands, axis=0))
+    return _greatest_case(torque, np.max(demands, axis=0))
+
+
+def _greatest_case(torque: TorqueLimits, demand_nm: FloatArray) -> FloatArray:
+    """(n,) greatest demand of all cases of load and speed; `demand_nm` is (cases * n,)."""
+    return np.asarray(demand_nm.reshape(torque.cases, -1).max(axis=0))
 
 
 def _point_speeds(leg: Leg, points: ArmPoints) -> FloatArray:

@@ -46,6 +46,7 @@ def named_estimator(name: str) -> Estimator:
     Raises:
         EstimationError: there is no such estimator.
     """
-    if name not in tuple(Estimator):
-        raise EstimationError(f"estimator is {name!r}; expected one of {', '.join(Estimator)}")
-    return Estimator(name)
+    for estimator in Estimator:
+        if estimator == name:
+            return estimator
+    raise EstimationError(f"estimator is {name!r}; expected one of {', '.join(Estimator)}")

@@ -141,8 +141,18 @@ class TorqueLimits:
         Returns:
             (N, cases n) in N m, viscous friction included.
         """
-        friction = np.tile(self._sizes(self.body.viscous_nm_s_rad * np.abs(dq)), self.cases)
-        return np.asarray(np.abs(self._torque(q, dq, ddq)) + friction)
+        return np.asarray(np.abs(self._torque(q, dq, ddq)) + self.friction(dq))
+
+    def friction(self, dq: FloatArray) -> FloatArray:
+        """Magnitude of viscous friction, the same in every case.
+
+        Args:
+            dq: (N, n) velocities in rad/s.
+
+        Returns:
+            (N, cases n) in N m.
+        """
+        return np.tile(self._sizes(self.body.viscous_nm_s_rad * np.abs(dq)), self.cases)
 
     def slope(self, weight: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """Derivative of the weighted sum of all demands by the samples.

@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_controller.control_errors import ExportError
+from armload_controller.control_errors import ExportError, MotionError, OffsetRefused
 from armload_controller.cycle.control_cycle import Cycle
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.export.subject import ExportSubject
-from armload_controller.feedforward.injection import FeedforwardPlugin, FollowingLag, PayloadRefused
+from armload_controller.feedforward.injection import (
+    CheckedFeedforward,
+    FeedforwardPlugin,
+    FollowingLag,
+    PayloadRefused,
+)
+from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl
@@ -110,6 +116,41 @@ def test_joints_that_were_not_found_usable_get_nothing(connected_servos):
     _, torque = run(connected_servos(6, CYCLE_S), plugin(joints=usable))
     assert not torque[:, ~usable].any()
     assert (np.abs(torque[:, usable]).max(axis=0) > 1.0).all()
+
+
+def faded_in(servos, verdict):
+    """Fade a payload's torque in at standstill after a trial with a verdict; returns the torques sent."""
+    added = FeedforwardPlugin(ROBOT.chain, "prbt", payload(), CYCLE_S)
+    check = OffsetCheck(ROBOT.joint_names, ROBOT.drives.transmission, np.ones(6), CYCLE_S)
+    checked = CheckedFeedforward(added, check)
+    gate = TorqueGate(ROBOT.limits.torque_max_nm, CYCLE_S)
+    cycle = Cycle(servos, ROBOT.limits.motion, gate, MotionControl(), [checked])
+    with cycle.powered() as arm:
+        checked.fade_in(arm.hold, verdict)
+    return np.array([command.torque_offset_nm for command in servos.sent])
+
+
+def test_torque_is_added_only_where_the_trial_found_the_offset_usable(connected_servos):
+    """The third joint's gain is uncertain: it gets nothing, although the payload weighs on it."""
+    sigma = 0.01 + (np.arange(6) == 2)
+    for sigmas, expected in ((np.full(6, 0.01), ALL), (sigma, sigma < 1.0)):
+        verdict = OffsetVerdict(ROBOT.joint_names, np.ones(6), np.ones(6), sigmas, 8)
+        greatest = np.abs(faded_in(connected_servos(6, CYCLE_S), verdict)).max(axis=0)
+        assert (greatest[[1, 2, 4]] > 0.1).tolist() == expected[[1, 2, 4]].tolist()
+        assert not greatest[~expected].any()
+
+
+@pytest.mark.parametrize(
+    ("gain", "sigma", "text"), [(-1.0, 0.01, "the sign is wrong"), (1.0, 1.0, "no joint's response exceeds the noise")]
+)
+def test_no_torque_is_added_after_a_trial_that_failed(connected_servos, gain, sigma, text):
+    gains = np.where(np.arange(6) == 2, gain, 1.0)
+    verdict = OffsetVerdict(ROBOT.joint_names, np.ones(6), gains, np.full(6, sigma), 8)
+    servos = connected_servos(6, CYCLE_S)
+    with pytest.raises(MotionError, match=text) as caught:
+        faded_in(servos, verdict)
+    assert isinstance(caught.value.__cause__, OffsetRefused)
+    assert not any(command.torque_offset_nm.any() for command in servos.sent)
 
 
 def test_nothing_is_added_until_it_is_allowed(connected_servos):

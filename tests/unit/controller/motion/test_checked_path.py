@@ -11,6 +11,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
+from armload_controller.motion import setpoints
 from armload_controller.motion.checked_path import SAG_RAD, CheckedLeg, CheckedPath, check_path
 from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.obstacles import Obstacles
@@ -164,6 +165,17 @@ def test_a_path_beyond_a_joints_limit_is_refused(constraints, quantity):
         assert caught.value.joint == LIMITS.joint_names[JOINT]
 
 
+@pytest.mark.parametrize(
+    ("too_steep", "quantity"), [(PhaseLimits(20.0, 20.0), "acceleration"), (PhaseLimits(2.0, 1e4), "jerk")]
+)
+def test_a_plan_with_ramps_too_steep_for_a_joint_is_refused(monkeypatch, too_steep, quantity):
+    """The planning of ramps keeps the limits by itself; here it does not, as from a defect."""
+    monkeypatch.setattr(setpoints, "bound_phase", lambda path, limits: too_steep)
+    with pytest.raises(LimitViolation) as caught:
+        checked(replace(CONSTRAINTS, torque=None))
+    assert caught.value.quantity == quantity
+
+
 def test_a_path_of_another_arm_is_refused():
     with pytest.raises(
         ConfigurationError, match=r"my\.toml: excitation\.probe is 'a path of 2 joints': one of this arm's 6"
@@ -198,23 +210,41 @@ def test_the_torque_of_ramps_and_stops_counts_too(direction):
     checked(with_torque(2.0), path)
 
 
-def test_arm_and_heaviest_payload_and_both_directions_of_a_ramp_count():
-    """Compared with the sum at dense phases, with the phase accelerating and decelerating, loaded and empty."""
-    path = checked()
+HANGING = FourierTrajectory(
+    0.4, np.array([0.0, 1.2, -1.2, 0.0, 0.0, 0.0]), 0.3 * np.eye(N)[:, [JOINT]], np.zeros((N, 1))
+)
+"""The forearm swings like a pendulum: where gravity's torque is greatest, the path's acceleration reduces it."""
+SMOOTH = replace(CONSTRAINTS.torque.body, viscous_nm_s_rad=0.5 * CONSTRAINTS.torque.body.viscous_nm_s_rad)
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "torque", "governing"),
+    [
+        (SWING, CONSTRAINTS.torque, lambda rate: rate == 1.0),
+        (HANGING, replace(CONSTRAINTS.torque, body=SMOOTH), lambda rate: 0.0 < rate < 0.3),
+    ],
+    ids=["at full rate", "near standstill"],
+)
+def test_arm_and_heaviest_payload_and_both_directions_of_a_ramp_count(trajectory, torque, governing):
+    """Compared with the sum at dense phases and rates, with the phase accelerating and decelerating, loaded and empty.
+
+    On the hanging forearm ramps begin and end with more torque than they have anywhere at full rate.
+    """
+    path = checked(replace(CONSTRAINTS, obstacles=FREE, torque=None), trajectory)
     alpha = path.measured.leg.bounds.acceleration_1_s
-    torque = CONSTRAINTS.torque
-    state = SWING.evaluate(np.arange(0.0, SWING.period_s, 1e-3))
+    state = trajectory.evaluate(np.arange(0.0, trajectory.period_s, 1e-3))
     q, v, a = state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2
-    needed = np.zeros(N)
-    for rate in (0.0, 0.25, 0.5, 1.0):
-        for ramp in (-alpha, alpha):
-            demand = torque.demand(q, rate * v, rate**2 * a + ramp * v).max(axis=0)
-            needed = np.maximum(needed, demand.reshape(torque.cases, N).max(axis=0))
-    for share, refused in ((0.999, True), (1.01, False)):
+    needed = {}
+    for rate in (0.0, 0.1, 0.25, 0.5, 1.0):
+        demand = [torque.demand(q, rate * v, rate**2 * a + ramp * v).max(axis=0) for ramp in (-alpha, alpha)]
+        needed[rate] = np.max(demand, axis=0).reshape(torque.cases, N).max(axis=0)[JOINT]
+    worst = max(needed, key=needed.get)
+    assert governing(worst)
+    for share, refused in ((0.9995, True), (1.01, False)):
         available = torque.available_nm.copy()
-        available[JOINT] = share * needed[JOINT]
+        available[JOINT] = share * needed[worst]
         changed = replace(CONSTRAINTS, torque=replace(torque, available_nm=available))
-        assert (torque_objection(SWING, path.measured.leg.bounds, changed) is not None) is refused
+        assert (torque_objection(trajectory, path.measured.leg.bounds, changed) is not None) is refused
 
 
 def coupled_axes(share):

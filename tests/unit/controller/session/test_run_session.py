@@ -22,6 +22,8 @@ from armload_controller.session.run_session import Consent, Load, NoDisplay, Ope
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace
+from armload_identification.model.dynamics import ArmDynamics
+from armload_identification.model.payload import InertialParameters
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.run_format import WAY_ROUND_ATTACHMENT
 from armload_identification.report.provenance import motion_sentence
@@ -190,6 +192,35 @@ def test_every_motion_is_monitored(opened, distort, cause, move):
             move(session)
         assert cause_of(caught.value.__cause__) is cause
         assert len(servos.sent) == 21
+
+
+def test_an_empty_arm_must_not_need_the_torque_of_a_loaded_one(opened):
+    """Stretched out horizontally, with the heaviest payload's weight on the shoulder."""
+    stretched, nothing = np.array([0.0, np.pi / 2, 0.0, 0.0, 0.0, 0.0]), np.zeros((1, 6))
+    arm, payload = ROBOT.strength.arm_body, ROBOT.payloads.heaviest
+    carrying = ArmDynamics(ROBOT.chain, arm.carrying(ROBOT.chain, InertialParameters(1.5 * payload.theta)))
+    torque_nm = carrying.torque(stretched[None], nothing, nothing)[0]
+    events = dict.fromkeys(range(100), lambda feedback: replace(feedback, torque_nm=torque_nm))
+    for load, stopped in ((Load.LOADED, False), (Load.UNLOADED, True)):
+        with opened(load, events=events, position_rad=stretched) as (session, servos):
+            with pytest.raises(MotionError) if stopped else nullcontext() as caught:
+                session.hold([], lambda hold, servos=servos: hold(lambda: len(servos.sent) > 30))
+            if stopped:
+                assert cause_of(caught.value.__cause__) is Cause.TORQUE
+
+
+def test_every_setpoint_is_within_the_robots_own_limits(opened):
+    """The path was checked against wider limits, as from a defect; the cycle does not rely on that check."""
+    joint, own = 5, ROBOT.limits.motion
+    beyond = replace(SWING, offset_rad=np.where(np.arange(6) == joint, own.position_max_rad, SWING.offset_rad))
+    wider = replace(own, position_max_rad=own.position_max_rad + 1.0)
+    path = check_path(Excitation(beyond, 1), replace(CONSTRAINTS, limits=wider), CYCLE_S, file=ROBOT.file, key="swing")
+    said = f"{own.joint_names[joint]}: position .* beyond the limit"
+    standing = path.start_rad - 0.2 * (np.arange(6) == joint)
+    with opened(position_rad=standing) as (session, servos), pytest.raises(MotionError, match=said) as caught:
+        session.run(path, "run")
+    assert cause_of(caught.value.__cause__) is Cause.LIMIT
+    assert max(command.position_rad[joint] for command in servos.sent) <= own.position_max_rad[joint]
 
 
 def test_added_torque_is_what_joint_and_drive_allow(opened):
