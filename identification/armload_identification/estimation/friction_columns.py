@@ -227,6 +227,14 @@ class FrictionColumns:
         other.empty_nm = self.empty_nm @ matrix
         return other
 
+    def payload_nm(self, theta: FloatArray) -> FloatArray:
+        """(K, n) torque of a payload.
+
+        Args:
+            theta: (10,) its parameters.
+        """
+        return (self.regressor.reshape(-1, 10) @ theta).reshape(self.empty_nm.shape)
+
     def chosen(self, theta: FloatArray, chosen: NDArray[np.bool_]) -> FloatArray:
         """Columns of friction.
 
@@ -253,7 +261,7 @@ class FrictionColumns:
         Returns:
             (K, n).
         """
-        turned = np.sign(self.empty_nm + self.regressor @ theta)
+        turned = np.sign(self.empty_nm + self.payload_nm(theta))
         return np.asarray(load * self._direction * turned)
 
     def slope_of_empty(self, theta: FloatArray, load: FloatArray) -> FloatArray:
@@ -266,7 +274,7 @@ class FrictionColumns:
         Returns:
             (K, n).
         """
-        turned = np.sign(self.empty_nm + self.regressor @ theta) - np.sign(self.empty_nm)
+        turned = np.sign(self.empty_nm + self.payload_nm(theta)) - np.sign(self.empty_nm)
         return np.asarray(load * self._direction * turned)
 
     def difference(
@@ -303,13 +311,13 @@ class FrictionColumns:
         )
 
     def _load(self, theta: FloatArray) -> FloatArray:
-        return load_column(self.empty_nm, self.regressor @ theta, self._direction)
+        return load_column(self.empty_nm, self.payload_nm(theta), self._direction)
 
     def _doubts(self, fit: Estimate, load: FloatArray, friction: FloatArray, arm: BodyFit | None) -> FloatArray:
         """Changes of the torque difference for one standard deviation of each rotor and of the delay."""
         if arm is None:
             return np.zeros((0, *self.empty_nm.shape))
-        payload = self.regressor @ fit.theta[:10]
+        payload = self.payload_nm(fit.theta[:10])
         turned = np.sign(self.empty_nm + payload) - np.sign(self.empty_nm)
         per_rotor = rotor_columns(self._acceleration, self._coupling).transpose(1, 0, 2)
         rotors = per_rotor * arm.rotor_deviation_kg_m2[:, None, None] * (load * self._direction * turned)

@@ -247,7 +247,7 @@ class _System:
             changed = transmission.changed_by(log_gain)
             signal, columns = self._signal.with_torque_times(changed), self._columns.with_empty_times(changed)
             beside = columns.chosen(theta, self._chosen)
-            payload_nm = columns.regressor @ theta
+            payload_nm = columns.payload_nm(theta)
             # A common error of all gains scales links, payload and their friction alike, so that no data reveal it.
             load = self._coefficients(own)[: len(covariance)]
             growth = columns.growth(theta, load)
