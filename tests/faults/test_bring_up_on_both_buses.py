@@ -13,7 +13,7 @@ from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.drive_safety import Safety
-from armload_drivers.cia402.object_dictionary import NmtState
+from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.driver_errors import (
     MissingSafety,
@@ -210,6 +210,22 @@ def test_an_arm_whose_master_was_killed_is_taken_over(fault_arm):
     second.enable()
     second.close()
     arm.has_no_torque()
+
+
+def test_stopped_nodes_that_hold_the_arm_are_not_reset_unseen(fault_arm, arm_settings):
+    """A node that NMT has stopped answers no SDO and may hold an axis without a brake with torque."""
+    identity = Identity(0x0000_00AB, 0x1234)
+    settings = arm_settings(cycle_s=0.02, identity=identity, has_brake=False)
+    arm = fault_arm(settings, traits={node: DriveTraits(identity=identity) for node in (2, 3, 5)})
+    arm.enable()
+    arm.servos.stop()
+    arm.send(0x000, [NmtCommand.STOP.value, 0])
+    arm.heard()
+    assert nmt_states(arm) == [NmtState.STOPPED] * 3
+    sync = BcmSync(BroadcastManager("vcan0")) if arm.vcan else LockstepSync(arm.sync._clock)
+    with pytest.raises(ServoError, match="no brake and falls without torque"):
+        CanopenServos(arm.arm, arm.bus, sync, arm.timeouts).connect()
+    assert all(arm.plant.powered)
 
 
 @contextmanager

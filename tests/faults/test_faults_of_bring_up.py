@@ -53,18 +53,40 @@ def test_a_wrong_identity_is_refused_before_anything_is_changed(virtual_arm, ide
 
 
 def test_a_node_that_answers_only_after_the_reset_is_identified_before_anything_is_written(virtual_arm, arm_settings):
-    """One that another master has stopped, and that is another device."""
-    right, wrong = Identity(0x0000_00AB, 0x1234), Identity(0x0000_00AB, 0x5678)
-    traits = {node: DriveTraits(identity=wrong if node == 3 else right) for node in (2, 3, 5)}
-    arm = virtual_arm(arm_settings(identity=right), traits=traits)
+    """One that is switched on meanwhile, and is another device."""
+    arm = other_device(virtual_arm, arm_settings)
+    arm.drives.switch_off(3)
+    with LockstepBus(arm.bus.wire) as switch:
+        switch.listen(lambda message: message.data[:1] == b"\x81" and arm.drives.switch_on(3))
+        with pytest.raises(WrongDevice, match="product code") as raised:
+            arm.servos.connect()
+    assert raised.value.node_id == 3
+    assert not written(overheard(arm.monitor))
+
+
+def test_a_node_that_nmt_has_stopped_is_identified_before_any_reset(virtual_arm, arm_settings):
+    """It answers no SDO until it is PRE-OPERATIONAL again."""
+    arm = other_device(virtual_arm, arm_settings)
     arm.monitor.send(can.Message(arbitration_id=0x000, data=[0x02, 3], is_extended_id=False))
     arm.frames(0)
     with pytest.raises(WrongDevice, match="product code") as raised:
         arm.servos.connect()
     assert raised.value.node_id == 3
     frames = overheard(arm.monitor)
-    assert [m for m in frames if m.arbitration_id == 0 and bytes(m.data) == b"\x81\x03"], "it was silent before"
-    assert not [m for m in frames if 0x600 < m.arbitration_id < 0x680 and m.data[0] >> 5 == 1], "nothing is written"
+    assert [bytes(m.data) for m in frames if m.arbitration_id == 0] == [b"\x80\x03"]
+    assert not written(frames)
+
+
+def other_device(virtual_arm, arm_settings):
+    """An arm whose drive 3 is another product."""
+    right, wrong = Identity(0x0000_00AB, 0x1234), Identity(0x0000_00AB, 0x5678)
+    traits = {node: DriveTraits(identity=wrong if node == 3 else right) for node in (2, 3, 5)}
+    return virtual_arm(arm_settings(identity=right), traits=traits)
+
+
+def written(frames):
+    """SDO downloads."""
+    return [m for m in frames if 0x600 < m.arbitration_id < 0x680 and m.data[0] >> 5 == 1]
 
 
 class SlowSlave:

@@ -13,8 +13,8 @@ EXIT_INTERRUPTED = 130
 EXIT_BY_SIGNAL = 128
 """Plus the signal's number: 129 for a lost terminal, 131 for SIGQUIT, 143 for `kill`."""
 _OBJECTS_BETWEEN_COLLECTIONS = 20_000
-"""Python's default is 700. Loading makes some 300,000 objects that all stay: searching them over and over for garbage takes
-3 % of an identification's time."""
+"""Python's default is 700. Loading makes 70,000 objects that stay: searching them for garbage again and again takes 3 %
+of an identification's time."""
 
 
 def main() -> None:

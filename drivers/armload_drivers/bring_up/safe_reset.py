@@ -51,6 +51,34 @@ class PoweredDrive:
         return ServoError(settings.node_id, settings.joint, "looking for torque", self.what, self.remedy)
 
 
+def answering_drives(setups: Sequence[DriveSetup], link: BusLink) -> list[DriveSetup]:
+    """Identified drives. A silent node is set to PRE-OPERATIONAL and asked again, the only command before the reset.
+
+    A node that NMT has stopped answers no SDO, and may hold its axis with torque. The command changes no power state.
+
+    Args:
+        setups: Drives of the arm.
+        link: Its bus.
+
+    Returns:
+        Those that answer.
+
+    Raises:
+        ServoTimeout: only simulated drives are allowed, and a node does not answer.
+        WrongDevice: a node is not the configured drive.
+        ServoError: an SDO failed.
+        BusError: the bus failed.
+    """
+    answering = []
+    for setup in setups:
+        if not setup.identify_before_reset():
+            link.command(NmtCommand.PRE_OPERATIONAL, setup.settings.node_id)
+            if not setup.identify_before_reset():
+                continue
+        answering.append(setup)
+    return answering
+
+
 def powered_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLink) -> list[PoweredDrive]:
     """Drives that carry torque. Only reads; if there are any, listens for as long as a drive waits for its master.
 

@@ -21,7 +21,7 @@ import can
 
 from armload_core.arrays import FloatArray
 from armload_drivers.bring_up.drive_bring_up import DriveReport, arm_setups, arm_with, is_simulation, master_node_id
-from armload_drivers.bring_up.safe_reset import powered_drives, reset_drives
+from armload_drivers.bring_up.safe_reset import answering_drives, powered_drives, reset_drives
 from armload_drivers.bus.bus_link import BusErrors, BusLink
 from armload_drivers.bus.bus_scan import require_no_strangers
 from armload_drivers.bus.sync_sources import SyncSource
@@ -114,7 +114,7 @@ class CanopenServos:
         """
         self._require(_Phase.NEW)
         require_room(self._arm)
-        answering = [setup for setup in self._setups if setup.identify_before_reset()]
+        answering = answering_drives(self._setups, self._link)
         require_no_strangers(self._link, self._arm, self._timeouts.scan_s)
         powered = powered_drives(answering, self._arm, self._link)
         for setup in reset_drives(self._setups, powered, self._link, self._timeouts.boot_s):
