@@ -26,7 +26,7 @@ from armload_controller.cycle.plugins import CycleStep
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.feedforward.adaptation import FEED_S, DecisionKind, EstimatorPlugin, PayloadAdaptation
 from armload_controller.feedforward.adaptation_rules import AdaptationRules, DeclaredMass
-from armload_controller.feedforward.injection import FeedforwardPlugin
+from armload_controller.feedforward.feedforward_plugin import FeedforwardPlugin
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_controller.session.feedforward_comparison import LOADED_SHARE
@@ -34,8 +34,8 @@ from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
-from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.model.regressor import payload_torque
 from armload_identification.pipeline.payload_estimator import PayloadEstimator

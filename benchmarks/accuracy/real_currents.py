@@ -12,7 +12,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibrate_arm import WeighedPayload
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 from armload_identification.model.regressor import payload_torque
-from armload_identification.pipeline.identification import Identification
+from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.recording import Recording

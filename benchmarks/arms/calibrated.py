@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.model.chain import Chain
-from armload_identification.pipeline.identification import Identification
+from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission

@@ -23,7 +23,7 @@ from armload_identification.excitation.design_envelope import Envelope, Excitati
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.information import named_criterion
-from armload_identification.excitation.joint_strength import TorqueLimits
+from armload_identification.excitation.torque_limits import TorqueLimits
 from armload_identification.model.payload import InertialParameters
 from armload_identification.signals.joint_torque import Transmission
 from benchmarks.arms.bodies import Cuboid

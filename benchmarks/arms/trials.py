@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.calibration.calibrate_arm import WeighedPayload
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.files.payload_file import format_payload, parse_payload
 from armload_identification.identification_errors import IdentificationError, PayloadFileError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
-from armload_identification.pipeline.identification import Identification
+from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_identification import payload_result
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission

@@ -1,7 +1,7 @@
 """Every fault during motion of the simulated er50: time to detection, and distance to standstill.
 
 All six joints are at half their speed limits when the fault occurs, with the normative plant; lockstep, so that every
-run gives the same figures. After the error the arm is stopped as in `safety.py`: quick stop, then torque off at
+run gives the same figures. After the error the arm is stopped as in `stop_decisions.py`: quick stop, then torque off at
 standstill. For a lost master, SYNC continues from another source and only the drives themselves can stop.
 """
 
@@ -161,7 +161,7 @@ def _row(fault: _Fault, arm: _Arm) -> str:
 
 
 def _end(arm: _Arm) -> None:
-    """The actions of `safety.py` after an error."""
+    """The actions of `stop_decisions.py` after an error."""
     for action in (arm.servos.stop, arm.servos.disable, arm.servos.close):
         try:
             action()

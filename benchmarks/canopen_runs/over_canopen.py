@@ -12,7 +12,7 @@ from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import read_pair, record_half
 from armload_controller.session.run_session import Load, no_operator
 from armload_identification.excitation.fourier import Excitation
-from armload_identification.pipeline.identification import Identification
+from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.joint_torque import Transmission
 

@@ -21,10 +21,10 @@ import numpy as np
 
 from armload_controller.config.robot import load_robot
 from armload_controller.export.c99 import export_c
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.straight_line.arm_functions import any_torque, regressor_of, torque_of
 from armload_controller.export.straight_line.expressions import Operations
 from armload_controller.export.straight_line.precision import Precision
-from armload_controller.export.subject import ExportSubject
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_core.arrays import FloatArray

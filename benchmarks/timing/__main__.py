@@ -3,14 +3,14 @@
 The figures depend on the machine and its load: compare within a run, not between runs.
 """
 
-from benchmarks.canopen_runs import commissionings, false_alarms, following, stops
+from benchmarks.canopen_runs import false_alarms, following, slow_round_speeds, stops
 from benchmarks.peers import generated_code
 from benchmarks.timing import (
     cycle_time,
     design_time,
     estimator_time,
     fleet_throughput,
-    reading,
+    reading_time,
     regressor_time,
     startup,
     watching,
@@ -22,11 +22,11 @@ for benchmark in (
     cycle_time,
     generated_code,
     stops,
-    commissionings,
+    slow_round_speeds,
     false_alarms,
     design_time,
     following,
-    reading,
+    reading_time,
     watching,
     fleet_throughput,
     estimator_time,

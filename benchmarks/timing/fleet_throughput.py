@@ -37,9 +37,9 @@ from armload_controller.config.robot import load_robot
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.fleet.job import Job
 from armload_controller.fleet.job_listing import list_jobs
+from armload_controller.fleet.job_processing import run_job
 from armload_controller.fleet.job_table import read_job_table
 from armload_controller.fleet.row_store import read_rows
-from armload_controller.fleet.work import run_job
 from armload_controller.motion.phase import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.excitation.excitation_file import format_excitation

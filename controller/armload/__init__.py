@@ -23,10 +23,10 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from armload_controller.analysis.robot_excitation import design
-    from armload_controller.analysis.robot_payload import identify, validate
-    from armload_controller.analysis.robot_payload import read_run as read_recording
+    from armload_controller.analysis.robot_identification import identify, validate
+    from armload_controller.analysis.robot_identification import read_run as read_recording
+    from armload_controller.config.chain_from_urdf import UrdfArm, read_urdf_arm
     from armload_controller.config.robot import Robot, load_robot
-    from armload_controller.config.urdf_arm import UrdfArm, read_urdf_arm
     from armload_controller.control_errors import ControlError
     from armload_controller.cycle.plugins import CycleStep
     from armload_controller.feedforward.payload_feedforward import NOTHING, PayloadFeedforward
@@ -83,15 +83,15 @@ _HOMES: Final = {
     "Recording": ("armload_identification.recording.recording", "Recording"),
     "Robot": ("armload_controller.config.robot", "Robot"),
     "Tolerance": ("armload_identification.verdict.tolerance", "Tolerance"),
-    "UrdfArm": ("armload_controller.config.urdf_arm", "UrdfArm"),
+    "UrdfArm": ("armload_controller.config.chain_from_urdf", "UrdfArm"),
     "design": ("armload_controller.analysis.robot_excitation", "design"),
-    "identify": ("armload_controller.analysis.robot_payload", "identify"),
+    "identify": ("armload_controller.analysis.robot_identification", "identify"),
     "load_robot": ("armload_controller.config.robot", "load_robot"),
     "read_calibration": ("armload_identification.files.calibration_file", "read_calibration"),
     "read_payload": ("armload_identification.files.payload_file", "read_payload"),
-    "read_recording": ("armload_controller.analysis.robot_payload", "read_run"),
-    "read_urdf_arm": ("armload_controller.config.urdf_arm", "read_urdf_arm"),
-    "validate": ("armload_controller.analysis.robot_payload", "validate"),
+    "read_recording": ("armload_controller.analysis.robot_identification", "read_run"),
+    "read_urdf_arm": ("armload_controller.config.chain_from_urdf", "read_urdf_arm"),
+    "validate": ("armload_controller.analysis.robot_identification", "validate"),
 }
 """Module of each public name, and its name in that module; the imports above state the same for type checkers."""
 

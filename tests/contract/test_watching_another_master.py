@@ -14,7 +14,7 @@ import pytest
 
 from armload_controller.analysis.payload_watch import PayloadWatch
 from armload_controller.analysis.robot_calibration import calibrate_from_runs
-from armload_controller.analysis.robot_payload import identify
+from armload_controller.analysis.robot_identification import identify
 from armload_controller.analysis.watch_history import WatchDiary
 from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_runs import read_runs

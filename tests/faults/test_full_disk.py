@@ -22,7 +22,7 @@ from armload_controller.control_errors import (
     RecordingFailed,
 )
 from armload_controller.cycle.run_recorder import Recorder
-from armload_controller.cycle.safety import Cause, cause_of
+from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.export.export_files import write_files
 from armload_controller.session.run_session import Load, no_operator, run_session
 from armload_identification.excitation.excitation_file import write_excitation

@@ -8,7 +8,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import MotionError
-from armload_controller.cycle.safety import DECISIONS, Cause, cause_of
+from armload_controller.cycle.stop_decisions import DECISIONS, Cause, cause_of
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.run_session import Load, no_operator, run_session
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory

@@ -3,7 +3,7 @@
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_controller.cycle.safety import DECISIONS, Cause, StopCategory
+from armload_controller.cycle.stop_decisions import DECISIONS, Cause, StopCategory
 from benchmarks.canopen_runs.stops import measure, one_period
 
 BOUNDS = {

@@ -202,7 +202,7 @@ def make_subject():
     """Subjects of an export: a shipped arm or a chain, with a payload whose products of inertia are all nonzero."""
     # imported here, so that the tests of the identification do not load the controller
     from armload_controller.config.robot import load_robot
-    from armload_controller.export.subject import ExportSubject
+    from armload_controller.export.exported_payload import ExportSubject
     from armload_controller.motion.joint_limits import MotionLimits
 
     def make_subject(robot: str = "er50", undetermined: tuple[str, ...] = (), **changes: object) -> ExportSubject:

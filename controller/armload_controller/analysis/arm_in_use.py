@@ -17,7 +17,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.signals.joint_torque import Transmission
 
 if TYPE_CHECKING:
-    from armload_identification.calibration.arm_calibration import ArmCalibration
+    from armload_identification.calibration.calibration_result import ArmCalibration
 
 FilePath = str | PathLike[str]
 

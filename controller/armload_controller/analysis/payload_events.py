@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from armload_controller.feedforward.adaptation_rules import friction_size
-from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.verdict.friction_validity import FAR
 

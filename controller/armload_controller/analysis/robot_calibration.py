@@ -8,8 +8,8 @@ from pathlib import Path
 
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_runs import ArmRuns, read_runs
-from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.calibration.calibrate_arm import calibrate_arm
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.extras import Extra, require_extra
 
 _PARTS = 100

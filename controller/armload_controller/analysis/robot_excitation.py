@@ -17,9 +17,9 @@ from typing import Any, Final, Literal
 
 from armload_controller.config.robot import Robot, load_robot, shipped_robots
 from armload_controller.control_errors import ControlError
-from armload_controller.motion.pace import reduced_pace
 from armload_controller.motion.paths import PLANNED_SPEED_M_S, bound_phase
 from armload_controller.motion.setpoints import CYCLE_ROUNDING
+from armload_controller.motion.slow_round_pace import reduced_pace
 from armload_identification.excitation import design as excitation_design
 from armload_identification.excitation.design import DesignResult
 from armload_identification.excitation.design_envelope import Envelope

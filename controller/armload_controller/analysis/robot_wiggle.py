@@ -23,7 +23,7 @@ from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.paths import PLANNED_SPEED_M_S
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
 from armload_identification.excitation.excitation_file import write_excitation

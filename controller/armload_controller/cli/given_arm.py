@@ -24,8 +24,8 @@ def given_arm(robot: str | None, urdf: Path | None, base: str | None, flange: st
         BadParameter: neither or both of robot and URDF are given, or links without a URDF.
         ConfigurationError: the file cannot be used.
     """
+    from armload_controller.config.chain_from_urdf import read_urdf_arm
     from armload_controller.config.robot import load_robot
-    from armload_controller.config.urdf_arm import read_urdf_arm
 
     if urdf is not None:
         if robot is not None:

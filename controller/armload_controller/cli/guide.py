@@ -81,7 +81,7 @@ def _init(ask: Ask, say: Say) -> list[str]:
 
 def _links(ask: Ask, say: Say, urdf: str) -> list[str]:
     """Ask for base and flange if the URDF leaves a choice."""
-    from armload_controller.config.urdf_arm import read_urdf_arm
+    from armload_controller.config.chain_from_urdf import read_urdf_arm
     from armload_controller.control_errors import ConfigurationError
 
     base = flange = ""

@@ -13,7 +13,7 @@ from typing import Any
 
 from armload_controller.config.tables.profile_table import ProfileFile
 from armload_controller.control_errors import ConfigurationError
-from armload_identification.storage.read_file import require_regular
+from armload_identification.storage.regular_file import require_regular
 from armload_identification.storage.strict_toml import parse, read_text
 
 _SUFFIX = ".toml"

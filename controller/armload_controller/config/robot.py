@@ -21,7 +21,7 @@ from armload_controller.config.robot_limits import RobotLimits
 from armload_controller.config.robot_payloads import RobotPayloads
 from armload_controller.config.robot_simulation import RobotSimulation
 from armload_controller.config.robot_source import RobotSource
-from armload_controller.config.robot_strength import RobotStrength
+from armload_controller.config.robot_torque_limits import RobotStrength
 from armload_controller.config.tables.drive_tables import VIRTUAL, BusTable
 from armload_controller.config.tables.robot_file import RobotFile
 from armload_controller.control_errors import CommissioningError, ConfigurationError
@@ -36,9 +36,9 @@ from armload_identification.model.chain import Chain
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.storage.read_file import require_regular
+from armload_identification.storage.regular_file import require_regular
 from armload_identification.storage.strict_toml import read_text, toml_values, validated
-from armload_identification.verdict.magnitudes import ArmMagnitudes, require_possible
+from armload_identification.verdict.impossible_magnitudes import ArmMagnitudes, require_possible
 
 
 @dataclass(frozen=True, eq=False)

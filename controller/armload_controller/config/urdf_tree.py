@@ -1,4 +1,4 @@
-"""The elements of a URDF: links, joints, and the joint above each link. `urdf_arm` makes an arm of them.
+"""The elements of a URDF: links, joints, and the joint above each link. `chain_from_urdf` makes an arm of them.
 
 References:
     URDF XML specification, ROS.
@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 from armload_controller.control_errors import ConfigurationError
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import pose_from_xyz_rpy
-from armload_identification.storage.read_file import read_whole
+from armload_identification.storage.regular_file import read_whole
 
 _TURNING = ("revolute", "continuous")
 _ORIGIN = (0.0, 0.0, 0.0)

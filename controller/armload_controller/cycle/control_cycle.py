@@ -20,7 +20,7 @@ import numpy as np
 from armload_controller.control_errors import ControlError, MotionError
 from armload_controller.cycle.monitors import LateCycle
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep, PluginHost, PluginTiming
-from armload_controller.cycle.safety import DECISIONS, PathDeviation, StopStep, cause_of
+from armload_controller.cycle.stop_decisions import DECISIONS, PathDeviation, StopStep, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import CheckedLeg
 from armload_controller.motion.joint_limits import MotionLimits, check_setpoints

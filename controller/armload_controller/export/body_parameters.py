@@ -5,7 +5,7 @@ The C function `theta_of` (`c_code/theta_of.c.in`) converts them, in this order,
 
 from __future__ import annotations
 
-from armload_controller.export.subject import ExportSubject
+from armload_controller.export.exported_payload import ExportSubject
 
 PARAMETERS = (
     ("mass", "kg", "mass"),

@@ -31,6 +31,7 @@ from armload_controller.export.c_code.change_rate import change_rate
 from armload_controller.export.c_code.estimator_source import estimator_texts
 from armload_controller.export.c_code.rounding import SinglePrecisionError, single_precision_error
 from armload_controller.export.c_code.self_test import VECTORS, self_test
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
 from armload_controller.export.straight_line.arm_functions import (
     Function,
@@ -45,8 +46,7 @@ from armload_controller.export.straight_line.arm_functions import (
 from armload_controller.export.straight_line.c_function import c_statements
 from armload_controller.export.straight_line.planar_groups import planar_groups
 from armload_controller.export.straight_line.precision import Precision
-from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import comment, exact, provenance
+from armload_controller.export.text_format import comment, exact, provenance
 from armload_core.arrays import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.reading_options import Effort

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from armload_controller.export.subject import ExportSubject
+    from armload_controller.export.exported_payload import ExportSubject
 
 
 class ExportFormat(StrEnum):

@@ -29,9 +29,9 @@ from armload_controller.cycle.torque_gate import OPENING_S, TORQUE_SHARE
 from armload_controller.export.body_parameters import FRICTION, PARAMETERS, TRANSITION_S, body_values
 from armload_controller.export.c99 import export_c
 from armload_controller.export.c_code.c_template import filled
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
-from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import comment, exact, printable, provenance
+from armload_controller.export.text_format import comment, exact, printable, provenance
 
 LONGEST_NAME = 22
 """Greatest length of a component's name, so that its longest parameter, with .0.compute.tmax-increased, has at most 47

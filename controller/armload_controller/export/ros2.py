@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from armload_controller.export.subject import ExportSubject
+from armload_controller.export.exported_payload import ExportSubject
+from armload_controller.export.text_format import bracketed, comment, positional, provenance
 from armload_controller.export.urdf import inertial_lines, payload_comment
-from armload_controller.export.wording import bracketed, comment, positional, provenance
 
 
 def export_ros2(subject: ExportSubject) -> dict[str, str]:

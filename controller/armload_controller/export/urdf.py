@@ -13,9 +13,9 @@ References:
 
 from __future__ import annotations
 
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
-from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import exact, provenance, xml_comment
+from armload_controller.export.text_format import exact, provenance, xml_comment
 from armload_identification.model.payload import InertialParameters
 
 

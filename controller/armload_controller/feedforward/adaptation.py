@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.feedforward.adaptation_rules import AdaptationRules, carried_body, mass_and_center
-from armload_controller.feedforward.injection import FeedforwardPlugin
+from armload_controller.feedforward.feedforward_plugin import FeedforwardPlugin
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance

@@ -24,7 +24,7 @@ import numpy as np
 
 from armload_controller.control_errors import ControlError
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.model.payload import REFERENCE_LENGTH_M, InertialParameters
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.verdict.friction_validity import FAR, standard_deviations

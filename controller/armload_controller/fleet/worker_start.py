@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 from typing import Any
 
-import armload_controller.fleet.work  # noqa: F401 - loaded before the first job
+import armload_controller.fleet.job_processing  # noqa: F401 - loaded before the first job
 
 
 def dask_setup(_worker: Any) -> None:

@@ -100,7 +100,7 @@ class Workforce:
         """
         from distributed import as_completed
 
-        from armload_controller.fleet.work import run_on_worker
+        from armload_controller.fleet.job_processing import run_on_worker
 
         own = version("armload")
         waiting = iter(jobs)
@@ -156,7 +156,7 @@ def version_problem(own: str, there: set[str], scheduler: str | None) -> str:
 
 def _ready() -> str:
     """Load a job's modules in a worker, and return its version of armload."""
-    import armload_controller.fleet.work  # noqa: F401 - imported for its loading time
+    import armload_controller.fleet.job_processing  # noqa: F401 - imported for its loading time
 
     return version("armload")
 

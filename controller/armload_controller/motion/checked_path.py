@@ -20,15 +20,15 @@ from typing import Never, final
 import numpy as np
 
 from armload_controller.control_errors import ConfigurationError
-from armload_controller.motion.joint_limits import require_within
-from armload_controller.motion.motion_constraints import MotionConstraints
-from armload_controller.motion.path_checks import (
+from armload_controller.motion.joint_and_speed_checks import (
     greatest_speed_m_s,
     require_joint_limits,
     require_reduced_speed,
     require_tcp_speed,
     torque_objection,
 )
+from armload_controller.motion.joint_limits import require_within
+from armload_controller.motion.motion_constraints import MotionConstraints
 from armload_controller.motion.paths import BlockedWay, LinePath, PhaseLimits
 from armload_controller.motion.phase import Leg
 from armload_controller.motion.setpoints import plan_approach, plan_measured, plan_slow

@@ -8,7 +8,7 @@ from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.obstacles import Obstacles
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
-from armload_identification.excitation.joint_strength import TorqueLimits
+from armload_identification.excitation.torque_limits import TorqueLimits
 
 
 @dataclass(frozen=True, eq=False)

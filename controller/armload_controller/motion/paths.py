@@ -6,7 +6,7 @@ that the arm never leaves a checked path:
     dq/dt   = q'(s) r
     d2q/dt2 = q''(s) r^2 + q'(s) dr/dt
 
-A slow round has its own phase, which is stretched where the arm would be fast: see `pace`.
+A slow round has its own phase, which is stretched where the arm would be fast: see `slow_round_pace`.
 """
 
 from __future__ import annotations

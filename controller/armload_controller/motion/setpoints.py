@@ -26,9 +26,9 @@ from ruckig import (
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.leg_interpolator import LegInterpolator, along
 from armload_controller.motion.motion_control import MotionControl
-from armload_controller.motion.pace import reduced_pace
 from armload_controller.motion.paths import InfeasibleMotion, LinePath, bound_phase
 from armload_controller.motion.phase import Leg, PhaseState, Segment, ramp_to_rate
+from armload_controller.motion.slow_round_pace import reduced_pace
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints

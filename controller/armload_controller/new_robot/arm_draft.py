@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armload_controller.config.urdf_arm import UrdfArm
+from armload_controller.config.chain_from_urdf import UrdfArm
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain, rpy_rad
 from armload_identification.model.payload import InertialParameters

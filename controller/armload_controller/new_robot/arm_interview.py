@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from armload_controller.config.urdf_arm import FEWEST_JOINTS, MOST_JOINTS, STANDARD_GRAVITY_M_S2
+from armload_controller.config.chain_from_urdf import FEWEST_JOINTS, MOST_JOINTS, STANDARD_GRAVITY_M_S2
 from armload_controller.new_robot.arm_draft import ArmDraft
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from armload_controller.config.urdf_arm import UrdfArm
+from armload_controller.config.chain_from_urdf import UrdfArm
 from armload_controller.new_robot.arm_draft import ArmDraft
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.geometry.collision_meshes import Meshes

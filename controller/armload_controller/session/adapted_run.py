@@ -11,11 +11,11 @@ from armload_controller.config.robot import Robot
 from armload_controller.cycle.control_cycle import Hold
 from armload_controller.feedforward.adaptation import Beside, Decision, EstimatorPlugin, PayloadAdaptation
 from armload_controller.feedforward.adaptation_rules import AdaptationRules, DeclaredMass
-from armload_controller.feedforward.injection import CheckedFeedforward, FeedforwardPlugin
+from armload_controller.feedforward.feedforward_plugin import CheckedFeedforward, FeedforwardPlugin
 from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict
 from armload_controller.motion.checked_path import CheckedPath
 from armload_controller.session.run_session import RunSession
-from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_estimator import PayloadEstimator
 

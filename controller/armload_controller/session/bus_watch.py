@@ -21,7 +21,7 @@ from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.session.arm_access import open_bus
 from armload_controller.session.run_session import Load
 from armload_drivers.cia402.arm_settings import EffortFeedback
-from armload_drivers.listening.bus_ear import overheard
+from armload_drivers.listening.bus_listener import overheard
 from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, OVERHEARD, RUN_ATTACHMENT
@@ -32,7 +32,7 @@ _BLOCK: Final = 64
 
 @contextmanager
 def heard_cycles(robot: Robot) -> Iterator[Iterator[OverheardCycle | None]]:
-    """The cycles of an arm on its bus; see `bus_ear.overheard`.
+    """The cycles of an arm on its bus; see `bus_listener.overheard`.
 
     Args:
         robot: The arm, with its bus.

@@ -22,7 +22,7 @@ from armload_controller.control_errors import CommissioningError
 from armload_controller.cycle.control_cycle import Hold
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.feedforward.body_torque import ArmTerm
-from armload_controller.feedforward.injection import CheckedFeedforward, FeedforwardPlugin
+from armload_controller.feedforward.feedforward_plugin import CheckedFeedforward, FeedforwardPlugin
 from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, positions_along
 from armload_controller.motion.checked_path import CheckedPath
 from armload_controller.motion.phase import Segment

@@ -25,7 +25,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
 from armload_identification.calibration.arm_prior import ArmPrior, change_deviation
 from armload_identification.calibration.arm_rows import ArmRows
-from armload_identification.estimation.empty_arm.blows import struck_samples
+from armload_identification.estimation.empty_arm.impacts import struck_samples
 from armload_identification.identification_errors import EstimationError
 from armload_identification.signals.robust_scale import deviation_by_median
 

@@ -24,7 +24,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import PARAMETERS, body_regressor, payload_regressor
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.phases import phases_per_period, whole_periods
+from armload_identification.recording.reduction.place_in_period import phases_per_period, whole_periods
 from armload_identification.signals.filters import low_pass
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.periods import fold

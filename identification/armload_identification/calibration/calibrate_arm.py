@@ -11,16 +11,16 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import (
+from armload_identification.calibration.arm_fit import HALVES, MOVING, ArmFit, fit_arm
+from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
+from armload_identification.calibration.arm_prior import arm_prior
+from armload_identification.calibration.arm_rows import ArmRows, RunSignals, arm_rows, base_links, run_signals
+from armload_identification.calibration.calibration_result import (
     ArmCalibration,
     CalibratedPayload,
     CalibratedRun,
     kinematics_sha256,
 )
-from armload_identification.calibration.arm_fit import HALVES, MOVING, ArmFit, fit_arm
-from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
-from armload_identification.calibration.arm_prior import arm_prior
-from armload_identification.calibration.arm_rows import ArmRows, RunSignals, arm_rows, base_links, run_signals
 from armload_identification.calibration.mounting_mistakes import Turn, most_steps, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import CONTRADICTS, ArmKnowledge, explain

@@ -28,7 +28,7 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PSEUDO_INERTIA_BASIS, SMALLEST_MARGIN, InertialParameters
 from armload_identification.model.regressor import PARAMETERS, body_regressor

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.calibration.arm_fit import MOVING
 from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
 from armload_identification.calibration.arm_rows import RunSignals, arm_rows, run_signals
-from armload_identification.estimation.empty_arm.blows import struck_samples
+from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.estimation.empty_arm.impacts import struck_samples
 from armload_identification.estimation.empty_arm.known_arm_rows import payload_scale
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain

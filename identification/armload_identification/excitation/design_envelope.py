@@ -5,7 +5,7 @@ Every limit is a row k of the same form, the relative excess
     e_k(t) <= 0,   e_k = |value - centre| / room - 1   or   (keep - clearance) / CLEARANCE_SCALE_M,
 
 so that an optimiser need not know its meaning. `worst` bounds every row at all times, also between samples; the proofs
-are in `fourier` (joints), `joint_strength` (torque), `workspace` (clearances) and `cartesian_speed`.
+are in `fourier` (joints), `torque_limits` (torque), `workspace` (clearances) and `cartesian_speed`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 from armload_identification.excitation.geometry.workspace import Workspace
-from armload_identification.excitation.joint_strength import TorqueLimits
 from armload_identification.excitation.limit_margins import LimitMargins
+from armload_identification.excitation.torque_limits import TorqueLimits
 from armload_identification.identification_errors import ExcitationError
 
 CLEARANCE_SCALE_M = 0.2

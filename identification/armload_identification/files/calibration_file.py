@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration, CalibratedPayload, CalibratedRun
 from armload_identification.calibration.arm_model import Unknowns
+from armload_identification.calibration.calibration_result import ArmCalibration, CalibratedPayload, CalibratedRun
 from armload_identification.files.covariance_table import require_covariance
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import CalibrationFileError, ModelError

@@ -18,7 +18,7 @@ from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, qua
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters
-from armload_identification.pipeline.identification import Fit, Identification, completed, without_blows
+from armload_identification.pipeline.identification_result import Fit, Identification, completed, without_blows
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal

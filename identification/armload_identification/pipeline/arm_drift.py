@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.run_health import RunHealth
 from armload_identification.pipeline.warm_up import WarmUp, warm_up
 from armload_identification.verdict.control_limits import ControlChart, control_chart

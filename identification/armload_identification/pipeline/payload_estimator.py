@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from armload_core import kernels
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.empty_arm.known_arm_rows import KnownArmRows
 from armload_identification.estimation.physical_consistency import nearest_possible
 from armload_identification.estimation.uncertainty import (

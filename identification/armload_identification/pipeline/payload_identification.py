@@ -31,9 +31,9 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.any_motion import identify_alone
-from armload_identification.pipeline.identification import Fit, Identification, completed, without_blows
-from armload_identification.pipeline.known_mass import CONTRADICTS, note_on_mass
-from armload_identification.pipeline.known_ranges import within_ranges
+from armload_identification.pipeline.identification_result import Fit, Identification, completed, without_blows
+from armload_identification.pipeline.mass_center_ranges import within_ranges
+from armload_identification.pipeline.weighed_mass import CONTRADICTS, note_on_mass
 from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal, load_signal

@@ -12,7 +12,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import PayloadResult
 from armload_identification.model.regressor import payload_regressor
-from armload_identification.pipeline.identification import Identification
+from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission

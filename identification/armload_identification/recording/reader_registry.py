@@ -13,7 +13,7 @@ from armload_identification.recording.formats.csv_reader import CsvReader
 from armload_identification.recording.reader import ReaderFactory, RecordingReader
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.run_format import MAGIC
-from armload_identification.storage.read_file import require_regular
+from armload_identification.storage.regular_file import require_regular
 
 _SQLITE: Final = b"SQLite format 3\x00"
 _ROS_PROFILE: Final = b"\x04\x00\x00\x00ros2"

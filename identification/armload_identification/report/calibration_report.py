@@ -12,7 +12,7 @@ import numpy as np
 from markupsafe import Markup
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration, CalibratedRun
+from armload_identification.calibration.calibration_result import ArmCalibration, CalibratedRun
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ReportError
 from armload_identification.recording.reading_options import Effort

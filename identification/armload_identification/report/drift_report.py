@@ -9,7 +9,7 @@ from typing import Final
 
 from markupsafe import Markup
 
-from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.pipeline.arm_drift import ArmDrift
 from armload_identification.report.figures.drift_figures import charts_drawing, warm_up_drawing
 from armload_identification.report.figures.svg import inline_svg

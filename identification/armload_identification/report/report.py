@@ -22,8 +22,7 @@ from armload_identification.model.payload import (
     SMALLEST_MARGIN,
     PayloadResult,
 )
-from armload_identification.pipeline.identification import Identification
-from armload_identification.report.content import ReportContent, ReportSubject
+from armload_identification.pipeline.identification_result import Identification
 from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import FLANGE_MM, center_views
 from armload_identification.report.joints import JointRow, joint_rows
@@ -39,6 +38,7 @@ from armload_identification.report.parameters import (
     truth_sentence,
 )
 from armload_identification.report.provenance import comparison_sentence, file_rows, motion_sentence
+from armload_identification.report.report_content import ReportContent, ReportSubject
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal

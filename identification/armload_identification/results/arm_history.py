@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.extras import Extra, require_extra
 from armload_identification.pipeline.arm_drift import ArmDrift, Monitored
 from armload_identification.results.payload_text import plain_table

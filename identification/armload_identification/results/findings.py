@@ -12,7 +12,7 @@ from armload_identification.extras import Extra, require_extra
 from armload_identification.files.payload_file import write_payload
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
 from armload_identification.recording.recording import hashes_by_name
-from armload_identification.report.content import ReportContent, ReportSubject
+from armload_identification.report.report_content import ReportContent, ReportSubject
 from armload_identification.report.verdict_box import VerdictBox, verdict_box
 from armload_identification.results.findings_document import findings_document
 from armload_identification.results.payload_text import plain_table, value_texts

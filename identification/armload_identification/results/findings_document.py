@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.model.payload import TENSOR_ELEMENTS, InertialParameters, PayloadResult
-from armload_identification.pipeline.identification import Identification
+from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.recording.recording import RecordingSource
-from armload_identification.report.content import ReportContent
+from armload_identification.report.report_content import ReportContent
 from armload_identification.report.verdict_box import VerdictBox
 from armload_identification.verdict.agreement import Agreement
 

@@ -21,7 +21,7 @@ from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.phases import phases_per_period, whole_periods
+from armload_identification.recording.reduction.place_in_period import phases_per_period, whole_periods
 from armload_identification.signals.alignment import time_shift
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import (

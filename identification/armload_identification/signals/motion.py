@@ -16,7 +16,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.recording import PeriodAverage, Recording
-from armload_identification.recording.reduction.phases import phases_per_period, whole_periods
+from armload_identification.recording.reduction.place_in_period import phases_per_period, whole_periods
 from armload_identification.signals.alignment import MeasuredMotion, fit_motion
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, joint_torque

@@ -17,7 +17,7 @@ from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.period_average import ON_GRID
 from armload_identification.recording.reduction.phase_advance import PhaseAdvance
-from armload_identification.recording.reduction.phases import SETTLING_S, periodic_phase
+from armload_identification.recording.reduction.place_in_period import SETTLING_S, periodic_phase
 
 _FITTED: Final = 0.25
 """Greatest ratio of the fitted motion's coefficients to samples."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from armload_identification.storage.read_file import LARGEST_BYTES, read_whole
+from armload_identification.storage.regular_file import LARGEST_BYTES, read_whole
 
 if TYPE_CHECKING:
     from armload_identification.storage.strict_toml import FileErrorClass

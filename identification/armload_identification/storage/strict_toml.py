@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationErr
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from armload_identification.storage.read_file import read_whole
+from armload_identification.storage.regular_file import read_whole
 from armload_identification.storage.replace_file import replace_file
 
 FileErrorClass = Callable[[str, str, object, str], Exception]

@@ -13,7 +13,7 @@ from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.least_squares import Estimate, estimate_reweighted
 from armload_identification.identification_errors import EstimationError, NoPayloadMass, RecordingError
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.phases import whole_periods
+from armload_identification.recording.reduction.place_in_period import whole_periods
 from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
 from armload_identification.signals.joint_torque import Transmission, joint_torque, reported_effort
 from armload_identification.signals.load_signal import LoadSignal

@@ -245,7 +245,7 @@ def _evaluate(
 
     The report is written last: a folder that contains one is complete.
     """
-    from armload_controller.analysis.robot_payload import identify
+    from armload_controller.analysis.robot_identification import identify
     from armload_controller.cli.output.findings_output import show_findings
     from armload_controller.session.commissioning import ROLES, read_pair
 

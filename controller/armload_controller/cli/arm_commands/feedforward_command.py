@@ -202,7 +202,7 @@ def _usable(arm: Robot, payload: Path) -> PayloadResult:
     Raises:
         PayloadRefused: the payload must not be fed forward.
     """
-    from armload_controller.feedforward.injection import PayloadRefused
+    from armload_controller.feedforward.feedforward_plugin import PayloadRefused
     from armload_controller.feedforward.payload_use import why_not_usable
     from armload_identification.files.payload_file import read_payload
 

@@ -59,8 +59,8 @@ def export(
     from armload_controller.export.c99 import export_c
     from armload_controller.export.c_code.rounding import single_precision_error
     from armload_controller.export.export_files import write_files
+    from armload_controller.export.exported_payload import ExportSubject
     from armload_controller.export.straight_line.precision import Precision
-    from armload_controller.export.subject import ExportSubject
     from armload_identification.files.calibration_file import is_calibration
     from armload_identification.files.payload_file import read_payload
     from armload_identification.model.payload import PARAMETER_NAMES
@@ -95,7 +95,7 @@ def _export_arm(arm: Robot, file: Path, output: Path, screen: Screen, *, as_json
     """Write a calibrated arm as URDF."""
     from armload_controller.analysis.arm_in_use import calibration_of
     from armload_controller.cli.output.result_documents import export_document
-    from armload_controller.export.arm_urdf import arm_urdf
+    from armload_controller.export.calibrated_urdf import arm_urdf
     from armload_controller.export.export_files import write_files
     from armload_identification.calibration.possible_links import possible_links
 

@@ -100,7 +100,7 @@ def identify(
     as_json: JsonOption = False,
 ) -> None:
     """Identify a payload from a recording with it and one without it, or from any motion of a calibrated arm."""
-    from armload_controller.analysis import robot_payload
+    from armload_controller.analysis import robot_identification
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot_recordings import read_of
     from armload_identification.extras import Extra, require_extra
@@ -138,10 +138,10 @@ def identify(
         choices[-2:] = [replace(choice, between_s=None) for choice in choices[-2:]]
     runs = [read_of(arm, file, choice) for file, choice in zip(files, choices, strict=True)]
     if every_s is not None:
-        history = robot_payload.identify_over_time(arm, runs[0], every_s, calibration=calibration)
+        history = robot_identification.identify_over_time(arm, runs[0], every_s, calibration=calibration)
         show_windows(Screen(as_json=as_json), history, picture=picture, as_json=as_json)
         return
-    findings = robot_payload.identify(
+    findings = robot_identification.identify(
         arm,
         runs[0],
         None if unloaded is None else runs[1],

@@ -160,7 +160,7 @@ def _arm(
     screen: Screen, urdf: Path | None, base: str | None, flange: str | None, payload_kg: float | None, output: Path
 ) -> tuple[ArmDraft, WorkspaceDraft, str | None]:
     """The arm, its workspace, and the URDF's path relative to the robot file."""
-    from armload_controller.config.urdf_arm import read_urdf_arm
+    from armload_controller.config.chain_from_urdf import read_urdf_arm
     from armload_controller.new_robot.arm_draft import draft_of_urdf
     from armload_controller.new_robot.arm_interview import interviewed
     from armload_controller.new_robot.drive_drafts import path_beside

@@ -28,7 +28,7 @@ def report(
     as_json: JsonOption = False,
 ) -> None:
     """Write the report of a payload file and its recordings. Exit status 3: the payload is wrong."""
-    from armload_controller.analysis.robot_payload import findings_from_files
+    from armload_controller.analysis.robot_identification import findings_from_files
     from armload_controller.cli.screen import Screen
 
     require_drawable(output)

@@ -54,7 +54,7 @@ def validate(
     as_json: JsonOption = False,
 ) -> None:
     """Validate a payload file by identifying the payload again. Exit status 3: wrong; 4: cannot tell."""
-    from armload_controller.analysis import robot_payload
+    from armload_controller.analysis import robot_identification
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot_recordings import read_of
     from armload_identification.extras import Extra, require_extra
@@ -67,10 +67,10 @@ def validate(
     if report is not None:
         require_drawable(report)
     allowed = tolerance_of(tolerance)
-    judged = robot_payload.payload_of(payload, arm)
+    judged = robot_identification.payload_of(payload, arm)
     choices = recording_choices(columns, effort, between, joints, episode, count=2)
     runs = [read_of(arm, file, choice) for file, choice in zip((loaded, unloaded), choices, strict=True)]
-    findings = robot_payload.validate(arm, judged, *runs, calibration=calibration, tolerance=allowed)
+    findings = robot_identification.validate(arm, judged, *runs, calibration=calibration, tolerance=allowed)
     finish(Screen(as_json=as_json), findings, payload=None, report=report, as_json=as_json)
     if findings.outcome is not None:
         raise typer.Exit(exit_status(findings.outcome))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from rich.table import Table
 
-from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.recording.reading_options import Effort
 

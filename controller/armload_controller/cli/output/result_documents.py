@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from armload_drivers.bring_up.drive_check import ArmCheck
     from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
     from armload_drivers.cia402.state_machine import State
-    from armload_identification.calibration.arm_calibration import ArmCalibration
+    from armload_identification.calibration.calibration_result import ArmCalibration
     from armload_identification.verdict.agreement import Agreement
     from armload_identification.verdict.cad_comparison import Comparison
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
-from armload_identification.pipeline.identification import Identification
+from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.results.payload_text import value_texts
 

@@ -14,7 +14,7 @@ from typing import Final
 from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.straight_line.arm_functions import link_torque_of, regressor_of
 from armload_controller.export.straight_line.c_function import c_statements
-from armload_controller.export.wording import exact
+from armload_controller.export.text_format import exact
 from armload_core.arrays import FloatArray
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain

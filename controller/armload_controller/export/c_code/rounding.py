@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_controller.export.c_code.self_test import states_within
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.straight_line.arm_functions import (
     STATE,
     THETA,
@@ -21,7 +22,6 @@ from armload_controller.export.straight_line.arm_functions import (
 )
 from armload_controller.export.straight_line.expressions import Kind
 from armload_controller.export.straight_line.precision import Precision
-from armload_controller.export.subject import ExportSubject
 from armload_core.arrays import FloatArray
 
 STATES: Final = 10_000

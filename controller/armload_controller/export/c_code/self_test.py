@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.straight_line.precision import Precision
-from armload_controller.export.subject import ExportSubject
 from armload_controller.feedforward.body_torque import LoadFriction
 from armload_core.arrays import FloatArray
 from armload_identification.model.regressor import payload_torque

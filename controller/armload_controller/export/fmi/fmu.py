@@ -10,6 +10,7 @@ from __future__ import annotations
 import platform
 from xml.etree import ElementTree
 
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.fmi.fmu_parts import (
     about_model,
     documentation,
@@ -21,8 +22,7 @@ from armload_controller.export.fmi.fmu_parts import (
     variables,
     xml_text,
 )
-from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import printable
+from armload_controller.export.text_format import printable
 
 
 def export_fmu(subject: ExportSubject) -> dict[str, bytes]:

@@ -26,9 +26,9 @@ from armload_controller.export.body_parameters import FRICTION, PARAMETERS, TRAN
 from armload_controller.export.c99 import export_c
 from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.compiled_library import compiled_library
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
-from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import comment, exact, printable, provenance
+from armload_controller.export.text_format import comment, exact, printable, provenance
 
 UNITS = {
     "s": {"s": 1},

@@ -24,9 +24,9 @@ import math
 
 import numpy as np
 
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, inertia_or_point_mass, principal_inertia
-from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import bracketed, heading, positional
+from armload_controller.export.text_format import bracketed, heading, positional
 from armload_core.arrays import FloatArray
 
 LONGEST_NAME = 32

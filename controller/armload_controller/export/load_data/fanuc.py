@@ -25,9 +25,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import MOMENTS, inertia_or_point_mass
-from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import heading, positional
+from armload_controller.export.text_format import heading, positional
 
 KG_M2_PER_KGF_CM_S2 = 0.0980665
 """Standard gravity, 9.80665 m/s2, times 0.01 m."""

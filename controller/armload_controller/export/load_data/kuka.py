@@ -23,9 +23,9 @@ from __future__ import annotations
 
 import math
 
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia, principal_inertia
-from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import heading, positional
+from armload_controller.export.text_format import heading, positional
 from armload_core.arrays import FloatArray
 
 

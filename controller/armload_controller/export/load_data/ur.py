@@ -17,9 +17,9 @@ References:
 
 from __future__ import annotations
 
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, InertiaSource, inertia_or_point_mass
-from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import bracketed, heading, positional
+from armload_controller.export.text_format import bracketed, heading, positional
 from armload_identification.model.payload import tensor_elements
 
 

@@ -24,9 +24,9 @@ import json
 
 import numpy as np
 
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import MOMENTS, inertia_or_point_mass
-from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import bracketed, heading, positional
+from armload_controller.export.text_format import bracketed, heading, positional
 
 
 def export_yaskawa(subject: ExportSubject) -> dict[str, str]:

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from armload_controller.export.wording import exact
+from armload_controller.export.text_format import exact
 
 
 class Precision(StrEnum):

@@ -23,9 +23,9 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState, PdoDirection
 from armload_drivers.cia402.state_machine import State
-from armload_drivers.simulation.drives.described_objects import describe, pdo_count
 from armload_drivers.simulation.drives.drive_dictionary import SILENCE, DriveTraits, build_dictionary
 from armload_drivers.simulation.drives.drive_pdos import Pdo
+from armload_drivers.simulation.drives.eds_objects import describe, pdo_count
 from armload_drivers.simulation.drives.power_stage import PowerStage
 from armload_drivers.simulation.drives.sdo_server import SdoServer
 from armload_drivers.simulation.plant_interface import Plant

@@ -17,7 +17,7 @@ import numpy as np
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.row_block import RowBlock
-from armload_identification.storage.read_file import hash_of_files
+from armload_identification.storage.regular_file import hash_of_files
 
 _NAMES: Final = {
     "time_s": ("time_s", "time", "t", "timestamp"),

@@ -26,7 +26,7 @@ from armload_identification.recording.column_names import columns_by_name
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.row_block import RowBlock
-from armload_identification.storage.read_file import hash_of_files, read_whole
+from armload_identification.storage.regular_file import hash_of_files, read_whole
 
 INFO: Final = Path("meta") / "info.json"
 """Description of a LeRobot data set, relative to its folder."""

@@ -28,7 +28,7 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.row_block import RowBlock
-from armload_identification.storage.read_file import hash_of_files
+from armload_identification.storage.regular_file import hash_of_files
 
 STORAGE_SUFFIXES: Final = (".db3", ".mcap")
 METADATA: Final = "metadata.yaml"

@@ -12,7 +12,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import PeriodAverage, Recording, RecordingSource
 from armload_identification.recording.reduction.phase_advance import PhaseAdvance
-from armload_identification.recording.reduction.phases import (
+from armload_identification.recording.reduction.place_in_period import (
     SETTLING_S,
     phases_of,
     shortest_period,

@@ -19,7 +19,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.phases import (
+from armload_identification.recording.reduction.place_in_period import (
     SETTLING_S,
     periodic_phase,
     shortest_period,

@@ -8,7 +8,7 @@ import pytest
 
 from armload_controller.export.c99 import export_c
 from armload_controller.export.straight_line.precision import Precision
-from armload_identification.calibration.arm_calibration import ArmCalibration, kinematics_sha256
+from armload_identification.calibration.calibration_result import ArmCalibration, kinematics_sha256
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.estimator_constants import estimator_constants

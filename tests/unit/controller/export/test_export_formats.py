@@ -22,8 +22,8 @@ from armload_controller.export.load_data.kuka import export_kuka
 from armload_controller.export.load_data.ur import export_ur
 from armload_controller.export.load_data.yaskawa import export_yaskawa
 from armload_controller.export.ros2 import export_ros2
+from armload_controller.export.text_format import comment, exact, positional
 from armload_controller.export.urdf import export_urdf
-from armload_controller.export.wording import comment, exact, positional
 from armload_identification.model.payload import InertialParameters
 
 pytestmark = pytest.mark.pure

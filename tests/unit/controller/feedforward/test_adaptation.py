@@ -28,7 +28,7 @@ from armload_controller.feedforward.adaptation_rules import (
     DeclaredMass,
     carried_body,
 )
-from armload_controller.feedforward.injection import FeedforwardPlugin
+from armload_controller.feedforward.feedforward_plugin import FeedforwardPlugin
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import PhaseState, Segment

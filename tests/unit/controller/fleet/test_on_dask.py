@@ -17,8 +17,8 @@ import pytest
 from armload_controller.control_errors import CommissioningError, FleetError
 from armload_controller.fleet.fleet_run import do_jobs, new_jobs
 from armload_controller.fleet.job import Job
+from armload_controller.fleet.job_processing import run_job
 from armload_controller.fleet.row_store import RowStore, read_rows
-from armload_controller.fleet.work import run_job
 from armload_controller.fleet.workforce import Workforce, row_of, version_problem
 from armload_controller.session.folder_claim import claimed
 

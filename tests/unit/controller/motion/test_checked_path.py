@@ -1,6 +1,6 @@
 """Motions that may be commanded: each check has a case that only it refuses, on paths and on the ways onto them.
 
-If any check in `checked_path` or `path_checks` is removed, a test here fails.
+If any check in `checked_path` or `joint_and_speed_checks` is removed, a test here fails.
 """
 
 import copy
@@ -13,9 +13,13 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion import setpoints
 from armload_controller.motion.checked_path import SAG_RAD, CheckedLeg, CheckedPath, check_path
+from armload_controller.motion.joint_and_speed_checks import (
+    require_joint_limits,
+    require_reduced_speed,
+    torque_objection,
+)
 from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.obstacles import Obstacles
-from armload_controller.motion.path_checks import require_joint_limits, require_reduced_speed, torque_objection
 from armload_controller.motion.paths import BlockedWay, LinePath, PhaseLimits
 from armload_controller.motion.setpoints import plan_leg
 from armload_identification.excitation.fourier import Excitation, FourierBounds, FourierTrajectory

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from armload_controller.config.chain_from_urdf import read_urdf_arm
 from armload_controller.config.robot import load_robot
-from armload_controller.config.urdf_arm import read_urdf_arm
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.new_robot.arm_draft import draft_of_urdf
 from armload_controller.new_robot.arm_interview import interviewed

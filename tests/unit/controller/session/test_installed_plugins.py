@@ -14,7 +14,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError, MotionError
-from armload_controller.cycle.safety import Cause, cause_of
+from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator, run_session
 

@@ -13,7 +13,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError, MotionError
 from armload_controller.cycle.run_recorder import Recorder
-from armload_controller.cycle.safety import Cause, cause_of
+from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_controller.motion.obstacles import Obstacles

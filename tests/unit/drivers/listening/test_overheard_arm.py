@@ -10,7 +10,7 @@ import pytest
 
 from armload_drivers.cia402.arm_settings import EffortFeedback, OperationMode
 from armload_drivers.driver_errors import BusError, CommandError
-from armload_drivers.listening.bus_ear import overheard
+from armload_drivers.listening.bus_listener import overheard
 from armload_drivers.listening.overheard_arm import OverheardArm
 from armload_drivers.servos import JointCommand
 from tests.bounded import overheard as frames_on

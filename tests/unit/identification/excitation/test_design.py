@@ -16,7 +16,7 @@ from armload_identification.excitation.excitation_file import format_excitation,
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
 from armload_identification.excitation.information import Criterion, named_criterion
-from armload_identification.excitation.joint_strength import TorqueLimits
+from armload_identification.excitation.torque_limits import TorqueLimits
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
 from armload_identification.model.dynamics import ArmBody

@@ -9,7 +9,7 @@ from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M,
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace
-from armload_identification.excitation.joint_strength import TorqueLimits
+from armload_identification.excitation.torque_limits import TorqueLimits
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.model.dynamics import ArmBody
 

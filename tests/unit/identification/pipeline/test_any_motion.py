@@ -14,7 +14,7 @@ from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.workspace import Workspace
-from armload_identification.excitation.joint_strength import TorqueLimits
+from armload_identification.excitation.torque_limits import TorqueLimits
 from armload_identification.identification_errors import EstimationError, ExcitationError, NoPayloadMass, RecordingError
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.pipeline.any_motion import FLOOR_KG, identify_windows

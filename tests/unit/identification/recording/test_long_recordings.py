@@ -268,7 +268,7 @@ def test_a_stuck_current_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_pat
     current[half : 2 * half, 4] = current[half, 4]
     path = write_mcap(tmp_path / "stuck.mcap", replace(run, current_a=current))
     for short_rows in (EVERYTHING, NOTHING):
-        with pytest.raises(RecordingError, match=rf"stuck.mcap: joint 5 goes there .* for {half} samples"):
+        with pytest.raises(RecordingError, match=rf"stuck.mcap: joint 5 moves back and forth .* for {half} samples"):
             check_run(read_recording(path, short_rows=short_rows), pinocchio_arm.transmission)
 
 

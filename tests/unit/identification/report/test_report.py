@@ -16,7 +16,6 @@ from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.pipeline.payload_validation import judge, validate
-from armload_identification.report.content import ReportContent, ReportSubject
 from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import center_views
 from armload_identification.report.figures.joint_figures import thin_out, torque_figure
@@ -26,6 +25,7 @@ from armload_identification.report.page import _typeset
 from armload_identification.report.parameters import headline, parameter_rows
 from armload_identification.report.provenance import file_rows
 from armload_identification.report.report import render_report, write_report
+from armload_identification.report.report_content import ReportContent, ReportSubject
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.verdict.payload_verdict import known_payload
 from armload_identification.verdict.tolerance import Tolerance

@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from armload_identification.identification_errors import ModelError, RecordingError
-from armload_identification.recording.reduction.phases import phases_per_period, whole_periods
+from armload_identification.recording.reduction.place_in_period import phases_per_period, whole_periods
 from armload_identification.signals.alignment import fit_motion, time_shift
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, joint_torque

@@ -12,7 +12,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
-from armload_controller.motion.path_checks import require_joint_limits, torque_objection
+from armload_controller.motion.joint_and_speed_checks import require_joint_limits, torque_objection
 from armload_controller.motion.setpoints import plan_measured
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory

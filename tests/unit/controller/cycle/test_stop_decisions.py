@@ -18,9 +18,9 @@ from armload_controller.cycle.feedback_truth import (
     VoltageLost,
 )
 from armload_controller.cycle.monitors import FollowingError, LateCycle, StaleFeedback, TorqueError
-from armload_controller.cycle.page_of_safety import stop_table
+from armload_controller.cycle.page_of_stops import stop_table
 from armload_controller.cycle.plugins import PluginFailed, PluginTooSlow
-from armload_controller.cycle.safety import DECISIONS, Cause, PathDeviation, StopCategory, StopStep, cause_of
+from armload_controller.cycle.stop_decisions import DECISIONS, Cause, PathDeviation, StopCategory, StopStep, cause_of
 from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.motion_control import OperatorStop, PluginStop, StopRequested, TerminationStop
 from armload_controller.motion.paths import BlockedWay, InfeasibleMotion
@@ -109,7 +109,7 @@ def test_what_a_stop_consists_of():
 
 
 def test_the_page_is_the_table():
-    """If this fails: python -m armload_controller.cycle.page_of_safety > controller/STOPS.md."""
+    """If this fails: python -m armload_controller.cycle.page_of_stops > controller/STOPS.md."""
     page = Path(__file__).parents[4] / "controller" / "STOPS.md"
     assert page.read_text("utf-8") == stop_table()
     assert all(cause.value in stop_table() and decision.advice in stop_table() for cause, decision in DECISIONS.items())

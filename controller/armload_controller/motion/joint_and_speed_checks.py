@@ -1,4 +1,4 @@
-"""The checks of a path, valid at every phase and under all ramps, pauses, overrides and stops.
+"""The checks of a path's joints and speed, valid at every phase and under all ramps, pauses, overrides and stops.
 
 With V, A, J the greatest derivatives of the path to its phase, a phase rate r from 0 to 1 and, from `PhaseLimits`,
 |dr/dt| <= alpha and |d2r/dt2| <= beta, no joint ever exceeds
@@ -7,7 +7,7 @@ With V, A, J the greatest derivatives of the path to its phase, a phase rate r f
 
 Torque without friction is linear in the phase acceleration and in r^2, so its greatest value is at r = 0 or 1 and
 dr/dt = +-alpha; viscous friction is bounded by a function that is linear in r^2 too.
-The speed of a point of the arm is linear in r.
+The speed of a point of the arm is linear in r. Collisions are checked by `obstacles`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from armload_controller.motion.phase import Leg
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierBounds, FourierState, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
-from armload_identification.excitation.joint_strength import TorqueLimits
+from armload_identification.excitation.torque_limits import TorqueLimits
 
 RAMP_SAMPLES = 1024
 """Samples of a period, for each harmonic, at which the torque of ramps is computed."""
@@ -65,7 +65,8 @@ def greatest_speed_m_s(leg: Leg, points: ArmPoints) -> float:
 def require_reduced_speed(leg: Leg, points: ArmPoints) -> None:
     """Check that no point of the arm exceeds reduced speed on a leg.
 
-    Only samples are checked; between them the planning of such legs keeps the limit, with a margin (`pace`, `paths`).
+    Only samples are checked; between them the planning of such legs keeps the limit, with a margin (`slow_round_pace`,
+    `paths`).
 
     Raises:
         LimitViolation: naming the point and its speed.

@@ -3,7 +3,7 @@
 A bare read unpacks the file and parses every message as JSON, one after the other, and keeps nothing: the least that
 any reader of this format must do. The library's own record iterator, for comparison, does not parse the messages.
 
-    python -m benchmarks.timing.reading [ROWS]
+    python -m benchmarks.timing.reading_time [ROWS]
 """
 
 from __future__ import annotations

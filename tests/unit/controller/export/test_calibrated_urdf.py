@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from armload_controller.cli.main import app
 from armload_controller.config.robot import load_robot
-from armload_controller.export.arm_urdf import arm_urdf
-from armload_identification.calibration.arm_calibration import ArmCalibration, CalibratedRun, kinematics_sha256
+from armload_controller.export.calibrated_urdf import arm_urdf
+from armload_identification.calibration.calibration_result import ArmCalibration, CalibratedRun, kinematics_sha256
 from armload_identification.calibration.possible_links import possible_links
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.model.base_parameters import base_columns

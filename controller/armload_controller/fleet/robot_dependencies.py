@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from armload_controller.config.drive_profiles import own_profiles
-from armload_identification.storage.read_file import read_whole
+from armload_identification.storage.regular_file import read_whole
 
 _ROBOTS: Final = 1024
 """Number of robot files whose names of other files are kept: `fleet watch` looks at all of them every minute."""

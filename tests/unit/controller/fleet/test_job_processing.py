@@ -17,10 +17,10 @@ from armload_controller.cli.output.fleet_output import problem_lines
 from armload_controller.control_errors import ConfigurationError, FleetError
 from armload_controller.fleet.fleet_run import do_jobs, new_jobs
 from armload_controller.fleet.job import Job
+from armload_controller.fleet.job_processing import run_job, run_on_worker
 from armload_controller.fleet.recording_row import RowOutcome, value_columns
 from armload_controller.fleet.repeatable import outcome_of
 from armload_controller.fleet.row_store import RowStore, read_rows
-from armload_controller.fleet.work import run_job, run_on_worker
 from armload_identification.identification_errors import (
     ExcitationFileError,
     ExtraMissing,

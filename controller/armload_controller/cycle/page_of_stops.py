@@ -1,16 +1,17 @@
-"""The table of stops as a page: `python -m armload_controller.cycle.page_of_safety > controller/STOPS.md`."""
+"""The table of stops as a page: `python -m armload_controller.cycle.page_of_stops > controller/STOPS.md`."""
 
 from __future__ import annotations
 
 import sys
 
-from armload_controller.cycle.safety import CAUSES, DECISIONS, Cause, StopCategory
+from armload_controller.cycle.stop_decisions import CAUSES, DECISIONS, Cause, StopCategory
 
 _HEAD = """\
 # What stops an arm, and how
 
-Generated from [safety.py](armload_controller/cycle/safety.py) by `python -m armload_controller.cycle.page_of_safety`;
-do not edit. `python -m benchmarks.canopen_runs.stops` triggers every cause on the simulated arm and measures the stop.
+Generated from [stop_decisions.py](armload_controller/cycle/stop_decisions.py) by
+`python -m armload_controller.cycle.page_of_stops`; do not edit. `python -m benchmarks.canopen_runs.stops` triggers
+every cause on the simulated arm and measures the stop.
 
 Whatever the cause, the arm is disabled at standstill with its brakes engaged before the error is reported, and it is
 never re-enabled automatically. If a step fails, the next one still follows.

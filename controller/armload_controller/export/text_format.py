@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armload_controller.export.subject import ExportSubject
+from armload_controller.export.exported_payload import ExportSubject
 
 WIDTH = 100
 SIGNIFICANT_DIGITS = 9

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from armload_core.arrays import FloatArray
 from armload_identification.model.payload import InertialParameters, PayloadResult
-from armload_identification.pipeline.identification import Identification
+from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.recording.recording import RecordingSource
 from armload_identification.signals.load_signal import LoadSignal

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from armload_controller.config.chain_from_urdf import read_urdf_arm
 from armload_controller.config.robot import load_robot
-from armload_controller.config.urdf_arm import read_urdf_arm
 from armload_controller.control_errors import ConfigurationError
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.chain import pose_from_xyz_rpy

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from armload_identification.excitation.fourier import FourierTrajectory
-from armload_identification.excitation.joint_strength import TorqueLimits
+from armload_identification.excitation.torque_limits import TorqueLimits
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.dynamics import ArmBody
 from armload_identification.model.payload import InertialParameters

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from armload_identification.estimation.empty_arm.blows import STRUCK, struck_samples
+from armload_identification.estimation.empty_arm.impacts import STRUCK, struck_samples
 
 pytestmark = pytest.mark.pure
 

@@ -12,7 +12,7 @@ from armload_identification.files.run_table import read_run_table
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
-from armload_identification.storage.read_file import read_whole
+from armload_identification.storage.regular_file import read_whole
 
 pytestmark = pytest.mark.pure
 

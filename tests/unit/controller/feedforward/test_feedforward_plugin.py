@@ -9,8 +9,8 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ExportError, MotionError, OffsetRefused
 from armload_controller.cycle.control_cycle import Cycle
 from armload_controller.cycle.torque_gate import TorqueGate
-from armload_controller.export.subject import ExportSubject
-from armload_controller.feedforward.injection import (
+from armload_controller.export.exported_payload import ExportSubject
+from armload_controller.feedforward.feedforward_plugin import (
     CheckedFeedforward,
     FeedforwardPlugin,
     FollowingLag,

@@ -18,11 +18,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from armload_controller.config.robot import Robot
-from armload_controller.export.subject import identifier_of
+from armload_controller.export.exported_payload import identifier_of
+from armload_controller.export.text_format import exact, printable, xml_comment
 from armload_controller.export.urdf import inertial_lines
-from armload_controller.export.wording import exact, printable, xml_comment
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.possible_links import PossibleLinks
 from armload_identification.model.chain import rpy_rad
 from armload_identification.model.payload import InertialParameters

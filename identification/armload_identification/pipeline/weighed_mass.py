@@ -9,7 +9,7 @@ from typing import Final
 from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
-from armload_identification.pipeline.identification import Identification
+from armload_identification.pipeline.identification_result import Identification
 
 CONTRADICTS: Final = 2.0
 """Half widths of the 95 % interval from which prior knowledge is refused: exceeded by chance in one of 10,000 cases,

@@ -15,7 +15,7 @@ from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.truncated_normal import contradicted, truncated_moments
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError
-from armload_identification.pipeline.identification import Identification
+from armload_identification.pipeline.identification_result import Identification
 
 _NAMES: Final = ("mass", "centre of mass's x", "centre of mass's y", "centre of mass's z")
 _UNITS: Final = ("kg", "mm", "mm", "mm")

@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from traceback import extract_tb
 
-from armload_controller.analysis.robot_payload import identify
+from armload_controller.analysis.robot_identification import identify
 from armload_controller.config.robot import Robot, load_robot, shipped_robots
 from armload_controller.config.robot_recordings import read_of
 from armload_controller.control_errors import FleetError
@@ -19,7 +19,7 @@ from armload_controller.fleet.job import Job
 from armload_controller.fleet.recording_row import Row, empty_row, findings_fields, recorded_fields
 from armload_controller.fleet.remote_files import local_copy
 from armload_controller.fleet.repeatable import is_own, outcome_of
-from armload_controller.fleet.robot_files import RobotFiles
+from armload_controller.fleet.robot_dependencies import RobotFiles
 from armload_identification.estimation.prior_knowledge import KnownPayload
 
 _ROBOTS = 64
