@@ -20,7 +20,7 @@ import numpy as np
 from armload_controller.feedforward.adaptation_rules import friction_size
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.pipeline.payload_estimator import LivePayload
-from armload_identification.verdict.friction_validity import FAR
+from armload_identification.verdict.recording_checks.friction_validity import FAR
 
 WEIGHED_WITHIN: Final = 0.25
 """A change of mass is known if the half widths of the masses before and after are below this share of it."""

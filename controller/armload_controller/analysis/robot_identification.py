@@ -32,7 +32,7 @@ from armload_identification.recording.recording import Recording
 from armload_identification.report.report_content import ReportContent, ShownRuns
 from armload_identification.results.findings import Findings
 from armload_identification.results.payload_over_time import PayloadOverTime
-from armload_identification.verdict.impossible_magnitudes import require_possible_mass
+from armload_identification.verdict.recording_checks.impossible_magnitudes import require_possible_mass
 from armload_identification.verdict.tolerance import Tolerance
 
 RunPair = tuple[Recording | FilePath, Recording | FilePath]

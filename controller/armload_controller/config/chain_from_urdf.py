@@ -35,7 +35,7 @@ from armload_identification.model.payload import TENSOR_ELEMENTS, InertialParame
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.verdict.impossible_magnitudes import ArmMagnitudes, require_possible
+from armload_identification.verdict.recording_checks.impossible_magnitudes import ArmMagnitudes, require_possible
 
 FEWEST_JOINTS, MOST_JOINTS = 4, 16
 STANDARD_FLANGES = ("tool0", "flange")

@@ -38,7 +38,7 @@ from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.storage.regular_file import require_regular
 from armload_identification.storage.strict_toml import read_text, toml_values, validated
-from armload_identification.verdict.impossible_magnitudes import ArmMagnitudes, require_possible
+from armload_identification.verdict.recording_checks.impossible_magnitudes import ArmMagnitudes, require_possible
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.model.payload import REFERENCE_LENGTH_M, InertialParameters
 from armload_identification.pipeline.payload_estimator import LivePayload
-from armload_identification.verdict.friction_validity import FAR, standard_deviations
+from armload_identification.verdict.recording_checks.friction_validity import FAR, standard_deviations
 
 MASS_WITHIN: Final = 0.5
 """Half width of the mass's interval, as a share of the mass."""

@@ -38,7 +38,7 @@ from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
-from armload_identification.verdict.sanity import check_run
+from armload_identification.verdict.recording_checks.sanity import check_run
 
 WEIGHED_WITHIN: Final = 1e-3
 """Relative standard deviation of a weighed mass, and of a completely known payload."""

@@ -30,8 +30,8 @@ from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.signals.robust_scale import deviation_by_median
-from armload_identification.verdict.effort_mismatch import require_effort
-from armload_identification.verdict.sanity import check_run
+from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
+from armload_identification.verdict.recording_checks.sanity import check_run
 
 _GAIN: Final = 0.10
 """Prior standard deviation of a gain's change."""

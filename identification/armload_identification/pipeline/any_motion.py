@@ -23,10 +23,10 @@ from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import motion_of, motion_over_time
-from armload_identification.verdict.effort_mismatch import require_effort
-from armload_identification.verdict.friction_validity import friction_notes, standard_deviations
-from armload_identification.verdict.motion_quality import MotionQuality
-from armload_identification.verdict.sanity import check_run
+from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
+from armload_identification.verdict.recording_checks.friction_validity import friction_notes, standard_deviations
+from armload_identification.verdict.recording_checks.motion_quality import MotionQuality
+from armload_identification.verdict.recording_checks.sanity import check_run
 
 FLOOR_KG: Final = 0.010
 FLOOR_SHARE: Final = 0.001

@@ -25,7 +25,7 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.robust_scale import deviation_by_median
 from armload_identification.verdict.operator_notes import notes_on
-from armload_identification.verdict.raw_residual import raw_residual_rms
+from armload_identification.verdict.recording_checks.raw_residual import raw_residual_rms
 
 Fit = tuple[Estimate, FrictionDifference | None]
 

@@ -38,12 +38,16 @@ from armload_identification.recording.recording import Recording, check_joints, 
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal, load_signal
 from armload_identification.signals.motion import Motion
-from armload_identification.verdict.column_mistakes import looks_wrong, refuse_wrong_columns
-from armload_identification.verdict.effort_mismatch import require_effort
-from armload_identification.verdict.friction_validity import friction_change, friction_notes, standard_deviations
-from armload_identification.verdict.joint_scales import joint_scales
 from armload_identification.verdict.operator_notes import misfit_notes
-from armload_identification.verdict.sanity import (
+from armload_identification.verdict.recording_checks.column_mistakes import looks_wrong, refuse_wrong_columns
+from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
+from armload_identification.verdict.recording_checks.friction_validity import (
+    friction_change,
+    friction_notes,
+    standard_deviations,
+)
+from armload_identification.verdict.recording_checks.joint_scales import joint_scales
+from armload_identification.verdict.recording_checks.sanity import (
     check_against_others,
     check_gains,
     check_pair,

@@ -18,9 +18,9 @@ from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.verdict.agreement import Known, Outcome, compare_known, length_needed
-from armload_identification.verdict.joint_scales import joint_scales
 from armload_identification.verdict.payload_verdict import PayloadVerdict, known_payload, remedy_for
-from armload_identification.verdict.raw_residual import raw_residual_rms
+from armload_identification.verdict.recording_checks.joint_scales import joint_scales
+from armload_identification.verdict.recording_checks.raw_residual import raw_residual_rms
 from armload_identification.verdict.tolerance import Tolerance
 
 

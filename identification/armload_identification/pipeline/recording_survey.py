@@ -14,7 +14,11 @@ from armload_identification.recording.reduction.phase_advance import interruptio
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.repetition import repeated_after
-from armload_identification.verdict.effort_mismatch import EFFORT_NAMES, effort_used, require_same_effort
+from armload_identification.verdict.recording_checks.effort_mismatch import (
+    EFFORT_NAMES,
+    effort_used,
+    require_same_effort,
+)
 
 _HOLE: Final = 3.0
 """Multiple of the median interval from which two rows have a gap between them."""

@@ -12,7 +12,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.report.numerals import Numeral, align, common_decimals, numeral
 from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
-from armload_identification.verdict.joint_scales import JointScales
+from armload_identification.verdict.recording_checks.joint_scales import JointScales
 
 _MRAD: Final = 1e3
 _PERCENT: Final = 100.0

@@ -1,1 +1,1 @@
-"""Checks of recordings and results: sanity, validation, comparison, notes to the operator."""
+"""Verdicts on results: agreement, tolerance, comparison, notes to the operator; `recording_checks` for recordings."""

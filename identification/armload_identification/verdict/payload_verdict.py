@@ -15,7 +15,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, PayloadResult
 from armload_identification.verdict.agreement import Agreement, Known, LengthNeeded, Outcome
-from armload_identification.verdict.joint_scales import JointScales
+from armload_identification.verdict.recording_checks.joint_scales import JointScales
 
 _POSES: Final = 200
 

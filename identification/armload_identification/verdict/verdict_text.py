@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.verdict.agreement import FLOOR, Agreement, Outcome
-from armload_identification.verdict.joint_scales import JointScales
 from armload_identification.verdict.payload_verdict import PayloadVerdict, Remedy
+from armload_identification.verdict.recording_checks.joint_scales import JointScales
 
 TITLES: Final = {
     Outcome.RIGHT: "Right within the tolerance",

@@ -13,7 +13,7 @@ from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.payload_estimator import COLOUR, LOAD_LAW, PayloadEstimator
 from armload_identification.recording.reading_options import Effort
-from armload_identification.verdict.friction_validity import FAR, standard_deviations
+from armload_identification.verdict.recording_checks.friction_validity import FAR, standard_deviations
 
 pytestmark = pytest.mark.pure
 

@@ -27,7 +27,7 @@ from armload_identification.recording.row_block import RowBlock, joined
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT, MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER, motion_of
-from armload_identification.verdict.sanity import check_run
+from armload_identification.verdict.recording_checks.sanity import check_run
 
 pytestmark = pytest.mark.pure
 

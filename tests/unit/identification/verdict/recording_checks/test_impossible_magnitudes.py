@@ -8,7 +8,11 @@ import pytest
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
 from armload_identification.recording.recording import Recording
-from armload_identification.verdict.impossible_magnitudes import ArmMagnitudes, require_possible, require_possible_mass
+from armload_identification.verdict.recording_checks.impossible_magnitudes import (
+    ArmMagnitudes,
+    require_possible,
+    require_possible_mass,
+)
 
 pytestmark = pytest.mark.pure
 

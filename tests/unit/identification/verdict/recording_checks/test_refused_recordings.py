@@ -16,7 +16,7 @@ from armload_identification.pipeline.recording_survey import pair_problem
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reduction.repeated_values import repeated_values
-from armload_identification.verdict.sanity import check_pair, check_run
+from armload_identification.verdict.recording_checks.sanity import check_pair, check_run
 
 pytestmark = pytest.mark.pure
 

@@ -7,7 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_identification.verdict.friction_validity import friction_change, friction_notes, standard_deviations
+from armload_identification.verdict.recording_checks.friction_validity import (
+    friction_change,
+    friction_notes,
+    standard_deviations,
+)
 
 pytestmark = pytest.mark.pure
 

@@ -17,9 +17,9 @@ from armload_identification.recording.reduction.place_in_period import whole_per
 from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
 from armload_identification.signals.joint_torque import Transmission, joint_torque, reported_effort
 from armload_identification.signals.load_signal import LoadSignal
-from armload_identification.verdict.effort_mismatch import require_same_effort
-from armload_identification.verdict.joint_scales import JointScales, joint_scales
 from armload_identification.verdict.joint_words import numbered_joints
+from armload_identification.verdict.recording_checks.effort_mismatch import require_same_effort
+from armload_identification.verdict.recording_checks.joint_scales import JointScales, joint_scales
 
 _MOVES_RAD: Final = 0.05
 _LOST_TO_MEANS: Final = 0.01

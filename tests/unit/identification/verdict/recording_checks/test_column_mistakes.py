@@ -14,9 +14,13 @@ from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.load_signal import load_signal
-from armload_identification.verdict.column_mistakes import exchanged_columns, flipped_signs, looks_wrong
-from armload_identification.verdict.joint_scales import JointScales
-from armload_identification.verdict.sanity import check_against_others, check_run, check_scales
+from armload_identification.verdict.recording_checks.column_mistakes import (
+    exchanged_columns,
+    flipped_signs,
+    looks_wrong,
+)
+from armload_identification.verdict.recording_checks.joint_scales import JointScales
+from armload_identification.verdict.recording_checks.sanity import check_against_others, check_run, check_scales
 
 pytestmark = pytest.mark.pure
 
