@@ -120,7 +120,7 @@ def ended(process, tmp_path, number=signal.SIGTERM):
     """The program's output, after checks of its exit status and of the arm."""
     printed, _ = process.communicate(timeout=LONGEST_S)
     assert process.returncode == 128 + number, printed
-    assert "Motion stopped (along the path): the system asked the program to end" in printed
+    assert "Motion stopped (along the path): the system requested termination" in printed
     assert "While stopping" not in printed
     assert "Traceback" not in printed
     assert not (tmp_path / "run" / "unloaded_identification.mcap").exists()

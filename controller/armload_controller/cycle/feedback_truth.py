@@ -102,7 +102,7 @@ class RemoteLost(FeedbackError):
 
 
 class InternalLimit(FeedbackError):
-    """A drive limits the motion by itself (statusword bit 11)."""
+    """A drive limits the motion on its own (statusword bit 11)."""
 
 
 class DriveLag(FeedbackError):
@@ -205,7 +205,7 @@ class FeedbackTruth:
             self._limited_since_s = self._time_s
         if feedback.time_s - self._limited_since_s > LIMITED_S:
             joint = int(((word & _LIMITED) != 0).argmax())
-            raise InternalLimit(self._names[joint], "the drive limits the motion by itself (statusword bit 11)")
+            raise InternalLimit(self._names[joint], "the drive limits the motion on its own (statusword bit 11)")
 
     def _judge_step(self, feedback: JointFeedback, speed_rad_s: FloatArray) -> None:
         """Check a position against the last one.

@@ -79,7 +79,7 @@ class Cause(Enum):
 
     OPERATOR = "the operator requested a stop"
     OPERATOR_AGAIN = "the operator requested an immediate stop"
-    TERMINATION = "the system asked the program to end"
+    TERMINATION = "the system requested termination"
     PLUGIN_REQUEST = "a plug-in requested a stop"
     PLUGIN_FAILED = "a plug-in failed"
     PLUGIN_TOO_SLOW = "a plug-in is too slow"
@@ -100,7 +100,7 @@ class Cause(Enum):
     TORQUE_REVERSED = "a current or torque has the wrong sign"
     VOLTAGE = "a drive has lost its voltage"
     REMOTE = "a drive takes no commands from the bus"
-    INTERNAL_LIMIT = "a drive limits the motion by itself"
+    INTERNAL_LIMIT = "a drive limits the motion on its own"
     DRIVE_LAG = "a drive reports a following error"
     LATE = "the program is late"
     MISSING_FEEDBACK = "a drive does not answer"

@@ -124,11 +124,11 @@ def test_the_file_says_what_it_is_worth_and_how_it_was_made(driven, robot, role)
 @CASES
 def test_the_margins_in_the_file_are_those_of_the_configuration_beside_it(driven, robot, role):
     one = driven[robot, role]
-    told, found = one.excitation.margins, one.arm.envelope(*SHARES).margins(one.trajectory)
-    assert told.smallest > 0.0
+    reported, found = one.excitation.margins, one.arm.envelope(*SHARES).margins(one.trajectory)
+    assert reported.smallest > 0.0
     for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3", "torque_nm"):
-        np.testing.assert_allclose(getattr(told, name), getattr(found, name), rtol=2e-5, atol=1e-9)
-    assert told.clearance_m == pytest.approx(found.clearance_m, rel=2e-5)
+        np.testing.assert_allclose(getattr(reported, name), getattr(found, name), rtol=2e-5, atol=1e-9)
+    assert reported.clearance_m == pytest.approx(found.clearance_m, rel=2e-5)
 
 
 @pytest.mark.parametrize("robot", ["er50", "prbt"])

@@ -55,7 +55,7 @@ def events_of(moments):
     return [event for moment in moments for event in moment.events]
 
 
-def test_grasped_and_dropped_are_told_with_their_mass(robot, calibration_file, table, pinocchio_arm, tmp_path):
+def test_grasped_and_dropped_are_reported_with_their_mass(robot, calibration_file, table, pinocchio_arm, tmp_path):
     lines, grasped_s, dropped_s = table
     path = tmp_path / "shift.csv"
     path.write_text("\n".join(lines) + "\n", "utf-8")

@@ -55,11 +55,11 @@ def test_every_public_name_is_there_and_listed():
         armload.identity  # noqa: B018 - tests the attribute access
 
 
-def test_a_type_checker_is_told_the_same_names_and_places():
+def test_a_type_checker_sees_the_same_names_and_places():
     tree = ast.parse(Path(armload.__file__).read_text("utf-8"))
     imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-    told = {name.asname or name.name: (node.module, name.name) for node in imports for name in node.names}
-    assert {name: told[name] for name in armload.__all__} == armload._HOMES
+    reported = {name.asname or name.name: (node.module, name.name) for node in imports for name in node.names}
+    assert {name: reported[name] for name in armload.__all__} == armload._HOMES
 
 
 def test_names_are_loaded_when_they_are_used():

@@ -75,7 +75,7 @@ def test_no_word_is_broken_and_no_number_lost(make, width):
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_numbers_stay_in_one_piece_and_rows_are_told_apart(width):
+def test_numbers_stay_in_one_piece_and_rows_are_distinguished(width):
     table = payload_table(payload(), BODY)
     output, parts = shown(table, width)
     intervals = [cell for cell in table.columns[2].cells if cell]
@@ -91,7 +91,7 @@ def test_a_table_with_room_is_left_as_it_is():
 
 
 @pytest.mark.parametrize("command", [[], *([name] for name in ("commission", "identify", "export", "feedforward"))])
-def test_help_tells_every_option_by_its_whole_name(command):
+def test_help_shows_every_option_by_its_whole_name(command):
     narrow, wide = (CliRunner().invoke(app, [*command, "--help"], terminal_width=width).output for width in (60, 200))
     assert "…" not in narrow
     assert max(map(len, narrow.splitlines())) <= 60

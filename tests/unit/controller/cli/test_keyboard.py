@@ -62,7 +62,7 @@ def test_a_speed_between_the_steps_goes_to_the_next_one():
     assert control.goal.share in {0.3, 0.4}
 
 
-def test_a_stop_is_what_the_line_tells():
+def test_a_stop_is_what_the_line_states():
     control = MotionControl()
     control.pause()
     control.stop(OperatorStop("Ctrl-C"))

@@ -19,25 +19,25 @@ def state():
     policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
     return sys.getswitchinterval(), gc.isenabled(), policy, sorted(os.sched_getaffinity(0))
 
-told, states = [], [state()]
-with tuned_for_cycles(told.append):
+reported, states = [], [state()]
+with tuned_for_cycles(reported.append):
     states.append(state())
-print(json.dumps([*states, state(), told]))
+print(json.dumps([*states, state(), reported]))
 """
 """Run in a small process: locking the memory of the test process takes seconds of page faults."""
 
 
 def test_everything_is_set_and_set_back():
     done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True, timeout=60)
-    before, within, after, told = json.loads(done.stdout)
+    before, within, after, reported = json.loads(done.stdout)
     switch_interval_s, collects, scheduler, cores = within
     assert switch_interval_s == SWITCH_INTERVAL_S != before[0]
     assert not collects
     assert before[1]
-    assert (scheduler == os.SCHED_FIFO) == (not any("SCHED_FIFO" in line for line in told))
-    assert (len(cores) == 1) == (not any("affinity" in line for line in told))
+    assert (scheduler == os.SCHED_FIFO) == (not any("SCHED_FIFO" in line for line in reported))
+    assert (len(cores) == 1) == (not any("affinity" in line for line in reported))
     assert after == before
-    assert len(told) <= 1, "what is not permitted is said once"
+    assert len(reported) <= 1, "what is not permitted is said once"
 
 
 THREADS = """
@@ -53,16 +53,16 @@ def scheduled(id=0):
     policy = os.sched_getscheduler(id) & ~os.SCHED_RESET_ON_FORK
     return policy, os.sched_getparam(id).sched_priority, sorted(os.sched_getaffinity(id))
 
-before, told = scheduled(), []
+before, reported = scheduled(), []
 with running_worker("beside") as worker, ThreadPoolExecutor(1) as later:
-    with tuned_for_cycles(told.append):
+    with tuned_for_cycles(reported.append):
         within = {
             "own": scheduled(),
             "other": scheduled(other.native_id),
             "worker": worker.submit(scheduled).result(),
             "later": later.submit(scheduled).result(),
         }
-print(json.dumps([before, within, [scheduled(), scheduled(other.native_id)], told]))
+print(json.dumps([before, within, [scheduled(), scheduled(other.native_id)], reported]))
 stop.set()
 other.join()
 """
@@ -77,20 +77,20 @@ def threads():
 
 def test_threads_that_share_the_interpreter_come_next(threads):
     """Such as simulated drives in this process: if they cannot run, neither can the cycle."""
-    before, within, after, told = threads
-    if any("SCHED_FIFO" in line for line in told):
-        pytest.skip(told[0])
+    before, within, after, reported = threads
+    if any("SCHED_FIFO" in line for line in reported):
+        pytest.skip(reported[0])
     assert within["other"] == [os.SCHED_FIFO, within["own"][1] - 1, before[2]]
     assert after == [before, before]
 
 
 def test_no_thread_beside_the_cycle_keeps_it_waiting_for_the_cpu(threads):
     """A thread inherits priority and CPU: 40 ms of computing at the cycle's own made the cycle late."""
-    before, within, _, told = threads
+    before, within, _, reported = threads
     cpus = within["own"][2]
     assert within["worker"][2] == before[2], "not tied to the cycle's CPU"
     assert within["later"] == [before[0], before[1], cpus], "below the cycle, whatever it starts"
-    if not any("SCHED_FIFO" in line for line in told):
+    if not any("SCHED_FIFO" in line for line in reported):
         assert within["worker"][:2] == [os.SCHED_FIFO, within["own"][1] - 1]
 
 

@@ -128,7 +128,7 @@ def test_a_second_attempt_keeps_what_the_first_left(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.partial-2.mcap", "a.partial.mcap"]
 
 
-def test_cycles_without_feedback_are_told_from_measured_ones(tmp_path):
+def test_cycles_without_feedback_are_distinguished_from_measured_ones(tmp_path):
     path = tmp_path / "a.mcap"
     with Recorder(path, {}) as recorder:
         for cycle in range(60):

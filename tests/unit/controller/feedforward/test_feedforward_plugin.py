@@ -214,7 +214,7 @@ def test_a_payload_of_something_else_is_refused_also_while_running(changes, text
         added.set_payload(payload(**changes), 0.1)
 
 
-def test_the_lag_is_not_told_by_an_arm_that_stands():
+def test_the_lag_is_not_found_on_an_arm_that_stands():
     lag = FollowingLag(2, CYCLE_S)
     lag.add(np.full(2, 0.1), np.zeros(2))
     assert lag.lag_s == 0.0

@@ -106,22 +106,22 @@ class Bench:
     def __init__(self, answer, tried_nm=(10.0, 40.0), cycle_s=0.01):
         self.check = OffsetCheck(("a", "b"), UNIT, np.array(tried_nm), cycle_s)
         self.cycle_s, zero = cycle_s, np.zeros(2)
-        told = sent = None
+        reported = sent = None
         before = zero
         cycle = 0
         while not self.check.done():
             assert cycle < 100_000, "the check does not end"
-            offset = self.check.on_cycle(SimpleNamespace(sent=sent, feedback=told, command=None))
+            offset = self.check.on_cycle(SimpleNamespace(sent=sent, feedback=reported, command=None))
             offset = zero if offset is None else offset
             # As in the cycle: the command sent now is the `sent` of the feedback that answers it.
             sent = JointCommand(zero, zero, offset)
             torque = answer(cycle * cycle_s, offset, before)
-            told = JointFeedback(cycle, cycle * cycle_s, zero, None, None, torque, np.zeros(2), np.zeros(2, bool))
+            reported = JointFeedback(cycle, cycle * cycle_s, zero, None, None, torque, np.zeros(2), np.zeros(2, bool))
             before, cycle = offset, cycle + 1
         self.verdict = self.check.verdict()
 
 
-def test_the_gain_is_told_apart_from_drift_and_delay():
+def test_the_gain_is_distinguished_from_drift_and_delay():
     def answer(time_s, offset, before):
         return 3.0 + 2.0 * time_s - 80.0 * time_s**2 + np.array([1.0, 0.6]) * offset + 0.5 * (offset - before)
 

@@ -136,7 +136,7 @@ def test_a_real_arm_needs_somebody_at_a_terminal(named):
         (r"^\[\[body.links\]\].*?(?=^\[excitation)", r"joints\[1\].arm_torque_share"),
     ],
 )
-def test_a_real_arm_needs_a_file_that_tells_what_may_happen(named, pattern, key):
+def test_a_real_arm_needs_a_file_that_states_its_limits(named, pattern, key):
     robot = load_robot(str(named((pattern, "")))).with_bus(interface="socketcan", channel="can0")
     with pytest.raises(ConfigurationError, match=f"{key} is missing: a real arm"):
         require_rules(robot, simulated_drives=False, attended=True)
@@ -152,12 +152,12 @@ def test_no_bus_is_opened_without_what_a_real_arm_needs(named, opened):
             raise AssertionError("the arm was opened")
 
 
-def test_what_the_configuration_admits_to_is_told(named):
+def test_what_the_configuration_accepts_is_reported(named):
     path = named((r"has_brake = true", "has_brake = false"), (r"(joint_1.*?)accept_missing = .*?\n", r"\1"))
-    told = load_robot(str(path)).drives.weak_points
+    reported = load_robot(str(path)).drives.weak_points
     joints = ", ".join(f"prbt_joint_{number}" for number in range(2, 7))
-    assert told[0] == "prbt_joint_1 has no brake: it falls when torque is removed"
-    assert told[6] == f"{joints}: the drive's reaction to the loss of its master is unknown (accepted: master_lost)"
+    assert reported[0] == "prbt_joint_1 has no brake: it falls when torque is removed"
+    assert reported[6] == f"{joints}: the drive's reaction to the loss of its master is unknown (accepted: master_lost)"
     assert not load_robot("er50").drives.weak_points
 
 

@@ -373,7 +373,7 @@ def test_a_run_with_another_payload_than_said_is_named(four, weighed, pinocchio_
 
 
 @pytest.mark.long
-def test_a_payload_that_was_remounted_and_one_in_grams_are_told_from_others(
+def test_a_payload_that_was_remounted_and_one_in_grams_are_distinguished_from_others(
     runs, four, weighed, pinocchio_arm, other, nominal
 ):
     turned_arm = type(pinocchio_arm)()
@@ -499,7 +499,7 @@ def test_runs_that_cannot_be_used_are_named_and_left_out(runs, weighed, pinocchi
         calibrated([short, five], weighed, pinocchio_arm, nominal)
 
 
-def test_runs_of_one_name_are_told_apart(four, weighed, pinocchio_arm, nominal):
+def test_runs_of_one_name_are_distinguished(four, weighed, pinocchio_arm, nominal):
     """By their folders; duplicates are numbered."""
     short = four[0].recording.rows(np.arange(len(four[0].recording.time_s)) < 150)
     two = [replace(four[0], recording=in_folder(run, name)) for name, run in (("a", four[0].recording), ("b", short))]

@@ -36,8 +36,8 @@ def test_it_is_the_covariance_of_the_intervals(regressor, pinocchio_arm):
     doubts = 0.02 * torque[None] * np.eye(6)[:, None, :]
     body = InertialParameters(fit.theta)
     known = mass_center_covariance(fit, body, doubts, None)
-    told = quantify(fit, body, shifts_by(fit, doubts))
-    deviation = told.half_width_95[:4] / student.ppf(0.975, told.degrees_of_freedom[:4])
+    reported = quantify(fit, body, shifts_by(fit, doubts))
+    deviation = reported.half_width_95[:4] / student.ppf(0.975, reported.degrees_of_freedom[:4])
     np.testing.assert_allclose(np.sqrt(np.diag(known.measured)), deviation, rtol=1e-9)
     assert known.gain_nm_a.size == 0
     np.testing.assert_allclose(known.from_gains, 0.0)
@@ -70,8 +70,8 @@ def test_the_freedom_is_that_of_the_matrix_scatter(regressor, pinocchio_arm):
     mean = np.mean([each.measured for each in made], axis=0)
     root = np.linalg.inv(np.linalg.cholesky(mean))
     scatter = np.mean([np.sum((root @ each.measured @ root.T - np.eye(4)) ** 2) for each in made])
-    told = 1.0 / np.mean([1.0 / each.freedom for each in made])
-    assert 0.6 <= told * scatter / 20.0 <= 1.6, (told, 20.0 / scatter)
+    reported = 1.0 / np.mean([1.0 / each.freedom for each in made])
+    assert 0.6 <= reported * scatter / 20.0 <= 1.6, (reported, 20.0 / scatter)
 
 
 def test_what_the_motion_does_not_show_is_as_good_as_unknown(regressor, pinocchio_arm):

@@ -143,10 +143,10 @@ def test_a_symmetric_payload_lies_on_the_axis_and_one_that_is_not_is_refused(pin
     free, known = found(disc, pair, exact), found(disc, pair, exact, symmetric=True)
     np.testing.assert_allclose(known.parameters.center_of_mass_m[:2], 0.0, atol=1e-4)
     assert (known.uncertainty.half_width_95[1:3] < 0.01 * free.uncertainty.half_width_95[1:3]).all()
-    told = known.uncertainty.determined
+    reported = known.uncertainty.determined
     error = np.abs(known.uncertainty.values - disc.payload.values)
-    assert told[:4].all()
-    assert (error <= known.uncertainty.half_width_95)[told].all()
+    assert reported[:4].all()
+    assert (error <= known.uncertainty.half_width_95)[reported].all()
 
 
 def test_a_symmetric_payload_has_no_centre_of_mass_beside_the_axis():

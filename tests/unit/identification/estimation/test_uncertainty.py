@@ -54,8 +54,8 @@ def test_95_percent_intervals_cover(regressor, pinocchio_arm, periods, memory_s)
         noise = (noise * pinocchio_arm.noise_nm * 4.0).reshape(periods, SAMPLES, 6).mean(axis=0)
         solve = estimate_reweighted if periods == 1 else estimate
         fit = solve(regressor, regressor @ pinocchio_arm.payload.theta + noise, valid, pinocchio_arm.noise_nm)
-        told = quantify(fit, InertialParameters(fit.theta))
-        covered.append(np.abs(told.values - truth) <= told.half_width_95)
+        reported = quantify(fit, InertialParameters(fit.theta))
+        covered.append(np.abs(reported.values - truth) <= reported.half_width_95)
         sigma = 4.0 / np.sqrt(periods) if periods > 1 else 1.0
         naive = 1.96 * sigma * np.sqrt(np.diag(fit.covariance))
         textbook.append(np.abs(fit.theta - pinocchio_arm.payload.theta) <= naive)
@@ -74,17 +74,17 @@ def test_the_quantile_is_students_with_the_freedom_that_the_variances_scatter_by
     for seed in range(100):
         noise = np.random.default_rng(seed).normal(size=(SAMPLES, 6)) * pinocchio_arm.noise_nm
         fit = estimate(regressor, regressor @ pinocchio_arm.payload.theta + noise, valid, pinocchio_arm.noise_nm)
-        told = quantify(fit, InertialParameters(fit.theta))
-        quantile = told.half_width_95[0] / np.sqrt(told.covariance[0, 0])
-        assert quantile == pytest.approx(student.ppf(0.975, told.degrees_of_freedom[0]), rel=1e-9)
+        reported = quantify(fit, InertialParameters(fit.theta))
+        quantile = reported.half_width_95[0] / np.sqrt(reported.covariance[0, 0])
+        assert quantile == pytest.approx(student.ppf(0.975, reported.degrees_of_freedom[0]), rel=1e-9)
         assert quantile > 1.98
-        variances.append(told.covariance[0, 0])
-        freedoms.append(told.degrees_of_freedom[0])
+        variances.append(reported.covariance[0, 0])
+        freedoms.append(reported.degrees_of_freedom[0])
     scatter = 2.0 * np.mean(variances) ** 2 / np.var(variances)
     assert np.median(freedoms) == pytest.approx(scatter, rel=0.35)
 
 
-def test_derivatives_of_what_is_told_are_right(pinocchio_arm):
+def test_derivatives_of_what_is_reported_are_right(pinocchio_arm):
     body = pinocchio_arm.payload
     values, slope = derived(body)
     np.testing.assert_allclose(values[:4], [body.mass_kg, *body.center_of_mass_m])
@@ -105,11 +105,11 @@ def test_determined_is_what_design_says(regressor, pinocchio_arm):
     for level in (0.2, 1.0, 20.0, 2000.0):
         noise = level * pinocchio_arm.noise_nm * rng.normal(size=(SAMPLES, 6))
         fit = estimate(regressor, regressor @ body.theta + noise, valid, level * pinocchio_arm.noise_nm)
-        told = quantify(fit, InertialParameters(np.concatenate([body.theta[:1], fit.theta[1:]])))
-        np.testing.assert_array_equal(told.determined, told.half_width_95 <= 0.2 * unit)
-        np.testing.assert_allclose(told.interval_95.mean(axis=1), told.values)
-        assert told.undetermined_names == tuple(np.array(PARAMETER_NAMES)[~told.determined])
-        seen.add(int(told.determined.sum()))
+        reported = quantify(fit, InertialParameters(np.concatenate([body.theta[:1], fit.theta[1:]])))
+        np.testing.assert_array_equal(reported.determined, reported.half_width_95 <= 0.2 * unit)
+        np.testing.assert_allclose(reported.interval_95.mean(axis=1), reported.values)
+        assert reported.undetermined_names == tuple(np.array(PARAMETER_NAMES)[~reported.determined])
+        seen.add(int(reported.determined.sum()))
     assert {0, 10} <= seen
     assert len(seen) > 2
 
@@ -129,10 +129,10 @@ def test_what_the_motion_does_not_excite_has_no_interval(pinocchio_arm):
     noise = 0.2 * rng.normal(size=(SAMPLES, 1))
     fit = estimate(last, last @ body.theta + noise, np.ones(SAMPLES, dtype=bool), np.array([0.2]))
     assert fit.rank < 10
-    told = quantify(fit, body)
-    assert told.half_width_95[0] == np.inf
-    assert not told.determined[0]
-    assert np.isfinite(told.covariance).all()
+    reported = quantify(fit, body)
+    assert reported.half_width_95[0] == np.inf
+    assert not reported.determined[0]
+    assert np.isfinite(reported.covariance).all()
 
 
 def test_rows_that_are_left_out_take_their_share_of_the_precision(regressor, pinocchio_arm):
@@ -144,8 +144,8 @@ def test_rows_that_are_left_out_take_their_share_of_the_precision(regressor, pin
         noise = np.random.default_rng(seed).normal(size=(SAMPLES, 6)) * pinocchio_arm.noise_nm
         torque = regressor @ pinocchio_arm.payload.theta + noise
         fit = estimate(regressor, torque, valid, pinocchio_arm.noise_nm, used)
-        told = quantify(fit, InertialParameters(fit.theta))
-        ratio.append(np.diag(told.covariance) / np.diag(fit.covariance))
+        reported = quantify(fit, InertialParameters(fit.theta))
+        ratio.append(np.diag(reported.covariance) / np.diag(fit.covariance))
     assert 0.85 <= np.mean(ratio) <= 1.25, np.mean(ratio)
 
 

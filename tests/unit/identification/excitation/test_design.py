@@ -121,8 +121,8 @@ def test_the_same_seed_gives_the_same_motion_and_another_seed_another():
     assert not np.allclose(first.trajectory.sin_rad, other.trajectory.sin_rad, atol=0.05)
 
 
-def test_progress_is_told_after_every_start():
-    told = []
+def test_progress_is_reported_after_every_start():
+    reported = []
     one = ExcitationLimits(*(np.array([v]) for v in (-1.0, 1.0, 2.0, 3.0, 30.0)))
     design(
         criterion_of("a-optimal", ARM.head(1)),
@@ -131,10 +131,10 @@ def test_progress_is_told_after_every_start():
         base_frequency_hz=0.2,
         seed=0,
         restarts=3,
-        progress=lambda *report: told.append(report),
+        progress=lambda *report: reported.append(report),
     )
-    assert [(done, count) for done, count, _ in told] == [(1, 3), (2, 3), (3, 3)]
-    assert told[2][2] <= told[0][2]
+    assert [(done, count) for done, count, _ in reported] == [(1, 3), (2, 3), (3, 3)]
+    assert reported[2][2] <= reported[0][2]
 
 
 def test_an_arm_that_cannot_show_all_ten_still_gets_a_motion():
@@ -302,7 +302,7 @@ def test_a_chosen_period_is_as_fast_as_the_path_allows(crowded):
     assert chosen.cost * path.period_s < 1.05 * crowded.cost * crowded.trajectory.period_s
 
 
-def test_an_arm_that_cannot_even_stand_is_told_so():
+def test_an_arm_that_cannot_even_stand_is_reported():
     weak = TorqueLimits.from_body(ARM, Crowded.body, PAYLOAD, np.array([60.0, 60.0, 40.0]))
     with pytest.raises(
         ExcitationError, match=r"none of 1 starts .* within all limits; .* requires \d+\.\d % more torque than joint 3 "

@@ -97,7 +97,7 @@ def test_the_slope_is_the_finite_difference_of_the_excess(envelope):
         assert np.sum(slope * direction) == pytest.approx((ahead - behind) / 2e-7, rel=1e-5)
 
 
-def test_a_distance_to_keep_is_part_of_the_limit_and_of_the_clearance_told(envelope):
+def test_a_distance_to_keep_is_part_of_the_limit_and_of_the_clearance(envelope):
     path, free = trajectory(3, 0.1), envelope.workspace
     kept = Workspace(free.chain, free.spheres, free.half_spaces, free.boxes, free.apart, keep_m=0.05)
     wider = Envelope(envelope.joints, envelope.torque, kept)

@@ -60,7 +60,7 @@ MARGINS = LimitMargins(
 )
 
 
-def test_a_file_tells_how_the_design_went_and_what_room_is_left():
+def test_a_file_states_how_the_design_went_and_what_room_is_left():
     got = parse_excitation(format_excitation(Excitation(trajectory(), 3, DESIGN, (0.0212345678, 0.004), MARGINS)))
     assert got.history == (0.021235, 0.004)
     assert got.margins.clearance_m == {"floor": 0.25, "link 1 to tool": 0.0301239}

@@ -61,7 +61,7 @@ def nominal(pair, pinocchio_arm):
     return identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
-def test_nominal_gains_are_told_and_widen_the_intervals(pair, pinocchio_arm, nominal):
+def test_nominal_gains_are_reported_and_widen_the_intervals(pair, pinocchio_arm, nominal):
     exact = identify(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
     assert any("gains are nominal" in note for note in nominal.notes)
     moved = np.abs(nominal.uncertainty.values - exact.uncertainty.values)
@@ -209,7 +209,7 @@ def test_only_three_joints(pinocchio_arm):
     np.testing.assert_allclose(result.parameters.center_of_mass_m, in_third.center_of_mass_m, atol=0.01)
 
 
-def test_dropped_rows_and_cut_files_are_told(pair, pinocchio_arm):
+def test_dropped_rows_and_cut_files_are_reported(pair, pinocchio_arm):
     loaded, unloaded = pair
     loaded = with_source(loaded, rows_read=1510, rows_dropped=10, reasons={"not finite": 4, "truncated last row": 6})
     unloaded = with_source(unloaded, truncated=True)

@@ -154,7 +154,7 @@ def test_a_weighed_mass_leaves_no_common_error_of_the_gains(second_pair, pinocch
     assert noticeable[1] < noticeable[0]
 
 
-def test_what_cannot_be_told_comes_with_what_would_show_it(measured, pinocchio_arm, payload):
+def test_cannot_tell_comes_with_what_would_show_it(measured, pinocchio_arm, payload):
     """A payload with standard deviations about thirty times as large."""
     known = payload.mass_center
     vague = replace(payload, mass_center=replace(known, measured=1000.0 * known.measured))

@@ -162,16 +162,18 @@ def bare(bare_text):
     return Page(bare_text)
 
 
-def test_the_sentence_tells_mass_and_centre_with_intervals(clear):
+def test_the_sentence_states_mass_and_centre_with_intervals(clear):
     result = subject(clear).payload
     text = headline(result).replace(NO_BREAK, " ")
     mass = re.search(r"The payload weighs ([\d.]+) kg \(([\d.]+) to ([\d.]+) kg\)\.", text)
-    told = [number(part) for part in mass.groups()]
-    np.testing.assert_allclose(told, [result.values[0], *result.interval_95[0]], atol=0.5 * 10.0 ** -decimals(mass[1]))
+    reported = [number(part) for part in mass.groups()]
+    np.testing.assert_allclose(
+        reported, [result.values[0], *result.interval_95[0]], atol=0.5 * 10.0 ** -decimals(mass[1])
+    )
     for axis, value, interval in zip("xyz", result.values[1:4], result.interval_95[1:4], strict=True):
         found = re.search(rf"{axis} = ([{MINUS}\d.]+) mm \(([{MINUS}\d.]+) to ([{MINUS}\d.]+) mm\)", text)
-        told = [1e-3 * number(part) for part in found.groups()]
-        np.testing.assert_allclose(told, [value, *interval], atol=0.5e-3 * 10.0 ** -decimals(found[1]))
+        reported = [1e-3 * number(part) for part in found.groups()]
+        np.testing.assert_allclose(reported, [value, *interval], atol=0.5e-3 * 10.0 ** -decimals(found[1]))
 
 
 def decimals(text):
@@ -214,8 +216,8 @@ def test_the_table_shows_the_digits_that_the_interval_justifies(full, clear, pin
         unit_of_last = 10.0 ** -decimals(estimate)
         half_width = 0.5 * (result.interval_95[i, 1] - result.interval_95[i, 0])
         assert 9.5 <= half_width / unit_of_last < 99.5
-        told = [number(estimate), number(low), number(high)]
-        np.testing.assert_allclose(told, [result.values[i], *result.interval_95[i]], atol=0.501 * unit_of_last)
+        reported = [number(estimate), number(low), number(high)]
+        np.testing.assert_allclose(reported, [result.values[i], *result.interval_95[i]], atol=0.501 * unit_of_last)
         assert number(true) == pytest.approx(truth[i], abs=0.501 * unit_of_last)
         off, _, error_unit = error.partition(NO_BREAK)
         assert error_unit == ("%" if i == 0 else "mm" if i < 4 else unit)
@@ -254,7 +256,7 @@ def test_plain_and_reported_are_both_shown_where_they_differ(bare, full, noisy):
     assert full.table("possible") == []
 
 
-def test_every_note_is_told_and_the_gravest_comes_first(bare, noisy, without_curves):
+def test_every_note_is_shown_and_the_gravest_comes_first(bare, noisy, without_curves):
     for note in noisy.notes:
         assert re.sub("<.*?>", "", str(_typeset(note[1:]))) in bare.text
     blind = subject(noisy)

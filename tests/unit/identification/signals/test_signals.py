@@ -109,16 +109,16 @@ def test_white_noise_is_measured_also_where_it_is_rarely_seen():
     np.testing.assert_allclose(white_noise(rare), np.sqrt(0.02 * 0.98), rtol=0.05)
 
 
-def test_one_motor_that_tells_nothing_does_not_refuse_a_run_and_told_torque_counts(pair, pinocchio_arm):
+def test_one_motor_without_information_does_not_refuse_a_run_and_reported_torque_counts(pair, pinocchio_arm):
     run = pair[0]
     still = replace(run, current_a=run.current_a * (np.arange(6) != 5))
     assert np.ptp(joint_torque(still, pinocchio_arm.transmission), axis=0)[0] > 0.0
-    told = np.cos(np.arange(run.time_s.size))[:, None] * np.arange(1.0, 7.0)
-    both = replace(run, torque_nm=told)
-    np.testing.assert_array_equal(joint_torque(both, pinocchio_arm.transmission), told)
+    reported = np.cos(np.arange(run.time_s.size))[:, None] * np.arange(1.0, 7.0)
+    both = replace(run, torque_nm=reported)
+    np.testing.assert_array_equal(joint_torque(both, pinocchio_arm.transmission), reported)
 
 
-def test_white_noise_is_told_from_a_signal_with_jumps():
+def test_white_noise_is_distinguished_from_a_signal_with_jumps():
     rng = np.random.default_rng(3)
     t = 0.01 * np.arange(4000)
     signal = 50.0 * np.sin(2 * np.pi * 0.4 * t) + 8.0 * np.sign(np.sin(2 * np.pi * 0.3 * t))

@@ -34,7 +34,7 @@ def ur10e():
     return load_robot("ur10e")
 
 
-def test_a_table_is_told_from_a_recording(tmp_path):
+def test_a_table_is_distinguished_from_a_recording(tmp_path):
     table, log = tmp_path / "runs.csv", tmp_path / "log.csv"
     table.write_bytes(b"\xef\xbb\xbfmounting, recording ,mass_kg\r\n")
     log.write_text("0.0,1.0,2.0\n")

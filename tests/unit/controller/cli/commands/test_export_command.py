@@ -58,12 +58,12 @@ def test_a_single_text_goes_into_the_file_named(export, tmp_path):
     assert "PERS loaddata prbt_load" in (tmp_path / "load.mod").read_text()
 
 
-def test_the_operator_is_told_what_is_not_determined(export, tmp_path):
+def test_the_operator_reads_what_is_not_determined(export, tmp_path):
     result = export("--format", "kuka", "--output", tmp_path, undetermined=("ixx", "iyz"))
     assert "note: not determined: ixx, iyz; the exported file states what is written for them" in result.output
 
 
-def test_the_operator_is_told_of_another_configuration(export, tmp_path):
+def test_the_operator_reads_of_another_configuration(export, tmp_path):
     result = export("--format", "kuka", "--output", tmp_path, robot="ur10e")
     assert (
         f"note: {tmp_path / 'payload.toml'} was identified with a configuration other than that of ur10e"

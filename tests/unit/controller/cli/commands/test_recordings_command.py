@@ -135,7 +135,7 @@ def test_joints_that_are_not_there_are_named(armload, tmp_path):
     assert "no joint 4, the recording has 3" in str(result.exception)
 
 
-def test_identify_and_validate_use_the_part_and_the_joints_that_they_are_told_to(armload, recorded_er50, tmp_path):
+def test_identify_and_validate_use_the_part_and_the_joints_that_are_given(armload, recorded_er50, tmp_path):
     """The runs of er50 as tables, with a gripper's column among them and garbage before; and as two episodes."""
     from armload_identification.recording.file_reading import read_recording
 

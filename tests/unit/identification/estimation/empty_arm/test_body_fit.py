@@ -111,7 +111,7 @@ def test_rotor_inertia_is_found(pinocchio_arm):
     np.testing.assert_allclose(fit.model.rotor_inertia_kg_m2[2:], inertia[2:], atol=0.05)
 
 
-def test_load_dependent_friction_tells_the_rotors_that_no_link_torque_can(pinocchio_arm):
+def test_load_dependent_friction_shows_the_rotors_that_no_link_torque_can(pinocchio_arm):
     arm = pinocchio_arm
     inertia = np.array([3.0, 2.0, 0.8, 0.5, 0.3, 0.2])
     load, delay_s, interval_s = 0.08, 0.003, 0.005

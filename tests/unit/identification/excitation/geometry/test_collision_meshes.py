@@ -105,7 +105,7 @@ def test_a_mesh_turns_with_its_link(meshes, tmp_path):
 
 
 @pytest.mark.parametrize("role", ["identification", "validation"])
-def test_what_is_told_of_a_motion_holds_between_the_samples(meshes, role):
+def test_what_is_reported_of_a_motion_holds_between_the_samples(meshes, role):
     found, path = meshes(), PRBT.excitations[role].trajectory
     least, between = found.nearest(path)
     dense = [found.distances(q) for q in path.evaluate(np.arange(0.0, path.period_s, 0.002)).position_rad]
@@ -217,7 +217,7 @@ def test_a_design_takes_the_best_start_that_nothing_is_said_against(monkeypatch)
         designed(lambda path: "brings tool to link_2 too close")
 
 
-def test_without_pinocchio_the_way_out_is_told(meshes, monkeypatch):
+def test_without_pinocchio_the_error_names_the_remedy(meshes, monkeypatch):
     monkeypatch.setitem(sys.modules, "coal", None)
     with pytest.raises(ModelError, match=re.escape('pip install "armload[urdf]"')):
         meshes()

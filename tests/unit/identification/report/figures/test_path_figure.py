@@ -62,15 +62,15 @@ def test_the_tools_path_and_what_is_in_the_way_are_seen_from_two_sides(figure, a
         assert named == ({"pedestal", "floor"} if words == "from the side" else {"pedestal"})
 
 
-def test_the_share_of_every_limit_is_told(figure, arm, excitation):
+def test_the_share_of_every_limit_is_stated(figure, arm, excitation):
     axes = axes_titled(figure, "use of each limit")
     envelope = arm.envelope(0.1, 0.7, 0.8)
     room = envelope.margins(excitation.trajectory)
-    told = np.array([int(text.get_text()) for text in axes.texts]).reshape(6, 5)
+    reported = np.array([int(text.get_text()) for text in axes.texts]).reshape(6, 5)
     np.testing.assert_allclose(
-        told[:, 1], 100.0 * (1.0 - room.velocity_rad_s / envelope.joints.velocity_max_rad_s), atol=0.5
+        reported[:, 1], 100.0 * (1.0 - room.velocity_rad_s / envelope.joints.velocity_max_rad_s), atol=0.5
     )
-    np.testing.assert_allclose(told[:, 4], 100.0 * (1.0 - room.torque_nm / envelope.torque.available_nm), atol=0.5)
+    np.testing.assert_allclose(reported[:, 4], 100.0 * (1.0 - room.torque_nm / envelope.torque.available_nm), atol=0.5)
     name, distance_m = min(room.clearance_m.items(), key=lambda item: item[1])
     assert f"{name}: {distance_m:.3f}" in axes.get_xlabel()
 

@@ -198,7 +198,7 @@ def test_runs_of_different_trajectories_are_refused(tables, outcome, pinocchio_a
         outcome(tables[0], np.column_stack([other.time_s, other.position_rad, other.current_a]))
 
 
-def test_one_period_only_is_used_and_told(pinocchio_arm):
+def test_one_period_only_is_used_and_reported(pinocchio_arm):
     trajectory = pinocchio_arm.trajectory()
     pair = [pinocchio_arm.run(trajectory, load, seed=35 + load, periods=1) for load in (True, False)]
     result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
