@@ -118,7 +118,7 @@ class CheckedPath:
         if np.abs(self.start_rad - position_rad).max() < STANDING_RAD:
             return ()
         constraints = self.constraints
-        limits, points = constraints.limits, constraints.points
+        limits, speed = constraints.limits, constraints.reduced_speed
         require_within(position_rad, limits)
 
         def objection(begin_rad: FloatArray, end_rad: FloatArray) -> str | None:
@@ -127,15 +127,15 @@ class CheckedPath:
                 return touched
             if np.array_equal(begin_rad, end_rad):
                 return torque_objection(LinePath(begin_rad, end_rad, 1.0), PhaseLimits(0.0, 0.0), constraints)
-            line = LinePath.within(begin_rad, end_rad, limits, points)
+            line = LinePath.within(begin_rad, end_rad, limits, speed)
             return torque_objection(line, line.phase_limits(limits), constraints)
 
         legs, begin_rad = [], position_rad
         for end_rad in find_way(position_rad, self.start_rad, limits, objection):
-            line = LinePath.within(begin_rad, end_rad, limits, points)
+            line = LinePath.within(begin_rad, end_rad, limits, speed)
             leg = plan_approach(line, limits)
             require_joint_limits(line.bounds(), leg.bounds, constraints)
-            require_reduced_speed(leg, points)
+            require_reduced_speed(leg, speed)
             legs.append(_checked_leg(leg))
             begin_rad = end_rad
         return tuple(legs)
@@ -168,7 +168,7 @@ class CheckedPath:
                 f"enabled, {SAG_RAD} rad allowed: the checked path starts elsewhere"
             )
         require_within(position_rad, constraints.limits)
-        line = LinePath.within(position_rad, stood_rad, constraints.limits, constraints.points)
+        line = LinePath.within(position_rad, stood_rad, constraints.limits, constraints.reduced_speed)
         leg = plan_approach(line, constraints.limits)
         require_joint_limits(line.bounds(), leg.bounds, constraints)
         return _checked_leg(leg)
@@ -202,7 +202,7 @@ def check_path(
     require_joint_limits(path.bounds(), measured.bounds, constraints)
     require_tcp_speed(path, constraints)
     slow = plan_slow(excitation, measured, constraints.points)
-    require_reduced_speed(slow, constraints.points)
+    require_reduced_speed(slow, constraints.reduced_speed)
     objection = torque_objection(path, measured.bounds, constraints)
     if objection is not None:
         raise ConfigurationError(

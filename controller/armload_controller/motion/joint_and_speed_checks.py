@@ -16,11 +16,11 @@ import numpy as np
 
 from armload_controller.motion.joint_limits import RELATIVE_TOLERANCE, LimitViolation, check_setpoints
 from armload_controller.motion.motion_constraints import MotionConstraints
-from armload_controller.motion.paths import REDUCED_SPEED_M_S, LinePath, PhaseLimits
+from armload_controller.motion.paths import LinePath, PhaseLimits
 from armload_controller.motion.phase import Leg
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierBounds, FourierState, FourierTrajectory
-from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.torque_limits import TorqueLimits
 
 RAMP_SAMPLES = 1024
@@ -62,16 +62,20 @@ def greatest_speed_m_s(leg: Leg, points: ArmPoints) -> float:
     return float(_point_speeds(leg, points).max())
 
 
-def require_reduced_speed(leg: Leg, points: ArmPoints) -> None:
+def require_reduced_speed(leg: Leg, limit: SpeedLimit) -> None:
     """Check that no point of the arm exceeds reduced speed on a leg.
 
     Only samples are checked; between them the planning of such legs keeps the limit, with a margin (`slow_round_pace`,
     `paths`).
 
+    Args:
+        leg: The leg.
+        limit: Reduced speed, or a lower limit.
+
     Raises:
         LimitViolation: naming the point and its speed.
     """
-    _require_speed(_point_speeds(leg, points), points, REDUCED_SPEED_M_S)
+    _require_speed(_point_speeds(leg, limit.points), limit.points, limit.speed_m_s)
 
 
 def require_tcp_speed(path: FourierTrajectory, constraints: MotionConstraints) -> None:

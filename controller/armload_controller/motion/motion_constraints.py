@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.obstacles import Obstacles
+from armload_controller.motion.paths import REDUCED_SPEED_M_S
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.torque_limits import TorqueLimits
@@ -25,7 +26,7 @@ class MotionConstraints:
         axis_torque: The same for the motors' axes, which drives limit (6072); None if the joints' limits imply it.
         obstacles: Obstacles that the arm must not touch.
         points: Points of the arm whose speed is limited.
-        speed: Speed limit of these points at full rate; None if the file sets none.
+        speed: Speed limit of these points that the file sets; None if it sets none.
     """
 
     robot_sha256: str
@@ -36,3 +37,9 @@ class MotionConstraints:
     obstacles: Obstacles
     points: ArmPoints
     speed: SpeedLimit | None
+
+    @property
+    def reduced_speed(self) -> SpeedLimit:
+        """Speed limit on approaches and slow rounds: reduced speed, or the file's limit if that is lower."""
+        own_m_s = REDUCED_SPEED_M_S if self.speed is None else self.speed.speed_m_s
+        return SpeedLimit(self.points, min(REDUCED_SPEED_M_S, own_m_s))

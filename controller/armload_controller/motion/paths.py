@@ -21,12 +21,13 @@ from armload_controller.control_errors import ControlError
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierBounds, FourierState, FourierTrajectory
-from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 
 REDUCED_SPEED_M_S = 0.25
 """Speed limit for every point of the arm on approaches and slow rounds: reduced speed of ISO 10218-1."""
-PLANNED_SPEED_M_S = 0.98 * REDUCED_SPEED_M_S
-"""Speed that they are planned with: a servo may overshoot its setpoints."""
+PLANNED_SHARE = 0.98
+"""Share of a speed limit that they are planned with: a servo may overshoot its setpoints."""
+PLANNED_SPEED_M_S = PLANNED_SHARE * REDUCED_SPEED_M_S
 APPROACH_SHARE = 0.25
 """Share of the velocity, acceleration and jerk limits that an approach uses."""
 RAMP_ACCELERATION_SHARE = 0.95
@@ -68,19 +69,19 @@ class LinePath:
     duration_s: float
 
     @classmethod
-    def within(cls, start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLimits, points: ArmPoints) -> LinePath:
-        """The fastest line that `APPROACH_SHARE` and `PLANNED_SPEED_M_S` allow.
+    def within(cls, start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLimits, speed: SpeedLimit) -> LinePath:
+        """The fastest line that `APPROACH_SHARE` and `PLANNED_SHARE` allow.
 
         Args:
             start_rad: (n,) start position.
             goal_rad: (n,) goal position.
             limits: Limits of the joints.
-            points: Points of the arm whose speed is limited.
+            speed: Limit of the speed of the arm's points.
         """
         way = goal_rad - start_rad
         duration_s = float((np.abs(way) / (APPROACH_SHARE * limits.velocity_max_rad_s)).max())
-        fastest_m_s = cls(start_rad, goal_rad, duration_s).greatest_speed_m_s(points)
-        return cls(start_rad, goal_rad, duration_s * max(1.0, fastest_m_s / PLANNED_SPEED_M_S))
+        fastest_m_s = cls(start_rad, goal_rad, duration_s).greatest_speed_m_s(speed.points)
+        return cls(start_rad, goal_rad, duration_s * max(1.0, fastest_m_s / (PLANNED_SHARE * speed.speed_m_s)))
 
     def greatest_speed_m_s(self, points: ArmPoints) -> float:
         """Bound on the speed of all points of the arm at full rate, also between samples."""

@@ -447,7 +447,21 @@ def test_no_point_of_the_arm_is_fast_on_the_slow_round_and_on_the_way_to_it():
 def test_a_leg_faster_than_reduced_speed_is_not_passed():
     path = checked()
     with pytest.raises(LimitViolation, match=r"speed 0\.\d+ m/s is beyond the limit of 0\.2500 m/s"):
-        require_reduced_speed(path.measured.leg, ArmPoints(ROBOT.chain, np.array([0.0, 0.0, 0.5])))
+        require_reduced_speed(path.measured.leg, SpeedLimit(ArmPoints(ROBOT.chain, np.array([0.0, 0.0, 0.5])), 0.25))
+
+
+def test_a_speed_limit_of_the_file_below_reduced_speed_holds_on_the_approach_too():
+    trajectory = ROBOT.excitations["identification"].trajectory
+    gentle = FourierTrajectory(
+        trajectory.base_frequency_hz, trajectory.offset_rad, 0.01 * trajectory.sin_rad, 0.01 * trajectory.cos_rad
+    )
+    slow = replace(reaching_points(), speed=SpeedLimit(reaching_points().points, 0.05))
+    path = check_path(Excitation(gentle, 2), slow, CYCLE_S, file="my.toml", key="probe")
+    sagged = path.back_to(STANDING, STANDING + 0.009)
+    assert sagged is not None
+    for stretch in (path.slow, path.measured, sagged, *path.approach_from(STANDING)):
+        plan = plan_leg(stretch.leg, CYCLE_S)
+        assert slow.points.speeds(plan.position_rad, plan.velocity_rad_s).max() <= 0.05
 
 
 class Underestimated(ArmPoints):

@@ -16,7 +16,7 @@ from armload_controller.motion.setpoints import (
     plan_slow,
 )
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
-from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.model.chain import Chain
 
 N = 3
@@ -55,7 +55,9 @@ def plan(excitation):
 
 
 def approach():
-    return plan_leg(plan_approach(LinePath.within(START, np.zeros(N), LIMITS, SMALL_POINTS), LIMITS), CYCLE_S)
+    return plan_leg(
+        plan_approach(LinePath.within(START, np.zeros(N), LIMITS, SpeedLimit(SMALL_POINTS, 0.25)), LIMITS), CYCLE_S
+    )
 
 
 def test_segments_come_in_order_and_periods_are_whole(plan, excitation):
