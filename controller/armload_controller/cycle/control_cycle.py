@@ -2,7 +2,7 @@
 
 Rules. Every setpoint is checked against the limits after Ruckig and before it is sent. Ruckig's output may deviate
 from the plan by at most `PATH_TOLERANCE_RAD`. Before an error leaves this module, the arm is brought to rest as the
-row of `safety.DECISIONS` for its cause prescribes.
+row of `stop_decisions.DECISIONS` for its cause prescribes.
 
 Order within a cycle: the next setpoint is computed and checked, plug-ins receive it with the last feedback (monitors
 check that feedback now, before anything else is sent), their torque passes the gate, and the command is sent.

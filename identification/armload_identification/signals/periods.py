@@ -1,7 +1,7 @@
 """A periodic run folded onto one period: average, scatter, and the motion as a Fourier series.
 
-`recording.reduction.phases` determines the position of the rows in a period. A recording that was reduced to its
-average period while it was read is processed in the same way, as a single period.
+`recording.reduction.place_in_period` determines the position of the rows in a period. A recording that was reduced to
+its average period while it was read is processed in the same way, as a single period.
 """
 
 from __future__ import annotations
