@@ -14,7 +14,7 @@ static int has_avx2_and_fma(void)
         return 0;
     }
     __asm__("xgetbv" : "=a"(saved), "=d"(unused) : "c"(0));
-    return (saved & vector_registers) == vector_registers && __get_cpuid_count(7, 0, &a, &b, &c, &d) && (b & avx2);
+    return (saved & vector_registers) == vector_registers && __get_cpuid_count(7, 0, &a, &b, &c, &d) && (b & avx2) != 0;
 }
 #endif
 
@@ -28,7 +28,12 @@ const batch_kernels *const *batch_variants(void)
         NULL,
     };
 #if defined(__x86_64__)
-    if (!has_avx2_and_fma()) {
+    /* Asked once: in a virtual machine CPUID leaves the guest, which takes 10 us each time. */
+    static int found = -1;
+    if (found < 0) {
+        found = has_avx2_and_fma();
+    }
+    if (!found) {
         return every + 1;
     }
 #endif
