@@ -25,14 +25,14 @@ test: env
 
 env: $(KERNELS)
 
-$(KERNELS): .venv/.requirements pyproject.toml $(wildcard $(CORE)/source/*.[ch]) $(CORE)/source/build_extension.py
+$(KERNELS): .venv/.requirements pyproject.toml $(wildcard $(CORE)/source/*.[ch] $(CORE)/source/*/*.[ch]) $(CORE)/source/compilation/build_extension.py
 	$(call timed,building: the kernels are compiled and armload is installed into .venv: some seconds,$(PIP) --no-deps --no-build-isolation --editable .)
 	@touch $@
 
 .venv/.requirements: requirements.lock
 	$(call timed,downloading what armload requires into .venv (1.5 GB): a minute or two the first time,$(PYTHON) -m venv .venv && $(PIP) --require-hashes --no-deps -r requirements.lock)
 	@PYTHONPATH=identification $(BIN)/python -c "from armload_core.c_compiler import c_compiler as cc; exit(cc() is None)" || { \
-	  echo "== no C compiler was found: downloading one, ziglang"; $(PIP) --require-hashes --no-deps -r $(CORE)/source/compiler.lock; }
+	  echo "== no C compiler was found: downloading one, ziglang"; $(PIP) --require-hashes --no-deps -r $(CORE)/source/compilation/compiler.lock; }
 	@touch $@
 
 lint: env
@@ -66,9 +66,9 @@ benchmarks/peers/.venv/.requirements: benchmarks/peers/requirements.lock
 
 # What is published, into dist: the sources, and a wheel each for x86-64 and aarch64. Has an environment of its own.
 wheels: .venv-wheels/.requirements
-	$(call timed,building the source distribution and the wheels into $(DIST): half a minute,.venv-wheels/bin/python $(CORE)/source/build_wheels.py $(DIST))
+	$(call timed,building the source distribution and the wheels into $(DIST): half a minute,.venv-wheels/bin/python $(CORE)/source/compilation/build_wheels.py $(DIST))
 
-.venv-wheels/.requirements: $(CORE)/source/wheels.lock
+.venv-wheels/.requirements: $(CORE)/source/compilation/wheels.lock
 	$(call timed,downloading what builds wheels into .venv-wheels (0.4 GB),$(PYTHON) -m venv .venv-wheels && .venv-wheels/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r $<)
 	@touch $@
 

@@ -51,7 +51,7 @@ _MODULES = (
 )
 _SOURCES = (
     Path(__file__),
-    Path(str(armload_core.__file__)).parent / "source" / "servo_loops.c",
+    Path(str(armload_core.__file__)).parent / "source" / "scalar" / "servo_loops.c",
     *(Path(str(module.__file__)) for module in _MODULES),
 )
 _LIBRARIES = ("mujoco", "numpy", "ruckig")

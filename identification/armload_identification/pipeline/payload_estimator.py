@@ -1,7 +1,7 @@
 """Payload of a calibrated arm while it works: the recursive estimator, and its estimate with intervals.
 
-`update` is one call of the kernel (`armload_core/source/payload_estimator.c`), with the drives' unfiltered feedback and
-its time stamps. `estimate` must not be called in the control loop, as it takes some milliseconds.
+`update` is one call of the kernel (`armload_core/source/scalar/payload_estimator.c`), with the drives' unfiltered
+feedback and its time stamps. `estimate` must not be called in the control loop, as it takes some milliseconds.
 """
 
 from __future__ import annotations

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
-SOURCE = ROOT / "identification" / "armload_core" / "source"
+BUILD = ROOT / "identification" / "armload_core" / "source" / "compilation"
 PEERS = ROOT / "benchmarks" / "peers"
 
 
 def test_the_pins_carry_hashes_and_no_addresses():
-    locks = [ROOT / "requirements.lock", SOURCE / "compiler.lock", SOURCE / "wheels.lock", PEERS / "requirements.lock"]
+    locks = [ROOT / "requirements.lock", BUILD / "compiler.lock", BUILD / "wheels.lock", PEERS / "requirements.lock"]
     if not locks[0].is_file():
         pytest.skip("not a checkout: the pins are not installed")
     text = "\n".join(lock.read_text() for lock in locks)
@@ -27,9 +27,9 @@ def test_the_pins_carry_hashes_and_no_addresses():
 
 def build_program():
     """The program that compiles the kernels, as a module."""
-    if not SOURCE.is_dir():
+    if not BUILD.is_dir():
         pytest.skip("not a checkout: the kernels' sources are not installed")
-    spec = importlib.util.spec_from_file_location("build_extension", SOURCE / "build_extension.py")
+    spec = importlib.util.spec_from_file_location("build_extension", BUILD / "build_extension.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -46,7 +46,7 @@ def test_without_a_compiler_two_are_offered(tmp_path):
     if importlib.util.find_spec("ziglang"):
         pytest.skip("PyPI's compiler is installed")
     build_program()
-    command = [sys.executable, str(SOURCE / "build_extension.py"), str(tmp_path)]
+    command = [sys.executable, str(BUILD / "build_extension.py"), str(tmp_path)]
     done = subprocess.run(command, env={"PATH": str(tmp_path)}, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "apt install gcc" in done.stderr

@@ -1,7 +1,7 @@
 """The recursive estimator for one calibrated arm: straight-line regressor and link torques, with the core's update.
 
-The update is the core's own source (`armload_core/source/payload_estimator.[ch]`) with the arm's prefix in its names:
-one source for Python and for controllers, and the tests compare both on the same samples.
+The update is the core's own source (`armload_core/source/scalar/payload_estimator.[ch]`) with the arm's prefix in its
+names: one source for Python and for controllers, and the tests compare both on the same samples.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def estimator_texts(
 
 def _of_the_core(file: str, after: str) -> str:
     """The part of a core file after its last `#include`."""
-    text = (resources.files("armload_core") / "source" / file).read_text(encoding="ascii")
+    text = (resources.files("armload_core") / "source" / "scalar" / file).read_text(encoding="ascii")
     return text.partition(after)[2].strip()
 
 

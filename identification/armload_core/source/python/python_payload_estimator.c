@@ -3,8 +3,8 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "batch.h"
-#include "payload_estimator.h"
+#include "instruction_sets/batch.h"
+#include "scalar/payload_estimator.h"
 #include "python_types.h"
 
 extern const batch_kernels *batch;

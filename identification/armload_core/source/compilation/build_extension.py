@@ -3,7 +3,7 @@
 The extension uses the limited API, so that one file works with every CPython from 3.11 on. It is placed in the package
 directory, in an editable installation as in the wheel.
 
-    python identification/armload_core/source/build_extension.py FOLDER [FLAG ...]
+    python identification/armload_core/source/compilation/build_extension.py FOLDER [FLAG ...]
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # armload_core is not installed yet
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))  # armload_core is not installed yet
 
 from armload_core.c_compiler import INSTALL_ONE, c_compiler
 
-SOURCE = Path(__file__).resolve().parent
+SOURCE = Path(__file__).resolve().parents[1]
 EXTENSION = "kernels.abi3.so"
 INCLUDE = Path(sysconfig.get_path("include"))
 # -O3 for vectorisation; ISO C needs -ffp-contract=fast for fused multiply-add; no flag relaxes IEEE arithmetic further
@@ -63,9 +63,9 @@ def compile_extension(folder: Path, flags: tuple[str, ...] = (), include: Path =
     if compiler is None:
         raise SystemExit(f"armload's kernels are written in C, but no C compiler was found. {INSTALL_ONE}.")
     fresh = folder / f".{EXTENSION}.{os.getpid()}"
-    sources = sorted(str(file) for file in SOURCE.glob("*.c"))
+    sources = sorted(str(file) for file in SOURCE.glob("*/*.c"))
     more = (*shlex.split(os.environ.get("CFLAGS", "")), *flags)
-    command = [*compiler, *FLAGS, *WARNINGS, f"-I{include}", *more, *sources, "-lm", "-o", str(fresh)]
+    command = [*compiler, *FLAGS, *WARNINGS, f"-I{SOURCE}", f"-I{include}", *more, *sources, "-lm", "-o", str(fresh)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     sys.stderr.write(done.stderr)
     if done.returncode != 0:

@@ -1,11 +1,11 @@
 /* The Python module `armload_core.kernels`; its types are in `kernels.pyi`. */
 
-#include "batch.h"
+#include "instruction_sets/batch.h"
 #include "chain.h"
-#include "joint_messages.h"
-#include "payload_estimator.h"
+#include "scalar/joint_messages.h"
+#include "scalar/payload_estimator.h"
 #include "python_types.h"
-#include "servo_loops.h"
+#include "scalar/servo_loops.h"
 
 const batch_kernels *batch;
 

@@ -3,7 +3,7 @@
 #ifndef ARMLOAD_PYTHON_TYPES_H
 #define ARMLOAD_PYTHON_TYPES_H
 
-#include "batch.h"
+#include "instruction_sets/batch.h"
 #include "python_arrays.h"
 
 #define FASTCALL(function) ((PyCFunction)(void (*)(void))(function))

@@ -1,7 +1,7 @@
 /* The Python function joint_rows_into, which calls the scanner of messages. */
 
 #include "chain.h"
-#include "joint_messages.h"
+#include "scalar/joint_messages.h"
 #include "python_types.h"
 
 static int open_table(PyObject *array, const message_layout *layout, Py_buffer *view)

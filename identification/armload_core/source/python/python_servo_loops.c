@@ -4,7 +4,7 @@
 
 #include "chain.h"
 #include "python_types.h"
-#include "servo_loops.h"
+#include "scalar/servo_loops.h"
 
 enum { PARAMETER, STATE, TO_AXIS, POSITION, VELOCITY, LINK_TORQUE, APPLIED, FRICTION, ARRAYS };
 

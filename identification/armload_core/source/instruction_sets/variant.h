@@ -13,15 +13,15 @@
 #define INLINE static inline __attribute__((always_inline)) TARGET
 #define ENTRY static TARGET
 
-#include "lanes.h"
-#include "geometry.h"
-#include "frames.h"
-#include "body_columns.h"
-#include "regressor.h"
-#include "arm_torque.h"
-#include "information.h"
-#include "clearance.h"
-#include "payload_torque.h"
+#include "vectorised/lanes.h"
+#include "vectorised/geometry.h"
+#include "vectorised/frames.h"
+#include "vectorised/body_columns.h"
+#include "vectorised/regressor.h"
+#include "vectorised/arm_torque.h"
+#include "vectorised/information.h"
+#include "vectorised/clearance.h"
+#include "vectorised/payload_torque.h"
 
 ENTRY void sines_cosines(ptrdiff_t count, const double *angle, double *sine, double *cosine)
 {

@@ -4,7 +4,7 @@ The kernels are compiled with PyPI's `ziglang` against the glibc of manylinux201
 manylinux2014 system, independently of the build machine; auditwheel verifies this from the symbols. Requires the
 packages of `wheels.lock`.
 
-    python identification/armload_core/source/build_wheels.py FOLDER
+    python identification/armload_core/source/compilation/build_wheels.py FOLDER
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import sysconfig
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 PROCESSORS = ("x86_64", "aarch64")
 GLIBC = (2, 17)
 """manylinux2014: the oldest glibc that numpy's wheels, and zig for aarch64, support."""
