@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.motion.motion_control import MotionControl
-    from armload_controller.session.live_view import LiveAddress
+    from armload_controller.session.live.live_view import LiveAddress
     from armload_controller.session.run_session import Operator
 
 
@@ -36,7 +36,7 @@ def operator_at(
         agreed: Whether the operator has agreed in advance to everything that allows it.
         live: Address of the live view; None for none.
     """
-    from armload_controller.session.live_view import shown_live
+    from armload_controller.session.live.live_view import shown_live
     from armload_controller.session.run_session import Consent, Operator
     from armload_controller.session.stop_signals import StopSignals
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.cycle.monitors import CycleSummary
-    from armload_controller.session.live_view import LiveAddress
+    from armload_controller.session.live.live_view import LiveAddress
     from armload_controller.session.run_session import Consent, Load
     from armload_identification.estimation.prior_knowledge import KnownPayload
     from armload_identification.model.payload import InertialParameters
@@ -97,7 +97,7 @@ def commission(
     from armload_controller.session.arm_access import require_rules
     from armload_controller.session.commissioning import missing_roles, require_recordings
     from armload_controller.session.folder_claim import claimed
-    from armload_controller.session.live_view import live_at
+    from armload_controller.session.live.live_view import live_at
     from armload_controller.session.run_session import Load
     from armload_identification.estimation.prior_knowledge import KnownPayload
     from armload_identification.extras import Extra, require_extra

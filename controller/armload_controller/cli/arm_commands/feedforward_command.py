@@ -106,7 +106,7 @@ def feedforward(
     from armload_controller.feedforward.adaptation_rules import DeclaredMass
     from armload_controller.session.arm_access import open_arm, require_rules
     from armload_controller.session.comparison_figure import require_picture
-    from armload_controller.session.live_view import live_at
+    from armload_controller.session.live.live_view import live_at
     from armload_drivers.servos import JointServos
 
     require_one_kind(payload, expect, adapt=adapt, compare=compare)

@@ -26,7 +26,7 @@ from armload_controller.control_errors import CommissioningError, ConfigurationE
 from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.cycle.run_recorder import joint_row, phase_of
-from armload_controller.session.live_server import LIMIT_BYTES, LiveArm, serve
+from armload_controller.session.live.live_server import LIMIT_BYTES, LiveArm, serve
 from armload_controller.session.run_session import Display, Operator
 
 EVERY_S = 0.05

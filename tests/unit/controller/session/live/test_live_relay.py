@@ -13,9 +13,9 @@ from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import PhaseState, Segment
-from armload_controller.session.live_relay import ClientLimits, ClientPace, Relay
-from armload_controller.session.live_server import LiveArm, serve_clients
-from armload_controller.session.live_view import EVERY_S, LiveView
+from armload_controller.session.live.live_relay import ClientLimits, ClientPace, Relay
+from armload_controller.session.live.live_server import LiveArm, serve_clients
+from armload_controller.session.live.live_view import EVERY_S, LiveView
 from armload_controller.session.run_session import NoDisplay
 from armload_drivers.servos import JointCommand, JointFeedback
 from tests.foxglove_clients import Client, shake_hands, silent_client
