@@ -1,6 +1,6 @@
 """Payload of a calibrated arm while it works: the recursive estimator, and its estimate with intervals.
 
-`update` is one call of the kernel (`armload_core/source/scalar/payload_estimator.c`), with the drives' unfiltered
+`update` is one call of the kernel (`armload_core/source/estimator/payload_estimator.c`), with the drives' unfiltered
 feedback and its time stamps. `estimate` must not be called in the control loop, as it takes some milliseconds.
 """
 

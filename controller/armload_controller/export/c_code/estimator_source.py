@@ -1,7 +1,7 @@
 """The recursive estimator for one calibrated arm: straight-line regressor and link torques, with the core's update.
 
-The update is the core's own source (`armload_core/source/scalar/payload_estimator.[ch]`) with the arm's prefix in its
-names: one source for Python and for controllers, and the tests compare both on the same samples.
+The update is the core's own source (`armload_core/source/estimator/`) with the arm's prefix in its names: one source
+for Python and for controllers, and the tests compare both on the same samples.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from armload_identification.pipeline.estimator_constants import EstimatorConstan
 _CONSTANTS: Final = r"\b(ESTIMATOR_\w*|FRICTION_STATES|SMOOTHED|WAITING|REMEMBERED_ROWS)"
 _TYPES_AND_FUNCTIONS: Final = r"^\} (\w+);|\b(estimator_\w+)\("
 """Types and functions that the core's header declares."""
+_REPLACED: Final = ("payload_estimator.h", "chain.h")
+"""Headers that the export replaces with a header and constants of its own."""
 
 
 def estimator_texts(
@@ -42,7 +44,7 @@ def estimator_texts(
         Texts by file name.
     """
     regressor, links = regressor_of(chain), link_torque_of(chain, body.links)
-    header = _of_the_core("payload_estimator.h", '#include "chain.h"\n')
+    header = _core_text("payload_estimator.h")
     names = {a or b for a, b in re.findall(_TYPES_AND_FUNCTIONS, header, re.MULTILINE)} - {"payload_estimator"}
     fields = {
         "name": name,
@@ -60,7 +62,7 @@ def estimator_texts(
         "memory_s": exact(constants.memory_s),
         "delay_s": exact(constants.delay_s),
         "declarations": _renamed(header.removesuffix("#endif").strip(), names, name),
-        "update": _renamed(_of_the_core("payload_estimator.c", "#include <string.h>\n"), names, name),
+        "update": _renamed(_core_text("payload_estimator.c"), names, name),
     }
     return {
         f"{name}_estimator.h": filled("estimator.h", fields),
@@ -68,10 +70,12 @@ def estimator_texts(
     }
 
 
-def _of_the_core(file: str, after: str) -> str:
-    """The part of a core file after its last `#include`."""
-    text = (resources.files("armload_core") / "source" / "scalar" / file).read_text(encoding="ascii")
-    return text.partition(after)[2].strip()
+def _core_text(file: str) -> str:
+    """The parts that a file of the core includes, and what follows its last `#include`."""
+    text = (resources.files("armload_core") / "source" / "estimator" / file).read_text(encoding="ascii")
+    parts = [part for part in re.findall(r'^#include "(\w+\.h)"$', text, re.MULTILINE) if part not in _REPLACED]
+    *_, own = re.split(r"^#include .*\n", text, flags=re.MULTILINE)
+    return "\n\n".join([*map(_core_text, parts), own.strip()])
 
 
 def _renamed(text: str, names: Collection[str], name: str) -> str:

@@ -2,8 +2,8 @@
 
 #include "instruction_sets/batch.h"
 #include "chain.h"
+#include "estimator/payload_estimator.h"
 #include "scalar/joint_messages.h"
-#include "scalar/payload_estimator.h"
 #include "python_types.h"
 #include "scalar/servo_loops.h"
 

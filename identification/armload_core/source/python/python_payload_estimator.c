@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "instruction_sets/batch.h"
-#include "scalar/payload_estimator.h"
+#include "estimator/payload_estimator.h"
 #include "python_types.h"
 
 extern const batch_kernels *batch;
