@@ -3,6 +3,7 @@
 import io
 import os
 import re
+import select
 import subprocess
 import sys
 import termios
@@ -152,6 +153,7 @@ def test_a_terminal_that_accepts_nothing_does_not_halt_what_reports_its_progress
             cycle.join(10.0)
             halted = cycle.is_alive()
             termios.tcflow(terminal, termios.TCOON)
+            assert select.select([], [terminal], [], 10.0)[1]  # the kernel resumes the output a moment later
             done(91)
         output = shown_bytes.read(100_000).decode()
     assert not halted
