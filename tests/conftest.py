@@ -166,9 +166,9 @@ class WatchedServos(FakeServos):
         self.sent.append(command)
         return event(feedback) if event else feedback
 
-    def stop(self):
+    def stop(self, suspect=None):
         self.log.append("stop")
-        super().stop()
+        super().stop(suspect)
 
     def disable(self):
         self.log.append("disable")
@@ -233,6 +233,8 @@ def small_arm(*, cycle_s=0.01, **changes):
         "following_error_rad": 0.5,
         "position_min_rad": -3.0,
         "position_max_rad": 3.0,
+        "velocity_max_rad_s": 2.0,
+        "acceleration_max_rad_s2": 5.0,
         "has_brake": True,
         "identity": SIMULATION_IDENTITY,
     } | changes

@@ -32,14 +32,13 @@ from armload_drivers.driver_errors import BusError, CommandError, ServoError
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.simulation.fake_servos import FailureKind, FakeServos, ScriptedFailure
 from armload_drivers.simulation.mujoco_plant import ArmPlant
+from armload_drivers.simulation.plant_interface import REVERSED
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 
 AT_S = 1.3
 """Phase, in s, at which the cause occurs."""
 LIAR = 2
 """The joint whose drive reports false values."""
-SLOW_SHARE = 0.1
-"""Share of full speed at which a reversed position is tested."""
 STILL_RAD_S = 2e-3
 """Slower than this a joint is at standstill."""
 GRID_S = 5e-4
@@ -138,9 +137,6 @@ def _bits(on: int = 0, off: int = 0) -> Callable[[], Lie]:
 
 
 LIES: dict[Cause | None, Callable[[], Lie]] = {
-    Cause.POSITION_JUMPS: lambda: Lie("position_rad", lambda now, first, since_s: now + 2.0 * np.pi / 110.0),
-    Cause.POSITION_FROZEN: lambda: Lie("position_rad", lambda now, first, since_s: first),
-    Cause.POSITION_REVERSED: lambda: Lie("position_rad", lambda now, first, since_s: 2.0 * first - now),
     Cause.VELOCITY: lambda: Lie("velocity_rad_s", lambda now, first, since_s: 2.0),
     Cause.TORQUE_MISSING: lambda: Lie("current_a", lambda now, first, since_s: 0.0),
     Cause.VOLTAGE: _bits(off=0x0010),
@@ -225,12 +221,11 @@ def measure(robot: Robot, path: CheckedPath, cause: Cause | None) -> Stop:
     plant = WatchedPlant(spec)
     failures = _failures(cause, lead_in)
     servos = Disturbed(robot.drives.settings, plant, failures)
-    servos.at, servos.event = lead_in, _event(cause, cycle_s)
+    servos.at, servos.event = lead_in, _event(cause, cycle_s, plant)
     servos.lasts = cause in LIES
     if cause in LIES:
         servos.event = LIES[cause]()
-    # At full speed a reversed position is first detected as a following error.
-    control = MotionControl(SLOW_SHARE if cause is Cause.POSITION_REVERSED else 1.0)
+    control = MotionControl()
     monitors: list[CyclePlugin] = [
         FollowingMonitor(_limits(cause, limits, trajectory), robot.bus.max_missing_cycles),
         feedback_truth(robot, cycle_s),
@@ -308,9 +303,17 @@ def _failures(cause: Cause | None, cycle: int) -> tuple[ScriptedFailure, ...]:
     return ()
 
 
-def _event(cause: Cause | None, cycle_s: float) -> BaseException | Callable[[JointFeedback], JointFeedback] | None:
-    """The servos' error or falsified feedback in the cycle of the cause."""
+def _event(
+    cause: Cause | None, cycle_s: float, plant: ArmPlant
+) -> BaseException | Callable[[JointFeedback], JointFeedback] | None:
+    """The servos' error, falsified feedback or broken encoder in the cycle of the cause."""
+
+    def broken(feedback: JointFeedback) -> JointFeedback:
+        plant.fail_encoder(LIAR, REVERSED)
+        return feedback
+
     events: dict[Cause, BaseException | Callable[[JointFeedback], JointFeedback]] = {
+        Cause.LOOP_LOST: broken,
         Cause.STALE: lambda feedback: replace(feedback, time_s=feedback.time_s - cycle_s),
         Cause.LATE: lambda feedback: replace(feedback, skipped_cycles=10),
         Cause.DRIVE: ServoError(3, "joint_3", "streaming", "it left its state by itself", "Look at it"),

@@ -7,7 +7,9 @@ DriverError
  |    +-- SdoRefused       ... answered an SDO with an abort code
  |    +-- WrongDevice      ... is not the configured device, or contradicts its configuration
  |    +-- MissingSafety    ... cannot provide a safety property
+ |    +-- LoopLost         ... moves its axis otherwise than commanded: encoder, loop or brake has failed
  |    +-- AxisMoves        ... its axis moves without torque: no brake holds it
+ |    +-- TorqueRemains    ... may carry torque: its removal could not be read back
  +-- BusError              the bus itself: missing, off, queue full
  |    +-- BusOverload      ... would carry more than its configured share
  +-- ForeignMaster         another master commands the same bus
@@ -147,5 +149,13 @@ class MissingSafety(ServoError):
     """A drive cannot provide a safety property, and the configuration does not accept that."""
 
 
+class LoopLost(ServoError):
+    """An axis has left its predicted course: a stop by the drive's own loop cannot be relied on."""
+
+
 class AxisMoves(ServoError):
     """An axis moves although its drive produces no torque: it has no brake, or its brake does not hold."""
+
+
+class TorqueRemains(ServoError):
+    """It could not be read back that a drive carries no torque."""

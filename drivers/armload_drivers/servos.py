@@ -105,16 +105,33 @@ class JointServos(Protocol):
 
         Raises:
             StateError: not enabled.
+            CommandError: a setpoint cannot be sent, or no axis could follow it in a cycle; nothing was sent.
+            LoopLost: an axis has left its predicted course; `stop` removes its torque at once.
             ServoFault: a drive left OPERATION ENABLED by itself.
             ServoTimeout: a drive's feedback was missing too many cycles in a row.
             BusError: the bus failed.
         """
 
-    def stop(self) -> None:
-        """Quick stop: decelerate every drive on its own ramp and hold, with torque on."""
+    def stop(self, suspect: int | None = None) -> None:
+        """Quick stop: decelerate every drive on its own ramp and hold, with torque on.
+
+        The torque of an axis that leaves its predicted course, before or during the stop, is removed at once, and its
+        brake engages; if there is more than one, the torque of all.
+
+        Args:
+            suspect: Index of an axis with an unexpected torque or following error. If its position stands while its
+                setpoints move, it has left its course.
+
+        Raises:
+            LoopLost: an axis left its course during the stop, or did not come to rest in time.
+        """
 
     def disable(self) -> None:
-        """Engage brakes and remove torque once the arm is at standstill."""
+        """Engage brakes and remove torque once the arm is at standstill, or when it does not come to rest in time.
+
+        Raises:
+            TorqueRemains: it could not be read back that a drive carries no torque.
+        """
 
     def take_remarks(self) -> tuple[str, ...]:
         """Lines for the operator about what happened since the last call without being an error; usually none."""

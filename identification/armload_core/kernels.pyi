@@ -289,6 +289,9 @@ class ServoLoops:
             number: Number of the step.
         """
 
+    def position(self, axis: int, number: float, /) -> float:
+        """Position of one axis at a step as its encoder has it, in rad."""
+
     def ramp(self, axis: int, number: float, position: float, steps: float, slowing: bool, /) -> None:
         """Ramp the setpoint of one axis from its present value to a position, then hold it.
 
@@ -323,17 +326,21 @@ SERVO_STRIBECK_VELOCITY: int
 SERVO_LOSS_FORWARD: int  # per |link torque|
 SERVO_LOSS_BACKWARD: int
 SERVO_BRAKE: int
+SERVO_TIME_STEP: int  # s
 SERVO_PARAMETERS: int
 
-# Rows of `state`. Those up to BRAKED are inputs, the others are set by the step.
+# Rows of `state`. Those up to ENCODER_DRIFT are inputs, the others are set by the step.
 SERVO_RAMP_FROM: int
 SERVO_RAMP_TO: int
 SERVO_RAMP_BEGIN: int  # step number
 SERVO_RAMP_STEPS: int
 SERVO_RAMP_SLOWING: int  # 0 or 1
 SERVO_OFFSET: int
-SERVO_POWERED: int  # 0 or 1
-SERVO_BRAKED: int  # 0 or 1
+SERVO_POWER_ENDS: int  # step number from which the motor has no torque
+SERVO_BRAKE_BEGINS: int  # step number from which the brake is engaged
+SERVO_ENCODER_SCALE: int  # the loops see scale * position + offset + drift * time; 1, 0, 0 is a sound encoder
+SERVO_ENCODER_OFFSET: int
+SERVO_ENCODER_DRIFT: int  # rad/s
 SERVO_INTEGRAL: int
 SERVO_TORQUE: int  # of the axis, nominal: the drive's own value
 SERVO_TRUE_TORQUE: int  # of the axis, with gain error and ripple

@@ -147,7 +147,7 @@ def test_an_arm_in_order_is_not_remarked_upon(rig):
 
 def test_a_command_is_reached_one_cycle_after_the_sync_that_latched_it(rig):
     before = rig.enable().position_rad
-    target = rig.start_rad + np.array([0.01, -0.02, 0.03])
+    target = rig.start_rad + np.array([0.005, -0.01, 0.015])
     latched = rig.hold(1, target)
     assert latched.position_rad == pytest.approx(before, abs=rig.count_rad)
     assert rig.hold(1, target).position_rad == pytest.approx(target, abs=rig.count_rad)

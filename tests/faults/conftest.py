@@ -71,9 +71,9 @@ class FaultArm:
         self.start_rad = self.target_rad = self.servos.enable().position_rad
         return self.start_rad
 
-    def move(self, cycles=20):
+    def move(self, cycles=20, speed_rad_s=SPEED_RAD_S):
         for _ in range(cycles):
-            self.target_rad = self.target_rad + self.arm.cycle_s * SPEED_RAD_S
+            self.target_rad = self.target_rad + self.arm.cycle_s * speed_rad_s
             feedback = self.servos.exchange(JointCommand(self.target_rad, ZERO, ZERO))
         return feedback
 

@@ -1,4 +1,4 @@
-"""Drives with false feedback: each falsification is found in the slow round, by its own row of the table."""
+"""Drives with false feedback: each falsification is found in the slow round, and stops the arm as the table says."""
 
 from contextlib import contextmanager
 from dataclasses import replace
@@ -11,6 +11,7 @@ from armload_controller.control_errors import MotionError
 from armload_controller.cycle.stop_decisions import DECISIONS, Cause, cause_of
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.run_session import Load, no_operator, run_session
+from armload_drivers.simulation.plant_interface import FROZEN, REVERSED, EncoderFault
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 
 ROBOT = load_robot("prbt")
@@ -35,28 +36,6 @@ def one(values, value):
 
 class Lies:
     """Falsifications of the feedback by the drive of one joint."""
-
-    def __init__(self):
-        self.first = None
-
-    def honest(self, feedback):
-        return feedback
-
-    def jumping_by_a_motor_turn(self, feedback):
-        return replace(feedback, position_rad=one(feedback.position_rad, feedback.position_rad[LIAR] + MOTOR_TURN_RAD))
-
-    def frozen(self, feedback):
-        """All values of a TPDO."""
-        self.first = self.first or feedback
-        names = ("position_rad", "torque_nm", "statusword")
-        return replace(
-            feedback, **{name: one(getattr(feedback, name), getattr(self.first, name)[LIAR]) for name in names}
-        )
-
-    def reversed(self, feedback):
-        self.first = self.first or feedback
-        begun = self.first.position_rad[LIAR]
-        return replace(feedback, position_rad=one(feedback.position_rad, 2.0 * begun - feedback.position_rad[LIAR]))
 
     def another_velocity(self, feedback):
         return replace(feedback, velocity_rad_s=one(np.zeros(6), 0.5))
@@ -88,12 +67,17 @@ class Lies:
 
 @contextmanager
 def session_with(watched_servos, plant, lie, since=FROM):
-    """A session whose servos report false feedback from one exchange on."""
-    servos = watched_servos(ROBOT.drives.settings, plant(PATH.start_rad, np.full(6, 3.0)))
+    """A session whose servos report false feedback, or whose plant breaks, from one exchange on."""
+    moved = plant(PATH.start_rad, np.full(6, 3.0))
+    servos = watched_servos(ROBOT.drives.settings, moved)
     exchange = servos.exchange
 
     def lying(command):
         feedback = exchange(command)
+        if isinstance(lie, EncoderFault):
+            if len(servos.sent) == since:
+                moved.fail_encoder(LIAR, lie)
+            return feedback
         return lie(feedback) if len(servos.sent) > since else feedback
 
     servos.exchange = lying
@@ -109,9 +93,6 @@ def session_with(watched_servos, plant, lie, since=FROM):
 @pytest.mark.parametrize(
     ("lie", "cause", "since"),
     [
-        ("jumping_by_a_motor_turn", Cause.POSITION_JUMPS, FROM),
-        ("frozen", Cause.POSITION_FROZEN, FROM),
-        ("reversed", Cause.POSITION_REVERSED, FROM),
         ("another_velocity", Cause.VELOCITY, 0),
         ("no_torque", Cause.TORQUE_MISSING, FROM),
         ("a_torque_that_never_changes", Cause.TORQUE_MISSING, 0),
@@ -129,6 +110,29 @@ def test_a_lie_is_found_in_the_slow_round(watched_servos, rubbing_plant, lie, ca
         session.run(PATH, "run")
     assert cause_of(caught.value.__cause__) is cause
     assert str(caught.value).startswith(f"Motion stopped ({DECISIONS[cause].category.value}): {cause.value}")
+    assert servos.log[-2:] == ["stop", "disable"]
+    assert servos.log.count("enable") == 1, "the run at full speed was not begun"
+
+
+@pytest.mark.parametrize(
+    ("fault", "text"),
+    [
+        (EncoderFault(jump_rad=MOTOR_TURN_RAD), "the position moved by"),
+        (FROZEN, "by a single count"),
+        (REVERSED, "against its setpoints"),
+    ],
+    ids=["jump by a motor turn", "frozen", "reversed"],
+)
+def test_a_position_that_is_not_as_commanded_is_an_emergency(watched_servos, rubbing_plant, fault, text):
+    with (
+        session_with(watched_servos, rubbing_plant, fault) as (session, servos),
+        pytest.raises(MotionError, match=ROBOT.joint_names[LIAR]) as caught,
+    ):
+        session.run(PATH, "run")
+    assert cause_of(caught.value.__cause__) is Cause.LOOP_LOST
+    assert str(caught.value).startswith("Motion stopped (emergency stop): an axis does not move as commanded")
+    assert text in str(caught.value)
+    assert "press the emergency stop" in str(caught.value)
     assert servos.log[-2:] == ["stop", "disable"]
     assert servos.log.count("enable") == 1, "the run at full speed was not begun"
 

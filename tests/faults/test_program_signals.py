@@ -148,3 +148,15 @@ def test_a_background_job_goes_on_where_signals_are_ignored_and_is_stopped_by_si
     wait_for_rows(process, tmp_path / "run", recorded + 20_000)
     process.send_signal(signal.SIGTERM)
     ended(process, tmp_path)
+
+
+@pytest.mark.long
+def test_an_operator_who_presses_again_and_again_leaves_no_torque(started, tmp_path):
+    process = started()
+    for _ in range(20):
+        process.send_signal(signal.SIGTERM)
+        time.sleep(0.03)
+    printed, _ = process.communicate(timeout=LONGEST_S)
+    assert "Traceback" not in printed
+    assert "Motion stopped" in printed
+    assert json.loads((tmp_path / "found.json").read_text())["powered"] == [False] * 6

@@ -39,7 +39,7 @@ def test_a_profile_brings_its_makers_drive_into_motion(virtual_arm, shared_data,
     described = read_description(shared_data / "eds" / file)
     profile = read_profile(name, Path(), "arm.toml", "profile")
     table = DriveTable.model_validate({**ARM, **profile.drive.given(), **own})
-    drive = table.settings("joint_1", (-3.0, 3.0), None, None)
+    drive = table.settings("joint_1", (-3.0, 3.0), (2.0, 5.0), None, None)
     found = described.find(temperature_entry(drive))
     assert found is not None
     assert found.type is drive.temperature.type

@@ -45,8 +45,9 @@ class RobotDrives:
             if joint.drive is None:
                 raise self.source.refused(f"joints[{number}].drive", None, "an arm on a bus requires one per joint")
             limits = (joint.position_min_rad, joint.position_max_rad)
+            rates = (joint.velocity_max_rad_s, joint.acceleration_max_rad_s2)
             described = self.descriptions.get(joint.name)
-            drives.append(joint.drive.settings(joint.name, limits, joint.gear_ratio, described))
+            drives.append(joint.drive.settings(joint.name, limits, rates, joint.gear_ratio, described))
         return bus.arm_settings(drives, self.coupling)
 
     @cached_property

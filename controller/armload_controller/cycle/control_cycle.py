@@ -29,6 +29,7 @@ from armload_controller.motion.motion_control import MotionControl, PluginStop
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_controller.motion.setpoints import RuckigFollower
 from armload_core.arrays import FloatArray
+from armload_drivers.driver_errors import LoopLost
 from armload_drivers.servos import JointCommand, JointFeedback, JointServos
 
 PATH_TOLERANCE_RAD = 1e-4
@@ -121,15 +122,15 @@ def not_switched_on(error: ControlError) -> MotionError:
     return MotionError(f"Nothing was switched on: {cause.value}: {error}. Next: {DECISIONS[cause].advice}.", ())
 
 
-def stop_message(error: BaseException, more: str = "") -> str:
+def stop_message(error: BaseException, more: str = "", escalation: LoopLost | None = None) -> str:
     """The operator's message for a stopped motion.
 
     Args:
         error: The reason.
         more: Further detail, appended to the reason.
+        escalation: The error of an axis that left its course during the stop, if any; it decides what to do next.
     """
-    cause = cause_of(error)
-    decision = DECISIONS[cause]
+    cause, decision = cause_of(error), DECISIONS[cause_of(escalation or error)]
     detail = f": {error}" if str(error) else ""
     return f"Motion stopped ({decision.category.value}): {cause.value}{detail}{more}. Next: {decision.advice}."
 
@@ -206,21 +207,24 @@ class PoweredArm:
         decision = DECISIONS[cause_of(error)]
         if self._host.failed:
             self._host.detach(self._host.failed)
+        suspect = self._limits.index_of(getattr(error, "joint", ""))
         steps = {
             StopStep.RAMP_DOWN: self._ramp_down,
-            StopStep.QUICK_STOP: self._servos.stop,
+            StopStep.QUICK_STOP: lambda: self._servos.stop(suspect),
+            StopStep.EMERGENCY_STOP: lambda: self._servos.stop(suspect),
             StopStep.DISABLE: self._servos.disable,
         }
-        troubles = []
+        troubles, astray = [], None
         for step in decision.category.sequence:
             try:
                 steps[step]()
             except BaseException as trouble:  # noqa: BLE001 - the next step must follow after any failure
+                astray = trouble if isinstance(trouble, LoopLost) else astray
                 said = [str(trouble) or type(trouble).__name__, *getattr(trouble, "__notes__", ())]
                 troubles.append(f"{step.value}: {' '.join(said)}")
         late = self._host.slowest() if isinstance(error, LateCycle) else None
         message = stop_message(
-            error, "" if late is None else f"; plug-in {late.name!r} took {late.last_s * 1e3:.1f} ms"
+            error, "" if late is None else f"; plug-in {late.name!r} took {late.last_s * 1e3:.1f} ms", astray
         )
         if troubles:
             message += " While stopping: " + "; ".join(troubles)

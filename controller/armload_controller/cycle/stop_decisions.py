@@ -3,10 +3,12 @@
 Categories, mildest first. ALONG_PATH: the phase rate goes to zero and the arm comes to rest on the checked path.
 QUICK_STOP: the drives decelerate on their own ramps (605A) and hold with torque on. TORQUE_OFF: no more commands can be
 sent and the drives are disabled at once; if the bus is lost, their own reaction to the lost master (1016, 6007) stops
-the arm.
+the arm. EMERGENCY_STOP: the loop of a drive has failed, so its axis loses its torque at once, with its brake, and the
+others are quick-stopped; if more than one has failed, all lose it.
 
 If a step fails, the next one follows: an arm that cannot be ramped down is quick-stopped, and one that cannot be
-quick-stopped is disabled. Added torque (60B2) is ramped to zero while the arm ramps down.
+quick-stopped is disabled. Every stop escalates: an axis that leaves its predicted course during any of these steps
+makes it an emergency stop. Added torque (60B2) is ramped to zero while the arm ramps down.
 
 Whatever the category, the arm is then disabled at standstill with its brakes engaged, and is never re-enabled
 automatically.
@@ -21,9 +23,6 @@ from armload_controller.control_errors import ControlError, OffsetRefused, Recor
 from armload_controller.cycle.feedback_truth import (
     DriveLag,
     InternalLimit,
-    PositionFrozen,
-    PositionJumps,
-    PositionReversed,
     RemoteLost,
     TorqueMissing,
     TorqueReversed,
@@ -39,6 +38,7 @@ from armload_drivers.driver_errors import (
     BusError,
     CommandError,
     DriverError,
+    LoopLost,
     ServoError,
     ServoFault,
     ServoTimeout,
@@ -51,6 +51,7 @@ class StopStep(Enum):
 
     RAMP_DOWN = "ramp down along the path, added torque to zero"
     QUICK_STOP = "quick stop, torque on"
+    EMERGENCY_STOP = "torque off and brake on at once where a loop has failed, quick stop of the others"
     DISABLE = "brakes on, torque off, at standstill"
 
 
@@ -60,6 +61,7 @@ class StopCategory(Enum):
     ALONG_PATH = "along the path"
     QUICK_STOP = "quick stop"
     TORQUE_OFF = "torque off"
+    EMERGENCY_STOP = "emergency stop"
 
     @property
     def sequence(self) -> tuple[StopStep, ...]:
@@ -71,6 +73,7 @@ _SEQUENCES = {
     StopCategory.ALONG_PATH: (StopStep.RAMP_DOWN, StopStep.QUICK_STOP, StopStep.DISABLE),
     StopCategory.QUICK_STOP: (StopStep.QUICK_STOP, StopStep.DISABLE),
     StopCategory.TORQUE_OFF: (StopStep.DISABLE,),
+    StopCategory.EMERGENCY_STOP: (StopStep.EMERGENCY_STOP, StopStep.DISABLE),
 }
 
 
@@ -92,9 +95,7 @@ class Cause(Enum):
     BLOCKED = "the path to the start is blocked"
     BEYOND_LIMIT = "the arm stands beyond a limit"
     STALE = "the drives' feedback is frozen"
-    POSITION_JUMPS = "a position jumps"
-    POSITION_FROZEN = "a position is frozen while its joint is commanded to move"
-    POSITION_REVERSED = "a position moves in the wrong direction"
+    LOOP_LOST = "an axis does not move as commanded"
     VELOCITY = "a velocity contradicts its position"
     TORQUE_MISSING = "a current or torque is not measured"
     TORQUE_REVERSED = "a current or torque has the wrong sign"
@@ -125,6 +126,7 @@ class Decision:
 
 
 _ALONG, _QUICK, _OFF = StopCategory.ALONG_PATH, StopCategory.QUICK_STOP, StopCategory.TORQUE_OFF
+_EMERGENCY = StopCategory.EMERGENCY_STOP
 
 DECISIONS: dict[Cause, Decision] = {
     Cause.OPERATOR: Decision(_ALONG, "start again when ready"),
@@ -144,9 +146,11 @@ DECISIONS: dict[Cause, Decision] = {
     Cause.BLOCKED: Decision(_ALONG, "move the arm by other means to where the straight path to the start is free"),
     Cause.BEYOND_LIMIT: Decision(_ALONG, "move the arm back within its limits by other means"),
     Cause.STALE: Decision(_QUICK, "check the bus interface and its driver"),
-    Cause.POSITION_JUMPS: Decision(_QUICK, "check the encoder, its cable and its reference before moving the arm"),
-    Cause.POSITION_FROZEN: Decision(_QUICK, "check the encoder, the drive's feedback (TPDO) and the brake"),
-    Cause.POSITION_REVERSED: Decision(_QUICK, "check the encoder's direction and the polarity (607E) of the drive"),
+    Cause.LOOP_LOST: Decision(
+        _EMERGENCY,
+        "press the emergency stop, and keep clear: an axis without a brake falls. Look for a collision. Before the arm "
+        "moves again, check encoder, its cable and reference, direction (607E), commutation and brake of this axis",
+    ),
     Cause.VELOCITY: Decision(_QUICK, "check the drive's velocity scale and its encoder"),
     Cause.TORQUE_MISSING: Decision(_ALONG, "check that the drive reports its actual current or torque (6078, 6077)"),
     Cause.TORQUE_REVERSED: Decision(
@@ -190,9 +194,6 @@ CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
     (BlockedWay, Cause.BLOCKED),
     (BeyondLimit, Cause.BEYOND_LIMIT),
     (StaleFeedback, Cause.STALE),
-    (PositionJumps, Cause.POSITION_JUMPS),
-    (PositionFrozen, Cause.POSITION_FROZEN),
-    (PositionReversed, Cause.POSITION_REVERSED),
     (VelocityContradicts, Cause.VELOCITY),
     (TorqueMissing, Cause.TORQUE_MISSING),
     (TorqueReversed, Cause.TORQUE_REVERSED),
@@ -201,6 +202,7 @@ CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
     (InternalLimit, Cause.INTERNAL_LIMIT),
     (DriveLag, Cause.DRIVE_LAG),
     (LateCycle, Cause.LATE),
+    (LoopLost, Cause.LOOP_LOST),
     (ServoFault, Cause.DRIVE_FAULT),
     (ServoTimeout, Cause.MISSING_FEEDBACK),
     (CommandError, Cause.REFUSED),

@@ -6,7 +6,8 @@ r"""Signals as stops: the effect of Ctrl-C, a lost terminal and `kill` on a moti
     SIGTERM  kill             the same
     SIGQUIT  Ctrl-\           the same: an immediate end would leave the arm in motion and the terminal without echo
 
-Rules. The first signal stops along the path, a second one immediately. While a question is open the drives are off,
+Rules. The first signal stops along the path, a second one immediately; further ones are ignored, because nothing must
+interrupt the removal of torque. While a question is open the drives are off,
 and a signal ends the program; after a signal nothing is asked. A signal that is ignored when the program starts stays
 ignored: SIGINT and SIGTSTP in a background job of a shell script, SIGHUP under nohup. SIGTERM is the exception: it
 always stops the arm.
@@ -31,7 +32,7 @@ class StopSignals:
 
     def __init__(self, control: MotionControl) -> None:
         self._control = control
-        self._asking = False
+        self._asking = self._interrupted = False
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
@@ -45,6 +46,9 @@ class StopSignals:
 
         def on_signal(number: int, frame: FrameType | None) -> None:
             if self._control.goal.stop is not None:
+                if self._interrupted:
+                    return
+                self._interrupted = True
                 raise KeyboardInterrupt
             self._control.stop(reasons[number])
             if self._asking:

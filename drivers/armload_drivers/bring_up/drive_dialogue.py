@@ -182,14 +182,18 @@ class DriveDialogue:
         self.require_disabled()
         return self.read_state()
 
-    def remove_torque(self) -> None:
+    def remove_torque(self, limit_s: float) -> None:
         """Remove the torque of a drive that has left the cycle, by SDO.
+
+        Args:
+            limit_s: Limit of one request.
 
         Raises:
             ServoError: the drive does not answer, or keeps its torque.
         """
         self._sdo.step = "removing torque by SDO"
-        self._sdo.write(od.CONTROLWORD, 0)
-        state = self.read_state()
+        with self._sdo.limited_to(limit_s):
+            self._sdo.write(od.CONTROLWORD, 0)
+            state = self.read_state()
         if state in POWERED:
             raise self._sdo.failure(f"the drive keeps its torque, it is in {state.title}", "Use the emergency stop")

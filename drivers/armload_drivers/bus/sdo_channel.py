@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 import struct
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from canopen import ObjectDictionary
 from canopen.sdo import SdoClient
@@ -184,16 +186,23 @@ class SdoChannel:
 
     def answers(self, entry: Entry, timeout_s: float) -> bool:
         """Whether the node answers a read within the given time, even with an abort code."""
+        with self.limited_to(timeout_s):
+            try:
+                self.read(entry)
+            except ServoTimeout:
+                return False
+            except SdoRefused:
+                return True
+        return True
+
+    @contextmanager
+    def limited_to(self, timeout_s: float) -> Iterator[None]:
+        """Another limit of one request within a block."""
         self._client.timeout_s = timeout_s
         try:
-            self.read(entry)
-        except ServoTimeout:
-            return False
-        except SdoRefused:
-            return True
+            yield
         finally:
             self._client.timeout_s = self._timeout_s
-        return True
 
     def read_until(self, entry: Entry, value: int, timeout_s: float) -> int:
         """Read until an object has a value or the time is over; returns the last value. Raises as `read`."""

@@ -18,11 +18,12 @@ from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
+from armload_drivers.cia402.axis_course import axis_courses
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.process_data.offset_fade import OffsetFade
 from armload_drivers.cia402.state_machine import State
-from armload_drivers.driver_errors import ForeignMaster, ServoFault
+from armload_drivers.driver_errors import ForeignMaster, LoopLost, ServoFault
 from armload_drivers.servos import JointFeedback
 
 LOAD_WINDOW_S = 1.0
@@ -64,6 +65,7 @@ class CanopenCycle:
         self.number = 0
         self.units = units
         self.bus_load = 0.0
+        self._arm = arm
         self.foreign = ForeignTraffic(arm, link, master_node_id, sync_is_ours=sync.heard)
         self._sync_counter = arm.sync_counter
         self._bitrate = arm.bitrate
@@ -84,8 +86,9 @@ class CanopenCycle:
         """Start the nodes and the periods; frames received before are discarded."""
         self._link.drain()
         self._fade = None
-        for node, axis in zip(self.nodes, self.units.axes, strict=True):
-            node.begin(axis.counts_per_rad)
+        courses = axis_courses(self._arm, self.units)
+        for node, axis, course in zip(self.nodes, self.units.axes, courses, strict=True):
+            node.begin(axis.counts_per_rad, course)
             self._link.command(NmtCommand.START, node.settings.node_id)
         self.foreign.forget()
         self._sync.begin(self._link, self._cycle_s, self._sync_counter)
@@ -103,7 +106,7 @@ class CanopenCycle:
             self._fade = OffsetFade([node.offset_permille for node in self.nodes], self._cycle_s)
 
     @property
-    def _fading(self) -> bool:
+    def fading(self) -> bool:
         """Whether torque offsets are being faded to zero."""
         return self._fade is not None and not self._fade.done
 
@@ -177,8 +180,8 @@ class CanopenCycle:
             if (problem := node.problem(step, feedback.time_s, must_follow=must_follow)) is not None
         ]
         if problems:
-            # A fault is the cause; simultaneous problems of other drives are usually its consequence.
-            problems.sort(key=lambda problem: not isinstance(problem, ServoFault))
+            # The first of these is the cause; simultaneous problems of other drives are usually its consequence.
+            problems.sort(key=lambda problem: (not isinstance(problem, LoopLost), not isinstance(problem, ServoFault)))
             for other in problems[1:]:
                 problems[0].add_note(f"At the same time: {other}")
             for text in (self.foreign.commands, self.foreign.requests):
@@ -188,27 +191,6 @@ class CanopenCycle:
         if self.foreign.commands:
             raise ForeignMaster(self.foreign.commands)
         return feedback
-
-    def run_until(self, done: Callable[[DriveNode], bool], step: str, limit_s: float) -> None:
-        """Run cycles until a condition holds for every drive that still answers, and no torque offset is fading.
-
-        Raises:
-            ServoTimeout: a drive stopped answering, or the condition is not met in time; names the first such drive.
-            BusError: the bus failed.
-        """
-        waiting: list[DriveNode] = []
-        gone: list[DriveNode] = []
-        for _ in range(self.count(limit_s)):
-            self.run()
-            gone += [node for node in self.nodes if node.is_gone and not node.lost and node not in gone]
-            waiting = [node for node in self.nodes if not (done(node) or node.lost or node in gone)]
-            if not waiting and not self._fading:
-                break
-        problems = [node.gone(step) for node in gone]
-        if problems:
-            raise problems[0]
-        if waiting:
-            raise waiting[0].not_in_time(step, limit_s, self._sync.now_s())
 
     def ask(self, goal: State, step: str, of: Callable[[DriveNode], bool]) -> None:
         """Request a state from the drives that meet a condition and are not in a fault.

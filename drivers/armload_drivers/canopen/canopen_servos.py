@@ -7,7 +7,8 @@ Rules of this file:
   the time-out of the RPDO). So after `enable`, `exchange` must be called every cycle.
 - Nothing is re-enabled automatically: not after a fault, a quick stop, a lost or rebooted drive.
 - An error in the cycle is only raised: the caller decides how the arm is stopped. `stop`, `disable` and `close` then
-  act on every drive that still answers.
+  act on every drive that still answers; an axis that has left its predicted course loses its torque at once.
+- Whatever ends `close`, removal of torque was read back from every drive, or the error names those of which it was not.
 
 The bus belongs to the caller: open it before, and close it after `close`.
 """
@@ -28,16 +29,15 @@ from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.canopen.bus_remarks import BusRemarks
 from armload_drivers.canopen.canopen_cycle import CanopenCycle
 from armload_drivers.canopen.drive_node import DriveNode
-from armload_drivers.canopen.torque_removal import STILL_CYCLES, TorqueRemoval
+from armload_drivers.canopen.torque_removal import STILL_CYCLES, TorqueRemoval, torque_remains
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.bus_budget import require_room
 from armload_drivers.cia402.drive_safety import Safety
-from armload_drivers.cia402.object_dictionary import NmtCommand
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import AxisMoves, BusError, DriverError, StateError
+from armload_drivers.driver_errors import BusError, DriverError, ServoError, ServoTimeout, StateError, TorqueRemains
 from armload_drivers.servos import JointCommand, JointFeedback
 
 
@@ -50,6 +50,9 @@ class _Phase(Enum):
     STOPPED = auto()
     CLOSED = auto()
 
+
+_INTERRUPTIONS = 10
+"""An operator who presses Ctrl-C this often while torque is being removed has the last word."""
 
 _ENABLED = _Phase.ENABLED
 """Cached, because Python 3.11 takes 0.3 us to look up a member of an enumeration."""
@@ -95,6 +98,7 @@ class CanopenServos:
             for drive in arm.drives
         ]
         self._running: CanopenCycle | None = None
+        self._removal: TorqueRemoval | None = None
         self._bus_remarks = BusRemarks(link, self._nodes)
         self._taken_over = ""
 
@@ -193,7 +197,8 @@ class CanopenServos:
 
         Raises:
             StateError: not enabled.
-            CommandError: a setpoint cannot be sent; nothing was sent.
+            CommandError: a setpoint cannot be sent, or no axis could follow it in a cycle; nothing was sent.
+            LoopLost: an axis has left its predicted course; `stop` removes its torque at once.
             ServoFault: a drive reports a fault.
             ServoTimeout: feedback or heartbeat of a drive has been missing for too long.
             ServoError: a drive left its state by itself.
@@ -201,83 +206,111 @@ class CanopenServos:
         """
         self._require(_ENABLED)
         raw = self._cycle.units.targets(command)
+        for node, counts in zip(self._nodes, raw.position_counts, strict=True):
+            if abs(counts - node.target_counts) > node.course.step:
+                raise node.course.too_far(node.settings.joint, counts - node.target_counts)
         for node, counts, permille in zip(self._nodes, raw.position_counts, raw.effort, strict=True):
             node.target_counts = counts
             node.offset_permille = permille
         return self._cycle.run_checked("in the cycle", must_follow=True)
 
-    def stop(self) -> None:
+    def stop(self, suspect: int | None = None) -> None:
         """Quick stop: decelerate every drive on its own ramp and hold, with torque on.
 
         Torque offsets are faded to zero linearly within `OFFSET_FADE_S`, including those of drives that are already
         decelerating by themselves. Has no effect if no drive is enabled. Does not wait for drives that have been
-        reported as lost.
+        reported as lost. The torque of an axis that leaves its predicted course, before or during the stop, is removed
+        at once; if an axis does not come to rest in time, that of all.
+
+        Args:
+            suspect: See `JointServos.stop`.
 
         Raises:
             StateError: not connected.
-            ServoTimeout: a drive did not come to rest in time.
+            LoopLost: an axis left its course during the stop, or did not come to rest in time.
+            ServoTimeout: a drive did not reach the requested state, or stopped answering.
             BusError: the bus failed.
         """
         self._require_connected()
         if self._phase is not _Phase.ENABLED:
             return
-        step = "quick stop"
-        self._cycle.fade_offsets()
-        self._cycle.ask(State.QUICK_STOP_ACTIVE, step, lambda node: node.state is State.OPERATION_ENABLED)
         self._phase = _Phase.STOPPED
-        self._cycle.run_until(_stands_still, step, self._timeouts.stop_s)
+        if suspect is not None:
+            self._nodes[suspect].course.suspect()
+        self._cycle.fade_offsets()
+        self._cycle.ask(
+            State.QUICK_STOP_ACTIVE,
+            "quick stop",
+            lambda node: node.state is State.OPERATION_ENABLED and not node.course.lost,
+        )
+        self._begun.slow_down()
 
     def disable(self) -> None:
         """Engage brakes and remove torque once the arm is at standstill.
 
         Axes without a brake keep their torque until all others are held by their brakes. Then all are watched for
-        `HOLDING_WATCH_S`. A drive that has been reported as lost is disabled by SDO. If it does not answer that
-        either, it is left to its own reaction (6007); the loss was already reported to the caller.
+        `HOLDING_WATCH_S`. A drive that has been reported as lost is disabled by SDO, or reset.
 
         Raises:
             StateError: not connected.
-            ServoTimeout: a drive did not come to rest, or keeps its torque.
+            ServoError: it could not be read back that a drive carries no torque; or an axis did not come to rest or
+                left its course, and everything has been done.
             AxisMoves: an axis moves without torque; everything else has been done.
             BusError: the bus failed.
         """
         self._require_connected()
         if self._phase is _Phase.CONNECTED:
             return
+        trouble: DriverError | None = None
         if self._phase is _Phase.ENABLED and not all(node.still_for(STILL_CYCLES) for node in self._nodes):
-            self.stop()
-        removal = TorqueRemoval(self._cycle, self._nodes, self._setups, self._link, self._timeouts)
-        moving = removal.run()
+            try:
+                self.stop()
+            except DriverError as error:
+                trouble = error
+        try:
+            self._begun.run()
+        except (BusError, TorqueRemains):
+            raise
+        except ServoError as error:
+            trouble = trouble or error
         self._end_cycles()
-        if moving is not None:
-            raise moving
+        if trouble is not None:
+            raise trouble
 
     def close(self) -> None:
         """Leave the bus, after stopping and disabling if necessary. Idempotent.
 
+        If this is interrupted or fails, the torque of every drive is removed by SDO or NMT reset before the error
+        leaves.
+
         Raises:
-            DriverError: a drive may still carry torque; everything else has been done.
+            TorqueRemains: it could not be read back that a drive carries no torque.
+            DriverError: an axis moves without torque, or left its course; everything has been done. A drive that does
+                not answer is no error if removal of its torque was read back.
         """
         if self._phase in {_Phase.NEW, _Phase.CLOSED}:
             self._phase = _Phase.CLOSED
             return
-        trouble: DriverError | None = None
+        troubles: list[BaseException] = []
         try:
-            self.stop()
-        except DriverError as error:
-            trouble = error
-        try:
-            self.disable()
-        except AxisMoves:
-            raise
-        except DriverError as error:
-            self._silence()
-            error.add_note("A drive may still carry torque: use the emergency stop.")
-            if trouble is not None:
-                error.add_note(f"Before that: {trouble}")
-            raise
+            for step in (self.stop, self.disable):
+                try:
+                    step()
+                except BaseException as error:  # noqa: BLE001 - the next step must follow after any failure
+                    troubles.append(error)
+            if self._phase is _Phase.CONNECTED:
+                troubles = [trouble for trouble in troubles if not isinstance(trouble, ServoTimeout)]
+            elif (remains := torque_remains(self._without_cycle())) is not None:
+                troubles.append(remains)
         finally:
             self._phase = _Phase.CLOSED
             self._sync.end(self._link)
+        # What is no error of the drives, such as an interruption, must leave as it is.
+        troubles.sort(key=lambda trouble: (isinstance(trouble, DriverError), not isinstance(trouble, TorqueRemains)))
+        for other in troubles[1:]:
+            troubles[0].add_note(f"Also: {other}")
+        if troubles:
+            raise troubles[0]
 
     def take_remarks(self) -> tuple[str, ...]:
         """What the operator should know since the last call: torque that `connect` removed, problems on the bus."""
@@ -317,6 +350,13 @@ class CanopenServos:
             raise StateError("the servos are not connected: connect them first")
         return self._running
 
+    @property
+    def _begun(self) -> TorqueRemoval:
+        """The removal of torque, which exists once the arm has been enabled."""
+        if self._removal is None:
+            raise StateError("the servos were never enabled")
+        return self._removal
+
     def _require_connected(self) -> None:
         """Require a connection."""
         if self._phase in {_Phase.NEW, _Phase.CLOSED}:
@@ -331,6 +371,7 @@ class CanopenServos:
             node.target_counts = node.position_counts = setup.hold_present_position()
             node.offset_permille = 0
             setup.watch_master(on=True)
+        self._removal = TorqueRemoval(self._cycle, self._nodes, self._setups, self._link, self._timeouts)
         self._cycle.begin()
 
     def _end_cycles(self) -> None:
@@ -338,7 +379,7 @@ class CanopenServos:
         self._cycle.end()
         self._phase = _Phase.CONNECTED
         for node, setup in zip(self._nodes, self._setups, strict=True):
-            if not node.lost:
+            if not (node.lost or node.booted or node.is_gone):
                 setup.watch_master(on=False)
 
     def _back_out(self, error: DriverError) -> None:
@@ -349,16 +390,13 @@ class CanopenServos:
         except DriverError as again:
             error.add_note(f"Disabling also failed: {again}")
 
-    def _silence(self) -> None:
-        """Last resort: end PDO communication, so that the drives react according to 6007."""
-        for node in self._nodes:
+    def _without_cycle(self) -> list[DriveNode]:
+        """Remove all torque without cycles, even if the operator interrupts this; the drives that may keep it."""
+        left = list(self._nodes)
+        for _ in range(_INTERRUPTIONS):
             try:
-                self._link.command(NmtCommand.STOP, node.settings.node_id)
-            except BusError:
-                return
-
-
-def _stands_still(node: DriveNode) -> bool:
-    """Whether a drive is at standstill, in any state."""
-    moving = {State.OPERATION_ENABLED, State.FAULT_REACTION_ACTIVE}
-    return node.state not in moving and node.still_for(STILL_CYCLES)
+                self._begun.without_cycle(left)
+            except KeyboardInterrupt:
+                continue
+            break
+        return left

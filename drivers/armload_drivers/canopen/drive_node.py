@@ -10,11 +10,19 @@ from armload_drivers.cia402 import emergency
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings, OperationMode
 from armload_drivers.cia402.axis_brakes import STANDSTILL_RAD_S
+from armload_drivers.cia402.axis_course import AxisCourse, loop_lost
 from armload_drivers.cia402.drive_safety import HEARTBEAT_TOLERANCE
 from armload_drivers.cia402.object_dictionary import NmtState, PdoDirection
 from armload_drivers.cia402.process_data.process_image import DriveImage
-from armload_drivers.cia402.state_machine import MasterMachine, State
-from armload_drivers.driver_errors import ServoError, ServoFault, ServoTimeout, StatuswordError, TransitionError
+from armload_drivers.cia402.state_machine import POWERED, MasterMachine, State
+from armload_drivers.driver_errors import (
+    LoopLost,
+    ServoError,
+    ServoFault,
+    ServoTimeout,
+    StatuswordError,
+    TransitionError,
+)
 
 _ENABLE_INTERPOLATION = 0x0010
 _INTERPOLATION_ACTIVE = 0x1000
@@ -41,6 +49,7 @@ class DriveNode:
     Attributes:
         settings: Its settings.
         machine: Its power state.
+        course: The predicted course of its axis; set by `begin`.
         message: The RPDO.
         offset_message: A second RPDO for the torque offset; None if `message` contains it, or there is no offset.
         target_counts: Target position of the next RPDO.
@@ -54,6 +63,8 @@ class DriveNode:
         heartbeat_limit_s: Longest permitted time without a heartbeat.
         wrong_frames: Number of feedback frames with a wrong length; they count as missing.
     """
+
+    course: AxisCourse
 
     def __init__(
         self,
@@ -152,13 +163,17 @@ class DriveNode:
 
     # The cycle -----------------------------------------------------------------------------------------------
 
-    def begin(self, counts_per_rad: float) -> None:
+    def begin(self, counts_per_rad: float, course: AxisCourse) -> None:
         """Reset everything for a new start of cycles.
 
         Args:
             counts_per_rad: Position units per radian of the axis.
+            course: The course of the axis.
         """
         self.machine = MasterMachine()
+        self.course = course
+        self._carried = False
+        self._evaluated_s = self._sync.now_s()
         self.lost = False
         self.arrived = 0
         self._still_counts = self._still_rad * abs(counts_per_rad)
@@ -227,6 +242,7 @@ class DriveNode:
         still = self.is_still(counts - self.position_counts)
         self._still_cycles = self._still_cycles + 1 if still else 0
         self.position_counts = counts
+        elapsed_s, self._evaluated_s = now_s - self._evaluated_s, now_s
         machine = self.machine
         if statusword != machine.statusword or not machine.reached:
             try:
@@ -235,6 +251,20 @@ class DriveNode:
                 self._undefined = error
             else:
                 self._undefined = None
+        if machine.state in POWERED:
+            self._follow_course(counts, elapsed_s)
+        else:
+            self._carried = False
+
+    def _follow_course(self, counts: int, elapsed_s: float) -> None:
+        """Judge the motion of an axis whose drive carries torque."""
+        course = self.course
+        if not self._carried:
+            self._carried = True
+            course.begin(counts)
+        if self.machine.state is not _ENABLED:
+            course.slow_down()
+        course.follow(self.target_counts, counts, self.effort, elapsed_s)
 
     @property
     def statusword(self) -> int:
@@ -267,7 +297,7 @@ class DriveNode:
             now_s: Time of the SYNC.
             must_follow: Whether the drive was enabled and must stay so.
         """
-        fault = self._fault(step)
+        fault = self.astray(step) if self.course.lost else self._fault(step)
         if fault is not None:
             return fault
         if self._undefined is not None:
@@ -301,6 +331,10 @@ class DriveNode:
                 "If its enable input or the emergency stop was used, disable and enable again",
             )
         return None
+
+    def astray(self, step: str) -> LoopLost:
+        """Error for an axis that has left its course."""
+        return loop_lost(self.settings, step, self.course.lost)
 
     def not_in_time(self, step: str, limit_s: float, now_s: float) -> ServoTimeout:
         """Error for a state that was not reached."""
@@ -338,6 +372,11 @@ class DriveNode:
     def still_for(self, cycles: int) -> bool:
         """Whether the axis has been at standstill for this many cycles."""
         return self._still_cycles >= cycles
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the last SYNC's feedback is missing."""
+        return self._missing > 0
 
     @property
     def is_gone(self) -> bool:

@@ -1,13 +1,21 @@
-"""Removal of torque from all drives of an arm at standstill, over CANopen.
+"""Stops of the drives of one arm over CANopen, and removal of their torque.
 
-The order: fade torque offsets to zero; wait for standstill; drives whose axes have a brake; drives whose axes have
-none, once all others are held; check that the arm does not move; drives that have left the cycle, by SDO, once they
-stand. A drive whose feedback shows that it keeps its torque is also disabled by SDO: its feedback may be frozen.
+At standstill, in this order: fade torque offsets to zero; wait for standstill; drives whose axes have a brake; drives
+whose axes have none, once all others are held; check that the arm does not move.
+
+In motion: an axis that leaves its predicted course (`cia402.axis_course`) has lost its loop. Its torque is removed in
+the next cycle, and its brake engages; the others finish their ramp. If more than one axis has lost its loop, or one
+does not come to rest in time, the torque of all is removed at once. No wait keeps torque on.
+
+A drive that does not report by its feedback that it has obeyed, or whose feedback has stopped, is asked by SDO, and
+then reset (NMT), which also ends FAULT REACTION ACTIVE; its answer is read back. Nothing follows an error before every
+drive was asked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup
 from armload_drivers.bus.bus_link import BusLink
@@ -17,20 +25,23 @@ from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, axis_m
 from armload_drivers.cia402.object_dictionary import NmtCommand
 from armload_drivers.cia402.state_machine import POWERED, State
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import AxisMoves, ServoTimeout
+from armload_drivers.driver_errors import AxisMoves, BusError, DriverError, ServoError, ServoTimeout, TorqueRemains
 
 STILL_CYCLES = 3
 """Number of cycles without motion that count as standstill."""
+OBEYS_CYCLES = 2
+"""A drive that still reports torque after so many cycles of "disable voltage" is asked by SDO."""
 
 _WITHOUT_TORQUE = frozenset(State) - POWERED
+_MOVING = frozenset({State.OPERATION_ENABLED, State.FAULT_REACTION_ACTIVE})
 _STEP = "removing torque"
 
 
 class TorqueRemoval:
-    """Removes the torque of one arm.
+    """Stops one arm and removes its torque; made anew whenever the arm is enabled.
 
     Args:
-        cycle: Its cycle, running.
+        cycle: Its cycle.
         nodes: Its drives.
         setups: SDO access to them, in the same order.
         link: The bus.
@@ -48,69 +59,170 @@ class TorqueRemoval:
         self._cycle, self._nodes = cycle, nodes
         self._setups = dict(zip(nodes, setups, strict=True))
         self._link, self._timeouts = link, timeouts
+        self._astray: list[DriveNode] = []
+        self._dropped: dict[DriveNode, int] = {}
+        self._asked_by_sdo: list[DriveNode] = []
 
-    def run(self) -> AxisMoves | None:
-        """Remove the torque completely.
-
-        Returns:
-            The error to raise for an axis that moves without torque; None if all stand still.
+    def slow_down(self) -> None:
+        """Wait until drives that were asked for a quick stop stand still; torque is removed at once where that fails.
 
         Raises:
-            ServoTimeout: a drive did not come to rest, or keeps its torque.
+            LoopLost: an axis left its course, or did not come to rest in time; all others have come to rest.
+            ServoTimeout: a drive did not reach the requested state, or stopped answering.
             BusError: the bus failed.
         """
-        cycle, nodes = self._cycle, self._nodes
-        cycle.fade_offsets()
-        cycle.run_until(lambda node: node.still_for(STILL_CYCLES), "waiting for standstill", self._timeouts.disable_s)
-        braked = [node for node in nodes if node.settings.has_brake]
-        troubles = [
-            trouble
-            for part in (braked, [node for node in nodes if node not in braked])
-            if part and (trouble := self._switch_off(part)) is not None
-        ]
-        moving = self._moving()
-        for node in nodes:
-            if node.lost:
-                self._switch_off_by_sdo(node)
-        if troubles:
-            raise troubles[0]
-        return moving
+        known = len(self._drop_astray())
+        late = self._run_until(_stands_still, self._timeouts.stop_s, "quick stop")
+        self._drop_if(late, _stands_still, self._timeouts.stop_s)
+        _raise_first([*(node.astray("quick stop") for node in self._astray[known:]), late])
 
-    def _switch_off(self, nodes: list[DriveNode]) -> ServoTimeout | None:
-        """Remove the torque of some drives.
-
-        Returns:
-            The error to raise for a drive whose feedback reports torque but whose SDO answer does not; else None.
+    def run(self) -> None:
+        """Remove the torque completely.
 
         Raises:
-            ServoTimeout: a drive keeps its torque, and does not answer by SDO.
-            ServoError: a drive keeps its torque, also according to SDO.
+            TorqueRemains: it could not be read back that a drive carries no torque.
+            ServoError: everything has been done; but an axis left its course, did not come to rest or moves without
+                torque, or a drive stopped answering or reports torque falsely.
+            BusError: the bus failed.
         """
-        self._cycle.ask(State.SWITCH_ON_DISABLED, _STEP, lambda node: node in nodes and not node.lost)
-        try:
-            self._cycle.run_until(lambda node: node not in nodes or _is_off(node), _STEP, self._timeouts.disable_s)
-        except ServoTimeout as error:
-            # A drive that ignores the request is acceptable as long as it carries no torque.
-            keeping = [node for node in nodes if not (node.lost or node.state in _WITHOUT_TORQUE)]
-            for node in keeping:
-                if not self._switch_off_by_sdo(node):
-                    raise
-                node.lost = True
-            if keeping:
-                error.add_note("Read by SDO, the drive reports no torque: its cyclic feedback is wrong.")
-                return error
-        return None
+        known = len(self._drop_astray())
+        self._cycle.fade_offsets()
+        late = self._run_until(_is_still, self._timeouts.disable_s, "waiting for standstill")
+        self._drop_if(late, _is_still, self._timeouts.disable_s)
+        braked = [node for node in self._nodes if node.settings.has_brake]
+        troubles = [self._switch_off(part) for part in (braked, [node for node in self._nodes if node not in braked])]
+        moving = self._moving()
+        outside = [node for node in self._nodes if node.lost or node in self._asked_by_sdo]
+        for node in outside:
+            if node not in self._dropped:
+                self._await_rest(node)
+        self.without_cycle(outside)
+        strays = [node.astray(_STEP) for node in self._astray[known:]]
+        _raise_first([torque_remains(outside), *strays, *troubles, late, moving])
 
-    def _switch_off_by_sdo(self, node: DriveNode) -> bool:
-        """Remove a drive's torque outside the cycle, by SDO; False if it does not answer."""
-        # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and ignores late setpoints.
-        self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
-        setup = self._setups[node]
-        if not setup.is_up():
+    def without_cycle(self, nodes: list[DriveNode]) -> None:
+        """Remove the torque of drives by SDO, or else by NMT reset: what remains if cycles cannot be run.
+
+        Args:
+            nodes: The drives. Those of which it was read back that they carry no torque are taken out at once, so that
+                this can be continued if it is interrupted.
+        """
+        for node in list(nodes):
+            if self._off_by_sdo(node):
+                nodes.remove(node)
+        for node in nodes:
+            self._reset(node)
+        with suppress(BusError):
+            self._link.pump_until(lambda: all(node.booted for node in nodes), self._timeouts.boot_s)
+        for node in list(nodes):
+            if node.booted or self._off_by_sdo(node):
+                nodes.remove(node)
+
+    # At once -------------------------------------------------------------------------------------------------
+
+    def _drop_astray(self) -> list[DriveNode]:
+        """Drop the torque of axes that have left their course, or of all if there is more than one.
+
+        Returns:
+            All that have left it so far.
+        """
+        self._astray += [node for node in self._nodes if node.course.lost and node not in self._astray]
+        self._drop(self._nodes if len(self._astray) > 1 else self._astray)
+        return self._astray
+
+    def _drop_if(self, late: ServoTimeout | None, at_rest: Callable[[DriveNode], bool], limit_s: float) -> None:
+        """If an axis did not come to rest in time, drop the torque of all drives, and wait until they have obeyed."""
+        waiting = [node for node in self._in_cycle() if not (node in self._dropped or at_rest(node))]
+        if late is None or not waiting:
+            return
+        for node in waiting:
+            if not _is_still(node):
+                node.course.leave(f"it did not come to rest within {limit_s} s")
+        self._drop(self._nodes)
+        self._run_until(_is_off, self._timeouts.disable_s)
+
+    def _drop(self, nodes: Iterable[DriveNode]) -> None:
+        """Ask drives to remove torque at once, from the next cycle on."""
+        for node in nodes:
+            if node not in self._dropped:
+                self._dropped[node] = 0
+                node.machine.drop()
+
+    def _insist(self) -> None:
+        """Ask by SDO, or reset, drives that were dropped and do not report that they carry no torque."""
+        for node, cycles in self._dropped.items():
+            if node in self._asked_by_sdo or (node.state in _WITHOUT_TORQUE and not node.is_silent):
+                continue
+            self._dropped[node] = cycles + 1
+            reacts = node.state is State.FAULT_REACTION_ACTIVE
+            if reacts or cycles >= OBEYS_CYCLES:
+                self._asked_by_sdo.append(node)
+                if reacts or not self._off_by_sdo(node):
+                    self._reset(node)
+
+    def _off_by_sdo(self, node: DriveNode) -> bool:
+        """Remove a drive's torque by SDO; whether this was read back."""
+        try:
+            self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
+            self._setups[node].remove_torque(self._timeouts.torque_off_s)
+        except DriverError:
             return False
-        self._await_rest(node, setup)
-        setup.remove_torque()
         return True
+
+    def _reset(self, node: DriveNode) -> None:
+        """Reset a drive, which removes its torque, unless the bus has failed."""
+        node.booted = False
+        with suppress(BusError):
+            self._link.command(NmtCommand.RESET_NODE, node.settings.node_id)
+
+    # At standstill -------------------------------------------------------------------------------------------
+
+    def _run_until(self, done: Callable[[DriveNode], bool], limit_s: float, step: str = _STEP) -> ServoTimeout | None:
+        """Run cycles until a condition holds for every drive in the cycle, and no torque offset is fading.
+
+        Meanwhile the torque of axes that leave their course is dropped. Of dropped drives only this is awaited.
+
+        Returns:
+            The error for a drive that stopped answering, or for which the condition does not hold in time; else None.
+
+        Raises:
+            BusError: the bus failed.
+        """
+        waiting: list[DriveNode] = []
+        gone: list[DriveNode] = []
+        for _ in range(self._cycle.count(limit_s)):
+            last = self._cycle.run()
+            self._drop_astray()
+            self._insist()
+            gone += [node for node in self._in_cycle() if node.is_gone and node not in gone]
+            waiting = [
+                node
+                for node in self._in_cycle()
+                if node not in gone and not (_is_off(node) if node in self._dropped else done(node))
+            ]
+            if not waiting and not self._cycle.fading:
+                break
+        errors = [node.gone(step) for node in gone]
+        if errors:
+            return errors[0]
+        return waiting[0].not_in_time(step, limit_s, last.time_s) if waiting else None
+
+    def _in_cycle(self) -> list[DriveNode]:
+        """Drives whose feedback tells what they do."""
+        return [node for node in self._nodes if not (node.lost or node in self._asked_by_sdo)]
+
+    def _switch_off(self, nodes: list[DriveNode]) -> ServoTimeout | None:
+        """Remove the torque of some drives; the error for one that does not report this in time, else None."""
+        self._cycle.ask(
+            State.SWITCH_ON_DISABLED,
+            _STEP,
+            lambda node: node in nodes and not (node.lost or node in self._dropped),
+        )
+        late = self._run_until(lambda node: node not in nodes or _is_off(node), self._timeouts.disable_s)
+        # A drive that ignores the request is acceptable as long as it carries no torque.
+        keeping = [node for node in self._in_cycle() if node in nodes and node.state not in _WITHOUT_TORQUE]
+        self._asked_by_sdo += keeping
+        return late if keeping or any(node.is_gone for node in nodes) else None
 
     def _moving(self) -> AxisMoves | None:
         """Watch the axes without torque; the error for one that moves, or None."""
@@ -123,23 +235,51 @@ class TorqueRemoval:
                 return axis_moves(node.settings, moved_rad)
         return None
 
-    def _await_rest(self, node: DriveNode, setup: DriveSetup) -> None:
-        """Wait until a drive that has left the cycle is at standstill, by SDO.
+    def _await_rest(self, node: DriveNode) -> None:
+        """Wait until a drive that has left the cycle is at standstill, by SDO, but no longer than for a quick stop."""
+        setup, still = self._setups[node], 0
+        # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and ignores late setpoints.
+        self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
+        with suppress(ServoError):
+            before = setup.read_position()
+            for _ in range(self._cycle.count(self._timeouts.stop_s)):
+                self._cycle.run()
+                counts = setup.read_position()
+                still = still + 1 if node.is_still(counts - before) else 0
+                if still >= STILL_CYCLES:
+                    return
+                before = counts
 
-        Raises:
-            ServoTimeout: the axis keeps moving.
-        """
-        before, still = setup.read_position(), 0
-        for _ in range(self._cycle.count(self._timeouts.stop_s)):
-            last = self._cycle.run()
-            counts = setup.read_position()
-            still = still + 1 if node.is_still(counts - before) else 0
-            if still >= STILL_CYCLES:
-                return
-            before = counts
-        raise node.not_in_time("waiting for standstill", self._timeouts.stop_s, last.time_s)
+
+def torque_remains(nodes: Sequence[DriveNode]) -> TorqueRemains | None:
+    """Error for drives of which it is not known that they carry no torque; None if there are none."""
+    if not nodes:
+        return None
+    first, *others = (node.settings for node in nodes)
+    also = f", and likewise {', '.join(f'{d.joint} (node {d.node_id})' for d in others)}" if others else ""
+    what = f"the drive may still carry torque: that it was removed could not be read back{also}"
+    return TorqueRemains(first.node_id, first.joint, _STEP, what, "Press the emergency stop")
+
+
+def _raise_first(errors: Iterable[ServoError | None]) -> None:
+    """Raise the first error, with the others as notes."""
+    found = [error for error in errors if error is not None]
+    for other in found[1:]:
+        found[0].add_note(f"Also: {other}")
+    if found:
+        raise found[0]
 
 
 def _is_off(node: DriveNode) -> bool:
     """Whether a drive carries no torque and has reached the requested state, or is in a fault."""
     return node.state in _WITHOUT_TORQUE and (node.machine.reached or node.faulty)
+
+
+def _is_still(node: DriveNode) -> bool:
+    """Whether an axis is at standstill."""
+    return node.still_for(STILL_CYCLES)
+
+
+def _stands_still(node: DriveNode) -> bool:
+    """Whether an axis is at standstill, and its drive keeps it there."""
+    return node.state not in _MOVING and _is_still(node)

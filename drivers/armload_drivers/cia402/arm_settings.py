@@ -110,6 +110,8 @@ class DriveSettings:
         following_error_rad: 6065, on the axis.
         position_min_rad: 607D:1, on the joint; the master widens it if motors are coupled.
         position_max_rad: 607D:2, likewise.
+        velocity_max_rad_s: Greatest speed of the joint.
+        acceleration_max_rad_s2: Greatest acceleration of the joint on paths.
         has_brake: Whether a brake holds the axis when torque is removed.
         identity: Required content of 1018.
         torque_offset: Whether the drive has a torque offset (60B2); two of eight products examined do not.
@@ -136,6 +138,8 @@ class DriveSettings:
     following_error_rad: float
     position_min_rad: float
     position_max_rad: float
+    velocity_max_rad_s: float
+    acceleration_max_rad_s2: float
     has_brake: bool
     identity: Identity
     torque_offset: bool = True

@@ -8,7 +8,7 @@ Rules of this file:
 - Some transitions are never part of a route. QUICK STOP ACTIVE to OPERATION ENABLED (16) and the fault reset (15) would
   move an arm that had stopped for a reason; the master never makes the first, and the second only by
   `request_fault_reset`. Removing torque in motion (8, 9) drops an arm; operation is left through "disable operation"
-  (5), in which the drive engages its brake first.
+  (5), in which the drive engages its brake first. Only `drop` makes transition 9.
 
 Theory of operation: the master feeds every statusword to `receive`, sets a goal with `request`, and sends
 what `controlword` returns in each cycle. The drive feeds every controlword to `DriveMachine.receive`, reports
@@ -208,6 +208,7 @@ class MasterMachine:
         self._edges_left = 0
         self._bit_high = False
         self._bit_since_s: float | None = None
+        self._dropping = False
 
     @property
     def reached(self) -> bool:
@@ -259,6 +260,16 @@ class MasterMachine:
                 f"{goal.title} from {self.state.title} requires {blocked[self.state]}", self.statusword
             )
         self.goal = goal
+        self._dropping = False
+        self._end_fault_reset()
+
+    def drop(self) -> None:
+        """Request that torque is removed at once, from any state and also in motion, by "disable voltage".
+
+        A drive in FAULT REACTION ACTIVE does not react to it.
+        """
+        self.goal = State.SWITCH_ON_DISABLED
+        self._dropping = True
         self._end_fault_reset()
 
     def request_fault_reset(self) -> None:
@@ -271,6 +282,7 @@ class MasterMachine:
             title = "an unknown state" if self.state is None else self.state.title
             raise TransitionError(f"only FAULT can be reset, the drive is in {title}", self.statusword)
         self.goal = State.SWITCH_ON_DISABLED
+        self._dropping = False
         self._edges_left = self._reset_policy.edges
         self._bit_high = False
         self._bit_since_s = None
@@ -282,8 +294,8 @@ class MasterMachine:
             now_s: Time of sending; paces the edges of a fault reset.
         """
         state = self.state
-        if state is None:
-            return 0x00
+        if state is None or self._dropping:
+            return Command.DISABLE_VOLTAGE.value[1]
         if state is State.FAULT and (self._edges_left or self._bit_high):
             return self._reset_bit(now_s)
         if self.goal is None or state is self.goal:

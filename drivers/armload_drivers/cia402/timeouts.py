@@ -20,6 +20,7 @@ class Timeouts:
         enable_s: From the first cycle to OPERATION ENABLED of every drive, brakes included; time of the SYNC.
         stop_s: From the quick stop to standstill; time of the SYNC.
         disable_s: From standstill to drives without torque; time of the SYNC.
+        torque_off_s: One SDO request to its answer while an axis is in motion that has lost its loop.
         fault_reset_s: From the first rising edge to SWITCH ON DISABLED.
     """
 
@@ -31,4 +32,5 @@ class Timeouts:
     enable_s: float = 3.0
     stop_s: float = 5.0
     disable_s: float = 3.0
+    torque_off_s: float = 0.05
     fault_reset_s: float = 2.0

@@ -8,6 +8,7 @@ Rules:
 
 - Time passes only in calls: `enable`, `exchange`, `stop` and `disable` let SYNCs pass.
 - A drive in FAULT has no torque and its brake engaged; the others hold. The fault cannot be reset.
+- Axes that leave their predicted course lose their torque as in `canopen.torque_removal`.
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
 from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, axis_moves
+from armload_drivers.cia402.axis_course import axis_courses, loop_lost
 from armload_drivers.cia402.process_data.drive_units import ArmUnits, RawAxes
 from armload_drivers.cia402.process_data.offset_fade import OffsetFade
-from armload_drivers.cia402.state_machine import State
+from armload_drivers.cia402.state_machine import POWERED, State
 from armload_drivers.driver_errors import ServoFault, ServoTimeout, SimulationError, StateError
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
@@ -111,6 +113,9 @@ class FakeServos:
         self._cycle = 0
         self._offset_permille = [0] * self.n
         self._fade: OffsetFade | None = None
+        self._courses = axis_courses(arm, self._units)
+        self._targets = [0] * self.n
+        self._judged = [0] * self.n
         self._last = self._reported(plant.sample(arm.cycle_s))
 
     def connect(self) -> None:
@@ -152,9 +157,12 @@ class FakeServos:
         self._raise_fault("enabling")
         self._fade = None
         self._add_torque([0] * self.n)
-        for axis in range(self.n):
+        self._targets = self._reported(self._plant.sample(self.cycle_s)).position_counts
+        for axis, course in enumerate(self._courses):
             self._plant.set_powered(axis, True)
             self._states[axis] = State.OPERATION_ENABLED
+            course.begin(self._targets[axis])
+            self._judged[axis] = self._cycle
         self._life = _Life.ENABLED
         return self._sync("enabling")
 
@@ -169,33 +177,46 @@ class FakeServos:
 
         Raises:
             StateError: Not enabled, or stopped.
-            CommandError: A setpoint is not finite or does not fit its object; nothing has moved.
+            CommandError: A setpoint cannot be sent, or no axis could follow it in a cycle; nothing has moved.
+            LoopLost: An axis has left its predicted course.
             ServoFault: A drive is in FAULT.
             ServoTimeout: A joint's feedback was missing in more consecutive cycles than the settings allow.
         """
         if self._life is not _Life.ENABLED:
             raise StateError("the servos must be enabled before setpoints are exchanged")
         raw = self._units.targets(command)
+        for axis, course in enumerate(self._courses):
+            way = raw.position_counts[axis] - self._targets[axis]
+            if abs(way) > course.step:
+                raise course.too_far(self._drive(axis).joint, way)
+        self._targets = raw.position_counts
         feedback = self._sync("exchanging setpoints")
         for axis, units in enumerate(self._units.axes):
             self._plant.set_target(axis, raw.position_counts[axis] / units.counts_per_rad, self.cycle_s)
         self._add_torque(raw.effort)
         return feedback
 
-    def stop(self) -> None:
+    def stop(self, suspect: int | None = None) -> None:
         """Quick stop: bring every setpoint to rest within `QUICK_STOP_S`, wait for standstill and hold.
 
         Torque offsets are faded to zero linearly within `OFFSET_FADE_S`.
 
+        Args:
+            suspect: See `JointServos.stop`.
+
         Raises:
             StateError: Not connected.
-            ServoTimeout: The arm does not come to rest.
+            LoopLost: An axis left its predicted course during the stop; all others have come to rest.
+            ServoTimeout: The arm does not come to rest; its torque was removed.
         """
         if self._life is _Life.CLOSED:
             raise StateError("the servos must be connected before they are stopped")
         if self._life is not _Life.ENABLED:
             return
         self._life = _Life.STOPPED
+        if suspect is not None:
+            self._courses[suspect].suspect()
+        known = self._drop_astray()
         self._fade_offsets()
         self._pass_sync()
         for axis, state in enumerate(self._states):
@@ -203,6 +224,9 @@ class FakeServos:
                 self._plant.slow_down(axis, QUICK_STOP_S)
                 self._states[axis] = State.QUICK_STOP_ACTIVE
         self._wait_for_standstill("quick stop", QUICK_STOP_S)
+        for axis in self._drop_astray():
+            if axis not in known:
+                raise loop_lost(self._drive(axis), "quick stop", self._courses[axis].lost)
 
     def disable(self) -> None:
         """Engage brakes and remove torque once the arm is at standstill.
@@ -212,7 +236,7 @@ class FakeServos:
 
         Raises:
             StateError: Not connected.
-            ServoTimeout: The arm does not come to rest; torque stays on.
+            ServoTimeout: The arm does not come to rest; its torque was removed.
             AxisMoves: An axis moves without torque.
         """
         if self._life is _Life.CLOSED:
@@ -220,8 +244,10 @@ class FakeServos:
         if self._life is _Life.CONNECTED:
             return
         self._fade_offsets()
-        self._wait_for_standstill("disabling", 0.0)
-        self._remove_torque()
+        try:
+            self._wait_for_standstill("disabling", 0.0)
+        finally:
+            self._remove_torque()
         self._require_rest()
 
     def take_remarks(self) -> tuple[str, ...]:
@@ -247,7 +273,7 @@ class FakeServos:
     def _remove_torque(self) -> None:
         """Switch every axis off, those without a brake last."""
         for axis in sorted(range(self.n), key=lambda axis: not self._drive(axis).has_brake):
-            self._plant.set_powered(axis, False)
+            self._plant.hold_by_brake(axis)
             if self._states[axis] is not State.FAULT:
                 self._states[axis] = State.SWITCH_ON_DISABLED
         self._add_torque([0] * self.n)
@@ -279,12 +305,15 @@ class FakeServos:
         first = self._cycle
         while True:
             sample = self._pass_sync()
+            astray = self._drop_astray()
             elapsed_s = (self._cycle - first) * self.cycle_s
             speed = np.abs(sample.axis_velocity_rad_s)
+            speed[astray] = 0.0
             faded = self._fade is None or self._fade.done
             if elapsed_s >= least_s and faded and speed.max() < STANDSTILL_RAD_S:
                 return
             if elapsed_s > least_s + STANDSTILL_TIMEOUT_S:
+                self._remove_torque()
                 drive = self._drive(int(speed.argmax()))
                 raise ServoTimeout(
                     drive.node_id,
@@ -309,6 +338,8 @@ class FakeServos:
             reported.effort[axis] = self._last.effort[axis]
         self._last = reported
         self._missed = np.where(missing, self._missed + 1, 0)
+        for lost in self._astray():
+            raise loop_lost(self._drive(lost), step, self._courses[lost].lost)
         self._raise_fault(step)
         missed, allowed = int(self._missed.max()), self._arm.max_missing_cycles
         if missed > allowed:
@@ -339,7 +370,33 @@ class FakeServos:
             if powered and (lag[axis] > drive.following_error_rad or self._fails(FailureKind.FAULT, axis)):
                 self._plant.set_powered(axis, False)
                 self._states[axis] = State.FAULT
+        self._follow_courses(sample)
         return sample
+
+    def _follow_courses(self, sample: PlantSample) -> None:
+        """Judge the motion of all powered axes whose feedback arrives."""
+        raw, missing = self._reported(sample), self._missing()
+        for axis, course in enumerate(self._courses):
+            state = self._states[axis]
+            if state in POWERED and not missing[axis]:
+                if state is not State.OPERATION_ENABLED:
+                    course.slow_down()
+                elapsed_s = (self._cycle - self._judged[axis]) * self.cycle_s
+                course.follow(self._targets[axis], raw.position_counts[axis], raw.effort[axis], elapsed_s)
+                self._judged[axis] = self._cycle
+
+    def _astray(self) -> list[int]:
+        """Axes that have left their course since they were enabled."""
+        return [axis for axis, course in enumerate(self._courses) if course.lost]
+
+    def _drop_astray(self) -> list[int]:
+        """Remove the torque of axes that have left their course at once, of all if there is more than one."""
+        astray = self._astray()
+        for axis in range(self.n) if len(astray) > 1 else astray:
+            if self._states[axis] in POWERED:
+                self._plant.set_powered(axis, False)
+                self._states[axis] = State.SWITCH_ON_DISABLED
+        return astray
 
     def _fails(self, kind: FailureKind, axis: int) -> bool:
         """Whether a failure is scripted for the present cycle."""

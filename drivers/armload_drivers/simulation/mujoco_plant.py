@@ -23,13 +23,11 @@ from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
 from armload_drivers.simulation import servo_loops
 from armload_drivers.simulation.mujoco_model import TIME_STEP_S, PlantModel, build_model
+from armload_drivers.simulation.plant_interface import EncoderFault
 from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody
 
 NOISE_CYCLE_S = 0.01
 """Cycle to which the noise of a specification refers: white noise grows with the square root of the rate."""
-
-BRAKE_FACTOR = 2.0
-"""Ratio of a brake's torque to the drive's greatest torque."""
 
 STEP_TOLERANCE = 1e-6
 """Share of a step by which a time may precede a step and still count as that step."""
@@ -41,7 +39,7 @@ class PlantSample:
 
     Attributes:
         time_s: The plant's time.
-        axis_position_rad: (n,) encoder positions, on the motor side of elastic gears.
+        axis_position_rad: (n,) encoder positions, on the motor side of elastic gears; see `ArmPlant.fail_encoder`.
         axis_velocity_rad_s: (n,) their velocities.
         axis_demand_rad: (n,) setpoints of the position loops at this instant.
         axis_torque_nm: (n,) torque reported by the drives' current sensors: the nominal torque plus noise. Ripple and
@@ -87,6 +85,7 @@ class ArmPlant:
         self._random = np.random.default_rng(spec.seed)
         self._step = 0
         self._state = np.zeros((kernels.SERVO_STATES, self.n))
+        self._state[kernels.SERVO_ENCODER_SCALE] = 1.0
         self._parameter = _parameters(spec, built.axis_inertia_kg_m2)
         self._take(built)
         # Compiled in advance: an arm in real time cannot wait for it.
@@ -95,6 +94,8 @@ class ArmPlant:
             for change in spec.changes
         )
         self._first_sampled: int | None = None
+        braked = [0.0 if joint.has_brake else math.inf for joint in spec.joints]
+        self._state[kernels.SERVO_BRAKE_BEGINS] = braked
         for axis in range(self.n):
             self.set_powered(axis, False)
 
@@ -223,9 +224,9 @@ class ArmPlant:
     def set_powered(self, axis: int, on: bool) -> None:
         """Switch an axis's servo loop and torque on or off.
 
-        If off, the motor produces no torque and the brake, if any, is engaged. If on, the setpoint is the present
-        position, and the brake is released with the integrator at the torque that holds links and payload, as with
-        drives that preload the motor before releasing the brake.
+        If off, the motor produces no torque at once, and the brake, if any, holds after its delay. If on, the setpoint
+        is the present position, and the brake is released with the integrator at the torque that holds links and
+        payload, as with drives that preload the motor before releasing the brake.
 
         Args:
             axis: Index of the axis.
@@ -233,15 +234,54 @@ class ArmPlant:
         """
         state = self._state
         self._ramp(axis, self.hold_position(axis), 0.0)
-        state[kernels.SERVO_POWERED, axis] = float(on)
-        state[kernels.SERVO_BRAKED, axis] = float(not on and self._spec.joints[axis].has_brake)
+        if on:
+            state[kernels.SERVO_POWER_ENDS, axis] = state[kernels.SERVO_BRAKE_BEGINS, axis] = math.inf
+        else:
+            state[kernels.SERVO_POWER_ENDS, axis] = min(state[kernels.SERVO_POWER_ENDS, axis], self._step)
+            self._engage_brake(axis)
         holding = float(self._spec.coupling[:, axis] @ self._link_torque[:: self._hinges])
         state[kernels.SERVO_INTEGRAL, axis] = holding - state[kernels.SERVO_OFFSET, axis] if on else 0.0
         if not on:
             state[kernels.SERVO_TORQUE, axis] = state[kernels.SERVO_TRUE_TORQUE, axis] = 0.0
 
+    def hold_by_brake(self, axis: int) -> None:
+        """Engage an axis's brake, and remove the torque when it holds, as drives do at standstill.
+
+        Without a brake the torque is removed at once.
+
+        Args:
+            axis: Index of the axis.
+        """
+        if not self._spec.joints[axis].has_brake:
+            self.set_powered(axis, False)
+            return
+        self._engage_brake(axis)
+        ends, holds = self._state[[kernels.SERVO_POWER_ENDS, kernels.SERVO_BRAKE_BEGINS], axis]
+        self._state[kernels.SERVO_POWER_ENDS, axis] = min(ends, holds)
+
+    def _engage_brake(self, axis: int) -> None:
+        """Let the brake of an axis hold after its delay, unless it already does or there is none."""
+        joint, row = self._spec.joints[axis], self._state[kernels.SERVO_BRAKE_BEGINS]
+        if joint.has_brake:
+            row[axis] = min(row[axis], self._step + round(joint.brake_delay_s / TIME_STEP_S))
+
+    def fail_encoder(self, axis: int, fault: EncoderFault) -> None:
+        """Let an axis's encoder fail: its own loops act on what it reports from now on.
+
+        Args:
+            axis: Index of the axis.
+            fault: What it reports.
+        """
+        scale, offset, drift = (
+            self._state[row : row + 1, axis]
+            for row in (kernels.SERVO_ENCODER_SCALE, kernels.SERVO_ENCODER_OFFSET, kernels.SERVO_ENCODER_DRIFT)
+        )
+        seen_rad, true_rad = self.hold_position(axis), float(self._to_axis[axis] @ self._position[:: self._hinges])
+        scale[:], drift[:] = fault.scale, fault.drift_rad_s
+        offset[:] = seen_rad + fault.jump_rad - fault.scale * true_rad - fault.drift_rad_s * self.time_s
+
     def hold_position(self, axis: int) -> float:
-        """Present position of an axis, for initialising targets.
+        """Present position of an axis as its encoder has it, for initialising targets.
 
         Args:
             axis: Index of the axis.
@@ -249,7 +289,7 @@ class ArmPlant:
         Returns:
             The axis's position in rad.
         """
-        return float(self._to_axis[axis] @ self._position[:: self._hinges])
+        return self._servos.position(axis, self._step)
 
     def sample(self, cycle_s: float) -> PlantSample:
         """Measure, as the drives do at SYNC; every call draws new noise.
@@ -290,6 +330,7 @@ def _parameters(spec: PlantSpec, axis_inertia_kg_m2: FloatArray) -> FloatArray:
     parameter[kernels.SERVO_POSITION_GAIN] = servo_loops.POSITION_GAIN_1_S
     parameter[kernels.SERVO_VELOCITY_GAIN] = velocity_gain
     parameter[kernels.SERVO_INTEGRAL_GAIN] = velocity_gain * (TIME_STEP_S / servo_loops.INTEGRAL_TIME_S)
+    parameter[kernels.SERVO_TIME_STEP] = TIME_STEP_S
     if spec.torque_gain_error is not None:
         parameter[kernels.SERVO_GAIN_ERROR] = spec.torque_gain_error
     if spec.torque_gain_drift_per_s is not None:
@@ -301,7 +342,9 @@ def _parameters(spec: PlantSpec, axis_inertia_kg_m2: FloatArray) -> FloatArray:
         parameter[kernels.SERVO_COULOMB, i] = joint.coulomb_nm * spec.friction_scale
         parameter[kernels.SERVO_STRIBECK, i] = joint.stribeck_nm * spec.friction_scale
         parameter[kernels.SERVO_STRIBECK_VELOCITY, i] = joint.stribeck_velocity_rad_s
-        parameter[kernels.SERVO_BRAKE, i] = BRAKE_FACTOR * joint.max_torque_nm
+        parameter[kernels.SERVO_BRAKE, i] = (
+            joint.max_torque_nm if joint.brake_torque_nm is None else joint.brake_torque_nm
+        )
         if spec.variant is PlantVariant.HARSH:
             parameter[kernels.SERVO_LOSS_FORWARD, i] = 1.0 / servo_loops.EFFICIENCY_FORWARD - 1.0
             parameter[kernels.SERVO_LOSS_BACKWARD, i] = 1.0 - servo_loops.EFFICIENCY_BACKWARD

@@ -34,6 +34,31 @@ class AxisSample(Protocol):
         """(n,) axis torques."""
 
 
+@dataclass(frozen=True, slots=True)
+class EncoderFault:
+    """A fault of an axis's encoder, inside the drive's own loops.
+
+    From the fault on it reports
+
+        p = p_0 + jump + scale (q - q_0) + drift (t - t_0)
+
+    with q the axis's position, and p_0, q_0 as they are when the fault occurs at t_0.
+
+    Attributes:
+        scale: 1 if the encoder counts correctly, -1 if backwards, 0 if it is frozen.
+        jump_rad: Jump.
+        drift_rad_s: Drift.
+    """
+
+    scale: float = 1.0
+    jump_rad: float = 0.0
+    drift_rad_s: float = 0.0
+
+
+REVERSED = EncoderFault(scale=-1.0)
+FROZEN = EncoderFault(scale=0.0)
+
+
 class Plant(Protocol):
     """Axes with servo loops, advanced to times given as arguments. See `mujoco_plant.ArmPlant` for details."""
 
@@ -50,10 +75,16 @@ class Plant(Protocol):
         """Add a torque inside the servo loop."""
 
     def set_powered(self, axis: int, on: bool) -> None:
-        """Switch servo loop and torque on or off."""
+        """Switch servo loop and torque on or off. If off, the brake engages; it holds after a delay."""
+
+    def hold_by_brake(self, axis: int) -> None:
+        """Engage the brake, and remove the torque when it holds: for an axis at standstill."""
+
+    def fail_encoder(self, axis: int, fault: EncoderFault) -> None:
+        """Let an encoder fail."""
 
     def hold_position(self, axis: int) -> float:
-        """Present position of an axis."""
+        """Present position of an axis, as its encoder has it."""
 
     def sample(self, cycle_s: float) -> AxisSample:
         """Present measurements of the drives."""
@@ -82,6 +113,8 @@ class IdealPlant:
         powered: Per axis, whether torque is on.
         torque_offset_nm: (n,) present offsets.
         lag_rad: (n,) distance of encoders behind setpoints; initially zero, to inject following errors.
+        encoder_faults: Fault of each axis's encoder, with the position and time at which it occurred; it changes what
+            is reported, because these axes have no loops that could act on it.
     """
 
     def __init__(self, position_rad: FloatArray, torque_nm: FloatArray | None = None) -> None:
@@ -89,12 +122,14 @@ class IdealPlant:
         self._finish = self._start.copy()
         self._begin_s = np.zeros_like(self._start)
         self._over_s = np.zeros_like(self._start)
+        self._slowing = np.zeros_like(self._start)
         self._torque_nm = np.zeros_like(self._start) if torque_nm is None else np.array(torque_nm)
         self.time_s = 0.0
         self.n = len(self._start)
         self.powered = [False] * len(self._start)
         self.torque_offset_nm = np.zeros_like(self._start)
         self.lag_rad = np.zeros_like(self._start)
+        self.encoder_faults: dict[int, tuple[EncoderFault, float, float]] = {}
 
     def advance(self, time_s: float) -> None:
         """Advance; has no effect for a time in the past."""
@@ -113,7 +148,7 @@ class IdealPlant:
 
     def _position(self, share: FloatArray) -> FloatArray:
         """(n,) positions at a share of each ramp."""
-        return self._start + share * (self._finish - self._start)
+        return self._start + share * (1.0 + self._slowing * (1.0 - share)) * (self._finish - self._start)
 
     @property
     def velocity_rad_s(self) -> FloatArray:
@@ -123,7 +158,7 @@ class IdealPlant:
     def _velocity(self, share: FloatArray) -> FloatArray:
         """(n,) velocities at a share of each ramp."""
         moving = (share < 1.0) | (self.time_s == self._begin_s + self._over_s)
-        travel = np.where(moving, self._finish - self._start, 0.0)
+        travel = np.where(moving, self._finish - self._start, 0.0) * (1.0 + self._slowing * (1.0 - 2.0 * share))
         return np.divide(travel, self._over_s, out=np.zeros_like(travel), where=self._over_s > 0.0)
 
     def set_target(self, axis: int, position_rad: float, over_s: float) -> None:
@@ -132,16 +167,18 @@ class IdealPlant:
             self._ramp(axis, position_rad, over_s)
 
     def slow_down(self, axis: int, over_s: float) -> None:
-        """Stop within `over_s`, over the distance of a constant deceleration."""
+        """Stop within `over_s` at constant deceleration."""
         travel = 0.5 * over_s * self.velocity_rad_s[axis]
         self._ramp(axis, self.hold_position(axis) + travel, over_s)
+        self._slowing[axis] = 1.0
 
     def _ramp(self, axis: int, position_rad: float, over_s: float) -> None:
-        """Start a ramp from the present position."""
+        """Start a ramp from the present position, at constant speed."""
         self._start[axis] = self.hold_position(axis)
         self._finish[axis] = position_rad
         self._begin_s[axis] = self.time_s
         self._over_s[axis] = over_s
+        self._slowing[axis] = 0.0
 
     def set_torque_offset(self, axis: int, torque_nm: float) -> None:
         """Add a torque to the axis's own."""
@@ -152,15 +189,30 @@ class IdealPlant:
         self._ramp(axis, self.hold_position(axis), 0.0)
         self.powered[axis] = on
 
+    def hold_by_brake(self, axis: int) -> None:
+        """Switch torque off; the axis keeps its position."""
+        self.set_powered(axis, False)
+
+    def fail_encoder(self, axis: int, fault: EncoderFault) -> None:
+        """Let an encoder fail; it replaces an earlier fault."""
+        self.encoder_faults[axis] = fault, self.hold_position(axis), self.time_s
+
     def hold_position(self, axis: int) -> float:
         """Present position of an axis: that of `position_rad`, without computing the others."""
         over_s = self._over_s[axis]
         share = min(max((self.time_s - self._begin_s[axis]) / over_s, 0.0), 1.0) if over_s > 0.0 else 1.0
+        share *= 1.0 + self._slowing[axis] * (1.0 - share)
         return float(self._start[axis] + share * (self._finish[axis] - self._start[axis]))
 
     def sample(self, cycle_s: float) -> IdealSample:
         """Present measurements of the drives; without noise, so `cycle_s` has no effect."""
         share = self._share()
         position = self._position(share)
+        velocity = self._velocity(share)
         torque = np.where(self.powered, self._torque_nm + self.torque_offset_nm, 0.0)
-        return IdealSample(position - self.lag_rad, self._velocity(share), position, torque)
+        seen, speed = position - self.lag_rad, velocity.copy()
+        for axis, (fault, at_rad, since_s) in self.encoder_faults.items():
+            drifted = fault.jump_rad + fault.drift_rad_s * (self.time_s - since_s)
+            seen[axis] += (fault.scale - 1.0) * (position[axis] - at_rad) + drifted
+            speed[axis] = fault.scale * velocity[axis] + fault.drift_rad_s
+        return IdealSample(seen, speed, position, torque)

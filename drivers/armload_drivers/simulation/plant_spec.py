@@ -11,6 +11,10 @@ from enum import Enum
 
 from armload_core.arrays import FloatArray
 
+BRAKE_DELAY_S = 0.05
+"""Usual time in which a servo motor's holding brake closes: data sheets give 10 ms for small and 100 ms for large
+ones."""
+
 
 class PlantVariant(Enum):
     """Transmission of the simulated arm."""
@@ -71,6 +75,8 @@ class PlantJoint:
         torque_noise_nm: Standard deviation of one raw torque sample at 100 Hz, at the axis.
         max_torque_nm: Greatest torque of the drive, at the axis.
         has_brake: Whether a brake holds the axis while its drive is off.
+        brake_torque_nm: Friction of the engaged brake, at the axis; None for `max_torque_nm`.
+        brake_delay_s: Time from engaging the brake until it holds.
     """
 
     name: str
@@ -89,6 +95,8 @@ class PlantJoint:
     torque_noise_nm: float
     max_torque_nm: float
     has_brake: bool
+    brake_torque_nm: float | None = None
+    brake_delay_s: float = BRAKE_DELAY_S
 
 
 @dataclass(frozen=True, slots=True)

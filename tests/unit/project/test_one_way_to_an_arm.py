@@ -33,7 +33,7 @@ def test_where_it_is_done(pattern, files):
     assert found == files
 
 
-def test_only_one_function_resets_drives_and_it_requires_their_states():
+def test_one_function_resets_drives_and_requires_their_states_and_one_where_torque_must_go():
     modules = Path(armload_drivers.__file__).parent.rglob("*.py")
-    sending = [path.name for path in modules if re.search(r"command\(NmtCommand\.RESET", path.read_text("utf-8"))]
-    assert sending == ["safe_reset.py"]
+    sending = {path.name for path in modules if re.search(r"command\(NmtCommand\.RESET", path.read_text("utf-8"))}
+    assert sending == {"safe_reset.py", "torque_removal.py"}

@@ -195,6 +195,7 @@ class DriveTable(ProductKeys):
         self,
         joint: str,
         position_rad: tuple[float, float],
+        rates: tuple[float, float],
         gear_ratio: float | None,
         description: DeviceDescription | None,
     ) -> DriveSettings:
@@ -203,6 +204,7 @@ class DriveTable(ProductKeys):
         Args:
             joint: Name of the joint.
             position_rad: Least and greatest position of the joint.
+            rates: Its greatest speed in rad/s and acceleration in rad/s2.
             gear_ratio: Motor turns per axis turn; None if unknown.
             description: The vendor's device description.
         """
@@ -220,6 +222,8 @@ class DriveTable(ProductKeys):
             following_error_rad=self.following_error_rad,
             position_min_rad=position_rad[0],
             position_max_rad=position_rad[1],
+            velocity_max_rad_s=rates[0],
+            acceleration_max_rad_s2=rates[1],
             has_brake=self.has_brake,
             identity=self._identity(),
             torque_offset=self.torque_offset,

@@ -10,7 +10,7 @@ from armload_controller.config.tables.body_tables import BodyTable, PayloadTable
 from armload_controller.config.tables.joint_table import JointTable
 from armload_controller.config.tables.table_types import NonNegative, Positive, Share
 from armload_core.arrays import FloatArray
-from armload_drivers.simulation.plant_spec import PlantJoint
+from armload_drivers.simulation.plant_spec import BRAKE_DELAY_S, PlantJoint
 from armload_identification.storage.strict_toml import BadValue, Table
 
 
@@ -26,6 +26,8 @@ class SimulatedJointTable(Table):
     load_friction: Share
     torque_ripple_nm: NonNegative
     ripple_per_motor_turn: Annotated[int, Field(ge=1)]
+    brake_torque_nm: Positive | None = None
+    brake_delay_s: NonNegative = BRAKE_DELAY_S
 
     def plant_joint(self, joint: JointTable, placement: FloatArray, axis: FloatArray) -> PlantJoint:
         """For the simulated arm.
@@ -52,6 +54,8 @@ class SimulatedJointTable(Table):
             torque_noise_nm=joint.torque_noise_nm,
             max_torque_nm=joint.torque_max_nm,
             has_brake=joint.drive.has_brake if joint.drive else True,
+            brake_torque_nm=self.brake_torque_nm,
+            brake_delay_s=self.brake_delay_s,
         )
 
 

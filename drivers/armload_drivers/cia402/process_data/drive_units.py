@@ -231,6 +231,13 @@ class ArmUnits:
         """(n,) motor currents from the reported effort."""
         return self._motor_from_effort * np.array(effort, dtype=np.float64)
 
+    def rates(self, axis: int) -> tuple[float, float]:
+        """Greatest speed in rad/s and acceleration in rad/s2 of one axis: those of the joints, added where coupled."""
+        row = np.abs(self._inverse[axis])
+        speed = np.array([drive.velocity_max_rad_s for drive in self._arm.drives])
+        acceleration = np.array([drive.acceleration_max_rad_s2 for drive in self._arm.drives])
+        return float(row @ speed), float(row @ acceleration)
+
     def position_limits_counts(self, axis: int) -> tuple[int, int]:
         """607D of one axis: the joints' limits, widened to the box that contains every coupled position."""
         row = self._inverse[axis]

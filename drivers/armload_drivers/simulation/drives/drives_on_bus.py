@@ -5,8 +5,8 @@ without SYNC, as an arm does; actions at SYNC take effect at the frame's time st
 With a `VirtualClock` there is no thread: the drives act while a frame is being sent to them, on a `LockstepBus`. Time
 is read only at SYNC: the sender of SYNC controls time, and the same commands give bit-identical results.
 
-Faults are injected by `fail`, `drop_feedback`, `switch_off` and `switch_on`, from any thread; they take effect before
-the next frame.
+Faults are injected by `fail`, `fail_encoder`, `drop_feedback`, `switch_off` and `switch_on`, from any thread; they take
+effect before the next frame.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drive_pdos import Pdo
 from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
 from armload_drivers.simulation.lockstep_bus import LockstepBus
-from armload_drivers.simulation.plant_interface import Plant
+from armload_drivers.simulation.plant_interface import EncoderFault, Plant
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
 WAKE_S = 0.002
@@ -185,6 +185,11 @@ class SimulatedDrives:
             persistent: Whether the cause persists after a fault reset.
         """
         self._calls.put(lambda: self._drives[node_id].fail(code, self._now_s, persistent=persistent))
+
+    def fail_encoder(self, node_id: int, fault: EncoderFault) -> None:
+        """Let the encoder of a drive's axis fail, inside its own loops."""
+        axis = list(self._drives).index(node_id)
+        self._calls.put(lambda: self._plant.fail_encoder(axis, fault))
 
     def drop_feedback(self, node_id: int, cycles: int) -> None:
         """Drop a drive's TPDOs for a number of SYNCs."""

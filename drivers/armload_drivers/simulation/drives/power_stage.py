@@ -3,7 +3,8 @@
 Rules of this file:
 - The reaction to the loss of the master is that of 6007. A quick stop caused by it does not end by itself when frames
   return: the controlword must first withdraw "enable operation".
-- A drive without torque engages its brake; the plant does that.
+- At the end of a ramp a drive engages its brake, and removes the torque when the brake holds. In motion (transition 9,
+  or 12 during a ramp) torque is removed at once, and the brake engages meanwhile.
 - Time comes from `advance`, which the drive calls before anything else.
 - Setpoints are interpolated over the actual SYNC period, as in drives that lock onto it. With a period slightly longer
   than 60C2, the axis would otherwise stop at the end of every cycle, just when torque is measured.
@@ -183,10 +184,12 @@ class PowerStage:
                 self._plant.set_powered(self._axis, True)
         elif before in POWERED and after not in POWERED:
             option = _SLOW_DOWN_OPTIONS.get(made[-1])
-            if option is None:
-                self.remove_torque()
-            else:
+            if option is not None:
                 self._begin_stop(self._values[option.key])
+            elif before is State.QUICK_STOP_ACTIVE and self._ramp_end_s is None:
+                self._leave_to_brake()
+            else:
+                self.remove_torque()
 
     def _follow(self, word: int) -> None:
         """Pass setpoints to the plant."""
@@ -229,6 +232,7 @@ class PowerStage:
     def _begin_stop(self, option: int) -> None:
         """Slow down on the quick stop ramp, or remove torque at once, depending on the option code."""
         if option == 0:
+            self.remove_torque()
             self._finish_ramp()
             return
         deceleration = self._values[od.QUICK_STOP_DECELERATION.key] / abs(self._units.counts_per_rad)
@@ -241,22 +245,31 @@ class PowerStage:
         self._ramp_end_s = None
         if self.machine.state is State.FAULT_REACTION_ACTIVE:
             self.machine.fault_reaction_done()
-            self.remove_torque()
+            self._leave_to_brake()
         elif (
             self.machine.state is State.QUICK_STOP_ACTIVE
             and self._values[od.QUICK_STOP_OPTION.key] not in _STAYS_IN_QUICK_STOP
         ):
             self.machine.quick_stop_done()
-            self.remove_torque()
+            self._leave_to_brake()
         elif self.machine.state not in POWERED:
-            self.remove_torque()
+            self._leave_to_brake()
+
+    def _leave_to_brake(self) -> None:
+        """Engage the brake at the end of a ramp, and remove the torque when it holds."""
+        self._plant.hold_by_brake(self._axis)
+        self._forget_motion()
 
     def remove_torque(self) -> None:
-        """Remove torque and reset all motion state."""
+        """Remove torque at once; the brake engages."""
+        self._plant.set_powered(self._axis, False)
+        self._forget_motion()
+
+    def _forget_motion(self) -> None:
+        """Reset all motion state."""
         self._ramp_end_s = None
         self._lag_since_s = None
         self._limited = False
-        self._plant.set_powered(self._axis, False)
         if self._offset_permille:
             self._offset_permille = 0
             self._plant.set_torque_offset(self._axis, 0.0)

@@ -109,6 +109,20 @@ static PyObject *setpoint(PyObject *object, PyObject *args)
     return PyFloat_FromDouble(servo_setpoint(&self->loops, axis, count));
 }
 
+PyDoc_STRVAR(position_doc, "position($self, axis, number, /)\n--\n\n"
+                           "Position of an axis at a step as its encoder has it, in rad.");
+
+static PyObject *position(PyObject *object, PyObject *args)
+{
+    servo_loops_object *self = (servo_loops_object *)object;
+    int axis;
+    double count;
+    if (!PyArg_ParseTuple(args, "id", &axis, &count) || !has_axis(self, axis)) {
+        return NULL;
+    }
+    return PyFloat_FromDouble(servo_position(&self->loops, axis, count));
+}
+
 PyDoc_STRVAR(ramp_doc, "ramp($self, axis, number, position, steps, slowing, /)\n--\n\n"
                        "From a step on, let an axis's setpoint go from where it is to a position.");
 
@@ -150,6 +164,7 @@ static PyObject *measure(PyObject *object, PyObject *args)
 
 static PyMethodDef METHODS[] = {{"step", step, METH_O, step_doc},
                                 {"setpoint", setpoint, METH_VARARGS, setpoint_doc},
+                                {"position", position, METH_VARARGS, position_doc},
                                 {"ramp", ramp, METH_VARARGS, ramp_doc},
                                 {"measure", measure, METH_VARARGS, measure_doc},
                                 {NULL, NULL, 0, NULL}};

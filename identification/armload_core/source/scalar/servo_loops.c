@@ -36,6 +36,23 @@ static double at_axis(const servo_loops *loops, int axis, const double *of_hinge
     return sum;
 }
 
+double servo_position(const servo_loops *loops, int axis, double step)
+{
+    const int n = loops->n;
+    const double *state = loops->state + axis;
+    const double time_s = step * loops->parameter[SERVO_TIME_STEP * n + axis];
+    return state[SERVO_ENCODER_SCALE * n] * at_axis(loops, axis, loops->position) + state[SERVO_ENCODER_OFFSET * n]
+           + state[SERVO_ENCODER_DRIFT * n] * time_s;
+}
+
+/* Velocity of an axis, as its encoder has it. */
+static double encoder_velocity(const servo_loops *loops, int axis)
+{
+    const double *state = loops->state + axis;
+    return state[SERVO_ENCODER_SCALE * loops->n] * at_axis(loops, axis, loops->velocity)
+           + state[SERVO_ENCODER_DRIFT * loops->n];
+}
+
 /* The motors' torque at one joint. */
 static double at_joint(const servo_loops *loops, int joint)
 {
@@ -56,8 +73,8 @@ void servo_measure(const servo_loops *loops, double step, double *measured)
             position += loops->position[hinges * i + side];
             velocity += loops->velocity[hinges * i + side];
         }
-        row[SERVO_AXIS_POSITION * n] = at_axis(loops, i, loops->position);
-        row[SERVO_AXIS_VELOCITY * n] = at_axis(loops, i, loops->velocity);
+        row[SERVO_AXIS_POSITION * n] = servo_position(loops, i, step);
+        row[SERVO_AXIS_VELOCITY * n] = encoder_velocity(loops, i);
         row[SERVO_AXIS_DEMAND * n] = servo_setpoint(loops, i, step);
         row[SERVO_AXIS_TORQUE * n] = loops->state[SERVO_TORQUE * n + i];
         row[SERVO_JOINT_POSITION * n] = position;
@@ -74,10 +91,10 @@ int servo_step(const servo_loops *loops, double step, double greatest_speed_rad_
     for (int i = 0; i < n; i++) {
         const double *parameter = loops->parameter + i;
         double *state = loops->state + i;
-        const double q = at_axis(loops, i, loops->position), dq = at_axis(loops, i, loops->velocity);
         double torque = 0.0;
-        if (state[SERVO_POWERED * n] != 0.0) {
-            const double error = parameter[SERVO_POSITION_GAIN * n] * (servo_setpoint(loops, i, step) - q) - dq;
+        if (step < state[SERVO_POWER_ENDS * n]) {
+            const double lag = servo_setpoint(loops, i, step) - servo_position(loops, i, step);
+            const double error = parameter[SERVO_POSITION_GAIN * n] * lag - encoder_velocity(loops, i);
             const double limit = parameter[SERVO_MAX_TORQUE * n];
             const double wanted =
                 parameter[SERVO_VELOCITY_GAIN * n] * error + state[SERVO_INTEGRAL * n] + state[SERVO_OFFSET * n];
@@ -88,7 +105,8 @@ int servo_step(const servo_loops *loops, double step, double greatest_speed_rad_
             }
         }
         const double gain = 1.0 + parameter[SERVO_GAIN_ERROR * n] + parameter[SERVO_GAIN_DRIFT * n] * step;
-        const double ripple = parameter[SERVO_RIPPLE * n] * sin(parameter[SERVO_RIPPLE_PER_RAD * n] * q);
+        const double turned = parameter[SERVO_RIPPLE_PER_RAD * n] * at_axis(loops, i, loops->position);
+        const double ripple = parameter[SERVO_RIPPLE * n] * sin(turned);
         state[SERVO_TORQUE * n] = torque;
         state[SERVO_TRUE_TORQUE * n] = gain * torque + ripple;
     }
@@ -97,12 +115,13 @@ int servo_step(const servo_loops *loops, double step, double greatest_speed_rad_
         const double dq = loops->velocity[hinges * i], load = loops->link_torque[hinges * i];
         const double loss = parameter[(load * dq >= 0.0 ? SERVO_LOSS_FORWARD : SERVO_LOSS_BACKWARD) * n];
         const double slow = dq / parameter[SERVO_STRIBECK_VELOCITY * n];
+        const double brake = step < state[SERVO_BRAKE_BEGINS * n] ? 0.0 : parameter[SERVO_BRAKE * n];
         if (!(fabs(dq) < greatest_speed_rad_s)) {
             sane = 0;
         }
         loops->applied[hinges * i] = at_joint(loops, i);
         loops->friction[hinges * i] = parameter[SERVO_COULOMB * n] + parameter[SERVO_STRIBECK * n] * exp(-slow * slow)
-                                      + loss * fabs(load) + state[SERVO_BRAKED * n] * parameter[SERVO_BRAKE * n];
+                                      + loss * fabs(load) + brake;
     }
     return sane;
 }

@@ -21,9 +21,11 @@
     ROW(STRIBECK_VELOCITY)        \
     ROW(LOSS_FORWARD) /* per |link torque| */ \
     ROW(LOSS_BACKWARD)            \
-    ROW(BRAKE)
+    ROW(BRAKE)                    \
+    ROW(TIME_STEP) /* s */
 
-/* Rows of `state`. Those up to BRAKED are inputs, the others are set by the step. */
+/* Rows of `state`. Those up to ENCODER_DRIFT are inputs, the others are set by the step. The loops of an axis see
+   ENCODER_SCALE q + ENCODER_OFFSET + ENCODER_DRIFT t in place of its position q; 1, 0, 0 is a sound encoder. */
 #define SERVO_STATE_ROWS(ROW) \
     ROW(RAMP_FROM)            \
     ROW(RAMP_TO)              \
@@ -31,16 +33,19 @@
     ROW(RAMP_STEPS)           \
     ROW(RAMP_SLOWING) /* 0 or 1 */ \
     ROW(OFFSET)               \
-    ROW(POWERED) /* 0 or 1 */ \
-    ROW(BRAKED) /* 0 or 1 */  \
+    ROW(POWER_ENDS) /* step number from which the motor has no torque */ \
+    ROW(BRAKE_BEGINS) /* step number from which the brake is engaged */ \
+    ROW(ENCODER_SCALE) \
+    ROW(ENCODER_OFFSET) \
+    ROW(ENCODER_DRIFT) /* rad/s */ \
     ROW(INTEGRAL)             \
     ROW(TORQUE) /* of the axis, nominal: the drive's own value */ \
     ROW(TRUE_TORQUE) /* of the axis, with gain error and ripple */
 
 /* Rows of a measurement: what the drive of an axis measures, then the true values of the joint. */
 #define SERVO_MEASURED_ROWS(ROW) \
-    ROW(AXIS_POSITION)           \
-    ROW(AXIS_VELOCITY)           \
+    ROW(AXIS_POSITION) /* as its encoder has it */ \
+    ROW(AXIS_VELOCITY) /* likewise */ \
     ROW(AXIS_DEMAND)             \
     ROW(AXIS_TORQUE) /* nominal, without noise */ \
     ROW(JOINT_POSITION) /* on the link side of an elastic gear */ \
@@ -69,6 +74,9 @@ typedef struct {
 
 /* Setpoint of an axis in rad: a ramp, linear or with a speed that falls linearly to zero, then held. */
 double servo_setpoint(const servo_loops *loops, int axis, double step);
+
+/* Position of an axis in rad at a step, as its encoder has it. */
+double servo_position(const servo_loops *loops, int axis, double step);
 
 /* Start a ramp of an axis's setpoint from its present value to a position within `steps`; `slowing` is 0 or 1. */
 void servo_ramp(const servo_loops *loops, int axis, double step, double position, double steps, int slowing);

@@ -247,8 +247,8 @@ def test_a_step_of_a_stop_that_fails_does_not_keep_the_next_one_back(connected_s
     else:
         stop = servos.stop
 
-        def stop_and_complain():
-            stop()
+        def stop_and_complain(suspect):
+            stop(suspect)
             raise ServoTimeout(3, "elbow", "quick stop", "still turning", "Look.")
 
         servos.stop = stop_and_complain

@@ -8,9 +8,6 @@ from armload_controller.control_errors import ControlError, OffsetRefused, Recor
 from armload_controller.cycle.feedback_truth import (
     DriveLag,
     InternalLimit,
-    PositionFrozen,
-    PositionJumps,
-    PositionReversed,
     RemoteLost,
     TorqueMissing,
     TorqueReversed,
@@ -31,6 +28,7 @@ from armload_drivers.driver_errors import (
     CommandError,
     DriverError,
     ForeignMaster,
+    LoopLost,
     ServoError,
     ServoFault,
     ServoTimeout,
@@ -68,9 +66,7 @@ def bare(kind):
         (bare(FollowingError), Cause.FOLLOWING_ERROR, QUICK),
         (bare(TorqueError), Cause.TORQUE, QUICK),
         (StaleFeedback("again"), Cause.STALE, QUICK),
-        (bare(PositionJumps), Cause.POSITION_JUMPS, QUICK),
-        (bare(PositionFrozen), Cause.POSITION_FROZEN, QUICK),
-        (bare(PositionReversed), Cause.POSITION_REVERSED, QUICK),
+        (bare(LoopLost), Cause.LOOP_LOST, StopCategory.EMERGENCY_STOP),
         (bare(VelocityContradicts), Cause.VELOCITY, QUICK),
         (bare(TorqueMissing), Cause.TORQUE_MISSING, ALONG),
         (bare(TorqueReversed), Cause.TORQUE_REVERSED, ALONG),
@@ -106,6 +102,7 @@ def test_what_a_stop_consists_of():
     assert ALONG.sequence == (StopStep.RAMP_DOWN, StopStep.QUICK_STOP, StopStep.DISABLE)
     assert QUICK.sequence == (StopStep.QUICK_STOP, StopStep.DISABLE)
     assert OFF.sequence == (StopStep.DISABLE,)
+    assert StopCategory.EMERGENCY_STOP.sequence == (StopStep.EMERGENCY_STOP, StopStep.DISABLE)
 
 
 def test_the_page_is_the_table():

@@ -26,6 +26,8 @@ def arm(joints, cycle_hz, *, bitrate=1_000_000, heartbeat_s=0.1, torque_offset=T
             following_error_rad=0.1,
             position_min_rad=-3.0,
             position_max_rad=3.0,
+            velocity_max_rad_s=2.0,
+            acceleration_max_rad_s2=5.0,
             has_brake=True,
             identity=Identity(None, None),
             torque_offset=torque_offset,

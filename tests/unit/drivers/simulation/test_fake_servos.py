@@ -308,11 +308,12 @@ class TestFailures:
         servos.close()
 
     def test_following_error_is_a_fault(self) -> None:
-        servos, _, first = enabled("er50")
-        too_far = first.position_rad.copy()
-        too_far[2] += 1.0
-        with pytest.raises(ServoFault, match=settings("er50").drives[2].joint):
-            stay(servos, replace(first, position_rad=too_far), 3)
+        arm = settings("er50")
+        narrow = replace(arm.drives[0], following_error_rad=0.02)
+        servos = FakeServos(replace(arm, drives=(narrow, *arm.drives[1:])), ArmPlant(quiet("er50")))
+        servos.connect()
+        with pytest.raises(ServoFault, match=narrow.joint):
+            sweep(servos, servos.enable().position_rad, 1.0, 20)
 
     def test_missing_feedback_repeats_the_last_values(self) -> None:
         servos, _, first = enabled("prbt", [ScriptedFailure(MISSING, joint=0, cycle=21, cycles=2)])

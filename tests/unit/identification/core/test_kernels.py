@@ -429,7 +429,7 @@ class TestServoLoops:
 
     def test_it_fills_the_arrays_that_it_shares(self):
         given = self.arrays(hinges=2)
-        given["state"][kernels.SERVO_POWERED] = 1.0
+        given["state"][[kernels.SERVO_POWER_ENDS, kernels.SERVO_BRAKE_BEGINS]] = np.inf
         given["state"][kernels.SERVO_OFFSET] = [0.25, -0.5]
         loops = kernels.ServoLoops(*given.values(), 100.0)
         assert loops.step(0) is True
@@ -491,6 +491,7 @@ class TestServoLoops:
             [5.0, 6.0],
             [5.5, 6.5],
         ]
+        given["state"][kernels.SERVO_ENCODER_SCALE] = 1.0
         out = np.full((kernels.SERVO_MEASUREMENTS, 2), np.nan)
         kernels.ServoLoops(*given.values(), 100.0).measure(0.0, out)
         expected = {
@@ -506,6 +507,41 @@ class TestServoLoops:
         assert len(expected) == kernels.SERVO_MEASUREMENTS
         for name, values in expected.items():
             np.testing.assert_allclose(out[getattr(kernels, f"SERVO_{name}")], values, rtol=1e-15)
+
+    def test_the_loops_see_what_the_encoder_has(self):
+        given = self.arrays()
+        given["position"][:], given["velocity"][:] = [2.0, 3.0], [4.0, 5.0]
+        given["parameter"][kernels.SERVO_TIME_STEP] = 0.5
+        given["state"][[kernels.SERVO_ENCODER_SCALE, kernels.SERVO_ENCODER_OFFSET, kernels.SERVO_ENCODER_DRIFT]] = [
+            [-1.0, 0.0],
+            [1.0, 7.0],
+            [0.0, 0.25],
+        ]
+        loops, out = kernels.ServoLoops(*given.values(), 100.0), np.empty((kernels.SERVO_MEASUREMENTS, 2))
+        loops.measure(8.0, out)
+        np.testing.assert_allclose(out[kernels.SERVO_AXIS_POSITION], [-1.0, 8.0])
+        np.testing.assert_allclose(out[kernels.SERVO_AXIS_VELOCITY], [-4.0, 0.25])
+        np.testing.assert_allclose(out[kernels.SERVO_JOINT_POSITION], [2.0, 3.0])
+        assert [loops.position(axis, 8.0) for axis in (0, 1)] == [-1.0, 8.0]
+        given["state"][kernels.SERVO_POWER_ENDS] = np.inf
+        loops.step(8.0)
+        # gain 1 times the setpoint's distance 0 - p, less the velocity; a gain error of one doubles the torque
+        np.testing.assert_allclose(given["state"][kernels.SERVO_TORQUE], [1.0, -1.0])
+
+    def test_power_ends_and_the_brake_begins_at_their_steps(self):
+        given = self.arrays()
+        given["state"][kernels.SERVO_POWER_ENDS] = [3.0, np.inf]
+        given["state"][kernels.SERVO_BRAKE_BEGINS] = [4.0, np.inf]
+        given["state"][kernels.SERVO_OFFSET] = 0.5
+        given["parameter"][[kernels.SERVO_RIPPLE, kernels.SERVO_GAIN_DRIFT]] = 0.0
+        loops, applied, friction = kernels.ServoLoops(*given.values(), 100.0), [], []
+        for step in (2, 3, 4):
+            loops.step(step)
+            applied.append(given["applied"][0])
+            friction.append(given["friction"][0])
+        assert applied == [1.0, 0.0, 0.0]
+        assert friction == [2.0, 2.0, 3.0]
+        assert given["applied"][1] == 1.0
 
     @pytest.mark.parametrize("shape", [(1, 2), (kernels.SERVO_MEASUREMENTS, 3)])
     def test_a_measurement_that_does_not_fit(self, shape):

@@ -46,6 +46,8 @@ def drive(node, *, feedback=EffortFeedback.CURRENT, torque_offset=True, limits=(
         following_error_rad=0.1,
         position_min_rad=limits[0],
         position_max_rad=limits[1],
+        velocity_max_rad_s=2.0,
+        acceleration_max_rad_s2=5.0,
         has_brake=True,
         identity=Identity(None, None),
         torque_offset=torque_offset,

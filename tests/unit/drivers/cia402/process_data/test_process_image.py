@@ -30,6 +30,8 @@ DRIVE = DriveSettings(
     following_error_rad=0.1,
     position_min_rad=-3.0,
     position_max_rad=3.0,
+    velocity_max_rad_s=2.0,
+    acceleration_max_rad_s2=5.0,
     has_brake=True,
     identity=Identity(None, None),
 )

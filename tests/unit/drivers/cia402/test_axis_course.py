@@ -1,0 +1,212 @@
+"""An axis that leaves its predicted course, and what must not be taken for it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from armload_drivers.cia402 import axis_course
+from armload_drivers.cia402.axis_course import AxisCourse, axis_courses, loop_lost
+from armload_drivers.cia402.process_data.drive_units import ArmUnits
+
+COUNTS, SPEED, ACCELERATION, WINDOW, LIMIT, CYCLE_S = 1e6, 2.0, 6.0, 0.2, 1000.0, 0.004
+LAG_S = 0.04
+
+
+def course(**changes):
+    given = {"window_rad": WINDOW, "effort_limit": LIMIT, "cycle_s": CYCLE_S} | changes
+    made = AxisCourse(COUNTS, SPEED, ACCELERATION, **given)
+    made.begin(0)
+    return made
+
+
+def follow(made, targets_rad, positions_rad, effort=0, elapsed_s=CYCLE_S):
+    """Feed targets and positions until the axis is lost; the number of samples, and the reason."""
+    efforts = effort if np.ndim(effort) else [effort] * len(targets_rad)
+    for sample, (target, position, each) in enumerate(zip(targets_rad, positions_rad, efforts, strict=True)):
+        made.follow(round(target * COUNTS), round(position * COUNTS), round(each), elapsed_s)
+        if made.lost:
+            return sample, made.lost
+    return None, ""
+
+
+def lagging(targets_rad, lag_s=LAG_S):
+    """The positions of a first-order lag."""
+    positions, here = [], 0.0
+    for target in targets_rad:
+        positions.append(here)
+        here += (target - here) * (1.0 - math.exp(-CYCLE_S / lag_s))
+    return np.array(positions)
+
+
+def swing(seconds=4.0, amplitude=0.3, period_s=1.0):
+    """Targets of a swing whose speed begins at zero; its greatest is 1.9 rad/s."""
+    t = np.arange(0.0, seconds, CYCLE_S)
+    return amplitude * (1.0 - np.cos(2.0 * math.pi * t / period_s))
+
+
+@pytest.mark.parametrize("lag_s", [0.004, 0.02, 0.04, 0.08])
+@pytest.mark.parametrize("period_s", [1.0, 5.0])
+def test_an_axis_that_follows_with_any_usual_lag_stays_on_its_course(lag_s, period_s):
+    targets = swing(period_s=period_s)
+    assert follow(course(), targets, lagging(targets, lag_s)) == (None, "")
+
+
+@pytest.mark.parametrize("speed", [0.3, 1.0, 1.9])
+def test_an_axis_that_turns_the_other_way(speed):
+    targets = speed * CYCLE_S * np.arange(300)
+    positions = lagging(targets)
+    at = 200
+    positions[at:] = 2.0 * positions[at - 1] - positions[at:]
+    found, why = follow(course(), targets, positions)
+    assert found - at < (0.04 / CYCLE_S if speed > 0.2 * SPEED else 0.4 / CYCLE_S)
+    assert "are commanded" in why or "against its setpoints" in why
+
+
+@pytest.mark.parametrize("way_rad", [0.05, -0.05, 0.01])
+def test_a_position_that_jumps(way_rad):
+    targets = np.zeros(50)
+    positions = np.where(np.arange(50) >= 20, way_rad, 0.0)
+    assert follow(course(), targets, positions)[0] == 20
+
+
+def test_a_jump_within_the_margin_is_none():
+    targets = np.zeros(50)
+    margin_rad = axis_course.MARGIN_SHARE * SPEED * CYCLE_S
+    assert follow(course(), targets, np.where(np.arange(50) >= 20, 0.9 * margin_rad, 0.0))[0] is None
+    assert follow(course(), targets, np.where(np.arange(50) >= 20, 1.1 * margin_rad, 0.0))[0] == 20
+
+
+@pytest.mark.parametrize("speed", [0.06, 0.5, 1.5])
+def test_a_position_that_freezes_in_motion_is_found_in_the_second_sample(speed):
+    targets = speed * CYCLE_S * np.arange(300)
+    positions = lagging(targets)
+    positions[200:] = positions[199]
+    found, why = follow(course(), targets, positions)
+    assert found - 200 <= 1
+    assert "stopped dead" in why or "are commanded" in why
+
+
+def test_an_axis_that_stops_because_its_setpoints_do_has_not_stopped_dead():
+    """With a hard feed-forward it may stand in the very next sample, as when the master is late."""
+    targets = np.minimum(0.3 * CYCLE_S * np.arange(300), 0.3 * CYCLE_S * 200)
+    assert follow(course(), targets, targets)[0] is None
+
+
+def test_a_cycle_without_setpoints_is_allowed_for():
+    """A late master: the setpoints stand still for two cycles in which the drive sends no feedback either."""
+    made, fast = course(), 1.9
+    targets = fast * CYCLE_S * np.arange(60)
+    assert follow(made, targets, targets)[0] is None
+    here = round(targets[-1] * COUNTS)
+    made.follow(here, here, 0, 3.0 * CYCLE_S)
+    assert not made.lost
+
+
+def test_an_axis_that_friction_holds_at_a_reversal_is_not_frozen():
+    targets = swing()
+    positions = lagging(targets)
+    still = (np.abs(np.gradient(targets, CYCLE_S)) < 0.4) & (np.arange(len(targets)) > 60)
+    held = positions.copy()
+    for sample in range(1, len(held)):
+        step = positions[sample] - positions[sample - 1]
+        held[sample] = held[sample - 1] + (
+            0.1 * step if still[sample] else step + 0.1 * (positions[sample] - held[sample - 1])
+        )
+    assert follow(course(), targets, held)[0] is None
+
+
+def test_an_axis_that_stands_while_its_setpoints_go_on_is_stuck():
+    targets = 0.05 * CYCLE_S * np.arange(1000)
+    found, why = follow(course(), targets, np.zeros(1000))
+    assert targets[found] == pytest.approx(axis_course.STUCK_SHARE * WINDOW, abs=1e-3)
+    assert "not changed by a single count" in why
+
+
+def test_an_axis_that_is_pushed_with_its_greatest_torque_and_stands():
+    targets = 0.02 * CYCLE_S * np.arange(200)
+    effort = np.clip(10.0 * np.arange(200), 0.0, 950.0)
+    found, why = follow(course(), targets, np.zeros(200), effort)
+    assert found == 90 + axis_course.PUSHES_SAMPLES - 1
+    assert "greatest torque" in why
+
+
+def test_holding_a_load_at_the_torque_limit_is_no_fault():
+    made = course()
+    made.slow_down()
+    assert follow(made, np.zeros(200), np.zeros(200), 950)[0] is None
+    weaker = course(effort_limit=math.inf)
+    assert follow(weaker, 0.02 * CYCLE_S * np.arange(200), np.zeros(200), 10**6)[0] is None
+
+
+def test_a_slow_motion_against_the_setpoints():
+    """Within the margin of speeds; a reported direction that is wrong while the drive follows the right one."""
+    targets = 0.15 * CYCLE_S * np.arange(300)
+    found, why = follow(course(), targets, -targets)
+    assert "against its setpoints" in why
+    assert 2.0 * targets[found] == pytest.approx(axis_course.APART_SHARE * WINDOW, abs=2e-3)
+
+
+def test_in_a_stop_an_axis_may_take_its_time_but_must_slow_down():
+    fast = 1.8
+    for deceleration, lost in ((2.0, False), (0.0, True)):
+        made = course()
+        targets = fast * CYCLE_S * np.arange(100)
+        assert follow(made, targets, lagging(targets))[0] is None
+        made.slow_down()
+        t = CYCLE_S * np.arange(1, 400)
+        braking_s = np.minimum(t, fast / deceleration) if deceleration else t
+        positions = lagging(targets)[-1] + fast * braking_s - 0.5 * deceleration * braking_s**2
+        found, why = follow(made, np.full(399, targets[-1]), positions)
+        assert (found is not None) is lost
+        if lost:
+            assert 0.1 < t[found] < 0.5
+            assert "are commanded" in why
+
+
+def test_in_a_stop_an_axis_must_not_turn_back_nor_run_away():
+    for speed in (-0.9, 2.6):
+        made = course()
+        targets = 1.8 * CYCLE_S * np.arange(100)
+        follow(made, targets, lagging(targets))
+        made.slow_down()
+        here = lagging(targets)[-1]
+        assert follow(made, [0.0], [here + speed * CYCLE_S])[0] == 0
+
+
+def test_a_suspect_axis_that_stands_is_lost_and_one_that_moves_or_has_no_setpoints_is_not():
+    made = course()
+    targets = 0.02 * CYCLE_S * np.arange(30)
+    follow(made, targets, np.zeros(30))
+    made.suspect()
+    assert "not as expected" in made.lost
+    for positions, wanted in ((targets, targets), (np.zeros(30), np.zeros(30))):
+        sound = course()
+        follow(sound, wanted, positions)
+        sound.suspect()
+        assert not sound.lost
+
+
+def test_the_first_reason_stays_until_it_begins_anew():
+    made = course()
+    made.leave("first")
+    made.leave("second")
+    assert made.lost == "first"
+    made.begin(5)
+    assert not made.lost
+
+
+def test_courses_of_coupled_axes_have_the_limits_that_their_joints_allow(arm_settings):
+    arm = arm_settings()
+    courses = axis_courses(arm, ArmUnits(arm))
+    inverse = np.abs(np.linalg.inv(arm.coupling))
+    counts = arm.drives[0].counts_per_rad
+    steps = [each.step for each in courses]
+    assert steps == pytest.approx(inverse @ np.full(3, 2.0) * arm.cycle_s * counts + 1.0, rel=1e-5)
+    assert "0.0200 rad are possible" in str(courses[0].too_far("elbow", 10**6))
+
+
+def test_the_error_says_what_an_axis_without_a_brake_does(arm_settings):
+    braked, bare = arm_settings().drives[0], arm_settings(has_brake=False).drives[0]
+    assert "its brake engages" in str(loop_lost(braked, "quick stop", "why"))
+    assert "has no brake (has_brake) and falls" in str(loop_lost(bare, "quick stop", "why"))
