@@ -17,6 +17,7 @@ import numpy as np
 
 from armload_controller.config.robot import load_robot
 from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.driver_errors import DriverError
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
@@ -31,7 +32,7 @@ SPEED_SHARE = 0.5
 AMPLITUDE_RAD = 0.25
 STANDSTILL_RAD_S = 0.01
 WATCHED_S = 1.0
-WATCHED_CYCLES = 100
+WATCHED_CYCLES = 600
 NODE = 3
 
 
@@ -108,8 +109,8 @@ def _reboot(arm: _Arm) -> None:
 
 FAULTS = (
     _Fault("drive fault (EMCY 0x2310)", lambda arm: arm.drives.fail(NODE, 0x2310)),
-    _Fault("following error (6065)", lambda arm: arm.send(0x603, "2365600001000000")),
-    _Fault("heartbeat of one drive lost", lambda arm: arm.send(0x603, "2b17100000000000")),
+    _Fault("following error (6065)", lambda arm: arm.drives.set_object(NODE, od.FOLLOWING_ERROR_WINDOW, 1)),
+    _Fault("heartbeat of one drive lost", lambda arm: arm.drives.set_object(NODE, od.HEARTBEAT_PRODUCER_MS, 0)),
     _Fault("supply of one drive lost", lambda arm: arm.drives.switch_off(NODE)),
     _Fault("one drive reboots", _reboot),
     _Fault("feedback missing once", lambda arm: arm.drives.drop_feedback(NODE, 1)),
@@ -117,6 +118,8 @@ FAULTS = (
     _Fault("feedback missing for good", lambda arm: arm.drives.drop_feedback(NODE, 100_000)),
     _Fault("quick stop by the operator", lambda arm: arm.servos.stop()),
     _Fault("second master: NMT stop to all", lambda arm: arm.send(0x000, "0200")),
+    _Fault("second master: writes 6065", lambda arm: arm.send(0x603, "2365600001000000")),
+    _Fault("60C2 changed by another cable", lambda arm: arm.drives.set_object(NODE, od.INTERPOLATION_TIME, 100)),
     _Fault("second master: SYNC", lambda arm: arm.send(0x080, "")),
     _Fault("second master's heartbeat", lambda arm: arm.send(0x77F, "05")),
     _Fault("controller error passive", lambda arm: arm.send(0x04, "0020000000000000", is_error_frame=True)),

@@ -28,7 +28,7 @@ from armload_controller.motion.phase import Segment
 from armload_controller.session.run_session import feedback_truth
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
-from armload_drivers.driver_errors import BusError, CommandError, ServoError
+from armload_drivers.driver_errors import BusError, CommandError, ForeignMaster, ServoError
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.simulation.fake_servos import FailureKind, FakeServos, ScriptedFailure
 from armload_drivers.simulation.mujoco_plant import ArmPlant
@@ -319,6 +319,7 @@ def _event(
         Cause.DRIVE: ServoError(3, "joint_3", "streaming", "it left its state by itself", "Look at it"),
         Cause.REFUSED: CommandError("joint_3: the drive takes no torque offset"),
         Cause.BUS: BusError("bus-off"),
+        Cause.OTHER_MASTER: ForeignMaster("an SDO client writes 6065 to node 3"),
         Cause.PROGRAM: RuntimeError("a defect"),
     }
     return None if cause is None else events.get(cause)

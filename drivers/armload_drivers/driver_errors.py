@@ -7,6 +7,7 @@ DriverError
  |    +-- SdoRefused       ... answered an SDO with an abort code
  |    +-- WrongDevice      ... is not the configured device, or contradicts its configuration
  |    +-- MissingSafety    ... cannot provide a safety property
+ |    +-- SettingChanged   ... no longer has a value that was read back when it was configured
  |    +-- LoopLost         ... moves its axis otherwise than commanded: encoder, loop or brake has failed
  |    +-- AxisMoves        ... its axis moves without torque: no brake holds it
  |    +-- TorqueRemains    ... may carry torque: its removal could not be read back
@@ -147,6 +148,10 @@ class WrongDevice(ServoError):
 
 class MissingSafety(ServoError):
     """A drive cannot provide a safety property, and the configuration does not accept that."""
+
+
+class SettingChanged(ServoError):
+    """A value that was read back when the drive was configured has changed."""
 
 
 class LoopLost(ServoError):

@@ -1,6 +1,5 @@
 """Drive faults and features of real drives, in lockstep and on vcan0: message, final state, recovery."""
 
-import struct
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
@@ -9,6 +8,7 @@ import numpy as np
 import pytest
 
 from armload_drivers.bring_up.drive_check import reset
+from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import Identity, VendorEffort
 from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType
@@ -79,11 +79,10 @@ def test_following_error(fault_arm):
 def test_heartbeat_loss_of_one_drive(fault_arm):
     arm = fault_arm()
     arm.enable()
-    arm.send(0x603, bytes.fromhex("2b17100000000000"))
+    arm.drives.set_object(3, od.HEARTBEAT_PRODUCER_MS, 0)
     error = arm.failure(ServoTimeout)
     assert error.node_id == 3
     assert "heartbeat" in str(error)
-    assert any("Another SDO client wrote to joint_3 (node 3), object 1017:0" in note for note in error.__notes__)
     arm.comes_to_rest()
 
 
@@ -188,8 +187,8 @@ def test_a_vendors_pdo_that_goes_missing_is_missing_feedback(fault_arm, arm_sett
     vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
     arm = fault_arm(arm_settings(cycle_s=0.02, vendor_effort=vendor))
     arm.enable()
-    # Another client disables TPDO2.
-    arm.send(0x603, bytes.fromhex("2301180183020080"))
+    # A tool on another cable disables TPDO2.
+    arm.drives.set_object(3, od.PdoDirection.TRANSMIT.cob_id_entry(1), 0x80000283)
     assert arm.failure(ServoTimeout).node_id == 3
 
 
@@ -238,7 +237,7 @@ def test_torque_goes_at_standstill_only_even_where_another_master_stopped_the_no
     arm = fault_arm(plant=_Witness([0.1, 0.2, 0.3]))
     arm.enable()
     # One drive takes 0.5 s to stop (6085 = 1 rad/s2), longer than the others and the watch after their torque.
-    arm.send(0x603, struct.pack("<B3sI", 0x23, b"\x85\x60\x00", round(arm.arm.drives[1].counts_per_rad)))
+    arm.drives.set_object(3, od.QUICK_STOP_DECELERATION, round(arm.arm.drives[1].counts_per_rad))
     arm.move()
     arm.send(0x000, b"\x02\x00")
     arm.failure(DriverError)

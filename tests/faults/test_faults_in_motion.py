@@ -8,6 +8,7 @@ import pytest
 
 from armload_drivers.bring_up.drive_check import reset
 from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.object_dictionary import NmtState
 from armload_drivers.cia402.state_machine import State, decode
@@ -162,7 +163,7 @@ def test_a_lost_heartbeat_is_noticed_although_feedback_comes(virtual_arm):
     arm = virtual_arm()
     start = enabled(arm)
     move(arm, start, 5)
-    arm.monitor.send(can.Message(arbitration_id=0x603, data=bytes.fromhex("2b17100000000000"), is_extended_id=False))
+    arm.drives.set_object(3, od.HEARTBEAT_PRODUCER_MS, 0)
     error = move_until_error(arm, start, ServoTimeout)
     assert error.node_id == 3
     assert "heartbeat" in str(error)
@@ -298,8 +299,8 @@ def test_a_drive_that_cannot_be_disabled_is_reset(virtual_arm):
 
     arm = virtual_arm(traits={3: DriveTraits(on_request=no_controlword)}, timeouts=QUICK)
     move(arm, enabled(arm), 5)
-    # Another client disables RPDO1.
-    arm.monitor.send(can.Message(arbitration_id=0x603, data=bytes.fromhex("2300140103020080"), is_extended_id=False))
+    # A tool on another cable disables RPDO1.
+    arm.drives.set_object(3, od.PdoDirection.RECEIVE.cob_id_entry(0), 0x80000203)
     arm.servos.close()
     drive = arm.drives._drives[3]
     assert drive.state is NmtState.PRE_OPERATIONAL
@@ -381,7 +382,7 @@ def test_nobody_is_lost_because_this_process_did_not_run(stalled):
 def test_a_drive_that_was_silent_for_longer_is_lost_all_the_same(virtual_arm):
     arm = virtual_arm()
     start = enabled(arm)
-    arm.monitor.send(can.Message(arbitration_id=0x603, data=bytes.fromhex("2b17100000000000"), is_extended_id=False))
+    arm.drives.set_object(3, od.HEARTBEAT_PRODUCER_MS, 0)
     arm.clock.advance(0.05)
     error = move_until_error(arm, start, ServoTimeout)
     assert "heartbeat" in str(error)

@@ -38,10 +38,12 @@ from armload_drivers.driver_errors import (
     BusError,
     CommandError,
     DriverError,
+    ForeignMaster,
     LoopLost,
     ServoError,
     ServoFault,
     ServoTimeout,
+    SettingChanged,
     StateError,
 )
 
@@ -106,6 +108,7 @@ class Cause(Enum):
     LATE = "the program is late"
     MISSING_FEEDBACK = "a drive does not answer"
     DRIVE_FAULT = "a drive reports a fault"
+    OTHER_MASTER = "another program or tool commands the drives"
     DRIVE = "a drive does not behave as expected"
     REFUSED = "a setpoint cannot be sent"
     BUS = "the bus failed"
@@ -165,6 +168,7 @@ DECISIONS: dict[Cause, Decision] = {
     Cause.LATE: Decision(_QUICK, "close other programs, lower --cycle-hz, or give the process a real-time priority"),
     Cause.MISSING_FEEDBACK: Decision(_QUICK, "check the drive's supply, its cable and the bus load"),
     Cause.DRIVE_FAULT: Decision(_QUICK, "clear the cause at the drive, then reset that drive (armload drives reset)"),
+    Cause.OTHER_MASTER: Decision(_QUICK, "stop the other program, or unplug its tool, then repeat the command"),
     Cause.DRIVE: Decision(_QUICK, "inspect the drive; reconnect"),
     Cause.REFUSED: Decision(_QUICK, "correct the scaling in the configuration, or run without added torque"),
     Cause.BUS: Decision(_OFF, "check cable, termination and interface"),
@@ -203,6 +207,8 @@ CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
     (DriveLag, Cause.DRIVE_LAG),
     (LateCycle, Cause.LATE),
     (LoopLost, Cause.LOOP_LOST),
+    (ForeignMaster, Cause.OTHER_MASTER),
+    (SettingChanged, Cause.OTHER_MASTER),
     (ServoFault, Cause.DRIVE_FAULT),
     (ServoTimeout, Cause.MISSING_FEEDBACK),
     (CommandError, Cause.REFUSED),

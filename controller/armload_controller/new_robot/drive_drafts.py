@@ -71,6 +71,14 @@ def drives_found(nodes: Sequence[FoundNode], n: int, described: DeviceDescriptio
         ConfigurationError: the number of CiA 402 drives differs from that of the joints.
     """
     drives = sorted((node for node in nodes if node.is_drive), key=lambda node: node.node_id)
+    for node in drives:
+        if node.twins:
+            raise ConfigurationError(
+                "command line",
+                "--scan",
+                f"{node.twins + 1} drives with node id {node.node_id}",
+                "one drive per node id",
+            )
     if len(drives) != n:
         listed = ", ".join(str(node.node_id) for node in drives) or "none"
         raise ConfigurationError(

@@ -217,8 +217,20 @@ class DriveSetup(DriveDialogue):
         self._safety = secure(self._objects, values)
         # Only verified here; the watch itself starts with the cycle.
         self.watch_master(on=False)
-        self._objects.held.pop(od.HEARTBEAT_CONSUMER, None)
         require_safety(self._objects, values, self._safety)
+
+    def watch_master(self, *, on: bool) -> int | None:
+        """As `DriveDialogue.watch_master`; while it is on, its value must not change."""
+        watch = super().watch_master(on=on)
+        self._objects.held.pop(od.HEARTBEAT_CONSUMER, None)
+        if watch:
+            self._objects.held[od.HEARTBEAT_CONSUMER] = watch
+        return watch
+
+    @property
+    def objects(self) -> DriveObjects:
+        """Its objects, and the values that must not change before the drive is configured again."""
+        return self._objects
 
     def require_as_configured(self) -> None:
         """Require a drive without torque or fault, with the settings that were read back when it was configured.
@@ -278,7 +290,10 @@ class DriveSetup(DriveDialogue):
         """Read polarity and scale, and check them against the configuration."""
         self._sdo.step = "reading the scaling"
         read, optional = self._objects.read, self._sdo.read_if_there
-        self._polarity = read(od.POLARITY) or 0
+        polarity = read(od.POLARITY)
+        self._polarity = polarity or 0
+        if polarity is not None:
+            self._objects.held[od.POLARITY] = polarity
         torque, current_ma = read(od.RATED_TORQUE_MNM), optional(od.RATED_CURRENT_MA)
         self._rated_current_a = None if current_ma is None else current_ma * 1e-3
         reported = ReportedScale(

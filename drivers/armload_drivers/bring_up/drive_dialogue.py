@@ -147,15 +147,17 @@ class DriveDialogue:
                 self._sdo.write(entry, 0)
         return counts
 
-    def watch_master(self, *, on: bool) -> None:
-        """Switch the drive's watch on the master's heartbeat on or off."""
+    def watch_master(self, *, on: bool) -> int | None:
+        """Switch the drive's watch on the master's heartbeat on or off; the value written, None if it has no 1016."""
         self._sdo.step = "configuring the heartbeat consumer"
         watch = master_watch(self._master_node_id, self._arm.heartbeat_s) if on else 0
         try:
-            self._sdo.write_if_there(od.HEARTBEAT_CONSUMER, watch)
+            written = self._sdo.write_if_there(od.HEARTBEAT_CONSUMER, watch)
         except SdoRefused:
             if Safety.MASTER_LOST.key not in self.settings.accept_missing:
                 raise
+            written = False
+        return watch if written else None
 
     def reset_fault(self) -> State:
         """Reset a fault by SDO, by a bounded number of rising edges; nothing is enabled.

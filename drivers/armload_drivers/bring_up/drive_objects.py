@@ -16,7 +16,7 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_data.drive_units import interpolation_time, microseconds
-from armload_drivers.driver_errors import SdoRefused
+from armload_drivers.driver_errors import SdoRefused, SettingChanged
 
 
 class DriveObjects:
@@ -52,16 +52,25 @@ class DriveObjects:
         """Require that the drive still has the values that were read back when it was configured.
 
         Raises:
-            ServoError: one has changed.
+            SettingChanged: one has changed.
         """
         self.sdo.step = "comparing the settings"
-        for entry, value in self.held.items():
-            found = self.sdo.read_if_there(entry)
-            if found != value:
-                raise self.sdo.failure(
-                    f"{entry} is {found}, and was {value} when the drive was configured",
-                    "Has it rebooted, or has another program changed it? Repeat the command: it configures the drive",
-                )
+        for entry in self.held:
+            self.require_unchanged(entry, self.sdo.read_if_there(entry))
+
+    def require_unchanged(self, entry: Entry, found: int | None) -> None:
+        """Require that a value is that which was read back when the drive was configured.
+
+        Raises:
+            SettingChanged: it is not.
+        """
+        if found != self.held[entry]:
+            raise SettingChanged(
+                *self.sdo.node,
+                self.sdo.step,
+                f"{entry} is {found}, and was {self.held[entry]} when the drive was configured",
+                "Has it rebooted, or has another program changed it? Repeat the command: it configures the drive",
+            )
 
     def hold(self, entry: Entry, value: int) -> str:
         """Write an object and read it back; one that has the value already need not be writable.

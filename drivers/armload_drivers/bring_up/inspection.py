@@ -35,6 +35,7 @@ class FoundNode:
         identity: 1018.
         modes: Numbers of the modes in 6502.
         missing: Names of the safety properties for which the drive has no object.
+        twins: Number of further nodes with the same id.
     """
 
     node_id: int
@@ -43,6 +44,7 @@ class FoundNode:
     identity: Identity
     modes: tuple[int, ...]
     missing: tuple[str, ...]
+    twins: int = 0
 
     @property
     def is_drive(self) -> bool:
@@ -104,12 +106,12 @@ def find_nodes(bus: can.BusABC, timeouts: Timeouts | None = None) -> list[FoundN
     limits = timeouts or Timeouts()
     link = BusLink(bus)
     return [
-        _describe(SdoChannel(node_id, "unknown joint", link, limits.sdo_s), node_id, device_type)
-        for node_id, device_type in scan(link, NODE_IDS, limits.scan_s).items()
+        _describe(SdoChannel(node_id, "unknown joint", link, limits.sdo_s), node_id, device_types)
+        for node_id, device_types in scan(link, NODE_IDS, limits.scan_s).items()
     ]
 
 
-def _describe(sdo: SdoChannel, node_id: int, device_type: int | None) -> FoundNode:
+def _describe(sdo: SdoChannel, node_id: int, device_types: list[int | None]) -> FoundNode:
     """What one node reports about itself."""
     sdo.step = "scanning"
     modes = sdo.read_if_there(od.SUPPORTED_MODES) or 0
@@ -122,7 +124,8 @@ def _describe(sdo: SdoChannel, node_id: int, device_type: int | None) -> FoundNo
 
     return FoundNode(
         node_id=node_id,
-        device_type=device_type,
+        device_type=device_types[0],
+        twins=len(device_types) - 1,
         name=sdo.read_text_if_there(od.DEVICE_NAME),
         identity=Identity(
             sdo.read_if_there(od.VENDOR_ID), sdo.read_if_there(od.PRODUCT_CODE), sdo.read_if_there(od.REVISION)

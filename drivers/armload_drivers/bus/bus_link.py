@@ -32,7 +32,8 @@ _BUS_OFF, _RESTARTED, _CONTROLLER = 0x40, 0x100, 0x04
 _PASSIVE, _WARNING, _ACTIVE = 0x30, 0x0C, 0x40
 """Bits of an error frame's second byte (CAN_ERR_CRTL_*): both directions of passive and of warning; active again."""
 
-_FRAME_BITS = tuple(frame_bits(length) for length in range(9))
+_FRAME_BITS = tuple(frame_bits(min(length, 8)) for length in range(65))
+"""By length; a node of another kind may send CAN FD frames."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +138,7 @@ class BusLink:
         if message.is_error_frame:
             self._error_frame(message)
             return True
-        self.bits += _FRAME_BITS[min(message.dlc, 8)]
+        self.bits += _FRAME_BITS[message.dlc]
         handler = self._handlers.get(message.arbitration_id)
         if handler is not None and not message.is_remote_frame and not message.is_extended_id:
             self.stamp_s, self.from_outside = message.timestamp, message.is_rx

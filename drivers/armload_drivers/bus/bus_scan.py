@@ -19,7 +19,7 @@ _UPLOAD = struct.Struct("<BHB4x").pack(0x40, od.DEVICE_TYPE.index, 0)
 _ANSWER = struct.Struct("<BHBI")
 
 
-def scan(link: BusLink, node_ids: Iterable[int], wait_s: float) -> dict[int, int | None]:
+def scan(link: BusLink, node_ids: Iterable[int], wait_s: float) -> dict[int, list[int | None]]:
     """Query nodes for their device type.
 
     Args:
@@ -28,21 +28,26 @@ def scan(link: BusLink, node_ids: Iterable[int], wait_s: float) -> dict[int, int
         wait_s: Total time to wait for answers.
 
     Returns:
-        Device type (1000) of each node that answers; None for an abort.
+        Device types (1000) by node id, None for an abort; more than one if several nodes have the same id. If requests
+        of another client are heard, only the first answer counts.
 
     Raises:
         BusError: the bus failed.
     """
-    found: dict[int, int | None] = {}
+    found: dict[int, list[int | None]] = {}
     asked = tuple(node_ids)
+    others: set[int] = set()
 
     def listen(node_id: int) -> None:
         def take(data: bytearray) -> None:
-            if len(data) == 8:
-                command, _, _, value = _ANSWER.unpack(data)
-                found[node_id] = None if command == 0x80 else value
+            if len(data) != 8:
+                return
+            command, index, _, value = _ANSWER.unpack(data)
+            if index == od.DEVICE_TYPE.index and not (node_id in found and node_id in others):
+                found.setdefault(node_id, []).append(None if command == 0x80 else value)
 
         link.subscribe(od.SDO_TX_BASE + node_id, take)
+        link.subscribe(od.SDO_RX_BASE + node_id, lambda _: others.add(node_id))
 
     with link.subscribed_meanwhile():
         for node_id in asked:
@@ -53,16 +58,24 @@ def scan(link: BusLink, node_ids: Iterable[int], wait_s: float) -> dict[int, int
 
 
 def require_no_strangers(link: BusLink, arm: ArmSettings, wait_s: float) -> None:
-    """Refuse a bus with a drive that the configuration does not name.
+    """Refuse a bus with a drive that the configuration does not name, or with two drives of one node id.
 
     Raises:
         WrongDevice: naming the node.
         BusError: the bus failed.
     """
-    known = {drive.node_id for drive in arm.drives} | arm.other_nodes
-    others = scan(link, (node_id for node_id in NODE_IDS if node_id not in known), wait_s)
-    for node_id, device_type in others.items():
-        if device_type is not None and od.is_drive(device_type):
+    joints = {drive.node_id: drive.joint for drive in arm.drives}
+    for node_id, device_types in scan(link, sorted(set(NODE_IDS) - arm.other_nodes), wait_s).items():
+        if node_id in joints:
+            if len(device_types) > 1:
+                raise WrongDevice(
+                    node_id,
+                    joints[node_id],
+                    "looking for other drives",
+                    f"two drives have node id {node_id}: one request was answered {len(device_types)} times",
+                    "Both would obey this arm's setpoints. Give each drive a node id of its own, or unplug one",
+                )
+        elif any(device_type is not None and od.is_drive(device_type) for device_type in device_types):
             raise WrongDevice(
                 node_id,
                 "no configured joint",

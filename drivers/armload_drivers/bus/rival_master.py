@@ -1,8 +1,8 @@
 """Frames that only the master of an arm may send, sent by another node.
 
-A second master is a fault that no drive detects: it obeys both. A node that sends NMT commands, setpoints or SYNC, or
-uses the master's node id, stops this master; a node that reads or writes objects is named in the next error, because a
-drive that behaves strangely was usually commanded to.
+A second master is a fault that no drive detects: it obeys both. A node that sends NMT commands, setpoints or SYNC, uses
+the master's node id, or writes an object of a drive, stops this master; a node that reads objects is named in the next
+error.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from armload_drivers.cia402.object_dictionary import NmtCommand
 from armload_drivers.cia402.process_data.process_image import drive_image
 
 _NAMES = {command.value: command.name.replace("_", " ").lower() for command in NmtCommand}
+_INITIATE_DOWNLOAD = 1
 _REMEDY = "Two masters cannot share an arm: stop the other program, or disconnect its device"
 
 
@@ -59,15 +60,17 @@ class ForeignTraffic:
         link.subscribe(cob_id, take)
 
     def _note_requests(self, link: BusLink, node_id: int) -> None:
-        """Treat SDO requests as sent by another client."""
+        """Treat SDO requests as sent by another client: downloads as a second master's."""
         joint = self._joints[node_id]
 
         def take(data: bytearray) -> None:
-            if len(data) == 8:
-                verb = "wrote to" if data[0] >> 5 == 1 else "talks to"
-                self.requests = (
-                    f"Another SDO client {verb} {joint} (node {node_id}), object {data[2]:02X}{data[1]:02X}:{data[3]}"
-                )
+            if len(data) != 8:
+                return
+            drive, what = f"{joint} (node {node_id})", f"object {data[2]:02X}{data[1]:02X}:{data[3]}"
+            if data[0] >> 5 == _INITIATE_DOWNLOAD:
+                self.commands = f"another node writes to {drive}, {what}. {_REMEDY}"
+            else:
+                self.requests = f"Another SDO client talks to {drive}, {what}"
 
         link.subscribe(od.SDO_RX_BASE + node_id, take)
 

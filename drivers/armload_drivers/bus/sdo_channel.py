@@ -6,12 +6,14 @@ request to a node in progress, and every wait has a limit.
 
 from __future__ import annotations
 
+import logging
 import math
 import struct
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import can
 from canopen import ObjectDictionary
 from canopen.sdo import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
@@ -19,6 +21,9 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.cia402.object_dictionary import SDO_RX_BASE, SDO_TX_BASE, Entry
 from armload_drivers.driver_errors import SdoRefused, ServoError, ServoTimeout
+
+# canopen logs every abort, which its caller reports; without a handler Python would print it to the operator.
+logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 NO_SUBINDEX = 0x0609_0011
 """Abort code for a missing sub-index."""
@@ -36,8 +41,18 @@ _INITIATE = frozenset({1, 2})
 """Client commands whose response repeats index and sub-index: initiate download, initiate upload."""
 
 
+_UPLOADED = 2
+"""Server command with the value of an object, as opposed to an abort."""
+_HEAD = struct.Struct("<BHB")
+"""Command, index and sub-index of a frame."""
+
+
 class _NoAnswer(SdoCommunicationError):  # type: ignore[misc]
     """The node did not answer in time."""
+
+
+class _AnsweredTwice(SdoCommunicationError):  # type: ignore[misc]
+    """One request was answered by two nodes."""
 
 
 class _PumpedSdoClient(SdoClient):  # type: ignore[misc]
@@ -47,6 +62,9 @@ class _PumpedSdoClient(SdoClient):  # type: ignore[misc]
         super().__init__(SDO_RX_BASE + node_id, SDO_TX_BASE + node_id, ObjectDictionary())
         self._link = link
         self._answers: deque[bytes] = deque()
+        self._earlier = b""
+        self._asked = False
+        self._asking = can.Message(arbitration_id=self.rx_cobid, data=bytes(8), is_extended_id=False)
         self.timeout_s = timeout_s
         link.subscribe(self.tx_cobid, lambda data: self._answers.append(bytes(data)))
 
@@ -64,17 +82,40 @@ class _PumpedSdoClient(SdoClient):  # type: ignore[misc]
     def request_response(self, sdo_request: bytes) -> bytes:
         """Send a request and wait for its answer; answers to earlier requests are dropped."""
         self._answers.clear()
+        earlier, asked = self._earlier, self._asked
+        self._earlier, self._asked = b"", False
         self.send_request(sdo_request)
         try:
             answer = self.read_response()
         except _NoAnswer:
             self.abort(0x0504_0000)
             raise
-        if sdo_request[0] >> 5 in _INITIATE and answer[1:4] != bytes(sdo_request[1:4]):
-            raise SdoCommunicationError(
-                f"answered for object {answer[2]:02X}{answer[1]:02X}:{answer[3]}; another SDO client is active"
-            )
-        return answer
+        self._earlier = bytes(sdo_request[1:4])
+        if sdo_request[0] >> 5 not in _INITIATE or answer[1:4] == self._earlier:
+            return answer
+        if answer[1:4] == earlier and asked:
+            # The answer to `ask`, which nobody waits for any more.
+            return self.read_response()
+        what = f"object {answer[2]:02X}{answer[1]:02X}:{answer[3]}"
+        if answer[1:4] == earlier:
+            raise _AnsweredTwice(f"{what} was answered twice: two drives have node id {self.rx_cobid - SDO_RX_BASE}")
+        raise SdoCommunicationError(f"answered for {what}; another SDO client is active")
+
+    def ask(self, entry: Entry) -> None:
+        """Request an object without waiting; `take` returns the answer."""
+        self._answers.clear()
+        message = self._asking
+        _HEAD.pack_into(message.data, 0, 0x40, entry.index, entry.subindex)
+        self._earlier, self._asked = bytes(message.data[1:4]), True
+        self._link.send(message)
+
+    def take(self) -> bytes | None:
+        """The answer to `ask`; None if it has not arrived. Answers for other objects are dropped."""
+        while self._answers:
+            answer = self._answers.popleft()
+            if len(answer) == 8 and answer[1:4] == self._earlier and answer[0] >> 5 == _UPLOADED:
+                return answer
+        return None
 
     def read_response(self) -> bytes:
         """Pump until an answer is received."""
@@ -99,10 +140,12 @@ class SdoChannel:
 
     Attributes:
         step: The step in progress, for errors; set by the user of the channel.
+        node: Node id, and name of the joint.
     """
 
     def __init__(self, node_id: int, joint: str, link: BusLink, timeout_s: float) -> None:
         self.step = "SDO transfer"
+        self.node = node_id, joint
         self._node_id, self._joint, self._link = node_id, joint, link
         self._timeout_s = timeout_s
         self._client = _PumpedSdoClient(node_id, link, timeout_s)
@@ -115,7 +158,11 @@ class SdoChannel:
             ServoTimeout: the node does not answer.
             ServoError: the answer is invalid.
         """
-        data = self._transfer(entry, None)
+        return self._integer(entry, self._transfer(entry, None))
+
+    @staticmethod
+    def _integer(entry: Entry, data: bytes) -> int:
+        """Value of an integer object."""
         return int.from_bytes(data[: max(1, entry.type.bits // 8)], "little", signed=entry.type.code.islower())
 
     def read_if_there(self, entry: Entry) -> int | None:
@@ -158,6 +205,15 @@ class SdoChannel:
             raise self.failure(f"reading {entry}: {len(data)} bytes are not a REAL32", "See the drive's manual")
         (value,) = struct.unpack("<f", data)
         return float(value)
+
+    def ask(self, entry: Entry) -> None:
+        """Request an object of up to four bytes without waiting for the answer."""
+        self._client.ask(entry)
+
+    def answer(self, entry: Entry) -> int | None:
+        """Value of the integer object that was asked for last; None if no value has arrived."""
+        found = self._client.take()
+        return None if found is None else self._integer(entry, found[4:])
 
     def read_text(self, entry: Entry) -> str:
         """Value of a string object; invalid bytes are replaced. Raises as `read`."""
@@ -242,6 +298,10 @@ class SdoChannel:
                 self.step,
                 f"{verb} {entry}: {error}",
                 "Is the drive powered and connected, with this node id and bit rate?",
+            ) from error
+        except _AnsweredTwice as error:
+            raise self.failure(
+                f"{verb} {entry}: {error}", "Give each drive a node id of its own, or unplug one"
             ) from error
         except SdoCommunicationError as error:
             raise self.failure(

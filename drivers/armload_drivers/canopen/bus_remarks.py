@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.drive_node import DriveNode
+from armload_drivers.canopen.rhythm import Rhythm
 
 
 class BusRemarks:
@@ -18,14 +19,15 @@ class BusRemarks:
     Args:
         link: The bus.
         nodes: The drives of the arm.
+        rhythms: What should recur every cycle.
     """
 
-    def __init__(self, link: BusLink, nodes: Sequence[DriveNode]) -> None:
-        self._link, self._nodes = link, nodes
+    def __init__(self, link: BusLink, nodes: Sequence[DriveNode], rhythms: Sequence[Rhythm]) -> None:
+        self._link, self._nodes, self._rhythms = link, nodes, rhythms
         self._reported = self._counts()
 
     def take(self) -> tuple[str, ...]:
-        """One line about what was counted since the last call; empty if there was nothing."""
+        """Lines about what was counted since the last call; empty if there was nothing."""
         before, self._reported = self._reported, self._counts()
         frames, passive, full, *wrong = (now - then for now, then in zip(self._reported, before, strict=True))
         found = [
@@ -41,9 +43,15 @@ class BusRemarks:
             )
             if count
         ]
-        if not found:
-            return ()
-        return (f"warning: bus: {', '.join(found)}. Check cable, termination, bit rate, node ids and txqueuelen",)
+        lines = []
+        if found:
+            lines.append(
+                f"warning: bus: {', '.join(found)}. Check cable, termination, bit rate, node ids and txqueuelen"
+            )
+        irregular = [text for rhythm in self._rhythms if (text := rhythm.take())]
+        if irregular:
+            lines.append(f"warning: {'; '.join(irregular)}. Check the computer's load, the bus load and priorities")
+        return tuple(lines)
 
     def _counts(self) -> list[int]:
         """All counts so far."""

@@ -16,6 +16,7 @@ from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.rival_master import ForeignTraffic
 from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.canopen.drive_node import DriveNode
+from armload_drivers.canopen.rhythm import Rhythm
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
 from armload_drivers.cia402.axis_course import axis_courses
@@ -43,6 +44,7 @@ class CanopenCycle:
         sync: Source of SYNC.
         master_node_id: Node id of the master's heartbeat.
         units: Conversion of setpoints and feedback.
+        rhythms: Those of SYNC and of the feedback.
 
     Attributes:
         nodes: Its drives.
@@ -60,6 +62,7 @@ class CanopenCycle:
         sync: SyncSource,
         master_node_id: int,
         units: ArmUnits,
+        rhythms: tuple[Rhythm, Rhythm],
     ) -> None:
         self.nodes = nodes
         self.number = 0
@@ -73,6 +76,7 @@ class CanopenCycle:
         self._cycle_s, self._heartbeat_s = arm.cycle_s, arm.heartbeat_s
         self._with_current = units.feedback is EffortFeedback.CURRENT
         self._link, self._sync = link, sync
+        self._sync_rhythm, self._feedback_rhythm = rhythms
         self._heartbeat = can.Message(
             arbitration_id=od.HEARTBEAT_BASE + master_node_id,
             data=[NmtState.OPERATIONAL.value],
@@ -80,6 +84,8 @@ class CanopenCycle:
         )
         self._heartbeat_due_s = self._looked_s = 0.0
         self._fade: OffsetFade | None = None
+        self._none_missing = np.zeros(len(nodes), dtype=np.bool_)
+        self._none_missing.setflags(write=False)
         self._offset_frames = [(node, node.offset_message) for node in nodes if node.offset_message is not None]
 
     def begin(self) -> None:
@@ -91,6 +97,8 @@ class CanopenCycle:
             node.begin(axis.counts_per_rad, course)
             self._link.command(NmtCommand.START, node.settings.node_id)
         self.foreign.forget()
+        self._sync_rhythm.begin()
+        self._feedback_rhythm.begin()
         self._sync.begin(self._link, self._cycle_s, self._sync_counter)
         self._heartbeat_due_s = self._looked_s = self._sync.now_s()
 
@@ -133,7 +141,10 @@ class CanopenCycle:
             link.send(self._heartbeat)
             self._heartbeat_due_s = now_s + self._heartbeat_s
         tick = sync.next(link, self._expect_feedback)
+        self._sync_rhythm.note(tick.time_s)
         sync.await_feedback(link, self._complete)
+        if link.stamp_s:
+            self._feedback_rhythm.note(link.stamp_s)
         away_s = sync.now_s() - self._looked_s
         if away_s > _STALLED_CYCLES * self._cycle_s:
             # This process was not running, and perhaps no other on this computer was. Frames that the drives sent in
@@ -143,8 +154,7 @@ class CanopenCycle:
                 node.excuse_silence(away_s)
         self._looked_s = sync.now_s()
         self.number += 1
-        for node in nodes:
-            node.evaluate(tick.time_s)
+        missing = [node.evaluate(tick.time_s) for node in nodes]
         if tick.time_s - self._load_since_s >= LOAD_WINDOW_S:
             self._measure_load(tick.time_s)
         effort = [node.effort for node in nodes]
@@ -156,8 +166,8 @@ class CanopenCycle:
             velocity_rad_s=None,
             current_a=self.units.motor_current_a(effort) if with_current else None,
             torque_nm=None if with_current else self.units.joint_torque_nm(effort),
-            statusword=np.array([node.statusword for node in nodes], dtype=np.uint16),
-            missing=np.array([node.arrived < node.expected for node in nodes]),
+            statusword=np.array([node.machine.statusword or 0 for node in nodes], dtype=np.uint16),
+            missing=np.array(missing) if True in missing else self._none_missing,
             skipped_cycles=tick.skipped,
         )
 
@@ -177,7 +187,8 @@ class CanopenCycle:
         problems = [
             problem
             for node in self.nodes
-            if (problem := node.problem(step, feedback.time_s, must_follow=must_follow)) is not None
+            if not node.in_order(feedback.time_s)
+            and (problem := node.problem(step, feedback.time_s, must_follow=must_follow)) is not None
         ]
         if problems:
             # The first of these is the cause; simultaneous problems of other drives are usually its consequence.
@@ -205,7 +216,7 @@ class CanopenCycle:
     def _expect_feedback(self) -> None:
         """Feedback from now on belongs to this SYNC, earlier feedback does not."""
         for node in self.nodes:
-            node.arrived = 0
+            node.expect()
 
     def _measure_load(self, now_s: float) -> None:
         """Complete one measurement of the bus load."""

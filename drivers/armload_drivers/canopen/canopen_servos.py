@@ -1,7 +1,8 @@
 """`JointServos` over CANopen: the drives of an arm on any bus that python-can opens.
 
 Rules of this file:
-- Only the calling thread sends and receives: no other thread, no callback from elsewhere, no SDO while drives move.
+- Only the calling thread sends and receives: no other thread, no callback from elsewhere. While drives move no SDO is
+  waited for; the settings are read again between cycles (`settings_watch`).
 - Every frame contains a valid target: until a drive is enabled, its target is its present position.
 - The heartbeat is sent by the cycle. If the caller stops calling, it ends, and the drives stop the arm (1016, 6007, and
   the time-out of the RPDO). So after `enable`, `exchange` must be called every cycle.
@@ -29,6 +30,8 @@ from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.canopen.bus_remarks import BusRemarks
 from armload_drivers.canopen.canopen_cycle import CanopenCycle
 from armload_drivers.canopen.drive_node import DriveNode
+from armload_drivers.canopen.rhythm import Rhythm
+from armload_drivers.canopen.settings_watch import SettingsWatch
 from armload_drivers.canopen.torque_removal import STILL_CYCLES, TorqueRemoval, torque_remains
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.bus_budget import require_room
@@ -99,7 +102,9 @@ class CanopenServos:
         ]
         self._running: CanopenCycle | None = None
         self._removal: TorqueRemoval | None = None
-        self._bus_remarks = BusRemarks(link, self._nodes)
+        self._settings: SettingsWatch | None = None
+        self._rhythms = Rhythm("SYNC", arm.cycle_s), Rhythm("feedback", arm.cycle_s)
+        self._bus_remarks = BusRemarks(link, self._nodes, self._rhythms)
         self._taken_over = ""
 
     # Bring-up ------------------------------------------------------------------------------------------------
@@ -118,6 +123,7 @@ class CanopenServos:
         """
         self._require(_Phase.NEW)
         require_room(self._arm)
+        self._link.drain()  # answers to another master's requests
         answering = answering_drives(self._setups, self._link)
         require_no_strangers(self._link, self._arm, self._timeouts.scan_s)
         powered = powered_drives(answering, self._arm, self._link)
@@ -135,7 +141,9 @@ class CanopenServos:
         for node, report in zip(self._nodes, self.reports, strict=True):
             if any(finding.of is Safety.DRIVE_LOST and finding.way is None for finding in report.safety):
                 node.heartbeat_limit_s = math.inf
-        self._running = CanopenCycle(self._arm, self._nodes, self._link, self._sync, self._master_node_id, units)
+        self._running = CanopenCycle(
+            self._arm, self._nodes, self._link, self._sync, self._master_node_id, units, self._rhythms
+        )
         self.simulated = all(map(is_simulation, identities))
         self._phase = _Phase.CONNECTED
 
@@ -201,18 +209,23 @@ class CanopenServos:
             LoopLost: an axis has left its predicted course; `stop` removes its torque at once.
             ServoFault: a drive reports a fault.
             ServoTimeout: feedback or heartbeat of a drive has been missing for too long.
-            ServoError: a drive left its state by itself.
+            SettingChanged: a drive no longer has a setting that was read back when it was configured.
+            ForeignMaster: another node commands the drives, or writes their objects.
+            ServoError: a drive left its state by itself, or two drives have the same node id.
             BusError: the bus failed.
         """
         self._require(_ENABLED)
         raw = self._cycle.units.targets(command)
         for node, counts in zip(self._nodes, raw.position_counts, strict=True):
-            if abs(counts - node.target_counts) > node.course.step:
+            if not -node.step <= counts - node.target_counts <= node.step:
                 raise node.course.too_far(node.settings.joint, counts - node.target_counts)
         for node, counts, permille in zip(self._nodes, raw.position_counts, raw.effort, strict=True):
             node.target_counts = counts
             node.offset_permille = permille
-        return self._cycle.run_checked("in the cycle", must_follow=True)
+        feedback = self._cycle.run_checked("in the cycle", must_follow=True)
+        if self._settings is not None:
+            self._settings.step()
+        return feedback
 
     def stop(self, suspect: int | None = None) -> None:
         """Quick stop: decelerate every drive on its own ramp and hold, with torque on.
@@ -371,6 +384,7 @@ class CanopenServos:
             node.target_counts = node.position_counts = setup.hold_present_position()
             node.offset_permille = 0
             setup.watch_master(on=True)
+        self._settings = SettingsWatch([setup.objects for setup in self._setups], self.cycle_s)
         self._removal = TorqueRemoval(self._cycle, self._nodes, self._setups, self._link, self._timeouts)
         self._cycle.begin()
 

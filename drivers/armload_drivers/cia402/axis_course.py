@@ -48,6 +48,9 @@ PUSHES_SAMPLES = 3
 PUSHES_SHARE, RISES_SHARE = 0.9, 0.2
 """An axis is pushed with its greatest torque if its effort is above the first share of the limit for so many samples,
 and has risen by the second since it stands: holding a load at a torque limit is no fault."""
+PUSHES_FROM_REST_S = 0.06
+"""If it came to rest, and did not stop dead: for so long, because static friction can require the greatest torque.
+Healthy: 28 ms (harsh er50 with a tenth of torque to spare)."""
 STUCK_SHARE = 0.4
 """An axis is stuck if its setpoints move on by this share of the following error window. Healthy: 0.14 (prbt's joint 6,
 held by friction at a reversal)."""
@@ -92,7 +95,7 @@ class AxisCourse:
         cycle_s: float,
     ) -> None:
         self._per_rad = abs(counts_per_rad)
-        self._cycle_s = cycle_s
+        self._cycle_s, self._late_s = cycle_s, LATE * cycle_s
         self._decay = math.exp(-cycle_s / RECALL_S)
         self._margin = MARGIN_SHARE * speed_rad_s * self._per_rad
         self.step = ROUNDED * speed_rad_s * cycle_s * self._per_rad + 1.0
@@ -120,11 +123,12 @@ class AxisCourse:
         """
         self.lost = ""
         self._counts = self._target = counts
-        self._speed = self._before = self._hi = self._lo = self._way = self._dies_down_s = 0.0
+        self._speed = self._before = self._hi = self._lo = self._dies_down_s = 0.0
         self._dead_speed = self._due = self._stood_with = 0.0
-        self._stands = self._pushed = self._direction = 0
+        self._stands = self._pushed = self._way = self._direction = 0
+        self._patience = PUSHES_SAMPLES
         self._sudden = self._ramping = False
-        self._from = counts, counts
+        self._from_target = self._from_counts = counts
 
     def slow_down(self) -> None:
         """From now on the drive slows down on its own ramp. Idempotent."""
@@ -153,69 +157,74 @@ class AxisCourse:
             effort: Actual effort, in its units.
             elapsed_s: Time since the last feedback.
         """
-        elapsed_s = max(elapsed_s, self._cycle_s)
+        if elapsed_s < self._cycle_s:  # noqa: PLR1730 - faster than max
+            elapsed_s = self._cycle_s
+        hi, lo, wanted = self._hi, self._lo, 0
         if self._ramping:
-            self._ramp(elapsed_s)
+            hi, lo = self._ramp(elapsed_s)
         else:
-            self._command(target, counts, elapsed_s)
+            wanted = target - self._target
+            self._target = target
+            commanded = wanted / elapsed_s
+            if elapsed_s > self._late_s:
+                hi, lo = max(hi, 0.0), min(lo, 0.0)
+            decay = self._decay
+            hi = commanded if commanded >= hi else commanded + (hi - commanded) * decay
+            lo = commanded if commanded <= lo else commanded + (lo - commanded) * decay
+            direction = self._direction
+            if wanted * direction <= 0:
+                self._direction, self._from_target, self._from_counts = (wanted > 0) - (wanted < 0), target, counts
+            elif (counts - self._from_counts) * direction < 0:
+                self._judge_direction(target, counts)
+        self._hi, self._lo = hi, lo
         speed = (counts - self._counts) / elapsed_s
-        if not self._lo - self._margin <= speed <= self._hi + self._margin:
+        if not lo - self._margin <= speed <= hi + self._margin:
             self.leave(
-                f"the position moves at {speed / self._per_rad:.2f} rad/s, between {self._lo / self._per_rad:.2f} and "
-                f"{self._hi / self._per_rad:.2f} rad/s are commanded"
+                f"the position moves at {speed / self._per_rad:.2f} rad/s, between {lo / self._per_rad:.2f} and "
+                f"{hi / self._per_rad:.2f} rad/s are commanded"
             )
         if counts == self._counts:
-            self._stand(effort, elapsed_s)
-        else:
-            self._stands = self._pushed = 0
-            self._way = 0.0
+            self._way += abs(wanted)
+            self._judge_standing(effort, elapsed_s)
+        elif self._stands:
+            self._stands = self._pushed = self._way = 0
         self._counts, self._before, self._speed = counts, self._speed, speed
 
-    def _command(self, target: int, counts: int, elapsed_s: float) -> None:
-        """Update lo and hi from a setpoint, and judge the direction of motion."""
-        wanted = target - self._target
-        self._target = target
-        speed, decay = wanted / elapsed_s, self._decay
-        if elapsed_s > LATE * self._cycle_s:
-            self._hi, self._lo = max(self._hi, 0.0), min(self._lo, 0.0)
-        self._hi = speed if speed >= self._hi else speed + (self._hi - speed) * decay
-        self._lo = speed if speed <= self._lo else speed + (self._lo - speed) * decay
-        self._way += abs(wanted)
-        direction = (wanted > 0) - (wanted < 0)
-        if direction != self._direction:
-            self._direction, self._from = direction, (target, counts)
-            return
-        way, moved = (target - self._from[0]) * direction, (counts - self._from[1]) * direction
-        if way > self._against and moved < -AGAINST_SHARE * way and abs(target - counts) > self._apart:
+    def _judge_direction(self, target: int, counts: int) -> None:
+        """Judge an axis that is now behind where its setpoints began to go one way."""
+        way, moved = abs(target - self._from_target), abs(counts - self._from_counts)
+        if way > self._against and moved > AGAINST_SHARE * way and abs(target - counts) > self._apart:
             self.leave(
-                f"the position moved by {-moved / self._per_rad:.3f} rad against its setpoints, which moved by "
+                f"the position moved by {moved / self._per_rad:.3f} rad against its setpoints, which moved by "
                 f"{way / self._per_rad:.3f} rad"
             )
 
-    def _ramp(self, elapsed_s: float) -> None:
-        """Let lo and hi fall to zero."""
+    def _ramp(self, elapsed_s: float) -> tuple[float, float]:
+        """Let hi and lo fall to zero."""
         if self._dies_down_s > 0.0:
             self._dies_down_s -= elapsed_s
-            return
+            return self._hi, self._lo
         slower = RAMP_SHARE * self._acceleration * elapsed_s
-        self._hi, self._lo = max(self._hi - slower, 0.0), min(self._lo + slower, 0.0)
+        return max(self._hi - slower, 0.0), min(self._lo + slower, 0.0)
 
-    def _stand(self, effort: int, elapsed_s: float) -> None:
+    def _judge_standing(self, effort: int, elapsed_s: float) -> None:
         """Judge a position that has not changed."""
         self._stands += 1
         if self._stands == 1:
             last, slowing = abs(self._speed), abs(self._speed - self._before)
-            self._sudden = not self._ramping and last > self._fast and last > SUDDEN_FACTOR * slowing
+            came_to_rest = last <= SUDDEN_FACTOR * slowing or last * self._cycle_s < STANDS_COUNTS
+            self._sudden = not self._ramping and last > self._fast and not came_to_rest
             self._dead_speed, self._due = GOES_ON_SHARE * last, 0.0
             self._stood_with = abs(effort)
+            self._patience = math.ceil(PUSHES_FROM_REST_S / self._cycle_s) if came_to_rest else PUSHES_SAMPLES
         self._due += self._dead_speed * elapsed_s
         pushes = abs(effort) >= self._pushes and abs(effort) - self._stood_with >= self._rises
         self._pushed = self._pushed + 1 if pushes else 0
         if self._sudden and self._stands >= STANDS_SAMPLES and (self._ramping or self._way > self._due):
             self.leave("the position has stopped dead, and does not change by a single count")
-        elif self._pushed >= PUSHES_SAMPLES and (self._way or self._ramping):
+        elif self._pushed >= self._patience and (self._way or self._ramping):
             self.leave("the position does not change by a single count while the drive applies its greatest torque")
-        elif self._way > self._stuck and not self._ramping:
+        elif self._way > self._stuck:
             self.leave(
                 "the position has not changed by a single count while its setpoints moved by "
                 f"{self._way / self._per_rad:.3f} rad"

@@ -24,6 +24,11 @@ from armload_drivers.driver_errors import BusOverload
 MAX_BUS_LOAD: Final = 0.7
 """Greatest permitted worst-case load, as a share of the bus."""
 
+READ_AGAIN_S: Final = 1.9
+"""Time in which every setting of every drive is read again in motion; 2 s are required."""
+SETTINGS: Final = 22
+"""Greatest number of settings of a drive that are read again and are not manufacturer-specific."""
+
 
 def frame_bits(data_bytes: int) -> int:
     """Worst-case number of bits of one frame, including stuff bits and interframe space."""
@@ -38,18 +43,20 @@ class BusLoad:
         cycle_us: Bus time of the frames of one cycle (SYNC and all PDOs).
         cycle_share: `cycle_us` as a share of the cycle.
         heartbeat_share: Share of the heartbeats of master and drives.
+        settings_share: Share of reading the drives' settings again.
         highest_cycle_hz: The highest integer rate within the limit; 0 if there is none.
     """
 
     cycle_us: float
     cycle_share: float
     heartbeat_share: float
+    settings_share: float
     highest_cycle_hz: int
 
     @property
     def share(self) -> float:
         """Total share of the bus."""
-        return self.cycle_share + self.heartbeat_share
+        return self.cycle_share + self.heartbeat_share + self.settings_share
 
     @property
     def fits(self) -> bool:
@@ -60,7 +67,7 @@ class BusLoad:
 def forecast(arm: ArmSettings) -> BusLoad:
     """Worst-case load of a configured arm.
 
-    SDO and EMCY are not counted: the limit leaves room for them.
+    Other SDO and EMCY are not counted: the limit leaves room for them.
     """
     images = [drive_image(drive) for drive in arm.drives]
     sync_bits = frame_bits(1 if arm.sync_counter else 0)
@@ -68,11 +75,14 @@ def forecast(arm: ArmSettings) -> BusLoad:
     cycle_bus_s = bits / arm.bitrate
     heartbeats_s = (len(images) + 1) * frame_bits(1) / arm.bitrate
     heartbeat_share = heartbeats_s / arm.heartbeat_s
-    room = max(0.0, MAX_BUS_LOAD - heartbeat_share)
+    settings = sum(SETTINGS + len(drive.vendor_settings) for drive in arm.drives)
+    settings_share = settings * 2 * frame_bits(8) / arm.bitrate / READ_AGAIN_S
+    room = max(0.0, MAX_BUS_LOAD - heartbeat_share - settings_share)
     return BusLoad(
         cycle_us=cycle_bus_s * 1e6,
         cycle_share=cycle_bus_s / arm.cycle_s,
         heartbeat_share=heartbeat_share,
+        settings_share=settings_share,
         highest_cycle_hz=math.floor(room / cycle_bus_s),
     )
 

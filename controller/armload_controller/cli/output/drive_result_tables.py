@@ -25,6 +25,8 @@ def found_table(found: list[FoundNode]) -> Table:
         kind = node.name or "CiA 402 drive"
         if not node.is_drive:
             kind = f"{node.name or 'unnamed'}, not a CiA 402 drive: device type {_hexadecimal(node.device_type)}"
+        if node.twins:
+            kind += f"; {node.twins + 1} nodes have this id: give each its own"
         identity = node.identity
         numbers = (identity.vendor_id, identity.product_code, identity.revision)
         modes = " ".join(MODE_NAMES.get(mode, str(mode)) for mode in node.modes)

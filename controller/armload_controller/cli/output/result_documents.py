@@ -105,6 +105,7 @@ def nodes_document(interface: str, channel: str, found: Sequence[FoundNode]) -> 
             "revision": node.identity.revision,
             "modes": list(node.modes),
             "missing": list(node.missing),
+            "twins": node.twins,
         }
         for node in found
     ]

@@ -157,6 +157,7 @@ class ArmUnits:
         self.feedback = kinds.pop()
         self._takes_offset = np.array([drive.torque_offset for drive in arm.drives])
         self._all_take_offset = bool(self._takes_offset.all())
+        self._zero = np.zeros(len(arm.drives))
         self._inverse = inverse
         self._arm = arm
 
@@ -201,6 +202,8 @@ class ArmUnits:
         """
         if values.shape != self._torque.shape:
             raise CommandError(f"{what}s of shape {values.shape} for {len(self._joints)} joints")
+        if not np.count_nonzero(values):  # usual for torque offsets; faster than any
+            return self._zero
         joint = int(np.abs(values).argmax())  # argmax returns a NaN, if any
         if not abs(values.item(joint)) < math.inf:
             raise CommandError(

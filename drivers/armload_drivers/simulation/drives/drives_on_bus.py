@@ -5,8 +5,8 @@ without SYNC, as an arm does; actions at SYNC take effect at the frame's time st
 With a `VirtualClock` there is no thread: the drives act while a frame is being sent to them, on a `LockstepBus`. Time
 is read only at SYNC: the sender of SYNC controls time, and the same commands give bit-identical results.
 
-Faults are injected by `fail`, `fail_encoder`, `drop_feedback`, `switch_off` and `switch_on`, from any thread; they take
-effect before the next frame.
+Faults are injected by `fail`, `fail_encoder`, `set_object`, `drop_feedback`, `switch_off` and `switch_on`, from any
+thread; they take effect before the next frame.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import can
 from armload_drivers.bus.sync_sources import Clock
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings
-from armload_drivers.cia402.object_dictionary import NmtCommand
+from armload_drivers.cia402.object_dictionary import Entry, NmtCommand
 from armload_drivers.driver_errors import BusError, DriverError, SimulationError, StateError
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drive_pdos import Pdo
@@ -190,6 +190,10 @@ class SimulatedDrives:
         """Let the encoder of a drive's axis fail, inside its own loops."""
         axis = list(self._drives).index(node_id)
         self._calls.put(lambda: self._plant.fail_encoder(axis, fault))
+
+    def set_object(self, node_id: int, entry: Entry, value: int) -> None:
+        """Change an object of a drive from inside, as a tool does on a cable of its own: nothing is on the bus."""
+        self._calls.put(lambda: self._drives[node_id].set_object(entry, value))
 
     def drop_feedback(self, node_id: int, cycles: int) -> None:
         """Drop a drive's TPDOs for a number of SYNCs."""

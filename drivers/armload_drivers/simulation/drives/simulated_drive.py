@@ -21,7 +21,7 @@ from itertools import pairwise
 from armload_drivers.cia402 import emergency
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings
-from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState, PdoDirection
+from armload_drivers.cia402.object_dictionary import Entry, NmtCommand, NmtState, PdoDirection
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.simulation.drives.drive_dictionary import SILENCE, DriveTraits, build_dictionary
 from armload_drivers.simulation.drives.drive_pdos import Pdo
@@ -194,6 +194,11 @@ class SimulatedDrive:
         self._pass_time(now_s)
         if self.state is not None:
             self.power.fail(code, persistent=persistent)
+
+    def set_object(self, entry: Entry, value: int) -> None:
+        """Change an object from inside."""
+        self._values[entry.key] = value
+        self.dictionary.reactions.get(entry.key, _nothing)()
 
     def _pass_time(self, now_s: float) -> None:
         """Advance the time; every call from outside begins with this."""
@@ -370,3 +375,7 @@ class SimulatedDrive:
     def _restart_consumer(self) -> None:
         """1016 was written: monitoring starts with the next heartbeat."""
         self._master_overdue_s = None
+
+
+def _nothing() -> None:
+    """Reaction of an object that has none."""

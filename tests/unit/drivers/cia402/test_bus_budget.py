@@ -71,7 +71,12 @@ def test_drives_without_a_torque_offset_take_less():
 def test_heartbeats_are_counted():
     load = forecast(arm(6, 250, heartbeat_s=0.1))
     assert load.heartbeat_share == pytest.approx(7 * 65e-6 / 0.1)
-    assert load.share == pytest.approx(load.cycle_share + load.heartbeat_share)
+    assert load.share == pytest.approx(load.cycle_share + load.heartbeat_share + load.settings_share)
+
+
+def test_reading_the_settings_again_is_counted():
+    """22 settings of each drive, a request and an answer for each."""
+    assert forecast(arm(6, 250)).settings_share == pytest.approx(6 * 22 * 2 * 135e-6 / 1.9)
 
 
 def test_too_fast_a_cycle_is_refused_with_the_rate_that_fits():
