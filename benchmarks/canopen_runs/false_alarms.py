@@ -21,7 +21,7 @@ import numpy as np
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.control_errors import ControlError, MotionError
 from armload_controller.cycle.plugins import CycleStep
-from armload_controller.cycle.torque_signs import TorqueSigns
+from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.run_session import Load, feedback_truth, no_operator, run_session, torque_window
 from armload_core.arrays import FloatArray
@@ -190,13 +190,15 @@ def judge(robot: Robot, load: Load, motion: Motion, feedbacks: list[JointFeedbac
         ControlError: one of them stops the run.
     """
     cycle_s = 1 / robot.bus.cycle_hz
-    signs = TorqueSigns(robot.joint_names, robot.chain, robot.drives.transmission, cycle_s)
-    monitors = (feedback_truth(robot, cycle_s), torque_window(robot, load, cycle_s), signs)
+    rows = SlowRoundRows(cycle_s)
+    monitors = (feedback_truth(robot, cycle_s), torque_window(robot, load, cycle_s), rows)
     begun = 0
     for step, feedback in zip(motion.steps, feedbacks, strict=True):
         begun += step.sent is None
         if step.sent is None and begun == 2:  # the slow round is over
-            signs.judge()
+            found = rows.fitted(robot.joint_names, robot.chain, robot.drives.transmission)
+            if found is not None and (doubts := found.doubts(robot.limits.torque_max_nm)):
+                raise ControlError("; ".join(doubts))
         seen = replace(step, feedback=feedback)
         for monitor in monitors:
             monitor.on_cycle(seen)

@@ -17,6 +17,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+from armload_controller.analysis.arm_in_use import ArmInUse, FilePath, arm_in_use
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_recordings import read_of
 from armload_controller.control_errors import CommissioningError
@@ -24,7 +25,8 @@ from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.monitors import CycleSummary
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.checked_path import CheckedPath, check_path
-from armload_controller.session.run_session import Display, Load, Operator, RunSession, ServosFactory, run_session
+from armload_controller.session.flange_check import loaded_check, unloaded_check
+from armload_controller.session.run_session import Load, Operator, RunSession, ServosFactory, run_session
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import Recording
@@ -55,6 +57,7 @@ def record_half(
     directory: Path,
     operator: Operator,
     mass_kg: float | None = None,
+    calibration: FilePath | None = None,
 ) -> list[CycleSummary]:
     """Run and record the excitations that have not yet been recorded with one load.
 
@@ -65,6 +68,7 @@ def record_half(
         directory: Directory of the recordings.
         operator: The person at the arm.
         mass_kg: The payload's mass for the loaded recordings; None if it was not weighed.
+        calibration: Calibration of the arm; None for the one that its file names, if any.
 
     Raises:
         CommissioningError: the robot has no excitations, or the operator does not agree: nothing is switched on;
@@ -76,21 +80,20 @@ def record_half(
         DriverError: the arm could not be brought up.
     """
     paths = checked_excitations(robot, missing_roles(directory, load))
+    arm = arm_in_use(robot, calibration)
     with run_session(robot, load, open_servos, operator) as session:
         weighed = {"mass_kg": mass_kg} if load is Load.LOADED and mass_kg is not None else {}
-        return [
-            _record(robot, session, role, path, directory, weighed, operator.display) for role, path in paths.items()
-        ]
+        return [_record(robot, arm, session, role, path, directory, weighed) for role, path in paths.items()]
 
 
 def _record(
     robot: Robot,
+    arm: ArmInUse,
     session: RunSession,
     role: str,
     path: CheckedPath,
     directory: Path,
     weighed: dict[str, float],
-    display: Display,
 ) -> CycleSummary:
     """Record one run, including its slow round."""
     run = {
@@ -112,8 +115,12 @@ def _record(
         RUN_ATTACHMENT: json.dumps(run),
     }
     name, frames = f"{session.load}: {role}", ArmFrames(robot.chain, robot.joint_names)
+    if session.load is Load.LOADED:
+        look = loaded_check(robot, arm, recording_path(directory, Load.UNLOADED, role))
+    else:
+        look = unloaded_check(robot, arm)
     with Recorder(recording_path(directory, session.load, role), attachments, frames=frames) as recorder:
-        summary = session.run(path, name, recorder=recorder)
+        summary = session.run(path, name, recorder=recorder, look=look)
         advance = even_advance(*recorder.measured, path.excitation.trajectory)
         if advance is None:
             raise CommissioningError(
@@ -122,7 +129,7 @@ def _record(
                 "pause in every period."
             )
         if advance.interruptions:
-            display.step(
+            session.display.step(
                 f"{name}: paused or slowed down within the periods: {advance.periods} of {advance.held} remain"
             )
         return summary

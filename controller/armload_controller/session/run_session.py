@@ -27,8 +27,8 @@ from armload_controller.cycle.feedback_truth import FeedbackError, FeedbackTruth
 from armload_controller.cycle.monitors import CycleSummary, FollowingMonitor, TorqueWindow
 from armload_controller.cycle.plugins import CyclePlugin
 from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.cycle.torque_gate import TorqueGate
-from armload_controller.cycle.torque_signs import TorqueSigns
 from armload_controller.motion.checked_path import CheckedLeg, CheckedPath
 from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.motion_control import MotionControl
@@ -181,6 +181,7 @@ class RunSession:
     Attributes:
         load: Load on the flange.
         simulated: Whether no real arm can move.
+        display: Shows progress to the operator.
     """
 
     def __init__(
@@ -188,6 +189,7 @@ class RunSession:
     ) -> None:
         self._robot, self._operator, self._plugins = robot, operator, plugins
         self.load, self.simulated, self._servos = load, servos.simulated, servos
+        self.display = operator.display
         self._moved = False
         self._rounded: set[CheckedPath] = set()
 
@@ -200,6 +202,7 @@ class RunSession:
         plugins: Sequence[CyclePlugin] = (),
         before: Callable[[Hold], None] | None = None,
         warning: str = "",
+        look: Callable[[SlowRoundRows], list[str]] = lambda rows: [],
     ) -> CycleSummary:
         """Run a path at full speed, preceded by its slow round unless this session has already done that.
 
@@ -211,6 +214,7 @@ class RunSession:
             before: Called with the arm standing at the start of the measured leg, to add torque during the run; it
                 can only hold the arm there.
             warning: Warning for the operator, added to the question; consent given in advance does not cover it.
+            look: Returns further warnings, after the slow round.
 
         Returns:
             The counts of the slow round and the run.
@@ -221,8 +225,8 @@ class RunSession:
         """
         self._require_own(path)
         monitor = self._monitor()
-        signs = self._torque_signs()
-        monitors: list[CyclePlugin] = [monitor, self._feedback_truth(), self._window(), signs]
+        rows = SlowRoundRows(self._servos.cycle_s)
+        monitors: list[CyclePlugin] = [monitor, self._feedback_truth(), self._window(), rows]
         cycle = self._cycle([*([] if recorder is None else [recorder]), *monitors, *plugins])
         display, consent = self._operator.display, self._operator.consent
 
@@ -246,10 +250,9 @@ class RunSession:
                 self._moved = True
             with display.track(f"{name}, slow round", BAR) as progress:
                 run_leg(cycle, path, path.slow, progress, go_round=go_round)
-            try:
-                signs.judge()
-            except FeedbackError as error:
-                raise MotionError(stop_message(error), ()) from error
+            for text in self._doubts(rows, look):
+                display.step(f"warning: {text}")
+                warning = f"{text}. {warning}"
             self._rounded.add(path)
         added = "" if before is None else " with added torque"
         consent.require(
@@ -315,10 +318,18 @@ class RunSession:
         """The plausibility check of the drives' feedback."""
         return feedback_truth(self._robot, self._servos.cycle_s)
 
-    def _torque_signs(self) -> TorqueSigns:
-        """The check of the torques' signs after a slow round."""
+    def _doubts(self, rows: SlowRoundRows, look: Callable[[SlowRoundRows], list[str]]) -> list[str]:
+        """Warnings for the operator after a slow round.
+
+        Raises:
+            MotionError: a joint's torque is missing or reversed.
+        """
         robot = self._robot
-        return TorqueSigns(robot.joint_names, robot.chain, robot.drives.transmission, self._servos.cycle_s)
+        try:
+            found = rows.fitted(robot.joint_names, robot.chain, robot.drives.transmission)
+        except FeedbackError as error:
+            raise MotionError(stop_message(error), ()) from error
+        return [] if found is None else [*found.doubts(robot.limits.torque_max_nm), *look(rows)]
 
     def _window(self) -> TorqueWindow:
         """The torque window for this load."""

@@ -130,7 +130,7 @@ def commission(
             raise CommissioningError(
                 f"{directory} already contains these recordings, which are never overwritten: choose another --output"
             )
-        plan = _Plan(arm, directory, now, simulated_drives, yes, mass_kg, shown)
+        plan = _Plan(arm, directory, now, simulated_drives, yes, mass_kg, shown, calibration)
         _record(plan, screen, control, halves[runs], todo)
         if runs is Runs.UNLOADED:
             _show_half(screen, directory, as_json=as_json)
@@ -161,6 +161,7 @@ class _Plan:
         yes: Whether the operator has agreed in advance to everything that allows it.
         mass_kg: Mass of the payload; None if it was not weighed.
         live: Address of the live view; None for none.
+        calibration: Calibration of the arm; None for the one that its file names, if any.
     """
 
     arm: Robot
@@ -170,6 +171,7 @@ class _Plan:
     yes: bool
     mass_kg: float | None
     live: LiveAddress | None
+    calibration: Path | None
 
 
 def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequence[Load], todo: Sequence[Load]) -> None:
@@ -193,7 +195,7 @@ def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequenc
             if load is Load.LOADED and len(halves) > 1:
                 _mount(arm, screen, operator.consent, arm.bus.interface == VIRTUAL)
             begun_s = time.monotonic()
-            summaries = record_half(arm, load, open_servos, directory, operator, plan.mass_kg)
+            summaries = record_half(arm, load, open_servos, directory, operator, plan.mass_kg, plan.calibration)
             screen.step(_account(load, summaries, time.monotonic() - begun_s))
 
 

@@ -1,0 +1,128 @@
+"""What an arm carries is compared before it runs at full speed: simulated, with something on its flange or not."""
+
+import json
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mcap.reader import make_reader
+
+from armload_controller.analysis.arm_in_use import arm_in_use
+from armload_controller.config.robot import load_robot
+from armload_controller.cycle.slow_round_torque import AVERAGED_S, SlowRoundRows
+from armload_controller.session import flange_check
+from armload_controller.session.commissioning import record_half, recording_path
+from armload_controller.session.flange_check import loaded_check, recorded_slow_round, unloaded_check
+from armload_controller.session.run_session import Load, NoDisplay, no_operator
+from armload_drivers.simulation.fake_servos import FakeServos
+from armload_drivers.simulation.mujoco_plant import ArmPlant
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.model.payload import InertialParameters
+from tests.short_commissioning import MIDDLE_RAD, least_robot, record
+from tests.unit.conftest import pinocchio_model
+
+PRBT = load_robot("prbt")
+ARM = arm_in_use(PRBT)
+PAYLOAD = InertialParameters.from_center_of_mass(3.0, [0.02, -0.03, 0.08], 0.01 * np.eye(3))
+LIGHT = InertialParameters.from_center_of_mass(0.05, [0.02, -0.03, 0.08], 1e-4 * np.eye(3))
+SAME = "the arm carries the same as before, or at most "
+
+
+def slow_round(payload, seed=0):
+    """Rows of a slow motion, with gravity by Pinocchio, friction and noise."""
+    rng = np.random.default_rng(seed)
+    middle = np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0])
+    path = FourierTrajectory(1 / 40.0, middle, *np.random.default_rng(1).normal(0.0, 0.35, (2, 6, 2)))
+    links = [InertialParameters(each) for each in PRBT.strength.arm_body.links]
+    model = pinocchio_model(PRBT.chain, links, payload)
+    data, rows = model.createData(), SlowRoundRows(AVERAGED_S)
+    states = path.evaluate(np.arange(0.0, 40.0, AVERAGED_S))
+    for q, dq in zip(states.position_rad, states.velocity_rad_s, strict=True):
+        friction = 3.0 * np.tanh(dq / 0.01)
+        rows.add(q, pin.computeGeneralizedGravity(model, data, q) + friction + rng.normal(0.0, 0.5, 6), None)
+    return rows
+
+
+def test_a_payload_in_the_unloaded_run_is_reported_with_its_mass():
+    (text,) = unloaded_check(PRBT, ARM)(slow_round(PAYLOAD))
+    kg, spread = text.removeprefix("the arm carries ").split(" kg in the unloaded run")[0].split(" +- ")
+    assert float(kg) == pytest.approx(3.0, abs=float(spread))
+    assert float(spread) < 1.5
+    assert unloaded_check(PRBT, ARM)(slow_round(None)) == []
+
+
+def test_a_calibration_is_preferred_to_a_body(calibration, pinocchio_arm):
+    known = calibration.known_arm(pinocchio_arm.chain)
+    arm = replace(ARM, chain=pinocchio_arm.chain, transmission=pinocchio_arm.transmission, known=known)
+    rows = SlowRoundRows(AVERAGED_S)
+    for loaded in (False, True):
+        run = pinocchio_arm.run(pinocchio_arm.trajectory(), loaded, seed=1, periods=1, rate=10.0, noise=0.3)
+        for q, current in zip(run.position_rad, run.current_a, strict=True):
+            rows.add(q, None, current)
+        assert bool(unloaded_check(PRBT, arm)(rows)) is loaded
+        rows = SlowRoundRows(AVERAGED_S)
+
+
+def test_without_body_and_calibration_nothing_is_compared():
+    bodiless = replace(PRBT, source=replace(PRBT.source, tables=PRBT.source.tables.model_copy(update={"body": None})))
+    assert unloaded_check(bodiless, ARM)(slow_round(PAYLOAD)) == []
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "noticed"), [(None, PAYLOAD, False), (PAYLOAD, PAYLOAD, True), (None, None, True)]
+)
+def test_a_loaded_run_with_nothing_added_is_reported(monkeypatch, tmp_path, before, now, noticed):
+    monkeypatch.setattr(flange_check, "recorded_slow_round", lambda path, cycle_s: slow_round(before, seed=2))
+    texts = loaded_check(PRBT, ARM, tmp_path)(slow_round(now))
+    assert [text.startswith(SAME) for text in texts] == [True] * noticed
+
+
+def test_an_expected_payload_too_light_to_be_noticed_is_not_asked_for(monkeypatch, tmp_path):
+    monkeypatch.setattr(flange_check, "recorded_slow_round", lambda path, cycle_s: slow_round(None, seed=2))
+    tables = PRBT.source.tables
+    light = tables.expected_payload.model_copy(update={"mass_kg": LIGHT.mass_kg})
+    robot = replace(PRBT, source=replace(PRBT.source, tables=tables.model_copy(update={"expected_payload": light})))
+    assert loaded_check(robot, ARM, tmp_path)(slow_round(LIGHT)) == []
+
+
+def test_the_slow_round_of_a_recording_is_read(tmp_path, rubbing_plant, monkeypatch):
+    robot = least_robot()
+    record(
+        robot,
+        tmp_path,
+        lambda: FakeServos(robot.drives.settings, rubbing_plant(MIDDLE_RAD, np.full(6, 3.0))),
+        [Load.UNLOADED],
+    )
+    added = []
+    monkeypatch.setattr(SlowRoundRows, "add", lambda rows, *row: added.append(row))
+    path = recording_path(tmp_path, Load.UNLOADED, "identification")
+    recorded_slow_round(path, 1 / robot.bus.cycle_hz)
+    with path.open("rb") as file:
+        texts = [
+            message.data for *_, message in make_reader(file).iter_messages() if b'"segment":"slow"' in message.data
+        ]
+    assert len(added) == len(texts) > 100
+    position, torque, current = added[-1]
+    last = json.loads(texts[-1])
+    assert (position.tolist(), torque.tolist(), current) == (last["position_rad"], last["torque_nm"], None)
+
+
+@pytest.mark.long
+def test_a_whole_session_with_the_payload_left_on_the_flange(tmp_path):
+    robot = replace(PRBT, excitations={role: replace(each, periods=1) for role, each in PRBT.excitations.items()})
+    simulation = robot.simulation
+    shown = []
+
+    @contextmanager
+    def open_servos(load):
+        servos = FakeServos(robot.drives.settings, ArmPlant(simulation.plant_spec(simulation.payload_name)))
+        yield servos
+        servos.close()
+
+    display = NoDisplay()
+    display.step = shown.append
+    for load, text in ((Load.UNLOADED, "warning: the arm carries 3."), (Load.LOADED, f"warning: {SAME}")):
+        record_half(robot, load, open_servos, tmp_path, replace(no_operator(), display=display))
+        assert len([each for each in shown if each.startswith(text)]) == 2, "after each slow round"
