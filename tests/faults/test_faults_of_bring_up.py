@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, OperationMode
 from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.state_machine import State, decode
@@ -169,9 +170,18 @@ def test_an_arm_that_is_not_simulated_says_so(virtual_arm, arm_settings):
 
 
 @pytest.mark.parametrize("node_id", [2, 3, 5])
-def test_one_drive_that_is_not_simulated_makes_the_arm_real(virtual_arm, arm_settings, node_id):
+@pytest.mark.parametrize(
+    "identity",
+    [
+        Identity(0x0000_00AB, 0x1234),
+        Identity(SIMULATION_IDENTITY.vendor_id, 0x1234),
+        Identity(0x0000_00AB, SIMULATION_IDENTITY.product_code),
+    ],
+    ids=["another", "the same vendor", "the same product code"],
+)
+def test_one_drive_that_is_not_simulated_makes_the_arm_real(virtual_arm, arm_settings, node_id, identity):
     """Otherwise a real drive would be moved without its operator's consent."""
-    real = DriveTraits(identity=Identity(0x0000_00AB, 0x1234))
+    real = DriveTraits(identity=identity)
     arm = virtual_arm(arm_settings(identity=Identity(None, None)), traits={node_id: real})
     arm.servos.connect()
     assert not arm.servos.simulated
@@ -185,6 +195,22 @@ def test_a_missing_node_is_named(virtual_arm, arm_settings):
         arm.servos.connect()
     assert (raised.value.node_id, raised.value.joint) == (5, "joint_5")
     assert "connected, with this node id" in str(raised.value)
+
+
+def test_a_node_that_neither_boots_nor_answers_is_missed_at_that_step(virtual_arm, arm_settings):
+    real = Identity(0x0000_00AB, 0x1234)
+    traits = dict.fromkeys((2, 3, 5), DriveTraits(identity=real))
+    arm = virtual_arm(arm_settings(identity=real), traits=traits, timeouts=QUICK)
+    arm.drives.switch_off(3)
+    with pytest.raises(ServoTimeout, match=r"joint_3 \(node 3\), booting: no boot-up message within 0.05 s"):
+        arm.servos.connect()
+
+
+def test_answers_to_another_master_are_not_taken_for_answers_to_this_one(virtual_arm):
+    arm = virtual_arm()
+    no_drive = bytes.fromhex("4300100000000000")
+    arm.monitor.send(can.Message(arbitration_id=0x583, data=no_drive, is_extended_id=False))
+    arm.servos.connect()
 
 
 def test_nodes_that_are_up_and_send_no_boot_up_message_are_asked(virtual_arm):
@@ -241,6 +267,18 @@ WITHOUT = {
 def no_timer(request):
     """A drive without event timers of RPDOs."""
     return 0x0609_0011 if request[1:4] == b"\x00\x14\x05" else None
+
+
+@pytest.mark.parametrize(("of", "watched"), [(Safety.DRIVE_LOST, False), (Safety.QUICK_STOP, True)])
+def test_only_a_drive_without_a_heartbeat_is_not_missed_by_it(virtual_arm, arm_settings, of, watched):
+    arm = virtual_arm(accepting(arm_settings(), of.key), traits=lacking(of))
+    move(arm, enabled(arm), 3)
+    if watched:
+        arm.drives.set_object(3, od.HEARTBEAT_PRODUCER_MS, 0)
+        with pytest.raises(ServoTimeout, match=r"joint_3.*no heartbeat"):
+            move(arm, arm.servos._cycle.units.joint_position_rad([n.target_counts for n in arm.servos._nodes]), 60, 0.0)
+    else:
+        move(arm, arm.servos._cycle.units.joint_position_rad([n.target_counts for n in arm.servos._nodes]), 60, 0.0)
 
 
 def lacking(of):

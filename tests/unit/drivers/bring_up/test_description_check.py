@@ -66,6 +66,10 @@ def test_what_it_does_not_offer_is_named(drive, index, change, words):
     assert words in gaps[0]
 
 
+def test_an_object_whose_type_the_description_does_not_state_is_no_gap(drive):
+    assert description_gaps(drive(description=description({0x6064: {"type": None}}))) == ()
+
+
 def test_what_the_configuration_does_without_is_no_gap(drive):
     lacking = description({0x60B2: None, 0x605A: None})
     accepting = drive(description=lacking, torque_offset=False, accept_missing=frozenset({"quick_stop"}))

@@ -163,6 +163,31 @@ def test_check_writes_to_nothing_while_a_drive_does_not_report_its_state(bench):
     assert only_read(rig.frames())
 
 
+def lying(rig, cob_id, request, value):
+    """From now on the answers to an upload have another value."""
+    receive = rig.bus.recv
+
+    def recv(timeout=None):
+        message = receive(timeout)
+        if message is not None and message.arbitration_id == cob_id and message.data[1:4] == request:
+            message.data[4:8] = value.to_bytes(4, "little")
+        return message
+
+    rig.bus.recv = recv
+
+
+def test_a_statusword_that_matches_no_state_is_no_state_without_torque(bench):
+    rig = bench()
+    lying(rig, 0x583, b"\x41\x60\x00", 0x0001)
+    rig.frames()
+    (wrong,) = (row for row in check(rig.arm, rig.bus, LIMITS).steps if row.verdict is Verdict.WRONG)
+    assert (wrong.node_id, wrong.step) == (3, "torque")
+    assert "statusword 0x0001 matches no state of CiA 402" in wrong.detail
+    with pytest.raises(ServoError, match=r"joint_3.*0x0001 matches no state"):
+        reset(rig.arm, "joint_5", rig.bus, never_asked, LIMITS)
+    assert only_read(rig.frames())
+
+
 def test_check_reports_a_drive_that_does_not_come_back(bench):
     rig = bench({3: DriveTraits(boot_message=False)})
     with LockstepBus(rig.bus.wire) as supply:
@@ -224,7 +249,7 @@ def test_show_only_reads(bench):
     assert first.position_rad == pytest.approx(0.1, abs=1e-5)
     assert (first.effort, first.effort_unit, first.error_code) == (0.0, "A", 0)
     assert second.state is None
-    assert "no answer" in second.trouble
+    assert second.trouble == f"no answer within {LIMITS.probe_s} s"
     assert third.error_code is None
     assert 0.0 <= status.bus_load < 0.02, "the boot-up messages at most"
     assert only_read(rig.frames())
@@ -274,6 +299,14 @@ def test_without_a_fault_there_is_nothing_to_reset(bench):
         reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS)
 
 
+def test_nobody_is_asked_about_a_real_drive_that_has_no_fault(bench, arm_settings):
+    rig = bench(dict.fromkeys((2, 3, 5), DriveTraits(identity=REAL)), arm_settings(identity=REAL))
+    rig.frames()
+    with pytest.raises(ServoError, match=r"the drive is in SWITCH ON DISABLED\. No reset is required"):
+        reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS)
+    assert only_read(rig.frames())
+
+
 @pytest.fixture
 def real_fault(bench, arm_settings):
     """A real arm with a fault, whose file names its drives."""
@@ -315,3 +348,25 @@ def test_nothing_is_reset_while_another_drive_of_the_arm_carries_torque(bench):
     with pytest.raises(ServoError, match=r"joint_5.*carries torque"):
         reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS)
     assert only_read(rig.frames())
+
+
+def test_a_fault_that_somebody_else_resets_meanwhile_is_not_reset_again(real_fault):
+    def consent(question):
+        energise(real_fault, 3, ["2b40600080000000", "2b40600000000000"])
+        overheard(real_fault.bus)
+        real_fault.frames()
+        return True
+
+    with pytest.raises(ServoError, match="only FAULT can be reset, the drive is in SWITCH ON DISABLED"):
+        reset(real_fault.arm, "joint_3", real_fault.bus, consent, LIMITS)
+    assert only_read(real_fault.frames())
+
+
+def test_a_node_that_refuses_its_device_type_is_no_drive(bench):
+    refuses = DriveTraits(on_request=lambda request: 0x0800_0000 if request[:3] == b"\x40\x00\x10" else None)
+    nodes = find_nodes(bench({3: refuses}).bus, LIMITS)
+    assert [(node.device_type is None, node.is_drive) for node in nodes] == [
+        (False, True),
+        (True, False),
+        (False, True),
+    ]

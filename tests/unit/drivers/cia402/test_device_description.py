@@ -210,6 +210,10 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path):
         file.truncate(LARGEST_BYTES + 1)
     with pytest.raises(DescriptionError, match="larger than"):
         read_description(huge)
+    with huge.open("wb") as file:
+        file.truncate(2**40)
+    with pytest.raises(DescriptionError, match="larger than"):
+        read_description(huge)  # it would not fit into memory
     pipe = tmp_path / "pipe.eds"
     os.mkfifo(pipe)
     for endless in (pipe, Path("/dev/zero"), tmp_path):

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from armload_drivers.cia402.arm_settings import VendorSetting
 from armload_drivers.cia402.drive_safety import Safety, acceptance, has_a_way, property_of
+from armload_drivers.cia402.object_dictionary import DataType, Entry
 from armload_drivers.cia402.page_of_drive_safety import safety_page
 
 
@@ -40,6 +42,20 @@ def test_ways_by_what_is_there():
     assert has_a_way(Safety.MASTER_LOST, None, lambda entry: entry.index in {0x1016, 0x1029})
     assert not has_a_way(Safety.MASTER_LOST, None, lambda entry: entry.index == 0x6007), "nobody watches the heartbeat"
     assert has_a_way(Safety.DISABLE_REACTION, None, lambda entry: False)
+
+
+def test_ways_that_the_configuration_opens(arm_settings):
+    def limited(**changes):
+        return has_a_way(Safety.TORQUE_LIMIT, arm_settings(**changes).drives[0], lambda entry: False)
+
+    def setting(meets):
+        return (VendorSetting(Entry(0x3001, 2, "vendor's setting", DataType.U32), 5000, meets),)
+
+    assert not limited()
+    assert limited(torque_limit_in_drive=True)
+    assert limited(vendor_settings=setting("torque_limit"))
+    assert not limited(vendor_settings=setting("quick_stop"))
+    assert not has_a_way(Safety.TORQUE_LIMIT, None, lambda entry: False)
 
 
 def test_advice_keeps_what_was_accepted_before(arm_settings):
