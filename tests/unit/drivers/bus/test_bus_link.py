@@ -1,6 +1,7 @@
 """The master's end of the bus, with scripted bus failures."""
 
 import errno
+import time
 
 import can
 import pytest
@@ -93,3 +94,18 @@ def test_frames_of_another_kind_are_not_handled():
     link.subscribe(0x181, seen.append)
     assert [link.pump(0.0) for _ in range(4)] == [True, True, True, False]
     assert seen == [b"\x02"]
+
+
+def test_a_bus_that_is_never_silent_ends_no_wait():
+    class Busy(FailingBus):
+        def recv(self, timeout=None):
+            assert time.monotonic() < end_s, "waits too long"
+            return frame(0x181)
+
+    end_s = time.monotonic() + 5.0
+    assert not BusLink(Busy()).pump_until(lambda: False, 0.01)
+
+
+def test_a_condition_that_becomes_true_without_a_frame_is_seen_at_the_end_of_the_wait():
+    answers = [False, True]
+    assert BusLink(FailingBus()).pump_until(lambda: answers.pop(0), 0.01)

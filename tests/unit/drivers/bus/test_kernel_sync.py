@@ -1,10 +1,11 @@
 """SYNC by a simulated kernel: credit, phase and time come from the received frames."""
 
+import socket
 from itertools import pairwise
 
 import pytest
 
-from armload_drivers.bus.kernel_sync import CREDIT, BcmSync
+from armload_drivers.bus.kernel_sync import CREDIT, BcmSync, BroadcastManager
 from armload_drivers.driver_errors import BusError, ForeignMaster
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
@@ -289,3 +290,30 @@ def test_a_timer_that_is_far_too_late_is_not_chased(clock):
     for _ in range(300):
         sync.next(kernel, nothing)
     assert kernel.asked_s == pytest.approx(0.9 * PERIOD_S)
+
+
+# The broadcast manager, as far as it needs no interface ------------------------------------------------------------
+
+
+def test_a_kernel_that_refuses_is_named_with_the_interface():
+    manager = BroadcastManager("no_such_can")
+    for _ in range(2):
+        with pytest.raises(BusError, match=r"does not send SYNC on no_such_can.*modprobe can-bcm"):
+            manager.start(PERIOD_S, 0, CREDIT)
+        assert manager.count() is None
+        manager.stop()
+
+
+def test_nothing_is_renewed_that_was_not_started():
+    manager = BroadcastManager("no_such_can")
+    assert manager.count() is None
+    with pytest.raises(BusError, match="not started"):
+        manager.renew(PERIOD_S, CREDIT)
+
+
+def test_a_socket_that_has_failed_is_a_bus_error():
+    manager = BroadcastManager("no_such_can")
+    manager._socket = socket.socket()
+    manager._socket.close()
+    with pytest.raises(BusError, match="does not send SYNC on no_such_can"):
+        manager.renew(PERIOD_S, CREDIT)

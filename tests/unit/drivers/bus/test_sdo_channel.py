@@ -142,3 +142,77 @@ def test_a_failing_bus_is_reported_as_such():
     with pytest.raises(BusError):
         channel(Broken()).read(od.DEVICE_TYPE)
     assert issubclass(BusError, DriverError)
+
+
+# Answers that fit no request -------------------------------------------------------------------------------------
+
+OTHER = struct.pack("<BHBI", 0x43, 0x1018, 1, 7)
+ASKED = struct.pack("<BHBI", 0x43, 0x607A, 0, 5)
+READ = struct.pack("<BHBI", 0x43, 0x1000, 0, 0x20192)
+
+
+def test_a_write_that_is_answered_like_a_read_was_not_confirmed():
+    bus = Bus(answers=lambda request: [struct.pack("<BHBI", 0x43, 0x607A, 0, 5)])
+    with pytest.raises(ServoError, match="answered 0x43 to a write"):
+        channel(bus).write(od.TARGET_POSITION, 5)
+
+
+def test_the_late_answer_to_what_nobody_waits_for_is_passed_over():
+    bus = Bus(answers=lambda request: [ASKED, READ] if request[1:3] == b"\x00\x10" else [])
+    sdo = channel(bus)
+    sdo.ask(od.TARGET_POSITION)
+    assert sdo.answer(od.TARGET_POSITION) is None
+    assert sdo.read(od.DEVICE_TYPE) == 0x20192
+
+
+def test_any_other_answer_is_not_passed_over():
+    bus = Bus(answers=lambda request: [OTHER, READ] if request[1:3] == b"\x00\x10" else [])
+    sdo = channel(bus)
+    sdo.ask(od.TARGET_POSITION)
+    with pytest.raises(ServoError, match="answered for object 1018:1"):
+        sdo.read(od.DEVICE_TYPE)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [ASKED[:5], OTHER, struct.pack("<BHBI", 0x80, 0x607A, 0, 0x0800_0000), struct.pack("<BHBI", 0x60, 0x607A, 0, 5)],
+    ids=["too short", "another object", "a refusal", "a confirmed write"],
+)
+def test_what_does_not_answer_what_was_asked_is_no_value(wrong):
+    bus = Bus(answers=lambda request: [wrong])
+    sdo = channel(bus)
+    sdo.ask(od.TARGET_POSITION)
+    sdo._link.drain()
+    assert sdo.answer(od.TARGET_POSITION) is None
+    bus.queue.append(can.Message(arbitration_id=0x585, data=ASKED, is_extended_id=False))
+    sdo._link.drain()
+    assert sdo.answer(od.TARGET_POSITION) == 5
+
+
+def refusing(code):
+    return channel(Bus(answers=lambda request: [struct.pack("<BHBI", 0x80, *struct.unpack("<HB", request[1:4]), code)]))
+
+
+@pytest.mark.parametrize(("code", "there"), [(0x0602_0000, False), (0x0601_0001, True), (0x0800_0022, True)])
+def test_an_object_that_cannot_be_read_is_there_all_the_same(code, there):
+    assert refusing(code).has(od.TARGET_POSITION) is there
+
+
+REAL = od.Entry(0x3201, 1, "temperature", od.DataType.F32)
+
+
+def test_a_real_object():
+    data = struct.pack("<BHBf", 0x43, 0x3201, 1, 41.5)
+    assert channel(Bus(answers=lambda request: [data])).read_real_if_there(REAL) == 41.5
+    assert refusing(0x0602_0000).read_real_if_there(REAL) is None
+    with pytest.raises(SdoRefused):
+        refusing(0x0800_0022).read_real_if_there(REAL)
+    short = struct.pack("<BHBI", 0x4B, 0x3201, 1, 7)
+    with pytest.raises(ServoError, match="2 bytes are not a REAL32"):
+        channel(Bus(answers=lambda request: [short])).read_real_if_there(REAL)
+
+
+@pytest.mark.parametrize("read", ["read_if_there", "bits_if_there", "read_text"])
+def test_only_a_missing_object_is_none(read):
+    with pytest.raises(SdoRefused, match="0x08000022"):
+        getattr(refusing(0x0800_0022), read)(od.TARGET_POSITION)

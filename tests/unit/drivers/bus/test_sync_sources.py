@@ -91,6 +91,17 @@ def test_feedback_is_expected_from_right_before_sync(clock, link):
         assert len(link.sent_s) == before + 1
 
 
+def test_what_a_late_caller_has_not_read_belongs_to_an_earlier_sync(clock):
+    order = []
+    link = Link(clock)
+    link.drain = lambda: order.append("drain")
+    sync = TimerSync(clock=clock)
+    sync.begin(link, 0.01, 0)
+    clock.advance(0.02)
+    sync.next(link, lambda: order.append("sync"))
+    assert order == ["drain", "sync"]
+
+
 class Patient:
     """A link that records how long its callers wait."""
 

@@ -60,6 +60,12 @@ def test_what_is_received_in_the_cycles_ends_them(arm, cob_id, data, kind, text)
         arm.check()
 
 
+def test_a_request_of_a_wrong_length_is_nobodys(arm):
+    arm.bus.add(0x603, b"\x40\x41\x60")
+    arm.bus.add(0x000, b"\x02")
+    arm.check()
+
+
 def test_an_undefined_statusword_ends_the_cycles_and_names_the_drive(arm):
     arm.words[3] = [UNDEFINED]
     with pytest.raises(ServoError, match=r"joint_3 \(node 3\), in the test: statusword 0x0001 matches no state"):
