@@ -10,6 +10,7 @@ from armload_controller.cycle.feedback_truth import (
     LIMITED_S,
     DriveLag,
     InternalLimit,
+    RemoteLost,
     TorqueMissing,
     VelocityContradicts,
     VoltageLost,
@@ -52,7 +53,7 @@ def test_an_honest_arm_passes():
 
 @pytest.mark.parametrize(
     ("bits", "kind"),
-    [(WORD & ~0x0010, VoltageLost), (WORD | 0x2000, DriveLag)],
+    [(WORD & ~0x0010, VoltageLost), (WORD & ~0x0200, RemoteLost), (WORD | 0x2000, DriveLag)],
 )
 def test_a_bit_that_is_wrong_is_a_lie_at_once(bits, kind):
     with pytest.raises(kind, match="joint_4"):
@@ -81,6 +82,17 @@ def test_an_internal_limit_may_be_touched_but_not_lasted_on():
 def test_a_velocity_of_another_sign_is_found():
     with pytest.raises(VelocityContradicts, match="joint_1"):
         run(lambda cycle, feedback: replace(feedback, velocity_rad_s=np.where(np.arange(N) == 0, -0.3, SPEED)))
+
+
+def test_a_velocity_is_compared_with_the_position_over_a_while():
+    """A drive's own velocity is noisy from cycle to cycle."""
+    run(lambda cycle, feedback: replace(feedback, velocity_rad_s=SPEED + 0.5 * (-1) ** cycle))
+
+
+def test_an_arm_that_reports_torque_instead_of_current():
+    run(lambda cycle, feedback: replace(feedback, current_a=None, torque_nm=np.ones(N)))
+    with pytest.raises(TorqueMissing):
+        run(lambda cycle, feedback: replace(feedback, current_a=None, torque_nm=np.zeros(N)), 1000)
 
 
 def test_no_current_at_standstill_is_nothing_and_in_motion_a_lie():

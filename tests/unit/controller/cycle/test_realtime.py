@@ -40,6 +40,22 @@ def test_everything_is_set_and_set_back():
     assert len(reported) <= 1, "what is not permitted is said once"
 
 
+ONE_CPU = """
+import os
+from armload_controller.cycle.realtime import tuned_for_cycles
+os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+with tuned_for_cycles(print):
+    print(os.sched_getscheduler(0))
+"""
+
+
+def test_on_a_single_cpu_the_rest_of_the_computer_is_not_locked_out():
+    done = subprocess.run([sys.executable, "-c", ONE_CPU], capture_output=True, text=True, check=True, timeout=60)
+    *said, policy = done.stdout.splitlines()
+    assert "there is only one CPU" in "".join(said)
+    assert int(policy) == os.SCHED_OTHER
+
+
 THREADS = """
 import json, os, threading
 from concurrent.futures import ThreadPoolExecutor

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,9 @@ from mcap.reader import make_reader
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError, RecordingFailed
 from armload_controller.cycle.arm_frames import FRAMES_TOPIC, ArmFrames
+from armload_controller.cycle.plugins import CycleStep
 from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.setpoints import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.recording.file_reading import read_recording
@@ -150,6 +153,54 @@ def test_a_full_disk_is_named(tmp_path):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
     assert not path.exists()
+
+
+@contextmanager
+def disk_of(size):
+    """No file of this process can be larger than this."""
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limit[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+
+
+def test_a_full_disk_ends_the_run_when_it_is_full_and_not_when_the_run_is_over(tmp_path):
+    recorder = Recorder(tmp_path / "a.mcap", {})
+    with disk_of(20_000):
+        with pytest.raises(RecordingFailed, match="too large"):  # noqa: PT012
+            for cycle in range(10_000):
+                recorder.write(feedback(cycle), COMMAND, Segment.APPROACH, None)
+        assert recorder.rows < 1000
+        with pytest.raises(RecordingFailed):
+            recorder.__exit__(None, None, None)
+
+
+def test_a_full_disk_is_named_when_something_is_attached(tmp_path):
+    recorder = Recorder(tmp_path / "a.mcap", {})
+    with disk_of(20_000):
+        with pytest.raises(RecordingFailed, match="too large"):
+            recorder.attach("payload.toml", "x" * 40_000)
+        with pytest.raises(RecordingFailed):
+            recorder.__exit__(None, None, None)
+
+
+def test_a_full_disk_does_not_hide_why_the_run_has_ended(tmp_path):
+    with disk_of(20_000), pytest.raises(ZeroDivisionError), Recorder(tmp_path / "a.mcap", {}) as recorder:  # noqa: PT012
+        with pytest.raises(RecordingFailed):
+            recorder.attach("payload.toml", "x" * 40_000)
+        raise ZeroDivisionError
+
+
+@pytest.mark.parametrize("known", ["command", "reference", "neither"])
+def test_a_cycle_of_which_the_command_or_its_part_of_the_run_is_unknown_is_not_recorded(tmp_path, known):
+    command = COMMAND if known == "command" else None
+    still = np.zeros(N)
+    reference = Reference(still, still, still, Segment.APPROACH, None) if known == "reference" else None
+    with Recorder(tmp_path / "a.mcap", {}) as recorder:
+        recorder.on_cycle(CycleStep(feedback(1), command, reference, None, None, None))
+        assert recorder.rows == 0
 
 
 def test_a_folder_that_went_away_is_named(tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import count
+from itertools import count, islice
 
 import can
 import numpy as np
@@ -155,6 +155,13 @@ def test_on_a_bus_nothing_but_receiving_is_asked_for(virtual_arm, arm_settings):
     assert len(cycles) == len(seen)
     first_sync = next(k for k, frame in enumerate(frames) if frame.arbitration_id == SYNC)
     assert cycles[0].feedback.time_s == pytest.approx(0.01 * first_sync, abs=1e-6)
+
+
+def test_an_arm_that_falls_silent_later_is_waited_for(virtual_arm, arm_settings):
+    arm = arm_settings()
+    frames, seen, _ = driven(virtual_arm, arm)
+    heard = list(islice(overheard(Ear(stamped(frames)), OverheardArm(arm), 1.0, ticking(1e-3)), len(seen) + 20))
+    assert [cycle is None for cycle in heard[len(seen) :]] == [True] * 20, "a look every so often, for much longer"
 
 
 @pytest.mark.parametrize(
