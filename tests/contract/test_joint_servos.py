@@ -360,6 +360,14 @@ def test_nothing_works_before_connecting(rig, call):
         rig.hold() if call == "exchange" else getattr(rig.servos, call)()
 
 
+@pytest.mark.parametrize("call", ["standing_rad", "enable", "exchange", "stop", "disable"])
+def test_nothing_works_after_closing(rig, call):
+    rig.enable()
+    rig.servos.close()
+    with pytest.raises(StateError):
+        rig.hold() if call == "exchange" else getattr(rig.servos, call)()
+
+
 def test_nothing_is_exchanged_before_enabling_and_nothing_is_done_twice(rig):
     rig.servos.connect()
     with pytest.raises(StateError):

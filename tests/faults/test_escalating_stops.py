@@ -161,13 +161,27 @@ def test_an_axis_that_is_lost_while_it_is_enabled(fault_arm):
     assert arm.plant.position_rad[1] < 1.0, "five times as fast as the joint may be, but not for long"
 
 
-def test_a_setpoint_that_no_axis_could_follow_is_not_sent(fault_arm):
+@pytest.mark.parametrize("suspect", [None, 0, 1])
+def test_an_axis_that_stands_while_its_torque_is_unexpected_loses_it(virtual_arm, suspect):
+    """The second axis stands; so far its setpoints have moved by less than proves it without a suspicion."""
+    arm = virtual_arm()
+    here = move(arm, enabled(arm), 20, 0.0)
+    arm.drives.fail_encoder(3, FROZEN)
+    move(arm, here, 5, 0.05)
+    arm.servos.stop(suspect)
+    assert arm.plant.powered == [True, suspect != 1, True]
+    arm.servos.disable()
+    assert not any(arm.plant.powered)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_setpoint_that_no_axis_could_follow_is_not_sent(fault_arm, direction):
     arm = fault_arm()
     arm.enable()
     arm.move(5)
     arm.heard()
     step_rad = 1.1 * arm.arm.cycle_s * arm.arm.drives[1].velocity_max_rad_s
-    far = arm.target_rad + np.array([0.0, step_rad, 0.0])
+    far = arm.target_rad + np.array([0.0, direction * step_rad, 0.0])
     with pytest.raises(CommandError, match=r"joint_3.*velocity_max_rad_s.*nothing was sent"):
         arm.servos.exchange(JointCommand(far, ZERO, ZERO))
     assert not frames(arm, RPDO_3)

@@ -206,10 +206,14 @@ def test_a_node_that_neither_boots_nor_answers_is_missed_at_that_step(virtual_ar
         arm.servos.connect()
 
 
+OTHERS_ANSWER = bytes.fromhex("4318100107000000")
+"""Vendor id 7."""
+
+
 def test_answers_to_another_master_are_not_taken_for_answers_to_this_one(virtual_arm):
     arm = virtual_arm()
-    no_drive = bytes.fromhex("4300100000000000")
-    arm.monitor.send(can.Message(arbitration_id=0x583, data=no_drive, is_extended_id=False))
+    for cob_id in (0x582, 0x583, 0x585):
+        arm.monitor.send(can.Message(arbitration_id=cob_id, data=OTHERS_ANSWER, is_extended_id=False))
     arm.servos.connect()
 
 

@@ -4,6 +4,7 @@ import struct
 
 import pytest
 
+from armload_drivers.cia402.arm_settings import OperationMode
 from armload_drivers.cia402.object_dictionary import NmtState
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.driver_errors import LoopLost, ServoError, ServoFault, ServoTimeout
@@ -91,6 +92,13 @@ def test_an_undefined_statusword_never_counts_as_the_state_before(on_bus):
     assert on_bus.problem(must_follow=False) is None
 
 
+def test_the_word_of_the_state_before_ends_an_undefined_one(on_bus):
+    on_bus.node.ask(State.SWITCHED_ON, "disabling")
+    on_bus.cycle_with(UNDEFINED)
+    on_bus.cycle_with(ENABLED)
+    assert on_bus.problem() is None
+
+
 def test_a_request_that_the_state_does_not_allow_names_the_drive(on_bus):
     on_bus.cycle_with(QUICK_STOP)
     with pytest.raises(ServoError, match=r"joint_5 \(node 5\), enabling: .*requires the torque to be removed first"):
@@ -129,3 +137,38 @@ def test_a_frame_of_a_wrong_length_is_missing_feedback(arm_settings, cob_id):
         assert on_bus.node.evaluate(on_bus.clock()) is missing
     assert on_bus.node.wrong_frames == 2
     assert (on_bus.node.position_counts, on_bus.node.effort) == (7, -2)
+
+
+# Interpolated position mode --------------------------------------------------------------------------------------
+
+INTERPOLATES, ENABLE_INTERPOLATION = 0x1000, 0x0010
+IP, CSP = OperationMode.INTERPOLATED_POSITION, OperationMode.CYCLIC_SYNCHRONOUS_POSITION
+
+
+@pytest.mark.parametrize("mode", [IP, CSP])
+def test_interpolation_is_requested_of_an_enabled_drive_that_shall_stay_enabled(arm_settings, mode):
+    on_bus = NodeOnBus(arm_settings(mode=mode))
+
+    def requested():
+        return bool(int.from_bytes(on_bus.node.prepare(on_bus.clock()).data[:2], "little") & ENABLE_INTERPOLATION)
+
+    on_bus.cycle.begin()
+    on_bus.run()
+    on_bus.node.ask(State.OPERATION_ENABLED, "enabling")
+    on_bus.cycle_with(SWITCHED_ON)
+    assert not requested(), "not enabled yet"
+    on_bus.cycle_with(ENABLED)
+    assert requested() is (mode is IP)
+    on_bus.node.ask(State.QUICK_STOP_ACTIVE, "quick stop")
+    assert not requested(), "still enabled, but it shall stop"
+
+
+@pytest.mark.parametrize("mode", [IP, CSP])
+def test_a_drive_follows_setpoints_when_it_is_enabled_and_interpolates(arm_settings, mode):
+    on_bus = NodeOnBus(arm_settings(mode=mode))
+    on_bus.cycle.begin()
+    follows = []
+    for word in (SWITCHED_ON, SWITCHED_ON | INTERPOLATES, ENABLED, ENABLED | INTERPOLATES):
+        on_bus.cycle_with(word)
+        follows.append(on_bus.node.follows)
+    assert follows == [False, False, mode is CSP, True]
