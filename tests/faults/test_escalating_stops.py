@@ -93,6 +93,26 @@ def test_an_axis_that_does_not_slow_down(fault_arm):
     arm.has_no_torque()
 
 
+class Falling(Runaway):
+    """And falls without torque."""
+
+    def set_powered(self, axis, on):
+        falls = axis in self.runs and self.powered[axis] and not on
+        super().set_powered(axis, on)
+        if falls:
+            self._ramp(axis, self.position_rad[axis] - 1.0, 10.0)
+
+
+def test_the_error_that_comes_first_is_the_one_that_is_raised(virtual_arm):
+    plant = Falling(np.array([0.1, -0.2, 0.3]))
+    arm = virtual_arm(plant=plant)
+    plant.runs = (1,)
+    move(arm, enabled(arm), 30, 1.0)
+    with pytest.raises(LoopLost, match="joint_3"):
+        arm.servos.disable()
+    assert not any(plant.powered)
+
+
 @pytest.mark.parametrize("phase", ["stop", "disable"])
 def test_an_axis_that_never_comes_to_rest_keeps_its_torque_no_longer_than_the_wait(virtual_arm, phase):
     """Slower than what counts as leaving its course."""

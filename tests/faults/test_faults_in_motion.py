@@ -27,7 +27,7 @@ from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drive_dictionary import QUICK_STOP_DECELERATION_RAD_S2, DriveTraits
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.plant_interface import IdealPlant
-from tests.bounded import MOST_FRAMES
+from tests.bounded import MOST_FRAMES, overheard
 from tests.drive_descriptions import eds, maker_drive
 from tests.even_motion import ZERO, enabled, move, move_until_error
 
@@ -289,6 +289,21 @@ def test_disabling_a_moving_arm_decelerates_it_on_the_drives_ramps(virtual_arm):
     assert not any(arm.plant.powered)
     ramp_rad = 0.5**2 / (2 * QUICK_STOP_DECELERATION_RAD_S2)
     assert np.all(arm.arm.coupling @ arm.plant.position_rad - last > 0.8 * ramp_rad)
+
+
+@pytest.mark.parametrize("lost", [None, 3])
+def test_drives_watch_their_master_only_while_it_sends_heartbeats(virtual_arm, lost):
+    """Otherwise a disabled drive would report its master as lost; a drive that is lost already is not asked."""
+    arm = virtual_arm(timeouts=QUICK)
+    start = enabled(arm)
+    if lost is not None:
+        arm.drives.drop_feedback(lost, 1000)
+        move_until_error(arm, start, ServoTimeout)
+    arm.frames(0)
+    arm.servos.disable()
+    watch = b"\x23\x16\x10\x01" + bytes(4)
+    written = {message.arbitration_id for message in overheard(arm.monitor) if bytes(message.data) == watch}
+    assert written == {0x600 + node_id for node_id in (2, 3, 5) if node_id != lost}
 
 
 def test_a_drive_that_cannot_be_disabled_is_reset(virtual_arm):

@@ -411,6 +411,10 @@ def test_targets_before_enabling_are_fresh_positions(virtual_arm):
 
 def test_nothing_is_connected_twice(virtual_arm):
     arm = virtual_arm()
+    with pytest.raises(StateError, match="connect them first"):
+        _ = arm.servos._cycle
+    with pytest.raises(StateError, match="never enabled"):
+        _ = arm.servos._begun
     arm.servos.connect()
     with pytest.raises(StateError):
         arm.servos.connect()

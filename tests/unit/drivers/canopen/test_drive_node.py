@@ -55,6 +55,12 @@ def twin(on_bus):
         on_bus.cycle_with(ENABLED, ENABLED)
 
 
+def reboot_and_start(on_bus):
+    on_bus.beat(5, NmtState.BOOT_UP)
+    on_bus.cycle_with(ENABLED)
+    on_bus.beat(5)
+
+
 TROUBLES = {
     "course left": (lambda on_bus: on_bus.node.course.leave("it flew"), LoopLost, "it flew"),
     "fault": (lambda on_bus: on_bus.cycle_with(FAULT), ServoFault, "no emergency message gave a cause; it is in FAULT"),
@@ -62,6 +68,7 @@ TROUBLES = {
     "twin": (twin, ServoError, "two drives have node id 5"),
     "undefined statusword": (lambda on_bus: on_bus.cycle_with(UNDEFINED), ServoError, "0x0001 matches no state.*6041"),
     "rebooted": (lambda on_bus: on_bus.beat(5, NmtState.BOOT_UP), ServoError, "rebooted"),
+    "rebooted and started": (reboot_and_start, ServoError, "rebooted"),
     "no feedback": (missing_feedback, ServoTimeout, "no feedback for 4 cycles"),
     "no heartbeat": (silence, ServoTimeout, "no heartbeat for 0.2"),
     "NMT state": (lambda on_bus: on_bus.beat(5, NmtState.PRE_OPERATIONAL), ServoError, "left OPERATIONAL.*PRE-OP"),
@@ -90,6 +97,11 @@ def test_an_undefined_statusword_never_counts_as_the_state_before(on_bus):
         assert "0x0001 matches no state" in str(on_bus.problem(must_follow=False))
     on_bus.cycle_with(SWITCHED_ON)
     assert on_bus.problem(must_follow=False) is None
+
+
+def test_a_drive_that_has_never_answered_is_in_an_unknown_state(arm_settings):
+    node = NodeOnBus(arm_settings()).node
+    assert "the drive has been in an unknown state" in str(node.not_in_time("enabling", 1.0, 0.0))
 
 
 def test_the_word_of_the_state_before_ends_an_undefined_one(on_bus):
