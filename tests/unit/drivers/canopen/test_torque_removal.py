@@ -1,5 +1,7 @@
 """Whom the removal of torque asks, in what way, and whom it leaves alone: with drives of which a test decides all."""
 
+from dataclasses import replace
+
 import pytest
 
 from armload_drivers.bring_up.drive_dialogue import DriveDialogue
@@ -12,6 +14,7 @@ from tests.scripted_drives import ENABLED, ScriptedArm
 
 LIMITS = Timeouts(stop_s=0.5, disable_s=0.5, boot_s=0.01, torque_off_s=0.01)
 RESET, PRE_OPERATIONAL = 0x81, 0x80
+STAYS_ENABLED = 0x0F
 CREEPS = 300
 """Counts per cycle: too fast for a standstill, too slow to be off its course at once."""
 
@@ -124,6 +127,9 @@ def lose(rig, number):
 def test_a_drive_that_obeys_is_not_asked_a_second_time(rig):
     lose(rig, 1)
     rig.stop()
+    for _ in range(10):
+        rig.run()
+        rig.removal._insist()
     assert rig.powered == [True, False, True]
     assert rig.asked == [0, 0, 0]
     assert rig.commands(RESET) == rig.commands(PRE_OPERATIONAL) == []
@@ -144,7 +150,9 @@ def test_a_drive_that_does_not_obey_by_sdo_either_is_reset_once(rig):
     lose(rig, 1)
     rig.drives[3].obeys = rig.drives[3].obeys_sdo = False
     rig.stop()
-    rig.run(10)
+    for _ in range(10):
+        rig.run()
+        rig.removal._insist()
     assert rig.asked == [0, 1, 0]
     assert rig.commands(RESET) == [3]
 
@@ -232,6 +240,50 @@ def test_all_drives_that_obey_are_switched_off_and_nobody_is_asked(rig):
     assert rig.commands(RESET) == []
 
 
+def test_the_end_of_a_fault_reaction_is_awaited(rig):
+    rig.drives[3].machine.fault()
+    cycles = []
+
+    def reacts():
+        cycles.append(None)
+        if len(cycles) == 40:
+            rig.drives[3].machine.fault_reaction_done()
+        rig._answer()
+
+    rig.bus.at_sync = reacts
+    rig.removal.run()
+    assert [drive.state for drive in rig.drives.values()] == [
+        State.SWITCH_ON_DISABLED,
+        State.FAULT,
+        State.SWITCH_ON_DISABLED,
+    ]
+    assert rig.asked == [0, 0, 0]
+
+
+def test_a_drive_in_fault_is_not_waited_for(rig):
+    rig.drives[3].machine.fault()
+    rig.drives[3].machine.fault_reaction_done()
+    begun = rig.cycle.number
+    rig.removal.run()
+    assert rig.cycle.number - begun < rig.cycle.count(LIMITS.disable_s)
+
+
+def test_axes_without_a_brake_keep_their_torque_until_the_others_are_switched_off(arm_settings):
+    settings = arm_settings()
+    drives = tuple(replace(drive, has_brake=drive.node_id != 3) for drive in settings.drives)
+    rig = Rig(replace(settings, drives=drives))
+    states = []
+
+    def noted():
+        rig._answer()
+        if rig.nodes[1].message.data[0] == STAYS_ENABLED:
+            states.append([rig.drives[node_id].state for node_id in (2, 5)])
+
+    rig.bus.at_sync = noted
+    rig.removal.run()
+    assert states[-1] == [State.SWITCH_ON_DISABLED] * 2
+
+
 def test_an_axis_that_creeps_loses_its_torque_when_the_wait_is_over(rig):
     rig.drives[3].speed = CREEPS
     with pytest.raises(LoopLost, match=r"joint_3.*did not come to rest within 0.5 s"):
@@ -247,6 +299,19 @@ def test_a_drive_that_keeps_its_torque_is_asked_by_sdo_and_if_that_fails_named(r
     assert rig.powered == [False, True, False]
     assert rig.commands(RESET) == [3]
     assert 3 < rig.drives[3].looks < 10, "rest is awaited by SDO before its torque is removed, and no longer"
+
+
+@pytest.mark.parametrize("moment", ["before", "while it is switched off"])
+def test_a_drive_that_stops_answering_is_asked_by_sdo_and_reported(rig, moment):
+    drive = rig.drives[3]
+    if moment == "before":
+        drive.answers = False
+    else:
+        drive.machine.receive = lambda word: setattr(drive, "answers", drive.answers and word == STAYS_ENABLED)
+    with pytest.raises(ServoTimeout, match=r"joint_3.*no feedback"):
+        rig.removal.run()
+    assert rig.powered == [False, False, False]
+    assert rig.asked == [0, 1, 0]
 
 
 def test_removal_by_sdo_that_was_read_back_is_all_that_is_needed(rig):
