@@ -343,6 +343,67 @@ def test_an_object_that_does_not_keep_what_is_written_is_no_way(virtual_arm):
         arm.servos.connect()
 
 
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (0x0601_0002, r"6065 is \d+, cannot be written, and must be \d+"),
+        (0x0800_0022, r"6065 is \d+, and \d+ was refused \(0x08000022\)"),
+    ],
+)
+def test_why_an_object_is_no_way_is_said(virtual_arm, arm_settings, code, words):
+    def refused(request):
+        return code if request[:3] == b"\x23\x65\x60" else None
+
+    drives_arm = arm_settings(following_error_rad=0.4)
+    arm = virtual_arm(traits={3: DriveTraits(on_request=refused)}, drives_arm=drives_arm)
+    with pytest.raises(MissingSafety, match=words):
+        arm.servos.connect()
+
+
+@pytest.mark.parametrize("index", [0x6502, 0x60C2, 0x6091])
+def test_an_object_that_not_every_drive_has_is_only_reported(virtual_arm, index):
+    arm = virtual_arm(traits={3: DriveTraits(absent=frozenset({index}))})
+    arm.servos.connect()
+    assert {int(text[:4], 16) for text in arm.servos.reports[1].missing} == {index}
+
+
+def test_half_an_interpolation_time_is_none(virtual_arm):
+    def no_exponent(request):
+        return 0x0609_0011 if request[1:4] == b"\xc2\x60\x02" else None
+
+    arm = virtual_arm(traits={3: DriveTraits(on_request=no_exponent)})
+    arm.servos.connect()
+    assert [text[:6] for text in arm.servos.reports[1].missing] == ["60C2:2"]
+
+
+@pytest.mark.parametrize("part", [b"\x91\x60\x01", b"\x91\x60\x02"], ids=["numerator", "denominator"])
+@pytest.mark.parametrize("value", [0, None])
+def test_half_a_gear_ratio_is_none(virtual_arm, part, value):
+    """The configuration's scale counts then; zero is no ratio either."""
+
+    def missing(request):
+        return 0x0609_0011 if value is None and request[1:4] == part else None
+
+    arm = virtual_arm(traits={3: DriveTraits(on_request=missing)})
+    receive = arm.bus.recv
+
+    def recv(timeout=None):
+        message = receive(timeout)
+        if value is not None and message is not None and message.arbitration_id == 0x583 and message.data[1:4] == part:
+            message.data[4:8] = value.to_bytes(4, "little")
+        return message
+
+    arm.bus.recv = recv
+    arm.servos.connect()
+    assert arm.servos._setups[1].settings.counts_per_rad == arm.arm.drives[1].counts_per_rad
+
+
+def test_a_missing_target_is_not_replaced_by_another_torque(virtual_arm):
+    arm = virtual_arm(traits={3: DriveTraits(absent=frozenset({0x607A}))})
+    with pytest.raises(WrongDevice, match=r"no 607A:0.*A joint requires it: use another mode or another drive"):
+        arm.servos.connect()
+
+
 def test_a_drive_that_stops_without_605a_ends_without_torque(virtual_arm, arm_settings):
     arm = virtual_arm(accepting(arm_settings(), "quick_stop"), traits={3: DriveTraits(absent=frozenset({0x605A}))})
     start = enabled(arm)

@@ -1,5 +1,7 @@
 """PDO parameters as written by the master, with the drive's side."""
 
+from dataclasses import replace
+
 import can
 import pytest
 
@@ -7,7 +9,7 @@ from armload_drivers.bring_up.pdo_setup import map_pdo, switch_others_off
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.object_dictionary import PdoDirection
+from armload_drivers.cia402.object_dictionary import Access, PdoDirection
 from armload_drivers.cia402.process_data.process_image import PdoLayout
 from armload_drivers.driver_errors import SdoRefused, ServoError
 from armload_drivers.simulation.drives.drive_pdos import Pdo
@@ -83,3 +85,82 @@ def test_other_pdos_are_switched_off_where_there_are_any():
     drive = Drive(pdos=3)
     switch_others_off(drive.sdo, TRANSMIT, 1)
     assert [pdo.cob_id for pdo in drive.pdos] == [0x185, None, None]
+
+
+# Parameters that cannot be written -------------------------------------------------------------------------------
+
+OURS, ANOTHERS = 0x185 | od.PDO_NO_RTR, 0x285 | od.PDO_NO_RTR
+
+
+def fixed(drive, entry, value):
+    """Make an object read-only, with a value."""
+    found = drive.dictionary.entries[entry.key]
+    drive.dictionary.entries[entry.key] = replace(found, access=Access.RO)
+    drive.dictionary.values[entry.key] = value
+    drive.pdos[0].refresh()
+
+
+@pytest.mark.parametrize("disabled", [0, od.PDO_DISABLED])
+def test_another_nodes_cob_id_is_replaced(disabled):
+    drive = Drive()
+    drive.dictionary.values[TRANSMIT.cob_id_entry(0).key] = ANOTHERS | disabled
+    map_pdo(drive.sdo, LAYOUT)
+    assert drive.pdos[0].cob_id == 0x185
+
+
+def test_a_cob_id_that_is_right_need_not_be_writable():
+    drive = Drive()
+    fixed(drive, TRANSMIT.cob_id_entry(0), OURS)
+    map_pdo(drive.sdo, LAYOUT)
+    assert drive.pdos[0].carries(od.TORQUE_ACTUAL)
+    fixed(drive, TRANSMIT.cob_id_entry(0), ANOTHERS)
+    with pytest.raises(ServoError, match="is 0x40000285, which is not this node's 0x40000185, and cannot be written"):
+        map_pdo(drive.sdo, LAYOUT)
+
+
+def test_a_transmission_type_that_is_right_need_not_be_writable():
+    drive = Drive()
+    fixed(drive, TRANSMIT.type_entry(0), od.PDO_SYNCHRONOUS)
+    map_pdo(drive.sdo, LAYOUT)
+    fixed(drive, TRANSMIT.type_entry(0), 255)
+    with pytest.raises(ServoError, match="is 255 and cannot be written; 1 is required"):
+        map_pdo(drive.sdo, LAYOUT)
+
+
+@pytest.mark.parametrize("part", [TRANSMIT.count_entry(0), TRANSMIT.map_entry(0, 2)], ids=["count", "entry"])
+def test_a_mapping_that_is_right_need_not_be_writable_and_another_is_named(part):
+    drive = Drive()
+    map_pdo(drive.sdo, LAYOUT)
+    fixed(drive, part, drive.dictionary.values[part.key])
+    map_pdo(drive.sdo, LAYOUT)
+    other = replace(LAYOUT, entries=(od.STATUSWORD, od.TORQUE_ACTUAL))
+    with pytest.raises(ServoError, match=r"the mapping is fixed to .*; required are 6041:0, 6077:0"):
+        map_pdo(drive.sdo, other)
+
+
+def test_pdos_beyond_the_usual_ones_and_behind_a_hole_are_switched_off_too():
+    drive = Drive(pdos=7)
+    for index in (0x1801, 0x1A01):
+        drive.dictionary.remove([index])
+    switch_others_off(drive.sdo, TRANSMIT, 1)
+    assert [pdo.cob_id is None for pdo in drive.pdos[2:]] == [True] * 5
+    assert drive.pdos[0].cob_id == 0x185
+
+
+def test_behind_the_last_pdo_no_more_are_looked_for():
+    drive = Drive(pdos=2)
+    requests, send = [], drive.send
+    drive.send = lambda message, timeout=None: (requests.append(message), send(message))
+    switch_others_off(drive.sdo, TRANSMIT, 1)
+    assert len(requests) < 10
+
+
+def test_a_pdo_that_is_off_need_not_be_writable():
+    drive = Drive(pdos=2)
+    cob_id, count = TRANSMIT.cob_id_entry(1), TRANSMIT.count_entry(1)
+    fixed(drive, count, 1)
+    fixed(drive, cob_id, ANOTHERS | od.PDO_DISABLED)
+    switch_others_off(drive.sdo, TRANSMIT, 1)
+    fixed(drive, cob_id, ANOTHERS)
+    with pytest.raises(ServoError, match="This PDO would load the bus"):
+        switch_others_off(drive.sdo, TRANSMIT, 1)

@@ -214,3 +214,16 @@ def test_the_error_says_what_an_axis_without_a_brake_does(arm_settings):
     braked, bare = arm_settings().drives[0], arm_settings(has_brake=False).drives[0]
     assert "its brake engages" in str(loop_lost(braked, "quick stop", "why"))
     assert "has no brake (has_brake) and falls" in str(loop_lost(bare, "quick stop", "why"))
+
+
+def test_a_stop_begins_as_late_as_a_loop_may_lag():
+    """At constant speed the axis is off its course when the ramp has fallen by the margin, and not before."""
+    made, speed = course(), 1.0
+    targets = speed * CYCLE_S * np.arange(100)
+    assert follow(made, targets, targets)[0] is None
+    made.slow_down()
+    here = targets[-1] + speed * CYCLE_S * np.arange(1, 200)
+    found, why = follow(made, here, here)
+    falls_s = axis_course.MARGIN_SHARE * SPEED / (axis_course.RAMP_SHARE * ACCELERATION)
+    assert found * CYCLE_S == pytest.approx(axis_course.RECALL_S + falls_s, abs=3 * CYCLE_S)
+    assert "are commanded" in why

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armload_drivers.cia402.state_machine import (
+    FAULT_RESET_BIT,
     POWERED,
     ROUTES,
     TRANSITIONS,
@@ -281,3 +282,31 @@ def test_power_comes_back_only_after_a_request(events):
             if not powered and drive.state is State.OPERATION_ENABLED:
                 assert wanted
         assert master.state is None or decode(master.statusword) is master.state
+
+
+def test_a_machine_that_knows_nothing_has_reached_nothing():
+    assert not MasterMachine().reached
+
+
+def test_a_drive_in_fault_may_be_asked_to_stay_there_and_to_go_nowhere_else():
+    master = MasterMachine()
+    master.receive(State.FAULT.bits, 0.0)
+    master.request(State.FAULT)
+    assert master.reached
+    with pytest.raises(TransitionError, match="requires a fault reset"):
+        master.request(State.SWITCH_ON_DISABLED)
+
+
+def test_a_fault_reset_sends_no_bit_to_a_drive_that_has_left_the_fault_another_way():
+    master = MasterMachine()
+    master.receive(State.FAULT.bits, 0.0)
+    master.request_fault_reset()
+    assert [master.controlword(0.1 * cycle) for cycle in range(2)] == [0x00, FAULT_RESET_BIT]
+    master.receive(State.READY_TO_SWITCH_ON.bits, 0.2)
+    assert all(not master.controlword(0.1 * cycle) & FAULT_RESET_BIT for cycle in range(3, 10))
+
+
+def test_the_bit_of_a_fault_reset_is_no_command_without_a_fault():
+    _, drive = enabled_pair()
+    assert drive.receive(0x0F | FAULT_RESET_BIT) == ()
+    assert drive.state is State.OPERATION_ENABLED

@@ -101,6 +101,23 @@ def test_a_vendors_effort_gets_a_frame_of_its_own_where_there_is_no_room(kind, f
     assert (image.effort is None) == (frames == 1)
 
 
+@pytest.mark.parametrize(
+    ("changes", "rpdo", "tpdo"),
+    [
+        ({}, [3], [3]),
+        ({"torque_offset_bits": 32}, [2, 1], [3]),
+        ({"pdo_objects_max": 2}, [2, 1], [2, 1]),
+        ({"pdo_objects_max": 2, "torque_offset": False}, [2], [2, 1]),
+        ({"pdo_objects_max": 3}, [3], [3]),
+    ],
+)
+def test_what_does_not_fit_into_one_frame_has_a_second(changes, rpdo, tpdo):
+    image = drive_image(replace(DRIVE, **changes))
+    for direction, expected in ((PdoDirection.RECEIVE, rpdo), (PdoDirection.TRANSMIT, tpdo)):
+        assert [len(layout.entries) for layout in image.layouts if layout.direction is direction] == expected
+    assert all(layout.length <= 8 for layout in image.layouts)
+
+
 def test_a_temperature_is_read_by_sdo_and_no_pdo_carries_it():
     assert temperature_entry(DRIVE) is None
     drive = replace(DRIVE, temperature=TemperatureObject(0x3201, 1, DataType.I16, 0.1))

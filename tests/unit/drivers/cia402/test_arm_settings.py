@@ -1,0 +1,20 @@
+"""What the settings of a drive state, and what its description states for them."""
+
+import pytest
+
+from armload_drivers.cia402.arm_settings import Identity
+from armload_drivers.cia402.device_description import parse_description
+from tests.drive_descriptions import eds, maker_drive
+
+NONE, OWN, DESCRIBED = Identity(None, None), Identity(0x0000_00AB, 0x5678), Identity(0x02DC, 0x1234)
+
+
+@pytest.mark.parametrize(
+    ("configured", "description", "wanted"),
+    [(NONE, False, NONE), (OWN, False, OWN), (NONE, True, DESCRIBED), (OWN, True, OWN)],
+)
+def test_a_configured_identity_counts_more_than_a_description(arm_settings, configured, description, wanted):
+    described = parse_description(eds(maker_drive(), 0x02DC, 0x1234).encode(), "drive.eds")
+    drive = arm_settings(identity=configured, description=described if description else None).drives[0]
+    assert drive.wanted_identity == wanted
+    assert drive.is_named == (wanted is not NONE)
