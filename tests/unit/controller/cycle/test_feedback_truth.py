@@ -89,6 +89,10 @@ def test_a_velocity_is_compared_with_the_position_over_a_while():
     run(lambda cycle, feedback: replace(feedback, velocity_rad_s=SPEED + 0.5 * (-1) ** cycle))
 
 
+def test_an_arm_that_reports_neither_current_nor_torque_is_not_accused_of_idling():
+    run(lambda cycle, feedback: replace(feedback, current_a=None))
+
+
 def test_an_arm_that_reports_torque_instead_of_current():
     run(lambda cycle, feedback: replace(feedback, current_a=None, torque_nm=np.ones(N)))
     with pytest.raises(TorqueMissing):
