@@ -337,7 +337,7 @@ class DriveSetup(DriveDialogue):
         if entry.key == od.TORQUE_OFFSET.key:
             return "Set torque_offset = false; feed-forward is then refused on this drive"
         for other, name in ((od.TORQUE_ACTUAL, "torque"), (od.CURRENT_ACTUAL, "current")):
-            if entry in {od.TORQUE_ACTUAL, od.CURRENT_ACTUAL} and entry is not other and self._sdo.has(other):
+            if entry in {od.TORQUE_ACTUAL, od.CURRENT_ACTUAL} and self._sdo.has(other):
                 return f'It has {other}: set feedback = "{name}"'
         if entry in {od.TORQUE_ACTUAL, od.CURRENT_ACTUAL}:
             return "Name the manufacturer's object for current or torque: effort_object"
