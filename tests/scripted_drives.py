@@ -28,10 +28,12 @@ class ScriptedBus:
         received: Frames not received yet.
         sent: Frames that the master has sent.
         at_sync: Called when SYNC is sent.
+        stamp: Time stamp of an added frame; 0 is none.
     """
 
     def __init__(self):
         self.received, self.sent, self.at_sync = deque(), [], lambda: None
+        self.stamp = lambda: 0.0
 
     def send(self, message):
         self.sent.append((message.arbitration_id, bytes(message.data)))
@@ -43,7 +45,9 @@ class ScriptedBus:
 
     def add(self, cob_id, data):
         """A frame to be received."""
-        self.received.append(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+        self.received.append(
+            can.Message(arbitration_id=cob_id, data=data, is_extended_id=False, timestamp=self.stamp())
+        )
 
 
 class ScriptedArm:

@@ -306,6 +306,23 @@ def test_drives_watch_their_master_only_while_it_sends_heartbeats(virtual_arm, l
     assert written == {0x600 + node_id for node_id in (2, 3, 5) if node_id != lost}
 
 
+def test_a_drive_that_vanishes_after_its_torque_was_removed_is_no_error_of_the_removal(virtual_arm):
+    arm = virtual_arm(timeouts=QUICK)
+    move(arm, enabled(arm), 5)
+    syncs = []
+
+    def vanish(message):
+        if message.arbitration_id == 0x080 and not any(arm.plant.powered):
+            syncs.append(message)
+            if len(syncs) == 5:
+                arm.drives.switch_off(3)
+
+    arm.monitor.listen(vanish)
+    arm.servos.disable()
+    assert len(syncs) > 5
+    assert not any(arm.plant.powered)
+
+
 def test_a_drive_that_cannot_be_disabled_is_reset(virtual_arm):
     """It no longer receives setpoints and refuses the controlword; nothing else removes its torque."""
 

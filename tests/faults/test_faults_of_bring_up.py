@@ -367,13 +367,14 @@ def test_an_object_that_not_every_drive_has_is_only_reported(virtual_arm, index)
     assert {int(text[:4], 16) for text in arm.servos.reports[1].missing} == {index}
 
 
-def test_half_an_interpolation_time_is_none(virtual_arm):
-    def no_exponent(request):
-        return 0x0609_0011 if request[1:4] == b"\xc2\x60\x02" else None
+@pytest.mark.parametrize("subindex", [1, 2])
+def test_half_an_interpolation_time_is_none(virtual_arm, subindex):
+    def missing(request):
+        return 0x0609_0011 if request[1:4] == bytes([0xC2, 0x60, subindex]) else None
 
-    arm = virtual_arm(traits={3: DriveTraits(on_request=no_exponent)})
+    arm = virtual_arm(traits={3: DriveTraits(on_request=missing)})
     arm.servos.connect()
-    assert [text[:6] for text in arm.servos.reports[1].missing] == ["60C2:2"]
+    assert [text[:6] for text in arm.servos.reports[1].missing] == [f"60C2:{subindex}"]
 
 
 @pytest.mark.parametrize("part", [b"\x91\x60\x01", b"\x91\x60\x02"], ids=["numerator", "denominator"])

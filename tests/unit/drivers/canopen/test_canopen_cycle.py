@@ -83,6 +83,15 @@ def test_a_new_beginning_is_no_irregularity(arm):
     assert [rhythm.take() for rhythm in arm.rhythms] == ["", ""]
 
 
+def test_feedback_that_comes_late_is_an_irregularity_if_frames_are_stamped(arm):
+    arm.rhythms[1].take()
+    arm.run(5)
+    assert arm.rhythms[1].take() == "", "without stamps nothing is known"
+    arm.bus.stamp = lambda: arm.clock() + 0.4 * arm.arm.cycle_s * (arm.cycle.number % 2)
+    arm.run(5)
+    assert "periods of feedback differ" in arm.rhythms[1].take()
+
+
 def test_ending_the_cycles_ends_sync_and_leaves_no_drive_operational(arm):
     arm.bus.sent.clear()
     arm.cycle.end()

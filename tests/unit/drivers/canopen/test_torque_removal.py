@@ -205,9 +205,48 @@ def test_a_drive_that_only_stops_answering_costs_no_other_its_torque(rig, also_l
     if also_lost:
         lose(rig, 0)
         rig.drives[2].falls, rig.drives[2].speed = True, CREEPS
+    begun = rig.cycle.number
     with pytest.raises(ServoTimeout, match="joint_5"):
         rig.stop()
     assert rig.powered == [not also_lost, True, True]
+    assert rig.cycle.number - begun < rig.cycle.count(LIMITS.stop_s), "nor is it waited for"
+
+
+def test_a_drive_that_was_dropped_is_given_no_gentler_command(rig):
+    """It obeys nothing so far; if it does at last, then the request to remove torque at once."""
+    lose(rig, 1)
+    rig.drives[3].obeys = rig.drives[3].obeys_sdo = False
+    rig.stop()
+    words = set()
+
+    def noted():
+        words.add(bytes(rig.nodes[1].message.data[:2]))
+        rig._answer()
+
+    rig.bus.at_sync = noted
+    with pytest.raises(TorqueRemains):
+        rig.removal.run()
+    assert words == {b"\0\0"}
+
+
+def test_a_drive_that_is_lost_in_motion_keeps_its_torque_until_it_rests(rig):
+    """It obeys, but does not show it; its position is read by SDO."""
+    drive = rig.drives[3]
+    drive.answers, drive.speed = False, CREEPS
+    with pytest.raises(ServoTimeout, match="joint_3"):
+        rig.stop()
+    moved_without_torque, begun = [], rig.cycle.number
+
+    def comes_to_rest():
+        if rig.cycle.number - begun > 60:
+            drive.speed = 0
+        rig._answer()
+        moved_without_torque.append(drive.speed > 0 and drive.state not in POWERED)
+
+    rig.bus.at_sync = comes_to_rest
+    rig.removal.run()
+    assert not any(moved_without_torque)
+    assert rig.powered == [False, False, False]
 
 
 def test_a_drive_that_comes_back_late_is_still_named(rig):
@@ -280,8 +319,12 @@ def test_axes_without_a_brake_keep_their_torque_until_the_others_are_switched_of
             states.append([rig.drives[node_id].state for node_id in (2, 5)])
 
     rig.bus.at_sync = noted
+    begun = rig.cycle.number
     rig.removal.run()
     assert states[-1] == [State.SWITCH_ON_DISABLED] * 2
+    assert rig.powered == [False, False, False]
+    assert rig.asked == [0, 0, 0]
+    assert rig.cycle.number - begun < rig.cycle.count(LIMITS.disable_s), "nobody was waited for in vain"
 
 
 def test_an_axis_that_creeps_loses_its_torque_when_the_wait_is_over(rig):
