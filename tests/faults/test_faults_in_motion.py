@@ -34,6 +34,9 @@ from tests.even_motion import ZERO, enabled, move, move_until_error
 QUICK = Timeouts(probe_s=0.02, scan_s=0.01, boot_s=0.05, sdo_s=0.05, mode_s=0.05)
 """For tests in which a node does not answer."""
 
+QUICK_STOP = 0x02
+"""Controlword."""
+
 # Faults in motion --------------------------------------------------------------------------------------------
 
 
@@ -289,6 +292,15 @@ def test_disabling_a_moving_arm_decelerates_it_on_the_drives_ramps(virtual_arm):
     assert not any(arm.plant.powered)
     ramp_rad = 0.5**2 / (2 * QUICK_STOP_DECELERATION_RAD_S2)
     assert np.all(arm.arm.coupling @ arm.plant.position_rad - last > 0.8 * ramp_rad)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_only_an_arm_that_moves_is_stopped_before_it_is_disabled(virtual_arm, moving):
+    arm = virtual_arm()
+    move(arm, enabled(arm), 20, 0.5 * moving)
+    arm.frames(0)
+    arm.servos.disable()
+    assert any(data[0] == QUICK_STOP for data in arm.frames(0x203)) is moving
 
 
 @pytest.mark.parametrize("lost", [None, 3])
