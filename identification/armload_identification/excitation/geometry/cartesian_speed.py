@@ -1,4 +1,4 @@
-"""Speed of points of an arm: its elbow, wrist, flange and tool centre point.
+"""Speed of points of an arm: its elbow, wrist, flange and tool centre point, and of what it carries.
 
 A point p moved by the first m joints, with axes z_j through o_j in the base frame, has the velocity
 
@@ -10,10 +10,17 @@ and for k <= m this velocity depends on a joint's position by
 
 with w_k = sum_{j <= k} z_j dq_j, the angular velocity of link k.
 
+What the arm carries is bounded by spheres that are fixed to the flange. No point within a distance r of a centre c is
+faster than
+
+    |v_c| + r |w_n|        d|w_n|/dq_k = (z_k x (w_n - w_k)) . w_n / |w_n|        d|w_n|/d(dq_k) = z_k . w_n / |w_n|
+
 Between samples: a vector whose second derivative is at most B is nowhere further than B h^2 / 8 from the straight line
 between two samples a time h apart, and on that line nowhere longer than at its longer end. Hence
 
     |v(t)| <= max(|v(t_j)|, |v(t_j+1)|) + B h^2 / 8.
+
+The same holds for |v_c| + r |w_n|, a norm of both vectors, with B that of a point at the far side of the sphere.
 """
 
 from __future__ import annotations
@@ -34,27 +41,49 @@ _APART_M = 1e-6
 """Points of one link that are closer than this count as one."""
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class CarriedSphere:
+    """A sphere around something that is fixed to the flange.
+
+    Attributes:
+        name: What it is, for messages.
+        center_m: (3,) centre in the flange frame.
+        radius_m: Radius.
+    """
+
+    name: str
+    center_m: FloatArray
+    radius_m: float
+
+
 @dataclass(frozen=True, eq=False)
 class ArmPoints:
     """The points of an arm whose speed is computed: the origin of every moving joint frame, flange and tool.
 
+    The speed of a sphere that the arm carries is that of its fastest point, from above.
+
     Attributes:
         chain: The arm.
         tool_m: (3,) tool centre point in the flange frame.
+        carried: Spheres that count as points, too.
         names: (P,) names of the points in messages.
     """
 
     chain: Chain
     tool_m: FloatArray
+    carried: tuple[CarriedSphere, ...] = ()
     names: tuple[str, ...] = field(init=False)
     _link: tuple[int, ...] = field(init=False, repr=False)
     _in_link: FloatArray = field(init=False, repr=False)
+    _radius_m: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         chain = self.chain
         last = chain.n
         flange = chain.flange
-        tool = flange[:3, :3] @ self.tool_m + flange[:3, 3]
+        tool, *centres = (
+            flange[:3, :3] @ at + flange[:3, 3] for at in (self.tool_m, *(sphere.center_m for sphere in self.carried))
+        )
         # The origin of joint k + 1 is fixed in link k.
         points = [(f"joint {k + 1}", k, chain.placement[k, :3, 3]) for k in range(1, last)]
         points += [("flange", last, flange[:3, 3]), ("tool centre point", last, tool)]
@@ -65,9 +94,12 @@ class ArmPoints:
                 link == other and np.abs(at - there).max() < _APART_M for _, other, there in points[number + 1 :]
             )
         ]
+        radii = [0.0] * len(kept) + [sphere.radius_m for sphere in self.carried]
+        kept += [(sphere.name, last, centre) for sphere, centre in zip(self.carried, centres, strict=True)]
         object.__setattr__(self, "names", tuple(name for name, _, _ in kept))
         object.__setattr__(self, "_link", tuple(link for _, link, _ in kept))
         object.__setattr__(self, "_in_link", np.array([at for _, _, at in kept]))
+        object.__setattr__(self, "_radius_m", np.array(radii))
 
     def speeds(self, q: FloatArray, dq: FloatArray) -> FloatArray:
         """Speed of every point.
@@ -80,7 +112,9 @@ class ArmPoints:
             (N, P) in m/s.
         """
         axes, levers = self._axes_and_levers(q)
-        return np.stack([_length(_velocity(axes, lever, dq)[:, 0]) for lever in levers], axis=1)
+        centres = np.stack([_length(_velocity(axes, lever, dq)[:, 0]) for lever in levers], axis=1)
+        spin = _length(np.einsum("ijk,ij->ik", axes, dq))
+        return np.asarray(centres + spin[:, None] * self._radius_m)
 
     def slope(self, weight: FloatArray, q: FloatArray, dq: FloatArray) -> FloatArray:
         """Derivative of the weighted sum of all speeds by positions and velocities.
@@ -107,6 +141,11 @@ class ArmPoints:
             turned = np.cross(axes[:, :m], outward) + np.cross(before[:, :m], column)
             slope[0, :, :m] += np.einsum("ijk,ik->ij", turned, direction)
             slope[1, :, :m] += np.einsum("ijk,ik->ij", column, direction)
+        spin = turning[:, -1]
+        direction = spin / np.maximum(_length(spin), np.finfo(float).tiny)[:, None]
+        direction = direction * (weight @ self._radius_m)[:, None]
+        slope[0] += np.einsum("ijk,ik->ij", np.cross(axes, spin[:, None] - turning), direction)
+        slope[1] += np.einsum("ijk,ik->ij", axes, direction)
         return slope
 
     def greatest_on(self, trajectory: FourierTrajectory) -> FloatArray:
@@ -144,8 +183,8 @@ class ArmPoints:
         between = np.maximum(speed[:-1], speed[1:])
         bend = np.array(
             [
-                point_rates(self.chain, rates, link, float(np.linalg.norm(at)))[2]
-                for link, at in zip(self._link, self._in_link, strict=True)
+                point_rates(self.chain, rates, link, float(np.linalg.norm(at)) + radius_m)[2]
+                for link, at, radius_m in zip(self._link, self._in_link, self._radius_m, strict=True)
             ]
         )
         return np.asarray(between + bend * (duration_s / samples) ** 2 / 8.0)
