@@ -63,7 +63,7 @@ def run() -> None:
 
 def _print_speeds(robot: Robot, tool_m: float) -> None:
     """The speeds of one arm with one tool."""
-    points = ArmPoints(robot.chain, np.array([0.0, 0.0, tool_m]))
+    points = replace(robot.controlled_points, tool_m=np.array([0.0, 0.0, tool_m]))
     cycle_s = 1 / robot.bus.cycle_hz
     for role in robot.excitations:
         path = _path(robot, role, points)

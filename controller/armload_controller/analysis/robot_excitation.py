@@ -105,9 +105,11 @@ class DesignedExcitation:
 
     @cached_property
     def slow_round_s(self) -> float:
-        """Duration of the preceding slow round, in which no point exceeds `paths.PLANNED_SPEED_M_S`."""
+        """Duration of the preceding slow round, at reduced speed."""
         path = self.result.trajectory
-        paced, _ = reduced_pace(path, bound_phase(path, self.arm.limits.motion), self.arm.limits.points)
+        paced, _ = reduced_pace(
+            path, bound_phase(path, self.arm.limits.motion), self.arm.motion_constraints.reduced_speed
+        )
         return paced.pace.lasts_s
 
     def to_dict(self) -> dict[str, Any]:
@@ -142,13 +144,14 @@ class DesignedExcitation:
         }
         nearest = [f"{name} {words[key][0]}{room:.3g} {words[key][1]}" for key, (name, room) in self.nearest().items()]
         result = self.result
-        return (
+        text = (
             f"{result.criterion} cost {result.cost:.4g}, cond(Phi) {result.condition_number:.3g}, {result.rank} of 10 "
             f"parameters can be determined, {self.periods} periods of {result.trajectory.period_s:g} s\n"
             f"always within every limit; nearest: {', '.join(nearest)}\n"
             f"no point of the arm is faster than {self.speed_m_s:.2f} m/s; the slow round takes "
-            f"{self.slow_round_s:.0f} s at {PLANNED_SPEED_M_S:.3f} m/s at most"
+            f"{self.slow_round_s:.0f} s at {PLANNED_SPEED_M_S:.3f} m/s at most, with what the arm carries"
         )
+        return "\n".join((text, *self.arm.payloads.assumed_envelopes))
 
     def _excitation(self, output: str) -> Excitation:
         name = self.arm.file.removesuffix(".toml")

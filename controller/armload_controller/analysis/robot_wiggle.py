@@ -126,15 +126,16 @@ class DesignedWiggle:
         """Accuracy, duration and extent."""
         way = ", ".join(f"{np.degrees(size):.1f}" for size in self.amplitude_rad)
         wiggle = self.wiggle
-        return (
+        text = (
             f"{wiggle.periods} period{'' if wiggle.periods == 1 else 's'} of {wiggle.trajectory.period_s:g} s, "
             f"{self.measured_s:.1f} s with ramps, determine {self.arm.payloads.expected.mass_kg:g} kg "
             f"to within {wiggle.half_width_kg:.3g} kg, {100.0 * self.share:.1f} % (95 %)\n"
             f"joints move by {way} degrees about {np.round(self.at_rad, 3).tolist()} rad\n"
             f"limits, workspace and torque are always respected; no point of the arm is faster than "
             f"{self.speed_m_s:.2f} m/s; the preceding slow round takes {self.path.slow_round_s:.0f} s at "
-            f"{PLANNED_SPEED_M_S:.3f} m/s at most"
+            f"{PLANNED_SPEED_M_S:.3f} m/s at most, with what the arm carries"
         )
+        return "\n".join((text, *self.arm.payloads.assumed_envelopes))
 
 
 def design_wiggle(

@@ -30,6 +30,7 @@ from armload_controller.motion.obstacles import Obstacles
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.excitation_file import read_excitation
 from armload_identification.excitation.fourier import Excitation
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, CarriedSphere
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.identification_errors import IdentificationError, ModelError
 from armload_identification.model.chain import Chain
@@ -240,6 +241,16 @@ class Robot:
             raise self.source.refused("workspace.urdf", table and table.urdf, str(error)) from error
         return Obstacles(self.workspace, meshes)
 
+    @property
+    def controlled_points(self) -> ArmPoints:
+        """The points that keep reduced speed: those of the arm, and spheres around all that the file says it carries.
+
+        The same with every load: what the arm carries before it is identified is known from its file only.
+        """
+        flange = self.n + 1
+        tool = (CarriedSphere("tool", s.center_m, s.radius_m) for s in self.workspace.spheres if s.link == flange)
+        return replace(self.limits.points, carried=(*tool, *self.payloads.envelopes))
+
     def envelope(self, position_margin_rad: float, rate_share: float, torque_share: float) -> Envelope:
         """All limits that an excitation is designed within.
 
@@ -274,7 +285,7 @@ class Robot:
             self.strength.limits_if_stated,
             self.strength.axis_limits_if_stated,
             self.obstacles,
-            limits.points,
+            self.controlled_points,
             limits.speed,
         )
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_controller.config.robot_source import RobotSource
+from armload_controller.config.tables.body_tables import CarriedPayloadTable
+from armload_identification.excitation.geometry.cartesian_speed import CarriedSphere
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque
 
@@ -63,6 +65,30 @@ class RobotPayloads:
     def design_set(self) -> tuple[InertialParameters, ...]:
         """The payloads that a robust excitation is designed for; empty if the file names none."""
         return tuple(payload.inertial() for payload in self.source.tables.payload_set.values())
+
+    @property
+    def envelopes(self) -> tuple[CarriedSphere, ...]:
+        """Spheres around the expected and the heaviest payload, as far as the file names them."""
+        return tuple(table.envelope(key.replace("_", " ")) for key, table in self._carried().items())
+
+    @property
+    def assumed_envelopes(self) -> tuple[str, ...]:
+        """Notes for the operator on the payloads whose envelope the file does not state."""
+        notes = []
+        for key, table in self._carried().items():
+            radius_m, basis = table.assumed_radius
+            if table.envelope_radius_m is None:
+                notes.append(
+                    f"reduced speed holds within {radius_m:.3f} m of the centre of mass of [{key}], assumed from "
+                    f"{basis}: give envelope_radius_m"
+                )
+        return tuple(notes)
+
+    def _carried(self) -> dict[str, CarriedPayloadTable]:
+        """Tables of the payloads that every motion is planned for, by key."""
+        tables = self.source.tables
+        named = {"expected_payload": tables.expected_payload, "heaviest_payload": tables.heaviest_payload}
+        return {key: table for key, table in named.items() if table is not None}
 
     def require_carried(self) -> None:
         """Refuse payloads above the rated one, or that the joints cannot hold.

@@ -6,7 +6,8 @@ refuses an excitation that anywhere, at any speed up to the planned one and unde
     exceeds a joint's limit of position, velocity, acceleration or jerk, or its following error window,
     requires more torque than a joint has, for the arm alone or with its heaviest payload,
     touches an obstacle of the workspace, or brings collision meshes too close to each other,
-    moves a point of the arm faster than the robot's file allows, or in the slow round faster than reduced speed.
+    moves a point of the arm faster than the robot's file allows,
+    or in the slow round a point of the arm or of what it carries faster than reduced speed.
 
 The approach to a path begins at the arm's present position, so it is checked in the same way once that is known,
 segment by segment: `CheckedPath.approach_from`.
@@ -98,7 +99,7 @@ class CheckedPath:
 
     @property
     def slow_speed_m_s(self) -> float:
-        """Greatest speed of any point of the arm in the slow round."""
+        """Greatest speed of any point of the arm and of what it carries in the slow round."""
         return greatest_speed_m_s(self.slow.leg, self.constraints.points)
 
     def approach_from(self, position_rad: FloatArray) -> tuple[CheckedLeg, ...]:
@@ -201,7 +202,7 @@ def check_path(
     measured = plan_measured(excitation, limits, cycle_s)
     require_joint_limits(path.bounds(), measured.bounds, constraints)
     require_tcp_speed(path, constraints)
-    slow = plan_slow(excitation, measured, constraints.points)
+    slow = plan_slow(excitation, measured, constraints.reduced_speed)
     require_reduced_speed(slow, constraints.reduced_speed)
     objection = torque_objection(path, measured.bounds, constraints)
     if objection is not None:

@@ -63,7 +63,7 @@ def greatest_speed_m_s(leg: Leg, points: ArmPoints) -> float:
 
 
 def require_reduced_speed(leg: Leg, limit: SpeedLimit) -> None:
-    """Check that no point of the arm exceeds reduced speed on a leg.
+    """Check that no point of the arm or of what it carries exceeds reduced speed on a leg.
 
     Only samples are checked; between them the planning of such legs keeps the limit, with a margin (`slow_round_pace`,
     `paths`).

@@ -25,8 +25,8 @@ class MotionConstraints:
             not specify them.
         axis_torque: The same for the motors' axes, which drives limit (6072); None if the joints' limits imply it.
         obstacles: Obstacles that the arm must not touch.
-        points: Points of the arm whose speed is limited.
-        speed: Speed limit of these points that the file sets; None if it sets none.
+        points: Points of the arm, and spheres around what it carries, whose speed is limited at reduced speed.
+        speed: Speed limit of the arm's own points that the file sets; None if it sets none.
     """
 
     robot_sha256: str

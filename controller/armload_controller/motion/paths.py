@@ -24,7 +24,8 @@ from armload_identification.excitation.fourier import FourierBounds, FourierStat
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 
 REDUCED_SPEED_M_S = 0.25
-"""Speed limit for every point of the arm on approaches and slow rounds: reduced speed of ISO 10218-1."""
+"""Speed limit for every point of the arm and of what it carries on approaches and slow rounds: reduced speed of
+ISO 10218-1."""
 PLANNED_SHARE = 0.98
 """Share of a speed limit that they are planned with: a servo may overshoot its setpoints."""
 PLANNED_SPEED_M_S = PLANNED_SHARE * REDUCED_SPEED_M_S
@@ -76,7 +77,7 @@ class LinePath:
             start_rad: (n,) start position.
             goal_rad: (n,) goal position.
             limits: Limits of the joints.
-            speed: Limit of the speed of the arm's points.
+            speed: Limit of the speed of the arm's points and of what it carries.
         """
         way = goal_rad - start_rad
         duration_s = float((np.abs(way) / (APPROACH_SHARE * limits.velocity_max_rad_s)).max())
@@ -84,7 +85,7 @@ class LinePath:
         return cls(start_rad, goal_rad, duration_s * max(1.0, fastest_m_s / (PLANNED_SHARE * speed.speed_m_s)))
 
     def greatest_speed_m_s(self, points: ArmPoints) -> float:
-        """Bound on the speed of all points of the arm at full rate, also between samples."""
+        """Bound on the speed of all points at full rate, also between samples."""
         rates = np.zeros((4, len(self.start_rad)))
         rates[0] = np.abs(self.goal_rad - self.start_rad) / self.duration_s
 

@@ -31,7 +31,7 @@ from armload_controller.motion.phase import Leg, PhaseState, Segment, ramp_to_ra
 from armload_controller.motion.slow_round_pace import reduced_pace
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
-from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
+from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 
 CYCLE_ROUNDING = 1e-6
 """Share of a cycle by which a period may differ from a whole number of cycles."""
@@ -84,15 +84,15 @@ def plan_measured(excitation: Excitation, limits: MotionLimits, cycle_s: float) 
     return Leg(path, bounds, -lead_in_s, excitation.periods * path.period_s, 1.0, Segment.PERIODS)
 
 
-def plan_slow(excitation: Excitation, measured: Leg, points: ArmPoints) -> Leg:
+def plan_slow(excitation: Excitation, measured: Leg, speed: SpeedLimit) -> Leg:
     """Plan one period at reduced speed; it begins and ends where the measured leg begins.
 
     Args:
         excitation: Path and number of periods.
         measured: The leg from `plan_measured`.
-        points: Points of the arm whose speed is limited.
+        speed: Limit of the speed of the arm's points and of what it carries.
     """
-    paced, bounds = reduced_pace(excitation.trajectory, measured.bounds, points)
+    paced, bounds = reduced_pace(excitation.trajectory, measured.bounds, speed)
     start_s = paced.pace.phase_of(measured.start_s)
     return Leg(paced, bounds, start_s, start_s + paced.pace.lasts_s, 1.0, Segment.SLOW)
 

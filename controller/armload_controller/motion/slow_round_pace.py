@@ -24,10 +24,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armload_controller.motion.paths import PLANNED_SPEED_M_S, PhaseLimits
+from armload_controller.motion.paths import PLANNED_SHARE, PhaseLimits
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierState, FourierTrajectory
-from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
+from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 
 SLOW_RATE = 0.25
 """Greatest rate of the first round of a new path or with a new load."""
@@ -192,19 +192,19 @@ class PacedPath:
         return FourierState(state.position_rad, v * g, a * g**2 + v * h, j * g**3 + 3.0 * a * g * h + v * k)
 
 
-def reduced_pace(path: FourierTrajectory, bounds: PhaseLimits, points: ArmPoints) -> tuple[PacedPath, PhaseLimits]:
-    """The fastest pace found at which no point exceeds `PLANNED_SPEED_M_S`, and the rate does not exceed `SLOW_RATE`.
+def reduced_pace(path: FourierTrajectory, bounds: PhaseLimits, speed: SpeedLimit) -> tuple[PacedPath, PhaseLimits]:
+    """The fastest pace found at which no point exceeds `PLANNED_SHARE` of a speed, nor the rate `SLOW_RATE`.
 
     Args:
         path: The path.
         bounds: Limits of its phase.
-        points: Points of the arm whose speed is limited.
+        speed: Limit of the speed of the arm's points and of what it carries.
 
     Returns:
         The path at that pace, and the limits of its phase.
     """
-    fastest = points.greatest_in_period(path, _SAMPLES).max(axis=1)
-    needed = np.maximum(1.0 / SLOW_RATE, fastest / PLANNED_SPEED_M_S)
+    fastest = speed.points.greatest_in_period(path, _SAMPLES).max(axis=1)
+    needed = np.maximum(1.0 / SLOW_RATE, fastest / (PLANNED_SHARE * speed.speed_m_s))
     knots = _MOST_KNOTS
     while knots >= _FEWEST_KNOTS:
         pace = _above(needed, path.period_s, knots)

@@ -156,6 +156,8 @@ def run_session(robot: Robot, load: Load, open_servos: ServosFactory, operator: 
             require_going(operator.control)
             for text in () if servos.simulated else robot.drives.weak_points:
                 operator.display.step(f"warning: {text}")
+            for text in robot.payloads.assumed_envelopes:
+                operator.display.step(text)
             _show_remarks(servos, operator.display)
             yield RunSession(robot, load, servos, operator, plugins)
         finally:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
 from pydantic import model_validator
 
 from armload_controller.config.tables.table_types import NonNegative, Positive, Vector3
 from armload_core.arrays import FloatArray
 from armload_drivers.simulation.plant_spec import RigidBody
+from armload_identification.excitation.geometry.cartesian_speed import CarriedSphere
 from armload_identification.files.inertia_table import InertiaTable
 from armload_identification.model.dynamics import ArmBody
 from armload_identification.model.payload import InertialParameters
-from armload_identification.storage.strict_toml import Table
+from armload_identification.storage.strict_toml import BadValue, Table
+
+_WATER_KG_M3 = 1000.0
+"""Density of an envelope that a file does not state."""
 
 
 class BodyTable(Table):
@@ -43,6 +49,37 @@ class PayloadTable(BodyTable):
                 "positive and each at most the sum of the other two"
             )
         return self
+
+
+class CarriedPayloadTable(PayloadTable):
+    """A payload that motions are planned for, with the radius of a sphere about its centre of mass that contains it."""
+
+    envelope_radius_m: Positive | None = None
+
+    @model_validator(mode="after")
+    def _contained(self) -> Self:
+        """Refuse a sphere that is too small for the payload's inertia."""
+        radius_m, least_m = self.envelope_radius_m, self._radius_of_gyration_m
+        if radius_m is not None and not radius_m >= least_m:
+            raise BadValue("envelope_radius_m", radius_m, f"expected at least {least_m:.3g}: the inertia requires it")
+        return self
+
+    def envelope(self, name: str) -> CarriedSphere:
+        """The sphere, with the assumed radius if the file gives none."""
+        radius_m = self.assumed_radius[0] if self.envelope_radius_m is None else self.envelope_radius_m
+        return CarriedSphere(name, np.array(self.center_of_mass_m), radius_m)
+
+    @property
+    def assumed_radius(self) -> tuple[float, str]:
+        """Radius of the same mass of water, or the radius of gyration if that is greater, in m, and which it is."""
+        water_m = (3.0 * self.mass_kg / (4.0 * np.pi * _WATER_KG_M3)) ** (1.0 / 3.0)
+        of_inertia = f"its inertia (its mass at the density of water would take {water_m:.3f} m)"
+        return max((water_m, "its mass at the density of water"), (self._radius_of_gyration_m, of_inertia))
+
+    @property
+    def _radius_of_gyration_m(self) -> float:
+        """About the centre of mass: r^2 = tr(I) / (2 m) is the mean of the squared distances from it."""
+        return float(np.sqrt(np.trace(self.inertia_kg_m2.tensor()) / (2.0 * self.mass_kg)))
 
 
 class ArmLinkTable(BodyTable):

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from armload_controller.config.tables.body_tables import ArmBodyTable, PayloadTable
+from armload_controller.config.tables.body_tables import ArmBodyTable, CarriedPayloadTable, PayloadTable
 from armload_controller.config.tables.drive_tables import BusTable
 from armload_controller.config.tables.joint_table import JointTable
 from armload_controller.config.tables.kinematics_table import KinematicsTable, TransmissionTable
@@ -90,8 +90,8 @@ class RobotFile(Table):
     transmission: TransmissionTable | None = None
     tool: ToolTable | None = None
     limits: LimitsTable | None = None
-    expected_payload: PayloadTable | None = None
-    heaviest_payload: PayloadTable | None = None
+    expected_payload: CarriedPayloadTable | None = None
+    heaviest_payload: CarriedPayloadTable | None = None
     payload_set: dict[str, PayloadTable] = Field(default={})
     body: ArmBodyTable | None = None
     workspace: WorkspaceTable | None = None

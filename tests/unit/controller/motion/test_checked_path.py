@@ -23,7 +23,7 @@ from armload_controller.motion.obstacles import Obstacles
 from armload_controller.motion.paths import BlockedWay, LinePath, PhaseLimits
 from armload_controller.motion.setpoints import plan_leg
 from armload_identification.excitation.fourier import Excitation, FourierBounds, FourierTrajectory
-from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, CarriedSphere, SpeedLimit
 from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
 from armload_identification.model.chain import pose_from_xyz_rpy
 
@@ -464,6 +464,16 @@ def test_a_speed_limit_of_the_file_below_reduced_speed_holds_on_the_approach_too
         assert slow.points.speeds(plan.position_rad, plan.velocity_rad_s).max() <= 0.05
 
 
+def test_a_low_speed_limit_of_the_file_leaves_room_for_a_slow_round_with_what_is_carried():
+    """What is carried may be faster than the arm's own points, which the file limits at full speed."""
+    swing = FourierTrajectory(0.2, SWING.offset_rad, SWING.sin_rad, SWING.cos_rad)
+    own_m_s = 1.01 * float(ROBOT.limits.points.greatest_on(swing).max())
+    carrying = ArmPoints(ROBOT.chain, np.zeros(3), (CarriedSphere("payload", np.array([0.0, 0.0, 0.3]), 3.0),))
+    assert 0.25 * carrying.greatest_on(swing).max() > own_m_s
+    path = checked(replace(CONSTRAINTS, points=carrying, speed=SpeedLimit(ROBOT.limits.points, own_m_s)), swing)
+    assert path.slow_speed_m_s <= 0.98 * own_m_s
+
+
 class Underestimated(ArmPoints):
     """Points that the planning takes as standing still, as from a defect."""
 
@@ -484,7 +494,7 @@ def test_a_plan_that_takes_the_arm_for_slower_than_it_is_is_refused():
 
 
 def test_a_path_faster_than_the_file_allows_is_refused():
-    points = CONSTRAINTS.points
+    points = ROBOT.limits.points
     fastest = float(points.greatest_on(SWING).max())
     checked(replace(CONSTRAINTS, speed=SpeedLimit(points, 1.001 * fastest)))
     with pytest.raises(LimitViolation, match=r"joint 6: speed .* is beyond the limit"):

@@ -11,7 +11,7 @@ from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_controller.motion.phase import PhaseState, Segment, ramp_to_grid, ramp_to_rate
 from armload_controller.motion.setpoints import plan_leg, plan_measured, plan_slow
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
-from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
 
 N = 2
@@ -36,7 +36,7 @@ CHAIN = Chain.from_origins(
 POINTS = ArmPoints(CHAIN, np.zeros(3))
 """Points of an arm so long that its slow round is at less than a quarter of the rate."""
 MEASURED = plan_measured(Excitation(PATH, 2), LIMITS, CYCLE_S)
-SLOW = plan_slow(Excitation(PATH, 2), MEASURED, POINTS)
+SLOW = plan_slow(Excitation(PATH, 2), MEASURED, SpeedLimit(POINTS, 0.25))
 CYCLES_IN_PERIODS = 400
 
 

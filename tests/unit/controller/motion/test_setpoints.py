@@ -110,7 +110,7 @@ def test_ruckig_turns_a_jump_into_a_limited_motion():
 
 def test_the_slow_round_ends_at_rest_where_the_measured_ramp_begins(excitation):
     measured_leg = plan_measured(excitation, LIMITS, CYCLE_S)
-    leg = plan_slow(excitation, measured_leg, SMALL_POINTS)
+    leg = plan_slow(excitation, measured_leg, SpeedLimit(SMALL_POINTS, 0.25))
     slow, measured = plan_leg(leg, CYCLE_S), plan_leg(measured_leg, CYCLE_S)
     assert set(slow.segment) == {Segment.SLOW}
     np.testing.assert_allclose(slow.position_rad[[0, -1]], measured.position_rad[[0, 0]], atol=1e-9)

@@ -8,15 +8,16 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from armload_controller.config.robot import load_robot
-from armload_controller.motion.paths import PLANNED_SPEED_M_S, PhaseLimits, bound_phase
+from armload_controller.motion.paths import PLANNED_SPEED_M_S, REDUCED_SPEED_M_S, PhaseLimits, bound_phase
 from armload_controller.motion.slow_round_pace import Pace, reduced_pace
-from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 
 ROBOT = load_robot("er50")
 PATH = ROBOT.excitations["identification"].trajectory
 POINTS = ArmPoints(ROBOT.chain, np.array([0.0, 0.0, 0.2]))
+SPEED = SpeedLimit(POINTS, REDUCED_SPEED_M_S)
 BOUNDS = bound_phase(PATH, ROBOT.limits.motion)
-PACED, PHASE = reduced_pace(PATH, BOUNDS, POINTS)
+PACED, PHASE = reduced_pace(PATH, BOUNDS, SPEED)
 
 
 @settings(max_examples=60, deadline=None)
@@ -73,7 +74,7 @@ def test_the_paths_phase_keeps_to_its_bounds_whatever_the_new_phase_does():
 @pytest.mark.parametrize(("acceleration", "jerk"), [(0.01, 1e-4), (1e-3, 100.0), (1.0, 1e-6)])
 def test_where_the_joints_allow_no_varying_pace_it_is_a_constant_one(acceleration, jerk):
     tight = PhaseLimits(acceleration * BOUNDS.acceleration_1_s, jerk * BOUNDS.jerk_1_s2)
-    paced, phase = reduced_pace(PATH, tight, POINTS)
+    paced, phase = reduced_pace(PATH, tight, SPEED)
     _, g, second, third = paced.pace.evaluate(np.linspace(0.0, paced.pace.lasts_s, 101))
     assert np.ptp(g) < 1e-12
     assert np.abs([second, third]).max() < 1e-9
@@ -83,14 +84,15 @@ def test_where_the_joints_allow_no_varying_pace_it_is_a_constant_one(acceleratio
 
 def test_an_arm_that_is_never_fast_goes_at_a_quarter():
     slow = replace(PATH, base_frequency_hz=0.02 * PATH.base_frequency_hz)
-    paced, _ = reduced_pace(slow, bound_phase(slow, ROBOT.limits.motion), POINTS)
+    paced, _ = reduced_pace(slow, bound_phase(slow, ROBOT.limits.motion), SPEED)
     assert paced.pace.lasts_s == pytest.approx(4.0 * slow.period_s)
 
 
-@pytest.mark.parametrize(("name", "most_s"), [("er50", 95.0), ("prbt", 45.0)])
+@pytest.mark.parametrize(("name", "most_s"), [("er50", 150.0), ("prbt", 55.0)])
 def test_the_shipped_arms_rounds_are_short(name, most_s):
     robot = load_robot(name)
     for excitation in robot.excitations.values():
         path = excitation.trajectory
-        paced, _ = reduced_pace(path, bound_phase(path, robot.limits.motion), robot.limits.points)
+        bounds = bound_phase(path, robot.limits.motion)
+        paced, _ = reduced_pace(path, bounds, robot.motion_constraints.reduced_speed)
         assert paced.pace.lasts_s < most_s

@@ -137,6 +137,13 @@ class Told(NoDisplay):
         self.texts.append(text)
 
 
+def test_a_session_says_which_envelopes_at_reduced_speed_are_assumed(opened):
+    display = Told()
+    with opened(operator=Operator(display, MotionControl(), Consent(lambda question: False, given=False))):
+        assert set(ROBOT.payloads.assumed_envelopes) <= set(display.texts)
+    assert len(ROBOT.payloads.assumed_envelopes) == 2
+
+
 def test_a_way_round_is_announced_before_the_arm_gets_torque_and_stands_in_recording_and_report(opened, tmp_path):
     """A wall between the arm's position and the beginning of the path."""
     reaching = Excitation(replace(SWING, offset_rad=np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])), 1)
