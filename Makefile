@@ -14,7 +14,7 @@ timed = @echo "== $(1)"; start=$$(date +%s); { $(2); } && echo "== done in $$(( 
 .PHONY: commission test env lint bench paper accuracy pictures peers wheels lock
 
 commission: env
-	$(call timed,commissioning the simulated arm $(ROBOT) over CANopen: four runs and an identification in a minute,$(BIN)/armload commission $(ROBOT))
+	$(call timed,commissioning the simulated arm $(ROBOT) over CANopen: four runs and an identification in two minutes,$(BIN)/armload commission $(ROBOT))
 
 # The rewritten assertions are written beside the tests, even where PYTHONDONTWRITEBYTECODE is set: a second run, and the
 # fifty programs that tests start, load byte code.
