@@ -229,7 +229,7 @@ def measure(case: Case) -> Outcome:
     at, speed = _moment(case)
     node_id = settings.drives[case.joint].node_id
     with ExitStack() as stack:
-        plant = TrackedPlant(_spec(robot, path))
+        plant = TrackedPlant(loaded_spec(robot, path))
         clock, wire = VirtualClock(), LockstepWire()
         bus, drives_bus, monitor = (stack.enter_context(LockstepBus(wire)) for _ in range(3))
         drives = stack.enter_context(SimulatedDrives(settings, plant, drives_bus, clock))
@@ -296,7 +296,7 @@ def arm_and_path(name: str) -> tuple[Robot, CheckedPath]:
     return robot, check_path(one, robot.motion_constraints, cycle_s, file=robot.file, key="excitation.identification")
 
 
-def _spec(robot: Robot, path: CheckedPath) -> PlantSpec:
+def loaded_spec(robot: Robot, path: CheckedPath) -> PlantSpec:
     """The loaded arm at the start of a path."""
     return replace(robot.simulation.plant_spec(robot.simulation.payload_name), start_position_rad=path.start_rad)
 
@@ -306,7 +306,7 @@ def _axis_speeds(name: str, leg: str) -> FloatArray:
     """(N, n) speeds of the axes' targets in the first cycles of a leg."""
     robot, path = arm_and_path(name)
     targets = Targets(round(FIRST_S / path.cycle_s))
-    moved(robot, path, leg, FakeServos(robot.drives.settings, ArmPlant(_spec(robot, path))), [targets])
+    moved(robot, path, leg, FakeServos(robot.drives.settings, ArmPlant(loaded_spec(robot, path))), [targets])
     axes = np.array(targets.rows) @ np.linalg.inv(robot.drives.coupling).T
     return np.asarray(np.abs(np.diff(axes, axis=0)) / path.cycle_s)
 

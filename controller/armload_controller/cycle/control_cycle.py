@@ -29,7 +29,7 @@ from armload_controller.motion.motion_control import MotionControl, PluginStop
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_controller.motion.setpoints import RuckigFollower
 from armload_core.arrays import FloatArray
-from armload_drivers.driver_errors import LoopLost
+from armload_drivers.driver_errors import DriverError, LoopLost
 from armload_drivers.servos import JointCommand, JointFeedback, JointServos
 
 PATH_TOLERANCE_RAD = 1e-4
@@ -94,15 +94,20 @@ class Cycle:
         """
         require_going(self._control)
         self._gate.close()
-        feedback = self._servos.enable()
-        arm = PoweredArm(self._servos, self._limits, self._gate, self._control, self._host, feedback)
+        arm: PoweredArm | None = None
         try:
+            feedback = self._servos.enable()
+            arm = PoweredArm(self._servos, self._limits, self._gate, self._control, self._host, feedback)
             yield arm
             arm.release_torque()
-        except BaseException as error:  # noqa: BLE001 - the arm is brought to rest before any error leaves
-            arm.bring_to_rest(error)
-        self._servos.stop()
-        self._servos.disable()
+            self._servos.stop()
+            self._servos.disable()
+        except BaseException as error:
+            if arm is not None:
+                arm.bring_to_rest(error)
+            if not isinstance(error, DriverError):  # enabling was interrupted; the servos back out of errors themselves
+                self._servos.disable()
+            raise
 
 
 def require_going(control: MotionControl) -> None:
@@ -217,6 +222,7 @@ class PoweredArm:
         troubles, astray = [], None
         for step in decision.category.sequence:
             try:
+                self._control.ended = step is not StopStep.RAMP_DOWN
                 steps[step]()
             except BaseException as trouble:  # noqa: BLE001 - the next step must follow after any failure
                 astray = trouble if isinstance(trouble, LoopLost) else astray

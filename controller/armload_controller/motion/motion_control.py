@@ -72,7 +72,12 @@ class MotionControl:
 
     Args:
         share: Initial speed override.
+
+    Attributes:
+        ended: Whether the motion has ended with an error: its torque is being removed, which nothing may interrupt.
     """
+
+    ended = False
 
     def __init__(self, share: float = 1.0) -> None:
         self._paused = False

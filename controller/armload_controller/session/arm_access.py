@@ -214,5 +214,10 @@ def open_bus(interface: str, channel: str, bitrate: int) -> Iterator[can.BusABC]
         raise BusError(f"bus {interface}:{channel} cannot be opened: {error}. {remedy}") from error
     try:
         yield opened
-    finally:
-        opened.shutdown()
+    except BaseException as error:
+        try:
+            opened.shutdown()
+        except (can.CanError, OSError) as again:  # it must not replace what is known about the drives
+            error.add_note(f"The bus could not be closed: {again}")
+        raise
+    opened.shutdown()

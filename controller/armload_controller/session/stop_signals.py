@@ -6,11 +6,13 @@ r"""Signals as stops: the effect of Ctrl-C, a lost terminal and `kill` on a moti
     SIGTERM  kill             the same
     SIGQUIT  Ctrl-\           the same: an immediate end would leave the arm in motion and the terminal without echo
 
-Rules. The first signal stops along the path, a second one immediately; further ones are ignored, because nothing must
-interrupt the removal of torque. While a question is open the drives are off,
-and a signal ends the program; after a signal nothing is asked. A signal that is ignored when the program starts stays
-ignored: SIGINT and SIGTSTP in a background job of a shell script, SIGHUP under nohup. SIGTERM is the exception: it
-always stops the arm.
+Other signals that end a program by default are taken as SIGTERM: SIGUSR1, SIGALRM, SIGXCPU and so on.
+
+Rules. The first signal stops along the path, a second one immediately; further ones are ignored, and so are all once a
+motion has ended with an error, because nothing must interrupt the removal of torque, or the message about it. While a
+question is open the drives are off, and a signal ends the program; after a signal nothing is asked. A signal that is
+ignored when the program starts stays ignored: SIGINT and SIGTSTP in a background job of a shell script, SIGHUP under
+nohup. SIGTERM is the exception: it always stops the arm.
 """
 
 from __future__ import annotations
@@ -21,6 +23,17 @@ from types import FrameType, TracebackType
 from typing import Any, Self
 
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, StopRequested, TerminationStop
+
+_OTHERS = (
+    signal.SIGUSR1,
+    signal.SIGUSR2,
+    signal.SIGALRM,
+    signal.SIGVTALRM,
+    signal.SIGPROF,
+    signal.SIGXCPU,
+    signal.SIGIO,
+    signal.SIGPWR,
+)
 
 
 class StopSignals:
@@ -44,9 +57,13 @@ class StopSignals:
             signal.SIGQUIT: TerminationStop("SIGQUIT", signal.SIGQUIT),
         }
 
+        for other in _OTHERS:
+            if signal.getsignal(other) is signal.SIG_DFL:
+                reasons[other] = TerminationStop(other.name, other)
+
         def on_signal(number: int, frame: FrameType | None) -> None:
             if self._control.goal.stop is not None:
-                if self._interrupted:
+                if self._interrupted or self._control.ended:
                     return
                 self._interrupted = True
                 raise KeyboardInterrupt

@@ -10,6 +10,7 @@ References:
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 
 from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
@@ -90,10 +91,11 @@ class DriveDialogue:
         value = self._sdo.read_real_if_there(entry)
         return None if value is None else value * configured.celsius_per_unit
 
-    def read_position(self) -> int:
-        """Actual position in the drive's units, by SDO."""
+    def read_position(self, limit_s: float | None = None) -> int:
+        """Actual position in the drive's units, by SDO, within a time."""
         self._sdo.step = "waiting for standstill"
-        return self._sdo.read(od.POSITION_ACTUAL)
+        with self._sdo.limited_to(self._timeouts.sdo_s if limit_s is None else limit_s):
+            return self._sdo.read(od.POSITION_ACTUAL)
 
     def read_fault(self) -> str:
         """Why the drive is in FAULT, as text. Only reads.
@@ -195,7 +197,8 @@ class DriveDialogue:
         """
         self._sdo.step = "removing torque by SDO"
         with self._sdo.limited_to(limit_s):
-            self._sdo.write(od.CONTROLWORD, 0)
+            with suppress(SdoRefused):  # what counts is the state
+                self._sdo.write(od.CONTROLWORD, 0)
             state = self.read_state()
         if state in POWERED:
             raise self._sdo.failure(f"the drive keeps its torque, it is in {state.title}", "Use the emergency stop")

@@ -52,13 +52,16 @@ class PoweredDrive:
         return ServoError(settings.node_id, settings.joint, "looking for torque", self.what, self.remedy)
 
 
-def answering_drives(setups: Sequence[DriveSetup], link: BusLink) -> list[DriveSetup]:
+def answering_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLink) -> list[DriveSetup]:
     """Identified drives. A silent node is set to PRE-OPERATIONAL and asked again, the only command before the reset.
 
-    A node that NMT has stopped answers no SDO, and may hold its axis with torque. The command changes no power state.
+    A node that NMT has stopped answers no SDO, and may hold its axis with torque. A drive in OPERATIONAL that is only
+    slow would stop its axis at this command (6007): nothing is sent to one that is heard in OPERATIONAL, while a master
+    is heard, or while another drive of the arm is in OPERATION ENABLED.
 
     Args:
         setups: Drives of the arm.
+        arm: The arm.
         link: Its bus.
 
     Returns:
@@ -67,17 +70,35 @@ def answering_drives(setups: Sequence[DriveSetup], link: BusLink) -> list[DriveS
     Raises:
         ServoTimeout: only simulated drives are allowed, and a node does not answer.
         WrongDevice: a node is not the configured drive.
-        ServoError: an SDO failed.
+        ServoError: a silent node is in OPERATIONAL, or a master is heard; or an SDO failed.
         BusError: the bus failed.
     """
-    answering = []
-    for setup in setups:
-        if not setup.identify_before_reset():
-            link.command(NmtCommand.PRE_OPERATIONAL, setup.settings.node_id)
-            if not setup.identify_before_reset():
-                continue
-        answering.append(setup)
-    return answering
+    answering = [setup for setup in setups if setup.identify_before_reset()]
+    silent = [setup for setup in setups if setup not in answering]
+    if not silent or any(setup.read_powered_state() is State.OPERATION_ENABLED for setup in answering):
+        return answering
+    operational: list[DriveSetup] = []
+
+    def listen(setup: DriveSetup) -> None:
+        def take(data: bytearray) -> None:
+            if data and data[0] & 0x7F == NmtState.OPERATIONAL.value:
+                operational.append(setup)
+
+        link.subscribe(od.HEARTBEAT_BASE + setup.settings.node_id, take)
+
+    with link.subscribed_meanwhile():
+        foreign = ForeignTraffic(arm, link, master_node_id(arm), sync_is_ours=False)
+        for setup in silent:
+            listen(setup)
+        link.pump_for(HEARTBEAT_TOLERANCE * arm.heartbeat_s)
+    for setup in silent:
+        if setup.identify_before_reset():
+            continue
+        if foreign.commands or setup in operational:
+            what = f"it does not answer, and {foreign.commands or 'its heartbeat shows that it is in OPERATIONAL'}"
+            raise PoweredDrive(setup, what, "End its master, then repeat this command").refusal()
+        link.command(NmtCommand.PRE_OPERATIONAL, setup.settings.node_id)
+    return [setup for setup in setups if setup in answering or setup.identify_before_reset()]
 
 
 def powered_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLink) -> list[PoweredDrive]:

@@ -122,6 +122,10 @@ class CanopenCycle:
         """A time limit in cycles."""
         return max(1, math.ceil(limit_s / self._cycle_s))
 
+    def now_s(self) -> float:
+        """Time of the clock of SYNC."""
+        return self._sync.now_s()
+
     def run(self) -> JointFeedback:
         """One cycle, without fault checks.
 

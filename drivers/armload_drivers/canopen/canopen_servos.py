@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from enum import Enum, auto
+from functools import partial
 
 import can
 
@@ -42,6 +43,7 @@ from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import BusError, DriverError, ServoError, ServoTimeout, StateError, TorqueRemains
 from armload_drivers.servos import JointCommand, JointFeedback
+from armload_drivers.uninterrupted import uninterrupted
 
 
 class _Phase(Enum):
@@ -51,6 +53,7 @@ class _Phase(Enum):
     CONNECTED = auto()
     ENABLED = auto()
     STOPPED = auto()
+    REMAINING = auto()
     CLOSED = auto()
 
 
@@ -124,7 +127,7 @@ class CanopenServos:
         self._require(_Phase.NEW)
         require_room(self._arm)
         self._link.drain()  # answers to another master's requests
-        answering = answering_drives(self._setups, self._link)
+        answering = answering_drives(self._setups, self._arm, self._link)
         require_no_strangers(self._link, self._arm, self._timeouts.scan_s)
         powered = powered_drives(answering, self._arm, self._link)
         for setup in reset_drives(self._setups, powered, self._link, self._timeouts.boot_s):
@@ -196,7 +199,7 @@ class CanopenServos:
                     return feedback
             stuck = next(node for node in self._nodes if not node.follows)
             raise stuck.not_in_time(step, self._timeouts.enable_s, self._sync.now_s())
-        except DriverError as error:
+        except BaseException as error:
             self._back_out(error)
             raise
 
@@ -247,16 +250,17 @@ class CanopenServos:
         self._require_connected()
         if self._phase is not _Phase.ENABLED:
             return
-        self._phase = _Phase.STOPPED
-        if suspect is not None:
-            self._nodes[suspect].course.suspect()
-        self._cycle.fade_offsets()
-        self._cycle.ask(
-            State.QUICK_STOP_ACTIVE,
-            "quick stop",
-            lambda node: node.state is State.OPERATION_ENABLED and not node.course.lost,
-        )
-        self._begun.slow_down()
+        with uninterrupted():
+            if suspect is not None:
+                self._nodes[suspect].course.suspect()
+            self._cycle.fade_offsets()
+            self._cycle.ask(
+                State.QUICK_STOP_ACTIVE,
+                "quick stop",
+                lambda node: node.state is State.OPERATION_ENABLED and not node.course.lost,
+            )
+            self._phase = _Phase.STOPPED
+            self._begun.slow_down()
 
     def disable(self) -> None:
         """Engage brakes and remove torque once the arm is at standstill.
@@ -272,8 +276,12 @@ class CanopenServos:
             BusError: the bus failed.
         """
         self._require_connected()
-        if self._phase is _Phase.CONNECTED:
-            return
+        if self._phase is not _Phase.CONNECTED:
+            with uninterrupted():
+                self._remove_torque()
+
+    def _remove_torque(self) -> None:
+        """See `disable`."""
         trouble: DriverError | None = None
         if self._phase is _Phase.ENABLED and not all(node.still_for(STILL_CYCLES) for node in self._nodes):
             try:
@@ -282,11 +290,17 @@ class CanopenServos:
                 trouble = error
         try:
             self._begun.run()
-        except (BusError, TorqueRemains):
+        except TorqueRemains:
+            self._phase = _Phase.REMAINING
+            raise
+        except BusError:
             raise
         except ServoError as error:
             trouble = trouble or error
-        self._end_cycles()
+        try:
+            self._end_cycles()
+        except DriverError as error:
+            trouble = trouble or error
         if trouble is not None:
             raise trouble
 
@@ -304,26 +318,36 @@ class CanopenServos:
         if self._phase in {_Phase.NEW, _Phase.CLOSED}:
             self._phase = _Phase.CLOSED
             return
+        with uninterrupted():
+            self._close()
+
+    def _close(self) -> None:
+        """See `close`."""
         troubles: list[BaseException] = []
-        try:
-            for step in (self.stop, self.disable):
-                try:
-                    step()
-                except BaseException as error:  # noqa: BLE001 - the next step must follow after any failure
-                    troubles.append(error)
-            if self._phase is _Phase.CONNECTED:
-                troubles = [trouble for trouble in troubles if not isinstance(trouble, ServoTimeout)]
-            elif (remains := torque_remains(self._without_cycle())) is not None:
-                troubles.append(remains)
-        finally:
-            self._phase = _Phase.CLOSED
-            self._sync.end(self._link)
-        # What is no error of the drives, such as an interruption, must leave as it is.
-        troubles.sort(key=lambda trouble: (isinstance(trouble, DriverError), not isinstance(trouble, TorqueRemains)))
+        steps = () if self._phase is _Phase.REMAINING else (self.stop, self.disable)
+        for step in (*steps, self._insist, partial(self._sync.end, self._link)):
+            try:
+                step()
+            except BaseException as error:  # noqa: BLE001 - the next step must follow after any failure
+                troubles.append(error)
+        if self._phase is _Phase.CONNECTED:
+            troubles = [trouble for trouble in troubles if not isinstance(trouble, ServoTimeout)]
+        self._phase = _Phase.CLOSED
+        # Torque comes first. What is no error of the drives, such as an interruption, must leave as it is.
+        troubles.sort(key=lambda trouble: (not isinstance(trouble, TorqueRemains), isinstance(trouble, DriverError)))
         for other in troubles[1:]:
             troubles[0].add_note(f"Also: {other}")
         if troubles:
             raise troubles[0]
+
+    def _insist(self) -> None:
+        """Remove the torque without cycles, unless it is known to be off.
+
+        Raises:
+            TorqueRemains: it could not be read back that a drive carries no torque.
+        """
+        if self._phase is not _Phase.CONNECTED and (remains := torque_remains(self._without_cycle())) is not None:
+            raise remains
 
     def take_remarks(self) -> tuple[str, ...]:
         """What the operator should know since the last call: torque that `connect` removed, problems on the bus."""
@@ -396,7 +420,7 @@ class CanopenServos:
             if not (node.lost or node.booted or node.is_gone):
                 setup.watch_master(on=False)
 
-    def _back_out(self, error: DriverError) -> None:
+    def _back_out(self, error: BaseException) -> None:
         """After a failed enabling, disable the drives that already have torque."""
         self._phase = _Phase.STOPPED
         try:
@@ -406,7 +430,7 @@ class CanopenServos:
 
     def _without_cycle(self) -> list[DriveNode]:
         """Remove all torque without cycles, even if the operator interrupts this; the drives that may keep it."""
-        left = list(self._nodes)
+        left = sorted(self._nodes, key=lambda node: not node.settings.has_brake)
         for _ in range(_INTERRUPTIONS):
             try:
                 self._begun.without_cycle(left)

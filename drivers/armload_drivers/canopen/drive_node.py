@@ -104,7 +104,7 @@ class DriveNode:
         self._sync = sync
         self.heartbeat_limit_s = HEARTBEAT_TOLERANCE * heartbeat_s
         self._max_missing = max_missing_cycles
-        self._still_rad = STANDSTILL_RAD_S * cycle_s
+        self._cycle_s, self._still_rad = cycle_s, STANDSTILL_RAD_S * cycle_s
         self._still_counts = 0.0
         self._pack = image.rpdo.format.pack_into
         self._unpack = image.tpdo.format.unpack
@@ -282,6 +282,13 @@ class DriveNode:
             self._carried = False
         return False
 
+    def take_position(self, counts: int, now_s: float) -> None:
+        """Follow the course of a drive that should slow down by a position read by SDO, if its feedback is missing."""
+        if self._missing:
+            elapsed_s, self._evaluated_s = now_s - self._evaluated_s, now_s
+            self.course.slow_down()
+            self.course.follow(self.target_counts, counts, self.effort, elapsed_s)
+
     @property
     def statusword(self) -> int:
         """Last statusword, 0 before the first."""
@@ -409,9 +416,9 @@ class DriveNode:
             "Remove the cause, then reset the fault (`armload drives reset`) and enable again",
         )
 
-    def is_still(self, moved_counts: int) -> bool:
-        """Whether an axis that moved this far in a cycle is at standstill."""
-        return abs(moved_counts) <= self._still_counts
+    def is_still(self, moved_counts: int, elapsed_s: float) -> bool:
+        """Whether an axis that moved this far in a time is at standstill."""
+        return abs(moved_counts) <= self._still_counts * max(1.0, elapsed_s / self._cycle_s)
 
     def still_for(self, cycles: int) -> bool:
         """Whether the axis has been at standstill for this many cycles."""

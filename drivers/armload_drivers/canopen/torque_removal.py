@@ -25,7 +25,7 @@ from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, axis_m
 from armload_drivers.cia402.object_dictionary import NmtCommand
 from armload_drivers.cia402.state_machine import POWERED, State
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import AxisMoves, BusError, DriverError, ServoError, ServoTimeout, TorqueRemains
+from armload_drivers.driver_errors import AxisMoves, BusError, ServoError, ServoTimeout, TorqueRemains
 
 STILL_CYCLES = 3
 """Number of cycles without motion that count as standstill."""
@@ -62,6 +62,7 @@ class TorqueRemoval:
         self._astray: list[DriveNode] = []
         self._dropped: dict[DriveNode, int] = {}
         self._asked_by_sdo: list[DriveNode] = []
+        self._awaited: set[DriveNode] = set()
 
     def slow_down(self) -> None:
         """Wait until drives that were asked for a quick stop stand still; torque is removed at once where that fails.
@@ -73,7 +74,7 @@ class TorqueRemoval:
         """
         known = len(self._drop_astray())
         late = self._run_until(_stands_still, self._timeouts.stop_s, "quick stop")
-        self._drop_if(late, _stands_still, self._timeouts.stop_s)
+        self._drop_if(late)
         _raise_first([*(node.astray("quick stop") for node in self._astray[known:]), late])
 
     def run(self) -> None:
@@ -87,15 +88,18 @@ class TorqueRemoval:
         """
         known = len(self._drop_astray())
         self._cycle.fade_offsets()
-        late = self._run_until(_is_still, self._timeouts.disable_s, "waiting for standstill")
-        self._drop_if(late, _is_still, self._timeouts.disable_s)
+        # After an interrupted stop the drives still decelerate.
+        late = self._run_until(_is_still, self._timeouts.stop_s, "waiting for standstill")
+        self._drop_if(late)
         braked = [node for node in self._nodes if node.settings.has_brake]
         troubles = [self._switch_off(part) for part in (braked, [node for node in self._nodes if node not in braked])]
         moving = self._moving()
-        outside = [node for node in self._nodes if node.lost or node in self._asked_by_sdo]
+        # Feedback that has returned may show torque.
+        outside = [node for node in self._nodes if not self._is_known_off(node)]
         for node in outside:
             if node not in self._dropped:
                 self._await_rest(node)
+        self._astray += [node for node in outside if node.course.lost and node not in self._astray]
         self.without_cycle(outside)
         strays = [node.astray(_STEP) for node in self._astray[known:]]
         _raise_first([torque_remains(outside), *strays, *troubles, late, moving])
@@ -103,19 +107,25 @@ class TorqueRemoval:
     def without_cycle(self, nodes: list[DriveNode]) -> None:
         """Remove the torque of drives by SDO, or else by NMT reset: what remains if cycles cannot be run.
 
+        A boot-up message alone is no proof: some drives keep their torque while they reset their communication.
+
         Args:
             nodes: The drives. Those of which it was read back that they carry no torque are taken out at once, so that
                 this can be continued if it is interrupted.
         """
-        for node in list(nodes):
-            if self._off_by_sdo(node):
-                nodes.remove(node)
+        self._take_out(nodes)
+        boot_s = 0.0 if self._awaited >= set(nodes) else self._timeouts.boot_s  # a second time is not waited for
         for node in nodes:
             self._reset(node)
+        self._awaited |= set(nodes)
         with suppress(BusError):
-            self._link.pump_until(lambda: all(node.booted for node in nodes), self._timeouts.boot_s)
+            self._link.pump_until(lambda: all(node.booted for node in nodes), boot_s)
+        self._take_out(nodes)
+
+    def _take_out(self, nodes: list[DriveNode]) -> None:
+        """Ask drives by SDO, and take out those that carry no torque."""
         for node in list(nodes):
-            if node.booted or self._off_by_sdo(node):
+            if self._off_by_sdo(node):
                 nodes.remove(node)
 
     # At once -------------------------------------------------------------------------------------------------
@@ -130,14 +140,13 @@ class TorqueRemoval:
         self._drop(self._nodes if len(self._astray) > 1 else self._astray)
         return self._astray
 
-    def _drop_if(self, late: ServoTimeout | None, at_rest: Callable[[DriveNode], bool], limit_s: float) -> None:
+    def _drop_if(self, late: ServoTimeout | None) -> None:
         """If an axis did not come to rest in time, drop the torque of all drives, and wait until they have obeyed."""
-        waiting = [node for node in self._in_cycle() if not (node in self._dropped or at_rest(node))]
-        if late is None or not waiting:
+        moving = [node for node in self._in_cycle() if not (node in self._dropped or _is_still(node))]
+        if late is None or not moving:
             return
-        for node in waiting:
-            if not _is_still(node):
-                node.course.leave(f"it did not come to rest within {limit_s} s")
+        for node in moving:
+            node.course.leave(f"it did not come to rest within {self._timeouts.stop_s} s")
         self._drop(self._nodes)
         self._run_until(_is_off, self._timeouts.disable_s)
 
@@ -156,23 +165,23 @@ class TorqueRemoval:
             self._dropped[node] = cycles + 1
             reacts = node.state is State.FAULT_REACTION_ACTIVE
             if reacts or cycles >= OBEYS_CYCLES:
-                self._asked_by_sdo.append(node)
                 if reacts or not self._off_by_sdo(node):
                     self._reset(node)
+                self._asked_by_sdo.append(node)
 
     def _off_by_sdo(self, node: DriveNode) -> bool:
         """Remove a drive's torque by SDO; whether this was read back."""
         try:
             self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
             self._setups[node].remove_torque(self._timeouts.torque_off_s)
-        except DriverError:
+        except Exception:  # noqa: BLE001 - whatever fails, the other drives must be asked too
             return False
         return True
 
     def _reset(self, node: DriveNode) -> None:
-        """Reset a drive, which removes its torque, unless the bus has failed."""
+        """Reset a drive, which removes its torque."""
         node.booted = False
-        with suppress(BusError):
+        with suppress(Exception):  # the other drives must be reset too
             self._link.command(NmtCommand.RESET_NODE, node.settings.node_id)
 
     # At standstill -------------------------------------------------------------------------------------------
@@ -207,6 +216,10 @@ class TorqueRemoval:
             return errors[0]
         return waiting[0].not_in_time(step, limit_s, last.time_s) if waiting else None
 
+    def _is_known_off(self, node: DriveNode) -> bool:
+        """Whether a drive's feedback shows that it carries no torque."""
+        return not (node.lost or node in self._asked_by_sdo) and node.state in _WITHOUT_TORQUE
+
     def _in_cycle(self) -> list[DriveNode]:
         """Drives whose feedback tells what they do."""
         return [node for node in self._nodes if not (node.lost or node in self._asked_by_sdo)]
@@ -231,24 +244,28 @@ class TorqueRemoval:
             self._cycle.run()
         for node, counts, axis in zip(self._nodes, begun, self._cycle.units.axes, strict=True):
             moved_rad = abs((node.position_counts - counts) / axis.counts_per_rad)
-            if moved_rad > HELD_RAD and not (node.lost or node.is_gone):
+            if moved_rad > HELD_RAD and not (node.lost or node.is_gone) and node.state in _WITHOUT_TORQUE:
                 return axis_moves(node.settings, moved_rad)
         return None
 
     def _await_rest(self, node: DriveNode) -> None:
-        """Wait until a drive that has left the cycle is at standstill, by SDO, but no longer than for a quick stop."""
-        setup, still = self._setups[node], 0
+        """Wait until a drive that has left the cycle is at standstill, by SDO.
+
+        No longer than for a quick stop, and only while it keeps the course of one.
+        """
+        still = 0
         # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and ignores late setpoints.
         self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
+        begun_s = before_s = now_s = self._cycle.now_s()
         with suppress(ServoError):
-            before = setup.read_position()
-            for _ in range(self._cycle.count(self._timeouts.stop_s)):
+            before = self._setups[node].read_position(self._timeouts.torque_off_s)
+            while now_s - begun_s < self._timeouts.stop_s and still < STILL_CYCLES and not node.course.lost:
                 self._cycle.run()
-                counts = setup.read_position()
-                still = still + 1 if node.is_still(counts - before) else 0
-                if still >= STILL_CYCLES:
-                    return
-                before = counts
+                counts = self._setups[node].read_position(self._timeouts.torque_off_s)
+                now_s = self._cycle.now_s()
+                node.take_position(counts, now_s)
+                still = still + 1 if node.is_still(counts - before, now_s - before_s) else 0
+                before, before_s = counts, now_s
 
 
 def torque_remains(nodes: Sequence[DriveNode]) -> TorqueRemains | None:
