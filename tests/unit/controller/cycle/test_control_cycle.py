@@ -1,6 +1,7 @@
 """The cycle: the commands sent, and how every cause brings the arm to rest."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from armload_controller.motion.obstacles import Obstacles
 from armload_controller.motion.phase import Segment
 from armload_controller.motion.setpoints import plan_leg
 from armload_controller.session.run_session import run_leg
-from armload_drivers.driver_errors import BusError, CommandError, ServoFault, ServoTimeout
+from armload_drivers.driver_errors import BusError, CommandError, LoopLost, ServoFault, ServoTimeout
 from armload_drivers.servos import JointFeedback
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
@@ -258,6 +259,65 @@ def test_a_step_of_a_stop_that_fails_does_not_keep_the_next_one_back(connected_s
     text = str(caught.value)
     assert "While stopping" in text
     assert ("no frame leaves" if stubborn == "exchange" else "still turning") in text
+
+
+def test_enabling_that_is_interrupted_after_torque_is_on_is_undone(connected_servos):
+    servos = connected_servos(N, CYCLE_S)
+    enable = servos.enable
+
+    def interrupted():
+        enable()
+        raise KeyboardInterrupt
+
+    servos.enable = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        follow_all(Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), []), [])
+    assert servos.log == ["enable", "disable"]
+
+
+def test_enabling_that_fails_is_left_to_the_servos(connected_servos):
+    servos = connected_servos(N, CYCLE_S)
+
+    def fails():
+        raise ServoTimeout(3, "elbow", "enabling", "not in time", "Look.")
+
+    servos.enable = fails
+    with pytest.raises(ServoTimeout):
+        follow_all(Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), []), [])
+    assert servos.log == []
+
+
+def test_an_axis_that_is_lost_in_the_last_stop_is_an_emergency_too(connected_servos):
+    servos, control = connected_servos(N, CYCLE_S), MotionControl()
+    stop = servos.stop
+
+    def lost(suspect=None):
+        stop(suspect)
+        servos.stop = stop
+        raise LoopLost(3, "elbow", "quick stop", "it turned", "Look.")
+
+    servos.stop = lost
+    with pytest.raises(MotionError, match=r"emergency stop.*keep clear"):
+        follow_all(Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), control, []), [])
+    assert servos.log[-1] == "disable"
+    assert control.ended
+
+
+@pytest.mark.parametrize(("step", "ended"), [("ramp", False), ("stop", True), ("disable", True)])
+def test_only_the_ramp_of_a_stop_may_be_interrupted(connected_servos, run, step, ended):
+    servos, control, seen = connected_servos(N, CYCLE_S), MotionControl(), {}
+
+    def noted(name, call, *args):
+        seen[name] = control.ended
+        return call(*args)
+
+    for name, attribute in (("ramp", "exchange"), ("stop", "stop"), ("disable", "disable")):
+        setattr(servos, attribute, partial(noted, name, getattr(servos, attribute)))
+    stranger = Stranger(10, lambda step: control.stop(OperatorStop("Ctrl-C")))
+    cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), control, [stranger])
+    with pytest.raises(MotionError), cycle.powered() as arm:
+        arm.hold(lambda: False)
+    assert seen[step] is ended
 
 
 def test_an_error_about_another_motion_stops_this_one(connected_servos, run):

@@ -258,3 +258,19 @@ def test_why_a_bus_does_not_open_is_said_with_its_remedy(monkeypatch, number, re
         open_bus("socketcan", "can0", 500_000),
     ):
         pass
+
+
+class Torn:
+    """An adapter that cannot even be closed."""
+
+    def shutdown(self):
+        raise OSError(errno.EIO, "write failed")
+
+
+def test_a_bus_that_cannot_be_closed_hides_no_error(monkeypatch):
+    monkeypatch.setattr(can, "Bus", lambda **options: Torn())
+    with pytest.raises(ZeroDivisionError) as raised, open_bus("virtual", "torn", 1_000_000):
+        raise ZeroDivisionError
+    assert "The bus could not be closed" in raised.value.__notes__[0]
+    with pytest.raises(OSError, match="write failed"), open_bus("virtual", "torn", 1_000_000):
+        pass

@@ -13,6 +13,9 @@ TAKEN = {
     signal.SIGTSTP: OperatorStop,
     signal.SIGHUP: TerminationStop,
     signal.SIGTERM: TerminationStop,
+    signal.SIGUSR1: TerminationStop,
+    signal.SIGALRM: TerminationStop,
+    signal.SIGXCPU: TerminationStop,
 }
 
 
@@ -48,6 +51,27 @@ def test_the_second_signal_interrupts_at_once(inherited):
             os.kill(os.getpid(), signal.SIGTERM)
         for _ in range(3):
             os.kill(os.getpid(), signal.SIGTERM)  # nothing may interrupt the removal of torque
+
+
+def test_once_a_motion_has_ended_with_an_error_no_signal_interrupts(inherited):
+    control = MotionControl()
+    with StopSignals(control):
+        control.ended = True
+        for _ in range(3):
+            os.kill(os.getpid(), signal.SIGTERM)
+    assert isinstance(control.goal.stop, TerminationStop)
+
+
+def test_a_signal_with_a_handler_of_its_own_keeps_it():
+    seen = []
+    before = signal.signal(signal.SIGUSR1, lambda number, frame: seen.append(number))
+    try:
+        with StopSignals(control := MotionControl()):
+            os.kill(os.getpid(), signal.SIGUSR1)
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    assert seen == [signal.SIGUSR1]
+    assert control.goal.stop is None
 
 
 def test_a_question_is_ended_by_a_signal_and_by_nothing_afterwards(inherited):
