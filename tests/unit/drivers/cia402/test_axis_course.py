@@ -227,3 +227,68 @@ def test_a_stop_begins_as_late_as_a_loop_may_lag():
     falls_s = axis_course.MARGIN_SHARE * SPEED / (axis_course.RAMP_SHARE * ACCELERATION)
     assert found * CYCLE_S == pytest.approx(axis_course.RECALL_S + falls_s, abs=3 * CYCLE_S)
     assert "are commanded" in why
+
+
+def test_a_single_sample_without_a_change_is_no_standstill():
+    made = course()
+    targets = 0.3 * CYCLE_S * np.arange(51)
+    follow(made, targets, [*targets[:-1], targets[-2]])
+    made.suspect()
+    assert not made.lost, "although the setpoint moved by more than proves a standstill"
+
+
+def test_feedback_that_comes_early_makes_no_axis_faster():
+    """The time of a SYNC is stamped with some jitter; the axis has moved for a whole cycle."""
+    made = course()
+    targets = np.minimum(1.0 * CYCLE_S * np.arange(110), 1.0 * CYCLE_S * 100)
+    positions = lagging(targets)
+    assert follow(made, targets[:102], positions[:102])[0] is None
+    assert follow(made, targets[102:103], positions[102:103], elapsed_s=0.3 * CYCLE_S)[0] is None
+
+
+def test_an_axis_that_stood_because_its_setpoints_came_late_has_not_left_its_course():
+    made, fast = course(), 1.9
+    targets = fast * CYCLE_S * np.arange(61)
+    assert follow(made, targets[:60], targets[:60])[0] is None
+    assert follow(made, targets[60:], targets[59:60], elapsed_s=3.0 * CYCLE_S)[0] is None
+
+
+def test_an_axis_that_slows_down_before_it_stands_has_not_stopped_dead():
+    """Friction has brought it to rest; its setpoints go on, but not yet far."""
+    speeds = np.concatenate([np.full(50, 0.3), [0.2, 0.1], np.zeros(30)])
+    targets, positions = 0.3 * CYCLE_S * np.arange(1, 83), CYCLE_S * np.cumsum(speeds)
+    assert follow(course(), targets, positions)[0] is None
+    dead = np.where(np.arange(82) < 50, positions, positions[49])
+    assert "stopped dead" in follow(course(), targets, dead)[1]
+
+
+def test_an_axis_that_creeps_by_a_few_counts_may_be_held_by_friction_for_some_time():
+    targets = 4.0 / COUNTS * np.arange(1, 61)
+    positions = np.minimum(targets, targets[19])
+    effort = np.where(np.arange(60) > 20, 950.0, 0.0)
+    found, why = follow(course(), targets, positions, effort)
+    assert found == 20 + axis_course.PUSHES_FROM_REST_S / CYCLE_S
+    assert "greatest torque" in why
+
+
+def test_an_axis_that_stops_at_once_when_it_shall_stop_has_not_stopped_dead():
+    made = course()
+    targets = 0.3 * CYCLE_S * np.arange(50)
+    follow(made, targets, targets)
+    made.slow_down()
+    assert follow(made, np.full(20, targets[-1]), np.full(20, targets[-1]))[0] is None
+
+
+def test_an_axis_that_stops_dead_right_before_a_stop_is_found_in_the_stop():
+    """Its setpoints had gone on far enough, and go no further."""
+    made = course()
+    targets = 0.3 * CYCLE_S * np.arange(50)
+    on = targets[-1] + 1.3 * axis_course.GOES_ON_SHARE * 0.3 * CYCLE_S
+    assert follow(made, [*targets, on], [*targets, targets[-1]])[0] is None
+    made.slow_down()
+    assert "stopped dead" in follow(made, [on], [targets[-1]])[1]
+
+
+def test_an_axis_that_shall_stand_may_be_pushed():
+    effort = np.where(np.arange(60) > 20, 950.0, 0.0)
+    assert follow(course(), np.zeros(60), np.zeros(60), effort)[0] is None
