@@ -1,5 +1,6 @@
 """Whom the removal of torque asks, in what way, and whom it leaves alone: with drives of which a test decides all."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import pytest
@@ -229,12 +230,16 @@ def test_a_drive_that_was_dropped_is_given_no_gentler_command(rig):
     assert words == {b"\0\0"}
 
 
-def test_a_drive_that_is_lost_in_motion_keeps_its_torque_until_it_rests(rig):
+@pytest.mark.parametrize("stopped", [True, False])
+def test_a_drive_that_is_lost_in_motion_keeps_its_torque_until_it_rests(rig, stopped):
     """It obeys, but does not show it; its position is read by SDO."""
     drive = rig.drives[3]
-    drive.answers, drive.speed = False, CREEPS
-    with pytest.raises(ServoTimeout, match="joint_3"):
-        rig.stop()
+    drive.speed = CREEPS
+    rig.run(5)
+    drive.answers = False
+    if stopped:
+        with pytest.raises(ServoTimeout, match="joint_3"):
+            rig.stop()
     moved_without_torque, begun = [], rig.cycle.number
 
     def comes_to_rest():
@@ -244,7 +249,8 @@ def test_a_drive_that_is_lost_in_motion_keeps_its_torque_until_it_rests(rig):
         moved_without_torque.append(drive.speed > 0 and drive.state not in POWERED)
 
     rig.bus.at_sync = comes_to_rest
-    rig.removal.run()
+    with nullcontext() if stopped else pytest.raises(ServoTimeout, match="joint_3"):
+        rig.removal.run()
     assert not any(moved_without_torque)
     assert rig.powered == [False, False, False]
 
