@@ -7,6 +7,8 @@ import can
 import numpy as np
 import pytest
 
+from armload_drivers.bring_up.safe_reset import reset_drives
+from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, OperationMode
@@ -27,6 +29,7 @@ from armload_drivers.simulation.lockstep_bus import LockstepBus
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from tests.bounded import overheard
 from tests.even_motion import ZERO, enabled, move
+from tests.scripted_drives import ScriptedBus
 
 QUICK = Timeouts(probe_s=0.02, scan_s=0.01, boot_s=0.05, sdo_s=0.05, mode_s=0.05)
 """For tests in which a node does not answer."""
@@ -469,6 +472,46 @@ def test_targets_before_enabling_are_fresh_positions(virtual_arm):
     targets = [int.from_bytes(frame[2:6], "little", signed=True) for frame in arm.frames(0x202)]
     counts = round(0.1 * arm.arm.drives[0].counts_per_rad)
     assert set(targets) == {counts}
+
+
+def test_a_drive_that_produces_sync_is_told_not_to(virtual_arm):
+    arm = virtual_arm()
+    receive, asked = arm.bus.recv, b"\x05\x10\x00"
+
+    def recv(timeout=None):
+        message = receive(timeout)
+        if message is not None and message.arbitration_id == 0x583 and bytes(message.data[:4]) == b"\x43" + asked:
+            message.data[7] |= 0x40
+        return message
+
+    arm.bus.recv = recv
+    arm.servos.connect()
+    written = {m.arbitration_id for m in overheard(arm.monitor) if bytes(m.data) == b"\x23" + asked + b"\x80\0\0\0"}
+    assert written == {0x603}
+
+
+def test_a_torque_offset_of_an_earlier_program_is_not_enabled(virtual_arm):
+    arm = virtual_arm()
+    arm.servos.connect()
+    arm.frames(0)
+    arm.servos.enable()
+    writes = [m for m in overheard(arm.monitor) if m.arbitration_id == 0x603 and bytes(m.data[1:4]) == b"\xb2\x60\x00"]
+    assert [bytes(m.data[4:6]) for m in writes] == [b"\0\0"]
+
+
+class Silent:
+    """A drive of which only the settings are known."""
+
+    def __init__(self, settings):
+        self.settings = settings
+
+
+def test_only_a_boot_up_message_shows_that_a_drive_was_reset(arm_settings):
+    bus, drives = ScriptedBus(), [Silent(drive) for drive in arm_settings().drives]
+    for cob_id, data in ((0x702, b""), (0x702, b"\x7f"), (0x703, b"\x00"), (0x703, b"\x00"), (0x709, b"\x00")):
+        bus.add(cob_id, data)
+    silent = reset_drives(drives, (), BusLink(bus), 0.01)
+    assert [drive.settings.node_id for drive in silent] == [2, 5]
 
 
 def test_nothing_is_connected_twice(virtual_arm):

@@ -286,6 +286,13 @@ def test_one_fault_is_reset_by_name(bench):
     assert not any(rig.plant.powered)
 
 
+def test_a_fault_is_reset_while_another_drive_is_switched_off(bench):
+    rig = bench()
+    rig.drives.fail(3, 0x4310)
+    rig.drives.switch_off(5)
+    assert reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS) is State.SWITCH_ON_DISABLED
+
+
 def test_a_fault_whose_cause_stays_is_reported(bench):
     rig = bench()
     rig.drives.fail(3, 0x4310, persistent=True)

@@ -87,6 +87,40 @@ def test_bus_off_is_an_error_and_other_error_frames_are_counted():
         link.pump(0.0)
 
 
+def error_frame(kind, data=bytes(8)):
+    return can.Message(arbitration_id=kind, is_error_frame=True, data=data)
+
+
+CONTROLLER, RESTARTED, PROTOCOL = 0x04, 0x100, 0x08
+PASSIVE, WARNING, ACTIVE = (bytes([0, bits, 0, 0, 0, 0, 0, 0]) for bits in (0x30, 0x0C, 0x40))
+
+
+@pytest.mark.parametrize(
+    "end", [error_frame(CONTROLLER, WARNING), error_frame(CONTROLLER, ACTIVE), error_frame(RESTARTED)]
+)
+def test_a_controller_is_error_passive_until_it_reports_otherwise(end):
+    passive = error_frame(CONTROLLER, PASSIVE)
+    link = BusLink(FailingBus(frames=[passive, passive, end, passive]))
+    states = []
+    for _ in range(4):
+        link.pump(0.0)
+        states.append((link.error_passive, link.times_passive))
+    assert states == [(True, 1), (True, 1), (False, 1), (True, 2)]
+
+
+@pytest.mark.parametrize(
+    "other", [error_frame(PROTOCOL, PASSIVE), error_frame(CONTROLLER, b"\0"), error_frame(CONTROLLER)]
+)
+def test_other_error_frames_say_nothing_about_the_controllers_state(other):
+    link = BusLink(FailingBus(frames=[other, error_frame(CONTROLLER, PASSIVE), other]))
+    states = []
+    for _ in range(3):
+        link.pump(0.0)
+        states.append(link.error_passive)
+    assert states == [False, True, True]
+    assert link.error_frames == 3
+
+
 def test_frames_of_another_kind_are_not_handled():
     extended = can.Message(arbitration_id=0x181, data=b"\x01", is_extended_id=True)
     link = BusLink(FailingBus(frames=[frame(0x181, is_remote_frame=True), extended, frame(0x181, b"\x02")]))

@@ -66,6 +66,11 @@ def test_a_request_of_a_wrong_length_is_nobodys(arm):
     arm.check()
 
 
+def test_a_command_to_a_node_of_another_arm_is_no_rival(arm):
+    arm.bus.add(0x000, b"\x02\x09")
+    arm.check()
+
+
 def test_an_undefined_statusword_ends_the_cycles_and_names_the_drive(arm):
     arm.words[3] = [UNDEFINED]
     with pytest.raises(ServoError, match=r"joint_3 \(node 3\), in the test: statusword 0x0001 matches no state"):

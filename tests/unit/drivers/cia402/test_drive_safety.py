@@ -42,6 +42,11 @@ def test_ways_by_what_is_there():
     assert has_a_way(Safety.MASTER_LOST, None, lambda entry: entry.index in {0x1016, 0x1029})
     assert not has_a_way(Safety.MASTER_LOST, None, lambda entry: entry.index == 0x6007), "nobody watches the heartbeat"
     assert has_a_way(Safety.DISABLE_REACTION, None, lambda entry: False)
+    optional = [s for of in Safety for way in of.value.ways for s in way.settings if s.optional]
+    assert optional
+    assert all(
+        has_a_way(of, None, lambda entry: entry not in {setting.entry for setting in optional}) for of in Safety
+    ), "what is optional need not be there"
 
 
 def test_ways_that_the_configuration_opens(arm_settings):

@@ -89,5 +89,7 @@ def test_a_vendors_effort_needs_no_rated_current():
     vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
     drive = replace(OPEN, vendor_effort=vendor)
     assert resolve(drive, replace(REPORTED, rated_current_a=None)).rated_current_a is None
+    with pytest.raises(CommandError, match="rated current"):
+        resolve(replace(drive, rated_current_a=12.0), replace(REPORTED, rated_current_a=10.0))
     torque = replace(OPEN, feedback=EffortFeedback.TORQUE)
     assert resolve(torque, replace(REPORTED, rated_current_a=None)).rated_current_a is None
