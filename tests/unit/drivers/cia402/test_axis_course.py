@@ -292,3 +292,11 @@ def test_an_axis_that_stops_dead_right_before_a_stop_is_found_in_the_stop():
 def test_an_axis_that_shall_stand_may_be_pushed():
     effort = np.where(np.arange(60) > 20, 950.0, 0.0)
     assert follow(course(), np.zeros(60), np.zeros(60), effort)[0] is None
+
+
+def test_an_axis_that_is_pushed_in_a_stop_and_stands_is_lost():
+    made = course()
+    made.slow_down()
+    found, why = follow(made, np.zeros(60), np.zeros(60), np.where(np.arange(60) > 20, 950.0, 0.0))
+    assert found is not None
+    assert "greatest torque" in why

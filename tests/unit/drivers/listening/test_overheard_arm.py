@@ -134,7 +134,7 @@ def stamped(frames):
     for k, frame in enumerate(frames):
         yield can.Message(arbitration_id=0x182, is_remote_frame=True, is_extended_id=False)
         yield can.Message(arbitration_id=0x40, is_error_frame=True)
-        yield can.Message(arbitration_id=SYNC, is_error_frame=True)
+        yield can.Message(arbitration_id=SYNC, is_error_frame=True, is_extended_id=False)
         yield can.Message(arbitration_id=SYNC, is_extended_id=True)
         yield can.Message(
             arbitration_id=frame.arbitration_id, data=frame.data, is_extended_id=False, timestamp=1.7e9 + 0.01 * k
