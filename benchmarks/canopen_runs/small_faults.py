@@ -1,9 +1,9 @@
 """Which small faults of feedback are found, and when: prints `controller/FOUND.md`.
 
-Positions: in the first period at full speed an axis's position is wrong by a step or a drift, either as it is reported on
-the bus, while the drive's own loops use the right one, or inside the drive's loops. All monitors of a session watch, over
-CANopen in lockstep. Torques: the reports of a run with its slow round are scaled, reversed or displaced, as a wrong
-torque constant, sign or zero would, and shown to the monitors of torque.
+Positions: in the first period at full speed an axis's position is wrong by a step or a drift, either as it is reported
+on the bus, while the drive's own loops use the right one, or inside the drive's loops. All monitors of a session watch,
+over CANopen in lockstep. Torques: the reports of a run with its slow round are scaled, reversed or displaced, as a
+wrong torque constant, sign or zero would, and shown to the monitors of torque.
 """
 
 from __future__ import annotations
@@ -212,10 +212,10 @@ faults (reversed, frozen, a motor turn) and how far they get are in `benchmarks/
 ## Positions
 
 The position of one axis is wrong from a moment at full speed on: as reported on the bus, or inside the drive's own
-loops. Each cell states when the arm was stopped, and the greatest distance of the axis from its target until then. "no": the
-motion was completed; the distance is that at its end, tracking error included. Nothing that compares positions with
-setpoints can see a drift inside the loop, because the drive follows what it reads: a second encoder, or a mark on the
-joint, can. A position that is wrong on the bus only moves nothing.
+loops. Each cell states when the arm was stopped, and the greatest distance of the axis from its target until then.
+"no": the motion was completed; the distance is the greatest until its end, tracking error included. Nothing that
+compares positions with setpoints can see a drift inside the loop, because the drive follows what it reads: a second
+encoder, or a mark on the joint, can. A position that is wrong on the bus only moves nothing.
 """
 _TORQUES = """## Torques
 

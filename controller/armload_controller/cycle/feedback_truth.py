@@ -11,7 +11,7 @@ and every `WINDOW_S`
     velocity against position           they agree, if drives report a velocity
 
 Positions are compared with the setpoints by the servos themselves, because a stop depends on it:
-`armload_drivers.cia402.axis_course`. The sign of a torque is checked after the slow round: `torque_signs`. The
+`armload_drivers.cia402.axis_course`. The sign of a torque is checked after the slow round: `slow_round_torque`. The
 following error has its own monitor. A joint whose feedback is missing repeats its last values.
 """
 

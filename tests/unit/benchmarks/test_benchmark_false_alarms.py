@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import erf
 
+from armload_controller.cycle.feedback_truth import IDLE_RAD
 from armload_controller.cycle.monitors import TorqueError
 from armload_controller.session.run_session import Load
 from benchmarks.arms.setups import Twin, twin_spec
-from benchmarks.canopen_runs.false_alarms import judge, moved, replayed, seed_of
+from benchmarks.canopen_runs.false_alarms import _chance_of_a_stretch, judge, moved, replayed, seed_of
 from tests.short_commissioning import MIDDLE_RAD, least_robot
 
 ROBOT = least_robot()
@@ -52,3 +54,21 @@ def test_what_should_stop_a_run_does_so_in_a_replay(first):
     strong = [replace(feedback, torque_nm=feedback.torque_nm + 1e3) for feedback in replay]
     with pytest.raises(TorqueError):
         judge(ROBOT, Load.UNLOADED, motions[0], strong)
+
+
+def test_the_chance_of_an_idling_alarm_is_that_of_many_runs():
+    """Few coarse counts and little noise, so that it is not rare."""
+    rng = np.random.default_rng(0)
+    position, noise = np.linspace(0.0, 1.0, 60), 1.5
+    chance = np.log(np.full(60, erf(0.5 / noise / np.sqrt(2.0)))).cumsum()
+    zero = np.abs(noise * rng.standard_normal((20000, 60))) < 0.5
+    alarms = 0
+    for run in zero:
+        since = position[0]
+        for q, idle in zip(position, run, strict=True):
+            since = since if idle else q
+            if abs(q - since) > IDLE_RAD:
+                alarms += 1
+                break
+    bound = _chance_of_a_stretch(position, chance)
+    assert 0.5 * bound < alarms / len(zero) < bound
