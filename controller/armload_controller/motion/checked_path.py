@@ -15,7 +15,7 @@ segment by segment: `CheckedPath.approach_from`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Never, final
 
 import numpy as np
@@ -221,7 +221,19 @@ def check_path(
         ("measured", _checked_leg(measured)),
     ):
         object.__setattr__(checked, name, value)
+        _seal(value)
     return checked
+
+
+def _seal(value: object) -> None:
+    """Make the arrays within a value read-only: what was checked stays as it was."""
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, tuple):
+        for part in value:
+            _seal(part)
+    elif is_dataclass(value):
+        _seal(tuple(getattr(value, part.name) for part in fields(value)))
 
 
 def _checked_leg(leg: Leg) -> CheckedLeg:

@@ -4,7 +4,7 @@ If any check in `checked_path` or `joint_and_speed_checks` is removed, a test he
 """
 
 import copy
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -107,6 +107,17 @@ def test_nobody_but_the_checks_makes_what_may_be_commanded():
         with pytest.raises(AttributeError):
             setattr(path.measured, attribute, path.slow.leg)
     assert copy.copy(path.measured).leg is path.measured.leg
+
+
+def test_what_was_checked_cannot_be_changed_in_place():
+    path = checked()
+    limits, trajectory = path.constraints.limits, path.excitation.trajectory
+    arrays = [getattr(each, part.name) for each in (limits, trajectory) for part in fields(each)]
+    arrays = [array for array in (*arrays, path.constraints.following_speed_rad_s) if isinstance(array, np.ndarray)]
+    assert len(arrays) > 10
+    for array in arrays:
+        with pytest.raises(ValueError, match="read-only"):
+            array.flat[0] = 0.0
 
 
 def test_what_was_checked_is_what_is_run():
