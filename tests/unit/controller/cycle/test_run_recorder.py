@@ -175,6 +175,7 @@ def test_a_full_disk_ends_the_run_when_it_is_full_and_not_when_the_run_is_over(t
         assert recorder.rows < 1000
         with pytest.raises(RecordingFailed):
             recorder.__exit__(None, None, None)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.partial.mcap"], "only a complete recording has its name"
 
 
 def test_a_full_disk_is_named_when_something_is_attached(tmp_path):
