@@ -67,6 +67,15 @@ class Runaway(IdealPlant):
         self._ramp(1, self.hold_position(1) + 30.0, 30.0)
 
 
+class Falling(IdealPlant):
+    """The second axis falls without torque."""
+
+    def set_powered(self, axis, on):
+        super().set_powered(axis, on)
+        if axis == 1 and not on:
+            self._ramp(1, self.hold_position(1) - 1.0, 1.0)
+
+
 def test_an_axis_that_loses_its_loop_and_its_feedback_at_once_is_not_waited_for(virtual_arm):
     plant = Runaway(np.array([0.1, -0.2, 0.3]))
     arm = in_motion(virtual_arm, plant=plant)
@@ -140,6 +149,40 @@ def test_a_last_write_that_fails_does_not_hide_an_axis_that_falls(virtual_arm):
         arm.servos.disable()
     assert not any(arm.plant.powered)
     arm.servos.close()
+
+
+def test_an_axis_that_falls_is_told_beside_one_that_was_lost(virtual_arm):
+    arm = in_motion(virtual_arm)
+    move(arm, arm.here, 10, 0.0)
+    lost = LoopLost(2, "joint_2", "quick stop", "it turned", "Look")
+
+    def stops():
+        raise lost
+
+    arm.servos._nodes[0]._still_cycles = 0
+    arm.servos.stop = stops
+    arm.servos._removal._moving = lambda: AxisMoves(3, "joint_3", "removing torque", "it falls", "Support it")
+    with pytest.raises(LoopLost) as raised:
+        arm.servos.disable()
+    assert any("it falls" in note for note in raised.value.__notes__)
+    del arm.servos.stop
+    arm.servos.close()
+
+
+def test_an_axis_that_falls_and_falls_silent_is_reported(virtual_arm):
+    arm = in_motion(virtual_arm, plant=Falling(np.array([0.1, -0.2, 0.3])))
+    move(arm, arm.here, 10, 0.0)
+    since = []
+
+    def silenced(message):
+        if message.arbitration_id == 0x080 and not any(arm.plant.powered):
+            since.append(message)
+            if len(since) == 12:
+                arm.drives.drop_feedback(3, 10**9)
+
+    arm.monitor.listen(silenced)
+    with pytest.raises(AxisMoves, match="joint_3"):
+        arm.servos.disable()
 
 
 def stubborn(virtual_arm):

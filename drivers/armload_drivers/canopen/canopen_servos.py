@@ -33,7 +33,7 @@ from armload_drivers.canopen.canopen_cycle import CanopenCycle
 from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.canopen.rhythm import Rhythm
 from armload_drivers.canopen.settings_watch import SettingsWatch
-from armload_drivers.canopen.torque_removal import STILL_CYCLES, TorqueRemoval, torque_remains
+from armload_drivers.canopen.torque_removal import STILL_CYCLES, TorqueRemoval, raise_first, torque_remains
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.bus_budget import require_room
 from armload_drivers.cia402.drive_safety import Safety
@@ -282,12 +282,12 @@ class CanopenServos:
 
     def _remove_torque(self) -> None:
         """See `disable`."""
-        trouble: DriverError | None = None
+        troubles: list[DriverError] = []
         if self._phase is _Phase.ENABLED and not all(node.still_for(STILL_CYCLES) for node in self._nodes):
             try:
                 self.stop()
             except DriverError as error:
-                trouble = error
+                troubles.append(error)
         try:
             self._begun.run()
         except TorqueRemains:
@@ -296,13 +296,12 @@ class CanopenServos:
         except BusError:
             raise
         except ServoError as error:
-            trouble = trouble or error
+            troubles.append(error)
         try:
             self._end_cycles()
         except DriverError as error:
-            trouble = trouble or error
-        if trouble is not None:
-            raise trouble
+            troubles.append(error)
+        raise_first(troubles)
 
     def close(self) -> None:
         """Leave the bus, after stopping and disabling if necessary. Idempotent.
@@ -335,10 +334,7 @@ class CanopenServos:
         self._phase = _Phase.CLOSED
         # Torque comes first. What is no error of the drives, such as an interruption, must leave as it is.
         troubles.sort(key=lambda trouble: (not isinstance(trouble, TorqueRemains), isinstance(trouble, DriverError)))
-        for other in troubles[1:]:
-            troubles[0].add_note(f"Also: {other}")
-        if troubles:
-            raise troubles[0]
+        raise_first(troubles)
 
     def _insist(self) -> None:
         """Remove the torque without cycles, unless it is known to be off.

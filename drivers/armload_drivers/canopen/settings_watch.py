@@ -55,13 +55,11 @@ class SettingsWatch:
         self._due += self._per_cycle
         while self._due >= 1.0:
             drive, entry, value = self._turns[0]
-            if drive in self._open:
-                self._due = min(self._due, len(self._turns))
-                return
             self._due -= 1.0
             self._turns.rotate(-1)
-            self._open[drive] = entry, value, self._patience
-            drive.sdo.ask(entry)
+            if drive not in self._open:  # a drive that has not answered yet loses this turn, and delays no other
+                self._open[drive] = entry, value, self._patience
+                drive.sdo.ask(entry)
 
     def _take(self) -> None:
         """Compare the answers that have arrived."""

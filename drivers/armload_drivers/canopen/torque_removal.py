@@ -14,6 +14,7 @@ drive was asked.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 
@@ -75,7 +76,7 @@ class TorqueRemoval:
         known = len(self._drop_astray())
         late = self._run_until(_stands_still, self._timeouts.stop_s, "quick stop")
         self._drop_if(late)
-        _raise_first([*(node.astray("quick stop") for node in self._astray[known:]), late])
+        raise_first([*(node.astray("quick stop") for node in self._astray[known:]), late])
 
     def run(self) -> None:
         """Remove the torque completely.
@@ -102,7 +103,7 @@ class TorqueRemoval:
         self._astray += [node for node in outside if node.course.lost and node not in self._astray]
         self.without_cycle(outside)
         strays = [node.astray(_STEP) for node in self._astray[known:]]
-        _raise_first([torque_remains(outside), *strays, *troubles, late, moving])
+        raise_first([torque_remains(outside), *strays, *troubles, late, moving])
 
     def without_cycle(self, nodes: list[DriveNode]) -> None:
         """Remove the torque of drives by SDO, or else by NMT reset: what remains if cycles cannot be run.
@@ -239,12 +240,12 @@ class TorqueRemoval:
 
     def _moving(self) -> AxisMoves | None:
         """Watch the axes without torque; the error for one that moves, or None."""
-        begun = [node.position_counts for node in self._nodes]
+        begun = [math.nan if node.lost or node.is_silent else node.position_counts for node in self._nodes]
         for _ in range(self._cycle.count(HOLDING_WATCH_S)):
             self._cycle.run()
         for node, counts, axis in zip(self._nodes, begun, self._cycle.units.axes, strict=True):
             moved_rad = abs((node.position_counts - counts) / axis.counts_per_rad)
-            if moved_rad > HELD_RAD and not (node.lost or node.is_gone) and node.state in _WITHOUT_TORQUE:
+            if moved_rad > HELD_RAD and node.state in _WITHOUT_TORQUE:
                 return axis_moves(node.settings, moved_rad)
         return None
 
@@ -278,7 +279,7 @@ def torque_remains(nodes: Sequence[DriveNode]) -> TorqueRemains | None:
     return TorqueRemains(first.node_id, first.joint, _STEP, what, "Press the emergency stop")
 
 
-def _raise_first(errors: Iterable[ServoError | None]) -> None:
+def raise_first(errors: Iterable[BaseException | None]) -> None:
     """Raise the first error, with the others as notes."""
     found = [error for error in errors if error is not None]
     for other in found[1:]:

@@ -109,3 +109,12 @@ def test_after_a_long_wait_requests_come_no_faster_than_the_drive_answers():
     before = len(arm.sdos[0].asked)
     arm.run(READ_AGAIN_S)
     assert len(arm.sdos[0].asked) - before <= 2 * len(READ) + 1
+
+
+def test_a_drive_that_never_answers_delays_no_other():
+    arm = Arm(1, None, 1)
+    arm.run(3.0 * READ_AGAIN_S)
+    for sdo in (arm.sdos[0], arm.sdos[2]):
+        for entry in READ:
+            times = [CYCLE_S * cycle for asked, cycle in sdo.asked if asked is entry]
+            assert max(later - earlier for earlier, later in pairwise(times)) < READ_AGAIN_S + 0.1
