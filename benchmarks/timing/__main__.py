@@ -3,7 +3,15 @@
 The figures depend on the machine and its load: compare within a run, not between runs.
 """
 
-from benchmarks.canopen_runs import false_alarms, following, slow_round_speeds, stops
+from benchmarks.canopen_runs import (
+    broken_loops,
+    false_alarms,
+    following,
+    ordinary_stops,
+    slow_round_speeds,
+    small_faults,
+    stops,
+)
 from benchmarks.peers import generated_code
 from benchmarks.timing import (
     cycle_time,
@@ -22,6 +30,9 @@ for benchmark in (
     cycle_time,
     generated_code,
     stops,
+    broken_loops,
+    ordinary_stops,
+    small_faults,
     slow_round_speeds,
     false_alarms,
     design_time,
