@@ -8,26 +8,46 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+_ENDING = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
+
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Signals that Python handles, such as Ctrl-C, are handled after the block. Effective in the main thread only."""
+    """Signals that Python handles, such as Ctrl-C, or that end a program are handled after the block.
+
+    If the block raised an error, it is more important than an interruption, which becomes a note. Effective in the main
+    thread only.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    received: list[int] = []
+    received: list[signal.Signals] = []
 
     def note(number: int, frame: FrameType | None) -> None:
-        received.append(number)
+        received.append(signal.Signals(number))
 
-    handlers = {number: signal.getsignal(number) for number in signal.valid_signals()}
-    handled = {number: handler for number, handler in handlers.items() if callable(handler)}
+    before = {number: signal.getsignal(number) for number in signal.valid_signals()}
+    before = {n: how for n, how in before.items() if callable(how) or (n in _ENDING and how is signal.SIG_DFL)}
+
+    def restore() -> None:
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
     try:
-        for number in handled:
+        for number in before:
             signal.signal(number, note)
         yield
-    finally:
-        for number, handler in handled.items():
-            signal.signal(number, handler)
+    except BaseException as error:
+        restore()
         for late in received:
-            signal.raise_signal(late)
+            try:
+                if callable(before[late]):
+                    signal.raise_signal(late)
+            except BaseException as interruption:  # noqa: BLE001 - whatever a handler raises
+                error.add_note(f"Interrupted: {type(interruption).__name__}")
+        raise
+    restore()
+    for late in received:
+        signal.raise_signal(late)

@@ -320,3 +320,88 @@ def test_a_silent_drive_that_is_at_work_is_sent_nothing(virtual_arm, arm_setting
     with pytest.raises(ServoError, match=r"joint_3 \(node 3\).*it does not answer, and"):
         arm.servos.connect()
     assert arm.frames(0) == []
+
+
+# After a second hostile reading ----------------------------------------------------------------------------------
+
+
+class HalfStuck(Runaway):
+    """Besides, the third axis is slow to stop."""
+
+    def slow_down(self, axis, over_s):
+        super().slow_down(axis, 2.0 if axis == 2 else over_s)
+
+
+def test_a_silent_runaway_does_not_wait_for_an_axis_that_stops_slowly(virtual_arm):
+    plant = HalfStuck(np.array([0.1, -0.2, 0.3]))
+    arm = in_motion(virtual_arm, plant=plant)
+    begun_s, off_s = arm.clock(), []
+    plant.run_away()
+    arm.drives.drop_feedback(3, 10**9)
+    arm.monitor.listen(lambda message: off_s.append(arm.clock()) if not plant.powered[1] else None)
+    with pytest.raises(ServoError):
+        move(arm, arm.here, 30, 0.0)
+    all_the_way(arm)
+    assert not any(plant.powered)
+    assert off_s[0] - begun_s < 0.6
+
+
+def test_an_axis_that_falls_is_reported_whichever_frame_is_lost(virtual_arm):
+    for frame in range(8):
+        arm = in_motion(virtual_arm, plant=Falling(np.array([0.1, -0.2, 0.3])))
+        move(arm, arm.here, 10, 0.0)
+        since = []
+
+        def silenced(message, arm=arm, since=since, frame=frame):
+            if message.arbitration_id == 0x080:
+                since.append(message)
+                if len(since) == frame + 1:
+                    arm.drives.drop_feedback(3, 1)
+
+        arm.monitor.listen(silenced)
+        with pytest.raises(AxisMoves, match="joint_3"):
+            arm.servos.disable()
+
+
+def test_a_drive_that_never_had_torque_has_not_left_its_course(virtual_arm):
+    arm = virtual_arm(timeouts=QUICK)
+    arm.servos.connect()
+    arm.drives.drop_feedback(3, 10**9)
+    with pytest.raises(ServoError) as raised:
+        arm.servos.enable()
+    assert not any("course" in note for note in getattr(raised.value, "__notes__", ()))
+    assert not any(arm.plant.powered)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_does_not_replace_the_error_that_matters(number):
+    before = signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+
+    @uninterrupted()
+    def fails():
+        os.kill(os.getpid(), number)
+        raise TorqueRemains(3, "joint_3", "removing torque", "it remains", "Press the emergency stop")
+
+    try:
+        with pytest.raises(TorqueRemains) as raised:
+            fails()
+    finally:
+        signal.signal(number, before)
+    assert getattr(raised.value, "__notes__", []) == ["Interrupted: KeyboardInterrupt"] * (number == signal.SIGINT)
+
+
+def test_nothing_is_sent_if_a_drive_that_was_slow_turns_out_to_be_enabled(virtual_arm, arm_settings):
+    identity = Identity(0x1AB, 0xC0DE)
+    arm = virtual_arm(
+        arm_settings(identity=identity),
+        timeouts=QUICK,
+        traits={node: DriveTraits(identity=identity) for node in (2, 3, 5)},
+    )
+    setup, asked = arm.servos._setups[0], []
+    identify = setup.identify_before_reset
+    setup.identify_before_reset = lambda: bool(asked.append(None) or len(asked) > 1) and identify()
+    setup.read_powered_state = lambda: State.OPERATION_ENABLED
+    arm.drives.switch_off(3)
+    with pytest.raises(ServoError, match=r"joint_2 \(node 2\).*the drive carries torque in OPERATION ENABLED"):
+        arm.servos.connect()
+    assert arm.frames(0) == []

@@ -105,6 +105,7 @@ class Cycle:
         except BaseException as error:
             if arm is not None:
                 arm.bring_to_rest(error)
+            self._control.ended = True
             if not isinstance(error, DriverError):  # enabling was interrupted; the servos back out of errors themselves
                 self._servos.disable()
             raise

@@ -122,19 +122,16 @@ class SlowRound:
     Args:
         joint_names: Names, for messages.
         chain: The arm.
-        position_rad: (N, n) positions at equal intervals `AVERAGED_S`.
-        torque_nm: (N, n) joint torques.
+        position: (N, n) positions at equal intervals `AVERAGED_S`.
+        torque: (N, n) joint torques.
 
     Raises:
         TorqueMissing: a joint's torque never changed.
         TorqueReversed: a joint's torque has the wrong sign.
     """
 
-    def __init__(
-        self, joint_names: tuple[str, ...], chain: Chain, position_rad: FloatArray, torque_nm: FloatArray
-    ) -> None:
-        self._names, self._chain, self.position_rad, self._torque = joint_names, chain, position_rad, torque_nm
-        position, torque = position_rad, torque_nm
+    def __init__(self, joint_names: tuple[str, ...], chain: Chain, position: FloatArray, torque: FloatArray) -> None:
+        self._names, self._chain, self.position_rad, self._torque = joint_names, chain, position, torque
         n, travel = chain.n, np.abs(np.diff(position, axis=0)).sum(axis=0)
         self.moved = np.flatnonzero(travel > LEAST_TRAVEL_RAD)
         self._weight = _weight_columns(chain, position)

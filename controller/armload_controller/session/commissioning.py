@@ -14,6 +14,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -25,7 +26,7 @@ from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.monitors import CycleSummary
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.checked_path import CheckedPath, check_path
-from armload_controller.session.flange_check import loaded_check, unloaded_check
+from armload_controller.session.flange_check import loaded_doubts, unloaded_doubts
 from armload_controller.session.run_session import Load, Operator, RunSession, ServosFactory, run_session
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation
@@ -115,10 +116,9 @@ def _record(
         RUN_ATTACHMENT: json.dumps(run),
     }
     name, frames = f"{session.load}: {role}", ArmFrames(robot.chain, robot.joint_names)
+    look = partial(unloaded_doubts, robot, arm)
     if session.load is Load.LOADED:
-        look = loaded_check(robot, arm, recording_path(directory, Load.UNLOADED, role))
-    else:
-        look = unloaded_check(robot, arm)
+        look = partial(loaded_doubts, robot, arm, recording_path(directory, Load.UNLOADED, role))
     with Recorder(recording_path(directory, session.load, role), attachments, frames=frames) as recorder:
         summary = session.run(path, name, recorder=recorder, look=look)
         advance = even_advance(*recorder.measured, path.excitation.trajectory)

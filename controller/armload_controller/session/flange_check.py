@@ -6,7 +6,6 @@ the same path's slow round in the unloaded run is the reference.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,64 +23,50 @@ BODY_DEVIATION = 0.1
 """Relative standard deviation of the torque of a `[body]`, which is a maker's or a draft. Twice as much: a third of the
 rated payload goes unnoticed on prbt; half as much: a wrong body is reported as a load."""
 
-FlangeCheck = Callable[[SlowRoundRows], list[str]]
-"""Warnings for the operator after a slow round."""
 
-
-def unloaded_check(robot: Robot, arm: ArmInUse) -> FlangeCheck:
-    """The check that the flange is empty.
+def unloaded_doubts(robot: Robot, arm: ArmInUse, rows: SlowRoundRows) -> list[str]:
+    """Warnings for the operator if the flange is not empty.
 
     Args:
         robot: The arm.
         arm: Its model.
+        rows: Its slow round.
     """
-    if arm.known is not None:
-        model, deviation = ArmDynamics(arm.chain, arm.known.fit.model), arm.transmission.deviation
-    elif robot.source.tables.body is not None:
-        model = ArmDynamics(arm.chain, robot.strength.arm_body)
-        deviation = np.hypot(arm.transmission.deviation, BODY_DEVIATION)
-    else:
-        return lambda rows: []
-
-    def check(rows: SlowRoundRows) -> list[str]:
-        found = rows.fitted(robot.joint_names, arm.chain, arm.transmission)
-        if found is None:
-            return []
-        still = np.zeros_like(found.position_rad)
-        mass = found.carried(model.link_torque(found.position_rad, still, still), deviation)
-        if mass.kg < SURE * mass.error_kg:
-            return []
-        return [
-            f"the arm carries {mass.kg:.1f} +- {2.0 * mass.error_kg:.1f} kg in the unloaded run. What is on the flange "
-            "now will not be part of the payload"
-        ]
-
-    return check
+    found = rows.fitted(robot.joint_names, arm.chain, arm.transmission)
+    if found is None or (arm.known is None and robot.source.tables.body is None):
+        return []
+    model = ArmDynamics(arm.chain, robot.strength.arm_body if arm.known is None else arm.known.fit.model)
+    deviation = np.hypot(arm.transmission.deviation, BODY_DEVIATION if arm.known is None else 0.0)
+    still = np.zeros_like(found.position_rad)
+    mass = found.carried(model.link_torque(found.position_rad, still, still), deviation)
+    if mass.kg < SURE * mass.error_kg:
+        return []
+    return [
+        f"the arm carries {mass.kg:.1f} +- {2.0 * mass.error_kg:.1f} kg in this unloaded run. What is on the flange "
+        "now will not be part of the payload"
+    ]
 
 
-def loaded_check(robot: Robot, arm: ArmInUse, unloaded: Path) -> FlangeCheck:
-    """The check that the flange carries more than in the unloaded run.
+def loaded_doubts(robot: Robot, arm: ArmInUse, unloaded: Path, rows: SlowRoundRows) -> list[str]:
+    """Warnings for the operator if the flange carries no more than in the unloaded run.
 
     Args:
         robot: The arm.
         arm: Its model.
         unloaded: Recording of the same path without the payload.
+        rows: The slow round.
     """
-
-    def check(rows: SlowRoundRows) -> list[str]:
-        both = recorded_slow_round(unloaded, rows.cycle_s), rows
-        before, now = (each.fitted(robot.joint_names, arm.chain, arm.transmission) for each in both)
-        if before is None or now is None:
-            return []
-        added, expected = now.added_since(before), robot.source.tables.expected_payload
-        if added.kg > SURE * added.error_kg or (expected is not None and expected.mass_kg < added.greatest_kg):
-            return []
-        return [
-            f"the arm carries the same as before, or at most {added.greatest_kg:.1f} kg more than in the unloaded run. "
-            "Is the payload mounted?"
-        ]
-
-    return check
+    both = recorded_slow_round(unloaded, rows.cycle_s), rows
+    before, now = (each.fitted(robot.joint_names, arm.chain, arm.transmission) for each in both)
+    if before is None or now is None:
+        return []
+    added, expected = now.added_since(before), robot.source.tables.expected_payload
+    if added.kg > SURE * added.error_kg or (expected is not None and expected.mass_kg < added.greatest_kg):
+        return []
+    return [
+        f"the arm carries the same as before, or at most {added.greatest_kg:.1f} kg more than in the unloaded run. Is "
+        "the payload mounted?"
+    ]
 
 
 def recorded_slow_round(path: Path, cycle_s: float) -> SlowRoundRows:

@@ -24,16 +24,7 @@ from typing import Any, Self
 
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, StopRequested, TerminationStop
 
-_OTHERS = (
-    signal.SIGUSR1,
-    signal.SIGUSR2,
-    signal.SIGALRM,
-    signal.SIGVTALRM,
-    signal.SIGPROF,
-    signal.SIGXCPU,
-    signal.SIGIO,
-    signal.SIGPWR,
-)
+_OTHERS = [signal.Signals[f"SIG{name}"] for name in ("USR1", "USR2", "ALRM", "VTALRM", "PROF", "XCPU", "IO", "PWR")]
 
 
 class StopSignals:

@@ -91,11 +91,18 @@ class DriveDialogue:
         value = self._sdo.read_real_if_there(entry)
         return None if value is None else value * configured.celsius_per_unit
 
-    def read_position(self, limit_s: float | None = None) -> int:
-        """Actual position in the drive's units, by SDO, within a time."""
-        self._sdo.step = "waiting for standstill"
-        with self._sdo.limited_to(self._timeouts.sdo_s if limit_s is None else limit_s):
-            return self._sdo.read(od.POSITION_ACTUAL)
+    def read_position(self) -> int:
+        """Actual position in the drive's units, by SDO."""
+        self._sdo.step = "reading the position"
+        return self._sdo.read(od.POSITION_ACTUAL)
+
+    def ask_position(self) -> None:
+        """Request the actual position by SDO, without waiting."""
+        self._sdo.ask(od.POSITION_ACTUAL)
+
+    def answered_position(self) -> int | None:
+        """The answer to `ask_position`; None if it has not arrived."""
+        return self._sdo.answer(od.POSITION_ACTUAL)
 
     def read_fault(self) -> str:
         """Why the drive is in FAULT, as text. Only reads.

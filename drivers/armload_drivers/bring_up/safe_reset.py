@@ -75,7 +75,7 @@ def answering_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLi
     """
     answering = [setup for setup in setups if setup.identify_before_reset()]
     silent = [setup for setup in setups if setup not in answering]
-    if not silent or any(setup.read_powered_state() is State.OPERATION_ENABLED for setup in answering):
+    if not silent:
         return answering
     operational: list[DriveSetup] = []
 
@@ -91,12 +91,16 @@ def answering_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLi
         for setup in silent:
             listen(setup)
         link.pump_for(HEARTBEAT_TOLERANCE * arm.heartbeat_s)
-    for setup in silent:
-        if setup.identify_before_reset():
-            continue
-        if foreign.commands or setup in operational:
+    answering += [setup for setup in silent if setup.identify_before_reset()]
+    for setup in setups:
+        if setup in answering:
+            if setup.read_powered_state() is State.OPERATION_ENABLED:
+                raise _judged(setup, State.OPERATION_ENABLED, foreign.commands, 0.0).refusal()
+        elif foreign.commands or setup in operational:
             what = f"it does not answer, and {foreign.commands or 'its heartbeat shows that it is in OPERATIONAL'}"
             raise PoweredDrive(setup, what, "End its master, then repeat this command").refusal()
+    silent = [setup for setup in setups if setup not in answering]
+    for setup in silent:
         link.command(NmtCommand.PRE_OPERATIONAL, setup.settings.node_id)
     return [setup for setup in setups if setup in answering or setup.identify_before_reset()]
 

@@ -17,6 +17,7 @@ The bus belongs to the caller: open it before, and close it after `close`.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from enum import Enum, auto
 from functools import partial
 
@@ -56,9 +57,6 @@ class _Phase(Enum):
     REMAINING = auto()
     CLOSED = auto()
 
-
-_INTERRUPTIONS = 10
-"""An operator who presses Ctrl-C this often while torque is being removed has the last word."""
 
 _ENABLED = _Phase.ENABLED
 """Cached, because Python 3.11 takes 0.3 us to look up a member of an enumeration."""
@@ -342,8 +340,13 @@ class CanopenServos:
         Raises:
             TorqueRemains: it could not be read back that a drive carries no torque.
         """
-        if self._phase is not _Phase.CONNECTED and (remains := torque_remains(self._without_cycle())) is not None:
-            raise remains
+        if self._phase is not _Phase.CONNECTED:
+            left = sorted(self._nodes, key=lambda node: not node.settings.has_brake)
+            for _ in self._nodes:  # as often as it is interrupted
+                with suppress(KeyboardInterrupt):
+                    self._begun.without_cycle(left)
+                    break
+            raise_first([torque_remains(left)])
 
     def take_remarks(self) -> tuple[str, ...]:
         """What the operator should know since the last call: torque that `connect` removed, problems on the bus."""
@@ -423,14 +426,3 @@ class CanopenServos:
             self.disable()
         except DriverError as again:
             error.add_note(f"Disabling also failed: {again}")
-
-    def _without_cycle(self) -> list[DriveNode]:
-        """Remove all torque without cycles, even if the operator interrupts this; the drives that may keep it."""
-        left = sorted(self._nodes, key=lambda node: not node.settings.has_brake)
-        for _ in range(_INTERRUPTIONS):
-            try:
-                self._begun.without_cycle(left)
-            except KeyboardInterrupt:
-                continue
-            break
-        return left

@@ -282,12 +282,21 @@ class DriveNode:
             self._carried = False
         return False
 
-    def take_position(self, counts: int, now_s: float) -> None:
-        """Follow the course of a drive that should slow down by a position read by SDO, if its feedback is missing."""
-        if self._missing:
-            elapsed_s, self._evaluated_s = now_s - self._evaluated_s, now_s
+    def take_position(self, counts: int, asked_s: float, now_s: float) -> None:
+        """Process a position that was read by SDO while feedback is missing: the drive should slow down.
+
+        Args:
+            counts: The position.
+            asked_s: Time of the request; the position was sampled after it.
+            now_s: Time of the answer.
+        """
+        elapsed_s, longest_s, self._evaluated_s = asked_s - self._evaluated_s, now_s - self._evaluated_s, asked_s
+        still = abs(counts - self.position_counts) <= self._still_counts * max(1.0, longest_s / self._cycle_s)
+        self._still_cycles = self._still_cycles + 1 if still else 0
+        self.position_counts = counts
+        if self._carried:
             self.course.slow_down()
-            self.course.follow(self.target_counts, counts, self.effort, elapsed_s)
+            self.course.follow(self.target_counts, counts, self.effort, elapsed_s, longest_s)
 
     @property
     def statusword(self) -> int:
@@ -416,9 +425,9 @@ class DriveNode:
             "Remove the cause, then reset the fault (`armload drives reset`) and enable again",
         )
 
-    def is_still(self, moved_counts: int, elapsed_s: float) -> bool:
-        """Whether an axis that moved this far in a time is at standstill."""
-        return abs(moved_counts) <= self._still_counts * max(1.0, elapsed_s / self._cycle_s)
+    def forget_rest(self) -> None:
+        """From now on the axis may move."""
+        self._still_cycles = 0
 
     def still_for(self, cycles: int) -> bool:
         """Whether the axis has been at standstill for this many cycles."""

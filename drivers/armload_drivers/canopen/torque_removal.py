@@ -26,7 +26,8 @@ from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, axis_m
 from armload_drivers.cia402.object_dictionary import NmtCommand
 from armload_drivers.cia402.state_machine import POWERED, State
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import AxisMoves, BusError, ServoError, ServoTimeout, TorqueRemains
+from armload_drivers.driver_errors import AxisMoves, BusError, ServoTimeout, TorqueRemains
+from armload_drivers.servos import JointFeedback
 
 STILL_CYCLES = 3
 """Number of cycles without motion that count as standstill."""
@@ -64,6 +65,8 @@ class TorqueRemoval:
         self._dropped: dict[DriveNode, int] = {}
         self._asked_by_sdo: list[DriveNode] = []
         self._awaited: set[DriveNode] = set()
+        self._followed: dict[DriveNode, float] = {}
+        self._mute: set[DriveNode] = set()
 
     def slow_down(self) -> None:
         """Wait until drives that were asked for a quick stop stand still; torque is removed at once where that fails.
@@ -97,10 +100,7 @@ class TorqueRemoval:
         moving = self._moving()
         # Feedback that has returned may show torque.
         outside = [node for node in self._nodes if not self._is_known_off(node)]
-        for node in outside:
-            if node not in self._dropped:
-                self._await_rest(node)
-        self._astray += [node for node in outside if node.course.lost and node not in self._astray]
+        self._await_rest([node for node in outside if node not in self._dropped])
         self.without_cycle(outside)
         strays = [node.astray(_STEP) for node in self._astray[known:]]
         raise_first([torque_remains(outside), *strays, *troubles, late, moving])
@@ -114,19 +114,19 @@ class TorqueRemoval:
             nodes: The drives. Those of which it was read back that they carry no torque are taken out at once, so that
                 this can be continued if it is interrupted.
         """
-        self._take_out(nodes)
+        self._take_out(nodes, self._timeouts.torque_off_s)
         boot_s = 0.0 if self._awaited >= set(nodes) else self._timeouts.boot_s  # a second time is not waited for
         for node in nodes:
             self._reset(node)
         self._awaited |= set(nodes)
         with suppress(BusError):
             self._link.pump_until(lambda: all(node.booted for node in nodes), boot_s)
-        self._take_out(nodes)
+        self._take_out(nodes, self._timeouts.sdo_s)
 
-    def _take_out(self, nodes: list[DriveNode]) -> None:
+    def _take_out(self, nodes: list[DriveNode], limit_s: float) -> None:
         """Ask drives by SDO, and take out those that carry no torque."""
         for node in list(nodes):
-            if self._off_by_sdo(node):
+            if self._off_by_sdo(node, limit_s):
                 nodes.remove(node)
 
     # At once -------------------------------------------------------------------------------------------------
@@ -166,15 +166,15 @@ class TorqueRemoval:
             self._dropped[node] = cycles + 1
             reacts = node.state is State.FAULT_REACTION_ACTIVE
             if reacts or cycles >= OBEYS_CYCLES:
-                if reacts or not self._off_by_sdo(node):
+                if reacts or not self._off_by_sdo(node, self._timeouts.torque_off_s):
                     self._reset(node)
                 self._asked_by_sdo.append(node)
 
-    def _off_by_sdo(self, node: DriveNode) -> bool:
+    def _off_by_sdo(self, node: DriveNode, limit_s: float) -> bool:
         """Remove a drive's torque by SDO; whether this was read back."""
         try:
             self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
-            self._setups[node].remove_torque(self._timeouts.torque_off_s)
+            self._setups[node].remove_torque(limit_s)
         except Exception:  # noqa: BLE001 - whatever fails, the other drives must be asked too
             return False
         return True
@@ -201,9 +201,7 @@ class TorqueRemoval:
         waiting: list[DriveNode] = []
         gone: list[DriveNode] = []
         for _ in range(self._cycle.count(limit_s)):
-            last = self._cycle.run()
-            self._drop_astray()
-            self._insist()
+            last = self._run_cycle()
             gone += [node for node in self._in_cycle() if node.is_gone and node not in gone]
             waiting = [
                 node
@@ -216,6 +214,34 @@ class TorqueRemoval:
         if errors:
             return errors[0]
         return waiting[0].not_in_time(step, limit_s, last.time_s) if waiting else None
+
+    def _run_cycle(self) -> JointFeedback:
+        """One cycle; the torque of axes that have left their course is dropped."""
+        feedback = self._cycle.run()
+        self._follow_lost(self._cycle.now_s())
+        self._drop_astray()
+        self._insist()
+        return feedback
+
+    def _follow_lost(self, now_s: float) -> None:
+        """Follow drives that have left the cycle by their positions, which are read by SDO without waiting."""
+        for node in self._nodes:
+            if not (node.lost or node.is_gone) or node in self._dropped or node in self._asked_by_sdo:
+                continue
+            setup, asked_s = self._setups[node], self._followed.get(node)
+            if asked_s is None:
+                # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and ignores late setpoints.
+                self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
+                node.forget_rest()
+            elif (counts := setup.answered_position()) is not None:
+                node.take_position(counts, asked_s, now_s)
+                self._mute.discard(node)
+            elif now_s - asked_s < self._timeouts.sdo_s:
+                continue
+            else:
+                self._mute.add(node)
+            setup.ask_position()
+            self._followed[node] = now_s
 
     def _is_known_off(self, node: DriveNode) -> bool:
         """Whether a drive's feedback shows that it carries no torque."""
@@ -240,33 +266,25 @@ class TorqueRemoval:
 
     def _moving(self) -> AxisMoves | None:
         """Watch the axes without torque; the error for one that moves, or None."""
-        begun = [math.nan if node.lost or node.is_silent else node.position_counts for node in self._nodes]
+        begun = [math.nan if node.lost or node.is_gone else node.position_counts for node in self._nodes]
         for _ in range(self._cycle.count(HOLDING_WATCH_S)):
-            self._cycle.run()
+            self._run_cycle()
         for node, counts, axis in zip(self._nodes, begun, self._cycle.units.axes, strict=True):
             moved_rad = abs((node.position_counts - counts) / axis.counts_per_rad)
             if moved_rad > HELD_RAD and node.state in _WITHOUT_TORQUE:
                 return axis_moves(node.settings, moved_rad)
         return None
 
-    def _await_rest(self, node: DriveNode) -> None:
-        """Wait until a drive that has left the cycle is at standstill, by SDO.
+    def _await_rest(self, nodes: list[DriveNode]) -> None:
+        """Wait until axes stand still, no longer than for a quick stop, and not for those that answer nothing."""
 
-        No longer than for a quick stop, and only while it keeps the course of one.
-        """
-        still = 0
-        # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and ignores late setpoints.
-        self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
-        begun_s = before_s = now_s = self._cycle.now_s()
-        with suppress(ServoError):
-            before = self._setups[node].read_position(self._timeouts.torque_off_s)
-            while now_s - begun_s < self._timeouts.stop_s and still < STILL_CYCLES and not node.course.lost:
-                self._cycle.run()
-                counts = self._setups[node].read_position(self._timeouts.torque_off_s)
-                now_s = self._cycle.now_s()
-                node.take_position(counts, now_s)
-                still = still + 1 if node.is_still(counts - before, now_s - before_s) else 0
-                before, before_s = counts, now_s
+        def may_move(node: DriveNode) -> bool:
+            unknown = (node.lost or node.is_gone) and node not in self._followed
+            return unknown or not (node in self._mute or node in self._dropped or _is_still(node))
+
+        begun_s = self._cycle.now_s()
+        while any(map(may_move, nodes)) and self._cycle.now_s() - begun_s < self._timeouts.stop_s:
+            self._run_cycle()
 
 
 def torque_remains(nodes: Sequence[DriveNode]) -> TorqueRemains | None:

@@ -148,7 +148,7 @@ class AxisCourse:
         """Note why the axis has left its course; the first reason counts."""
         self.lost = self.lost or why
 
-    def follow(self, target: int, counts: int, effort: int, elapsed_s: float) -> None:
+    def follow(self, target: int, counts: int, effort: int, elapsed_s: float, longest_s: float = 0.0) -> None:
         """Judge one feedback.
 
         Args:
@@ -156,6 +156,7 @@ class AxisCourse:
             counts: Actual position.
             effort: Actual effort, in its units.
             elapsed_s: Time since the last feedback.
+            longest_s: The longest that it may have been; 0 if it is known.
         """
         if elapsed_s < self._cycle_s:  # noqa: PLR1730 - faster than max
             elapsed_s = self._cycle_s
@@ -177,7 +178,7 @@ class AxisCourse:
             elif (counts - self._from_counts) * direction < 0:
                 self._judge_direction(target, counts)
         self._hi, self._lo = hi, lo
-        speed = (counts - self._counts) / elapsed_s
+        speed = (counts - self._counts) / (longest_s or elapsed_s)
         if not lo - self._margin <= speed <= hi + self._margin:
             self.leave(
                 f"the position moves at {speed / self._per_rad:.2f} rad/s, between {lo / self._per_rad:.2f} and "

@@ -60,7 +60,7 @@ class CarriedPayloadTable(PayloadTable):
     def _contained(self) -> Self:
         """Refuse a sphere that is too small for the payload's inertia."""
         radius_m, least_m = self.envelope_radius_m, self._radius_of_gyration_m
-        if radius_m is not None and not radius_m >= least_m:
+        if radius_m is not None and not radius_m >= 0.99 * least_m:  # the message rounds
             raise BadValue("envelope_radius_m", radius_m, f"expected at least {least_m:.3g}: the inertia requires it")
         return self
 

@@ -14,7 +14,7 @@ from armload_controller.config.robot import load_robot
 from armload_controller.cycle.slow_round_torque import AVERAGED_S, SlowRoundRows
 from armload_controller.session import flange_check
 from armload_controller.session.commissioning import record_half, recording_path
-from armload_controller.session.flange_check import loaded_check, recorded_slow_round, unloaded_check
+from armload_controller.session.flange_check import loaded_doubts, recorded_slow_round, unloaded_doubts
 from armload_controller.session.run_session import Load, NoDisplay, no_operator
 from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
@@ -46,11 +46,11 @@ def slow_round(payload, seed=0):
 
 
 def test_a_payload_in_the_unloaded_run_is_reported_with_its_mass():
-    (text,) = unloaded_check(PRBT, ARM)(slow_round(PAYLOAD))
-    kg, spread = text.removeprefix("the arm carries ").split(" kg in the unloaded run")[0].split(" +- ")
+    (text,) = unloaded_doubts(PRBT, ARM, slow_round(PAYLOAD))
+    kg, spread = text.removeprefix("the arm carries ").split(" kg in this unloaded run")[0].split(" +- ")
     assert float(kg) == pytest.approx(3.0, abs=float(spread))
     assert float(spread) < 1.5
-    assert unloaded_check(PRBT, ARM)(slow_round(None)) == []
+    assert unloaded_doubts(PRBT, ARM, slow_round(None)) == []
 
 
 def test_a_calibration_is_preferred_to_a_body(calibration, pinocchio_arm):
@@ -61,13 +61,13 @@ def test_a_calibration_is_preferred_to_a_body(calibration, pinocchio_arm):
         run = pinocchio_arm.run(pinocchio_arm.trajectory(), loaded, seed=1, periods=1, rate=10.0, noise=0.3)
         for q, current in zip(run.position_rad, run.current_a, strict=True):
             rows.add(q, None, current)
-        assert bool(unloaded_check(PRBT, arm)(rows)) is loaded
+        assert bool(unloaded_doubts(PRBT, arm, rows)) is loaded
         rows = SlowRoundRows(AVERAGED_S)
 
 
 def test_without_body_and_calibration_nothing_is_compared():
     bodiless = replace(PRBT, source=replace(PRBT.source, tables=PRBT.source.tables.model_copy(update={"body": None})))
-    assert unloaded_check(bodiless, ARM)(slow_round(PAYLOAD)) == []
+    assert unloaded_doubts(bodiless, ARM, slow_round(PAYLOAD)) == []
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_without_body_and_calibration_nothing_is_compared():
 )
 def test_a_loaded_run_with_nothing_added_is_reported(monkeypatch, tmp_path, before, now, noticed):
     monkeypatch.setattr(flange_check, "recorded_slow_round", lambda path, cycle_s: slow_round(before, seed=2))
-    texts = loaded_check(PRBT, ARM, tmp_path)(slow_round(now))
+    texts = loaded_doubts(PRBT, ARM, tmp_path, slow_round(now))
     assert [text.startswith(SAME) for text in texts] == [True] * noticed
 
 
@@ -84,7 +84,7 @@ def test_an_expected_payload_too_light_to_be_noticed_is_not_asked_for(monkeypatc
     tables = PRBT.source.tables
     light = tables.expected_payload.model_copy(update={"mass_kg": LIGHT.mass_kg})
     robot = replace(PRBT, source=replace(PRBT.source, tables=tables.model_copy(update={"expected_payload": light})))
-    assert loaded_check(robot, ARM, tmp_path)(slow_round(LIGHT)) == []
+    assert loaded_doubts(robot, ARM, tmp_path, slow_round(LIGHT)) == []
 
 
 def test_the_slow_round_of_a_recording_is_read(tmp_path, rubbing_plant, monkeypatch):

@@ -300,3 +300,15 @@ def test_an_axis_that_is_pushed_in_a_stop_and_stands_is_lost():
     found, why = follow(made, np.zeros(60), np.zeros(60), np.where(np.arange(60) > 20, 950.0, 0.0))
     assert found is not None
     assert "greatest torque" in why
+
+
+@pytest.mark.parametrize("longest_s", [0.0, 0.03])
+def test_an_uncertain_time_is_taken_at_its_longest(longest_s):
+    """A late answer by SDO and then a quick one: nearly the same time, another position."""
+    course = AxisCourse(1e5, 2.0, 5.0, window_rad=0.1, effort_limit=math.inf, cycle_s=0.01)
+    course.begin(0)
+    for cycle in range(1, 31):
+        course.follow(1000 * cycle, 1000 * (cycle - 1), 0, 0.01)
+    course.slow_down()
+    course.follow(30000, 29000 + 3000, 0, 0.01, longest_s)
+    assert bool(course.lost) is (longest_s == 0.0)
