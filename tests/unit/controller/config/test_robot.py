@@ -111,7 +111,7 @@ def test_every_assumed_number_is_marked():
         ),
         (
             "[expected_payload]",
-            "[expected_payload]\nenvelope_radius_m = 0.16",
+            "[expected_payload]\nenvelope_radius_m = 0.15",
             "expected_payload.envelope_radius_m",
             "0.161",
         ),
