@@ -79,8 +79,8 @@ class RobotPayloads:
             radius_m, basis = table.assumed_radius
             if table.envelope_radius_m is None:
                 notes.append(
-                    f"reduced speed holds within {radius_m:.3f} m of the centre of mass of [{key}], assumed from "
-                    f"{basis}: give envelope_radius_m"
+                    f"[{key}] states no envelope_radius_m: at reduced speed the payload is assumed to lie within "
+                    f"{radius_m:.3f} m of its centre of mass, from {basis}"
                 )
         return tuple(notes)
 

@@ -73,7 +73,7 @@ class CarriedPayloadTable(PayloadTable):
     def assumed_radius(self) -> tuple[float, str]:
         """Radius of the same mass of water, or the radius of gyration if that is greater, in m, and which it is."""
         water_m = (3.0 * self.mass_kg / (4.0 * np.pi * _WATER_KG_M3)) ** (1.0 / 3.0)
-        of_inertia = f"its inertia (its mass at the density of water would take {water_m:.3f} m)"
+        of_inertia = f"its inertia (its mass at the density of water: {water_m:.3f} m)"
         return max((water_m, "its mass at the density of water"), (self._radius_of_gyration_m, of_inertia))
 
     @property
