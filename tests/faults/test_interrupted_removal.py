@@ -230,6 +230,15 @@ def test_torque_that_remains_is_named_again_and_its_boot_not_awaited_again(virtu
 # Interruptions ---------------------------------------------------------------------------------------------------
 
 
+@pytest.fixture
+def interruptible():
+    """SIGINT is an exception, also in a background job, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_a_signal_waits_until_the_torque_is_off(virtual_arm):
     """As in a program without handlers of its own, where Ctrl-C is an exception anywhere."""
     arm = in_motion(virtual_arm)
