@@ -45,7 +45,8 @@ def test_garbage_and_wrong_lengths_on_our_cob_ids(fault_arm):
     arm.other.send(can.Message(arbitration_id=0x183, data=bytes(8), is_extended_id=True))
     feedback = arm.move(2)
     assert feedback.position_rad == pytest.approx(arm.target_rad, abs=0.02)
-    (remark,) = arm.servos.take_remarks()
+    # In real time the kernel's periods may be remarked upon, too.
+    (remark,) = (each for each in arm.servos.take_remarks() if "wrong length" in each)
     assert remark.startswith("warning: bus: 3 frames of joint_3 had a wrong length. Check cable, termination")
     arm.comes_to_rest()
 
@@ -106,9 +107,9 @@ def test_error_passive_is_survived_and_remarked_upon_once(fault_arm):
     arm.send(0x04, bytes([0, 0x40, 0, 0, 0, 0, 0, 0]), is_error_frame=True)
     arm.move(2)
     assert not arm.servos.bus_errors.error_passive
-    (remark,) = arm.servos.take_remarks()
+    (remark,) = (each for each in arm.servos.take_remarks() if "error frames" in each)
     assert remark.startswith("warning: bus: 2 error frames, the controller was error passive 1 time. Check")
-    assert arm.servos.take_remarks() == ()
+    assert not any("error frames" in each for each in arm.servos.take_remarks())
     arm.comes_to_rest()
 
 
