@@ -9,6 +9,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import time
 from contextlib import suppress
 from importlib import resources
 from pathlib import Path
@@ -25,7 +26,7 @@ from armload_drivers.driver_errors import DriverError, LoopLost
 from armload_drivers.servos import JointCommand
 
 TOOLS = Path(__file__).resolve().parents[3] / "shared" / "tools"
-SPEED_RAD_S = 0.5
+SPEED_RAD_S = 0.15
 NODE = 4
 COUNTS_PER_TURN = 1048576
 
@@ -103,6 +104,7 @@ def powered(stats):
 @pytest.mark.parametrize("order", ["reverse", "freeze"])
 def test_a_foreign_drive_whose_loop_is_lost_carries_no_torque_at_exit(arm, order):
     arm.move(1.0)
+    began_s = time.monotonic()
     before = arm.stats()[NODE]["position"]
     arm.order(f"{order} {NODE} on")
     with pytest.raises(LoopLost, match=f"node {NODE}"):
@@ -112,7 +114,8 @@ def test_a_foreign_drive_whose_loop_is_lost_carries_no_torque_at_exit(arm, order
     assert NODE not in powered(stats)
     assert set(powered(stats)) == {3, 5, 6, 7, 8}, "the others hold with torque"
     turns = (stats[NODE]["position"] - before) / COUNTS_PER_TURN
-    assert abs(turns) * 2.0 * np.pi < 0.2, "0.03 to 0.06 rad, measured, with what it moved before"
+    # Less than 0.06 rad; while a busy machine delays this program, a joint goes on at the last commanded speed.
+    assert abs(turns) * 2.0 * np.pi < 0.1 + SPEED_RAD_S * (time.monotonic() - began_s)
     arm.servos.disable()
     assert powered(arm.stats()) == []
 

@@ -103,12 +103,12 @@ class Cycle:
             self._servos.stop()
             self._servos.disable()
         except BaseException as error:
-            if arm is not None:
-                arm.bring_to_rest(error)
-            self._control.ended = True
-            if not isinstance(error, DriverError):  # enabling was interrupted; the servos back out of errors themselves
-                self._servos.disable()
-            raise
+            if arm is None:
+                self._control.ended = True
+                if not isinstance(error, DriverError):  # enabling was interrupted; the servos back out of their errors
+                    self._servos.disable()
+                raise
+            arm.bring_to_rest(error)
 
 
 def require_going(control: MotionControl) -> None:

@@ -77,10 +77,8 @@ class MotionControl:
         ended: Whether the motion has ended with an error: its torque is being removed, which nothing may interrupt.
     """
 
-    ended = False
-
     def __init__(self, share: float = 1.0) -> None:
-        self._paused = False
+        self.ended = self._paused = False
         self._stop: StopRequested | None = None
         self.set_speed(share)
 

@@ -42,7 +42,7 @@ from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import BusError, DriverError, ServoError, ServoTimeout, StateError, TorqueRemains
+from armload_drivers.driver_errors import DriverError, ServoError, ServoTimeout, StateError, TorqueRemains
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.uninterrupted import uninterrupted
 
@@ -290,8 +290,6 @@ class CanopenServos:
             self._begun.run()
         except TorqueRemains:
             self._phase = _Phase.REMAINING
-            raise
-        except BusError:
             raise
         except ServoError as error:
             troubles.append(error)

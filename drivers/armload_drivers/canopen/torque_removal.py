@@ -99,7 +99,8 @@ class TorqueRemoval:
         troubles = [self._switch_off(part) for part in (braked, [node for node in self._nodes if node not in braked])]
         moving = self._moving()
         # Feedback that has returned may show torque.
-        outside = [node for node in self._nodes if not self._is_known_off(node)]
+        off = [node for node in self._in_cycle() if node.state in _WITHOUT_TORQUE]
+        outside = [node for node in self._nodes if node not in off]
         self._await_rest([node for node in outside if node not in self._dropped])
         self.without_cycle(outside)
         strays = [node.astray(_STEP) for node in self._astray[known:]]
@@ -242,10 +243,6 @@ class TorqueRemoval:
                 self._mute.add(node)
             setup.ask_position()
             self._followed[node] = now_s
-
-    def _is_known_off(self, node: DriveNode) -> bool:
-        """Whether a drive's feedback shows that it carries no torque."""
-        return not (node.lost or node in self._asked_by_sdo) and node.state in _WITHOUT_TORQUE
 
     def _in_cycle(self) -> list[DriveNode]:
         """Drives whose feedback tells what they do."""

@@ -124,6 +124,18 @@ def lose(rig, number):
     rig.nodes[number].course.leave("it flew")
 
 
+def at_reset(rig, act):
+    """Something happens when a reset is sent."""
+    send = rig.bus.send
+
+    def sends(message):
+        send(message)
+        if message.arbitration_id == 0 and message.data[0] == RESET:
+            act()
+
+    rig.bus.send = sends
+
+
 # In motion -------------------------------------------------------------------------------------------------------
 
 
@@ -385,14 +397,7 @@ def test_rest_is_awaited_no_longer_than_a_quick_stop_takes(rig):
 def test_a_boot_up_message_alone_is_no_proof(rig):
     rig.drives[3].obeys_sdo = False
     left = [rig.nodes[1]]
-    send = rig.bus.send
-
-    def boots(message):
-        send(message)
-        if message.arbitration_id == 0 and message.data[0] == RESET:
-            rig.bus.add(0x703, bytes([NmtState.BOOT_UP.value]))
-
-    rig.bus.send = boots
+    at_reset(rig, lambda: rig.bus.add(0x703, bytes([NmtState.BOOT_UP.value])))
     rig.removal.without_cycle(left)
     assert left == [rig.nodes[1]]
 
@@ -400,14 +405,7 @@ def test_a_boot_up_message_alone_is_no_proof(rig):
 def test_a_drive_that_answers_only_after_the_reset_is_asked_again(rig):
     rig.drives[3].obeys_sdo = False
     left = [rig.nodes[1]]
-    send = rig.bus.send
-
-    def answers(message):
-        send(message)
-        if message.arbitration_id == 0 and message.data[0] == RESET:
-            rig.drives[3].obeys_sdo = True
-
-    rig.bus.send = answers
+    at_reset(rig, lambda: setattr(rig.drives[3], "obeys_sdo", True))
     rig.removal.without_cycle(left)
     assert left == []
     assert rig.asked == [0, 2, 0]
