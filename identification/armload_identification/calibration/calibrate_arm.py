@@ -11,10 +11,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_fit import HALVES, MOVING, ArmFit, fit_arm
-from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
-from armload_identification.calibration.arm_prior import arm_prior
-from armload_identification.calibration.arm_rows import ArmRows, RunSignals, arm_rows, base_links, run_signals
 from armload_identification.calibration.calibration_result import (
     ArmCalibration,
     CalibratedPayload,
@@ -24,8 +20,28 @@ from armload_identification.calibration.calibration_result import (
 from armload_identification.calibration.mounting_mistakes import Turn, most_steps, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import CONTRADICTS, ArmKnowledge, explain
+from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows, base_links, run_signals
+from armload_identification.estimation.arm_terms import (
+    CHANGES,
+    COULOMB,
+    DELAY,
+    FRICTION_CHANGE,
+    GAIN,
+    LINKS,
+    LOAD_FRICTION,
+    PAYLOAD,
+    ROOT,
+    ROTORS,
+    TILT,
+    VISCOUS,
+    Layout,
+    arm_terms,
+    effort_level,
+)
 from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.estimation.problem import Group, Known, Noise, Problem, RunRows
+from armload_identification.estimation.solve import HALVES, MOVING, Posterior, solve
 from armload_identification.identification_errors import EstimationError, IdentificationError, RecordingError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel
@@ -89,13 +105,19 @@ class WeighedPayload:
     mass_kg: float
     whole: InertialParameters | None = None
 
-    def prior(self) -> Prior:
-        """As equations."""
+    def known(self, mounting: str) -> Known:
+        """As knowledge of the payload of a mounting.
+
+        Args:
+            mounting: Its name.
+        """
         if self.whole is not None:
-            return KnownPayload(cad=self.whole, confidence=WEIGHED_WITHIN).prior()
-        row = np.zeros((1, PARAMETERS))
-        row[0, 0] = 1.0 / (WEIGHED_WITHIN * self.mass_kg)
-        return Prior(row, np.array([1.0 / WEIGHED_WITHIN]))
+            prior = KnownPayload(cad=self.whole, confidence=WEIGHED_WITHIN).prior()
+        else:
+            row = np.zeros((1, PARAMETERS))
+            row[0, 0] = 1.0 / (WEIGHED_WITHIN * self.mass_kg)
+            prior = Prior(row, np.array([1.0 / WEIGHED_WITHIN]))
+        return Known(((PAYLOAD, mounting),), prior.rows.T @ prior.rows, prior.rows.T @ prior.target)
 
 
 def calibrate_arm(
@@ -181,14 +203,14 @@ class _Calibration:
         self._refuse_other_mounting()
         fit = self._fit()
         while len(self._used) > 1:
-            off = [float((run.residual_rms_nm / fit.noise_nm).max()) for run in fit.runs]
-            worst = int(np.argmax(off))
-            rows, least = self._rows_and_least([index for index in range(len(off)) if index != worst])
+            deviates = [float(fit.deviates(index).max()) for index in range(len(fit.groups))]
+            worst = int(np.argmax(deviates))
+            rows, least = self._rows_and_least([index for index in range(len(deviates)) if index != worst])
             # The rest of a short pair fits whatever it is, so that nothing contradicts it.
-            if off[worst] < _SUSPECT or rows < least:
+            if deviates[worst] < _SUSPECT or rows < least:
                 break
             without = self._fit(worst)
-            if off[worst] < CONTRADICTS and (fit.noise_nm / without.noise_nm).max() < _QUIETER:
+            if deviates[worst] < CONTRADICTS and (fit.noise_nm / without.noise_nm).max() < _QUIETER:
                 break
             self._leave_out(worst, without)
             fit = without
@@ -248,19 +270,24 @@ class _Calibration:
             spacing=spacing,
         )
 
-    def _fit(self, without: int | None = None) -> ArmFit:
+    def _fit(self, without: int | None = None) -> Posterior:
         """Fit all runs but one."""
         both = zip(self._rows, self._used, strict=True)
         rows = [(rows, run.mounting) for index, (rows, run) in enumerate(both) if index != without]
         return self._fitted(rows, self._chain)
 
-    def _fitted(self, rows: Sequence[tuple[ArmRows, str]], chain: Chain, *, rough: bool = False) -> ArmFit:
+    def _fitted(self, rows: Sequence[tuple[ArmRows, str]], chain: Chain, *, rough: bool = False) -> Posterior:
         """Fit given rows."""
-        mountings = tuple(sorted({mounting for _, mounting in rows if mounting}))
-        of = Unknowns(chain.n, int(np.count_nonzero(self._base)), mountings)
-        known = {name: payload.prior() for name, payload in self._weighed.items() if name in mountings}
-        prior = arm_prior(of, [run for run, _ in rows], chain, self._base, known)
-        return fit_arm(ArmModel(of, self._transmission.coupling), rows, prior, self._peak, rough=rough)
+        mountings = {mounting for _, mounting in rows}
+        runs = [run for run, _ in rows]
+        problem = Problem(
+            terms=arm_terms(runs, chain, self._base, self._peak),
+            groups=[Group((RunRows(run, mounting),)) for run, mounting in rows],
+            noise=Noise.unknown(effort_level(runs)),
+            coupling=self._transmission.coupling,
+            known=[payload.known(name) for name, payload in self._weighed.items() if name in mountings],
+        )
+        return solve(problem, rough=rough)
 
     def _refuse_too_little(self) -> None:
         """Raise if there are too few rows for the unknowns: any arm would fit them."""
@@ -275,9 +302,9 @@ class _Calibration:
     def _rows_and_least(self, runs: Sequence[int]) -> tuple[int, int]:
         """Number of rows of moving joints of some runs, and the least number from which an arm can be fitted."""
         rows = sum(int(np.count_nonzero(self._rows[index].weight > MOVING)) for index in runs)
-        mountings = tuple({self._used[index].mounting for index in runs} - {""})
-        of = Unknowns(self._chain.n, int(np.count_nonzero(self._base)), mountings)
-        return rows, _ROWS_PER_UNKNOWN * (of.size + PER_RUN * of.n * len(runs))
+        payloads = PARAMETERS * len({self._used[index].mounting for index in runs} - {""})
+        arm = Layout(self._chain.n, int(np.count_nonzero(self._base)))
+        return rows, _ROWS_PER_UNKNOWN * (arm.size + payloads + CHANGES * arm.n * len(runs))
 
     def _refuse_other_mounting(self) -> None:
         """Raise if the runs show another mounting or an inverted joint."""
@@ -295,13 +322,14 @@ class _Calibration:
             ]
             fit = self._fitted(rows, chain, rough=True)
             # A joint at rest has no explained torque, and its sign does not matter.
-            return np.asarray(np.log(np.maximum((fit.noise_nm / fit.level_nm)[moves], 1e-9)))
+            share = fit.noise_nm[0] / fit.problem.noise.greatest_nm
+            return np.asarray(np.log(np.maximum(share[moves], 1e-9)))
 
         finished = self._done + most_steps(self._chain)
         refuse_other_mounting(shares, self._chain, self._transmission.coupling, moves, self._advance)
         self._advance(finished - self._done)
 
-    def _leave_out(self, worst: int, fit: ArmFit) -> None:
+    def _leave_out(self, worst: int, fit: Posterior) -> None:
         """Exclude a run, and explain its contradiction to the others' fit."""
         run, signals = self._used.pop(worst), self._signals.pop(worst)
         del self._rows[worst]
@@ -310,13 +338,13 @@ class _Calibration:
         reason = explain(arm, signals, run.mounting, None if said is None else said.mass_kg)
         self._left_out.append((self._name(run), f"it contradicts the other runs: {reason}"))
 
-    def _mass_warnings(self, fit: ArmFit) -> list[str]:
+    def _mass_warnings(self, fit: Posterior) -> list[str]:
         """Weighed masses that contradict all other data."""
         warnings = []
         for name, payload in self._weighed.items():
-            if name not in fit.unknowns.mountings or payload.whole is not None:
+            if name not in fit.problem.mountings or payload.whole is not None:
                 continue
-            place = fit.unknowns.payload(name).start
+            place = fit.problem.place(PAYLOAD, name).start
             found, spread = fit.x[place], fit.bread[place, place]
             scale = (WEIGHED_WITHIN * payload.mass_kg) ** 2
             information = 1.0 / spread - 1.0 / scale
@@ -332,11 +360,12 @@ class _Calibration:
                 )
         return warnings
 
-    def _friction_warnings(self, fit: ArmFit) -> list[str]:
+    def _friction_warnings(self, fit: Posterior) -> list[str]:
         """Runs whose friction differs greatly from that of the others."""
         warnings = []
-        for run, used in zip(fit.runs, self._used, strict=True):
-            far = np.abs(run.changes / run.change_deviation).reshape(PER_RUN, -1)[:2].max(axis=0)
+        for index, used in enumerate(self._used):
+            change = np.abs(fit.own_value(FRICTION_CHANGE, index) / fit.deviation[fit.problem.own(index)])
+            far = change.reshape(CHANGES, -1)[:2].max(axis=0)
             joint = int(np.argmax(far))
             if far[joint] > _FAR:
                 warnings.append(
@@ -358,66 +387,67 @@ class _Calibration:
             "runs with other motions, especially if payloads will be identified without an unloaded run."
         ]
 
-    def _named(self, fit: ArmFit, warnings: list[str], robot: str, provenance: Provenance) -> ArmCalibration:
+    def _named(self, fit: Posterior, warnings: list[str], robot: str, provenance: Provenance) -> ArmCalibration:
         """The fit as `ArmCalibration`."""
-        of, x, n = fit.unknowns, fit.x, self._chain.n
+        n = self._chain.n
+        arm = Layout(n, int(np.count_nonzero(self._base)))
         links = np.zeros(PARAMETERS * n)
-        links[self._base] = x[of.links]
+        links[self._base] = fit.value(LINKS)
         zero = np.zeros(n)
         body = BodyModel(
             links=links.reshape(n, PARAMETERS),
             base=self._base.reshape(n, PARAMETERS),
-            rotor_inertia_kg_m2=x[of.rotors],
-            coulomb_nm=x[of.coulomb],
-            viscous_nm_s_rad=x[of.viscous],
-            root_nm=x[of.root],
+            rotor_inertia_kg_m2=fit.value(ROTORS),
+            coulomb_nm=fit.value(COULOMB),
+            viscous_nm_s_rad=fit.value(VISCOUS),
+            root_nm=fit.value(ROOT),
             offset_nm=zero,
-            load_friction=x[of.load],
-            torque_delay_s=float(x[of.delay][0]),
+            load_friction=fit.value(LOAD_FRICTION),
+            torque_delay_s=float(fit.value(DELAY)[0]),
             reversal_speed_rad_s=TURN_OVER * np.where(self._peak > _UNMOVED_RAD_S, self._peak, 1.0),
             coupling=self._transmission.coupling,
         )
         effort = Effort.TORQUE if self._signals[0].from_torque else Effort.CURRENT
         nominal = np.ones(n) if effort is Effort.TORQUE else self._transmission.gain_nm_a
         # The gain is the nominal one divided by h, so that the sign of its logarithm's error is opposite.
-        turn = np.ones(of.arm)
-        turn[of.log_h] = -1.0
+        turn = np.ones(arm.size)
+        turn[arm.places[GAIN]] = -1.0
         deviation = np.sqrt(np.diag(fit.covariance))
         return ArmCalibration(
             robot=robot,
             effort=effort,
-            gain_nm_a=nominal * np.exp(-x[of.log_h]),
+            gain_nm_a=nominal * np.exp(-fit.value(GAIN)),
             nominal=nominal,
             body=body,
-            tilt_rad=x[of.tilt],
-            covariance=fit.covariance[: of.arm, : of.arm] * turn[:, None] * turn,
-            drift=fit.runs[0].change_deviation.reshape(PER_RUN, n),
-            noise_nm=fit.noise_nm,
+            tilt_rad=fit.value(TILT),
+            covariance=fit.covariance[: arm.size, : arm.size] * turn[:, None] * turn,
+            drift=fit.deviation[fit.problem.own(0)].reshape(CHANGES, n),
+            noise_nm=fit.noise_nm[0],
             correlation_s=fit.correlation
             * float(np.median(np.concatenate([np.diff(run.time_s) for run in self._rows]))),
-            level_nm=fit.level_nm,
+            level_nm=fit.problem.noise.greatest_nm,
             payloads=tuple(
                 CalibratedPayload(
                     name,
                     self._weighed[name].mass_kg if name in self._weighed else float("nan"),
-                    x[of.payload(name)],
-                    deviation[of.payload(name)],
+                    fit.value(PAYLOAD, name),
+                    deviation[fit.problem.place(PAYLOAD, name)],
                 )
-                for name in of.mountings
+                for name in fit.problem.mountings
             ),
             runs=tuple(
                 CalibratedRun(
                     name=name,
-                    mounting=run.mounting,
+                    mounting=used.mounting,
                     recorded=used.recorded or run_start_text(used.recording),
-                    residual_rms_nm=run.residual_rms_nm,
-                    off=run.off,
-                    friction_changes=run.changes.reshape(PER_RUN, n),
-                    influence=run.influence,
-                    rows=run.rows,
-                    struck=run.struck,
+                    residual_rms_nm=fit.deviates(index) * fit.noise_nm[0],
+                    off=float(np.sqrt(np.mean(fit.deviates(index) ** 2))),
+                    friction_changes=fit.own_value(FRICTION_CHANGE, index).reshape(CHANGES, n),
+                    influence=np.abs(fit.change_without(index)[arm.places[GAIN]]) / deviation[arm.places[GAIN]],
+                    rows=len(self._rows[index].time_s),
+                    struck=int(np.count_nonzero(fit.groups[index].struck)),
                 )
-                for name, used, run in zip(self._hashes(), self._used, fit.runs, strict=True)
+                for index, (name, used) in enumerate(zip(self._hashes(), self._used, strict=True))
             ),
             left_out=tuple(self._left_out),
             warnings=(*warnings, *self._undetermined(fit)),
@@ -425,13 +455,13 @@ class _Calibration:
             provenance=provenance,
         )
 
-    def _undetermined(self, fit: ArmFit) -> list[str]:
+    def _undetermined(self, fit: Posterior) -> list[str]:
         """Quantities that no run determines."""
         warnings = []
         still = self._peak <= _UNMOVED_RAD_S
         if still.any():
             warnings.append(f"no run moves {numbered_joints(still)}: gain and friction are as assumed.")
-        if not any(name in fit.unknowns.mountings for name in self._weighed):
+        if not any(name in fit.problem.mountings for name in self._weighed):
             warnings.append(
                 "no payload was weighed: only the ratios of the gains are identified, their common scale is that of "
                 "the nominal gains. Add a run with a weighed payload and its mass_kg."

@@ -11,10 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_model import Unknowns
-from armload_identification.calibration.arm_rows import sideways, tilt_axes
+from armload_identification.estimation.arm_rows import sideways, tilt_axes
+from armload_identification.estimation.arm_terms import (
+    COULOMB,
+    DELAY,
+    GAIN,
+    LINKS,
+    LOAD_FRICTION,
+    ROOT,
+    ROTORS,
+    TILT,
+    VISCOUS,
+    Layout,
+    known_arm_terms,
+)
 from armload_identification.estimation.empty_arm.body_fit import BodyFit
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.terms import Term
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.body_model import BodyModel, smooth_sign
@@ -181,8 +194,7 @@ class ArmCalibration:
 
     def _place(self, name: str) -> slice:
         """Indices of a part of the unknowns in the covariance."""
-        place: slice = getattr(Unknowns(self.n, int(np.count_nonzero(self.body.base)), ()), name)
-        return place
+        return Layout(self.n, int(np.count_nonzero(self.body.base))).places[name]
 
     @property
     def middle_speed_rad_s(self) -> FloatArray:
@@ -262,6 +274,22 @@ class ArmCalibration:
         size = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
         gravity = chain.gravity_m_s2 + size * self.tilt_rad @ tilt_axes(chain.gravity_m_s2)
         return Chain(chain.placement, chain.axis, chain.flange, size * gravity / np.sqrt(np.sum(gravity**2)))
+
+    def arm_terms(self) -> list[Term]:
+        """The terms of the arm, as known from the calibration; its gains as ratios of the nominal ones."""
+        body = self.body
+        values = {
+            GAIN: np.log(self.nominal / self.gain_nm_a),
+            LINKS: body.links.ravel()[body.base.ravel()],
+            ROTORS: body.rotor_inertia_kg_m2,
+            LOAD_FRICTION: body.load_friction,
+            COULOMB: body.coulomb_nm,
+            VISCOUS: body.viscous_nm_s_rad,
+            ROOT: body.root_nm,
+            DELAY: np.array([body.torque_delay_s]),
+            TILT: self.tilt_rad,
+        }
+        return known_arm_terms(values, "the calibration")
 
     def known_arm(self, chain: Chain) -> KnownArm:
         """The empty arm for an identification.

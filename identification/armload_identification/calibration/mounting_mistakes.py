@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_rows import RunSignals
 from armload_identification.calibration.run_contradictions import directions
+from armload_identification.estimation.arm_rows import RunSignals
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_rows import RunSignals
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.estimation.arm_rows import RunSignals
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates

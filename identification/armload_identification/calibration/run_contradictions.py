@@ -16,9 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_fit import ArmFit
-from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
-from armload_identification.calibration.arm_rows import ArmRows, RunSignals, arm_rows
+from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows
+from armload_identification.estimation.arm_terms import (
+    ARM_TERMS,
+    GAIN,
+    PAYLOAD,
+    known_arm_terms,
+    own_friction,
+    payload_term,
+)
+from armload_identification.estimation.problem import EMPTY, Group, Noise, Problem, RunRows
+from armload_identification.estimation.solve import Posterior, solve
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS
 
@@ -28,7 +36,6 @@ _EXPLAINED: Final = 0.4
 """A mistake explains a run if correcting it leaves at most this share of the residual."""
 _BETTER: Final = 0.7
 """A mistake is preferred to another payload if its residual is at most this share of the payload's."""
-_STEPS: Final = 6
 _SAME_SCALE: Final = 0.03
 _AS_IT_IS: Final = 0.3
 _LEAST_SCALE: Final = 0.01
@@ -58,7 +65,7 @@ class ArmKnowledge:
         peak_rad_s: (n,) greatest speeds.
     """
 
-    fit: ArmFit
+    fit: Posterior
     chain: Chain
     coupling: FloatArray
     base: NDArray[np.bool_]
@@ -94,7 +101,7 @@ def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | 
     Returns:
         One sentence.
     """
-    elsewhere = mounting in arm.fit.unknowns.mountings
+    elsewhere = mounting in arm.fit.problem.mountings
     said = _trial(arm, run, arm.chain, mounting) if mass_kg is None or elsewhere else _as_said(arm, run, mass_kg)
     off = said.off
     worst = int(np.argmax(off))
@@ -129,42 +136,27 @@ def _trial(
     The expected change of friction is `drift` times the usual one.
     """
     fit = arm.fit
-    known = mounting in fit.unknowns.mountings and not free
     loaded = bool(mounting) or free
-    of = Unknowns(fit.unknowns.n, fit.unknowns.base, (_ANY,) if loaded else ())
-    model = ArmModel(of, arm.coupling)
     rows = arm_rows(run, chain, arm.coupling, arm.base, arm.peak_rad_s, loaded=loaded)
-    x = np.zeros(of.size)
-    x[: of.arm] = fit.x[: of.arm]
-    if known and loaded:
-        x[of.arm :] = fit.x[fit.unknowns.payload(mounting)]
-    own = PER_RUN * of.n
-    count = own if known or not loaded else own + PARAMETERS
-    name = _ANY if loaded else ""
-    changes = np.zeros(own)
-    spread = drift * fit.runs[0].change_deviation
-    first = of.arm if count > own else of.size
-    prior = np.concatenate([np.full(count - own, _WIDE**-2.0), spread**-2.0])
-    weight = rows.weight / (fit.noise_nm * np.sqrt(fit.correlation))
-    for _ in range(_STEPS if loaded else 2):
-        derivatives = model.differentiate(rows, name, x, changes)
-        left = (rows.effort_nm - derivatives.predicted_nm) * weight
-        information, gradient = np.diag(prior), np.zeros(count)
-        gradient[count - own :] = -changes / spread**2
-        gradient[: count - own] = -x[first : of.size] / _WIDE**2
-        for axis, (columns, place) in enumerate(zip(derivatives.columns, derivatives.place, strict=True)):
-            inside = place >= first
-            rows_of = columns[:, inside] * weight[:, axis, None]
-            index = place[inside] - first
-            information[np.ix_(index, index)] += rows_of.T @ rows_of
-            gradient[index] += rows_of.T @ left[:, axis]
-        step = np.linalg.solve(information, gradient)
-        x[first : of.size] += step[: count - own]
-        changes = changes + step[count - own :]
-    predicted = model.predict(rows, name, x, changes)
-    off = _off(rows, predicted, fit.noise_nm)
-    fitted = count - own
-    return _Trial(rows, x[of.arm :], np.linalg.inv(information)[:fitted, :fitted], predicted, off)
+    terms = known_arm_terms({name: fit.value(name) for name in ARM_TERMS}, "the other runs")
+    if mounting in fit.problem.mountings and not free:
+        terms.append(payload_term(fit.value(PAYLOAD, mounting), np.zeros(PARAMETERS), "the other runs"))
+    else:
+        terms.append(payload_term(np.zeros(PARAMETERS), np.full(PARAMETERS, _WIDE), "any payload"))
+    terms.append(own_friction(drift * fit.deviation[fit.problem.own(0)], "as between the other runs"))
+    found = solve(
+        Problem(
+            terms,
+            [Group((RunRows(rows, _ANY if loaded else EMPTY),))],
+            Noise.given(fit.noise_nm[0], fit.correlation),
+            arm.coupling,
+        ),
+        rough=True,
+    )
+    theta = found.value(PAYLOAD, _ANY) if loaded else np.zeros(0)
+    place = found.problem.place(PAYLOAD, _ANY) if loaded else slice(0, 0)
+    predicted = rows.effort_nm - found.groups[0].residual_nm[0]
+    return _Trial(rows, theta, found.bread[place, place], predicted, found.deviates(0))
 
 
 def _as_said(arm: ArmKnowledge, run: RunSignals, mass_kg: float) -> _Trial:
@@ -172,22 +164,17 @@ def _as_said(arm: ArmKnowledge, run: RunSignals, mass_kg: float) -> _Trial:
     trial = _trial(arm, run, arm.chain, "", free=True)
     theta = trial.theta * mass_kg / max(float(trial.theta[0]), _LIGHT_KG)
     torque = trial.rows.payload @ (theta - trial.theta) @ arm.coupling
-    predicted = trial.predicted_nm + np.exp(arm.fit.x[arm.fit.unknowns.log_h]) * torque
-    return replace(trial, predicted_nm=predicted, off=_off(trial.rows, predicted, arm.fit.noise_nm))
-
-
-def _off(rows: ArmRows, predicted: FloatArray, noise_nm: FloatArray) -> FloatArray:
-    """(n,) weighted RMS of the residual, relative to the noise."""
-    return np.asarray(np.sqrt(np.mean(((rows.effort_nm - predicted) * rows.weight / noise_nm) ** 2, axis=0)))
+    predicted = trial.predicted_nm + np.exp(arm.fit.value(GAIN)) * torque
+    left = (trial.rows.effort_nm - predicted) * trial.rows.weight / arm.fit.noise_nm[0]
+    return replace(trial, predicted_nm=predicted, off=np.sqrt(np.mean(left**2, axis=0)))
 
 
 def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | None) -> Iterator[tuple[_Trial, str]]:
     """All possible mistakes, each with the run tested after its correction."""
     trial = _trial(arm, run, arm.chain, mounting, free=True)
-    of = arm.fit.unknowns
     elsewhere = None
-    if mounting in of.mountings:
-        place = of.payload(mounting)
+    if mounting in arm.fit.problem.mountings:
+        place = arm.fit.problem.place(PAYLOAD, mounting)
         elsewhere = _Carried(arm.fit.x[place], arm.fit.covariance[place, place])
     yield trial, _payload_text(_Carried(trial.theta, trial.covariance), mounting, mass_kg, elsewhere)
     yield _scaled(arm, run, mounting)

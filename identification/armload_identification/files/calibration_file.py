@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_model import Unknowns
 from armload_identification.calibration.calibration_result import ArmCalibration, CalibratedPayload, CalibratedRun
+from armload_identification.estimation.arm_terms import Layout
 from armload_identification.files.covariance_table import require_covariance
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import CalibrationFileError, ModelError
@@ -149,7 +149,7 @@ class _CalibrationFile(Table):
         require_shape("body.rotor_inertia_kg_m2", self.body.rotor_inertia_kg_m2, (n,))
         require_shape("body.coupling", self.body.coupling, (n, n))
         require_shape("body.tilt_rad", self.body.tilt_rad, (2,))
-        size = Unknowns(n, int(np.count_nonzero(self.body.base)), ()).arm
+        size = Layout(n, int(np.count_nonzero(self.body.base))).size
         require_shape("uncertainty.covariance", self.uncertainty.covariance, (size, size))
         for index, payload in enumerate(self.payloads, 1):
             for key in ("theta", "deviation"):

@@ -9,11 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.calibration import arm_fit, mounting_mistakes, run_contradictions
 from armload_identification.calibration import calibrate_arm as calibrate_module
-from armload_identification.calibration.arm_rows import run_signals, tilt_axes
+from armload_identification.calibration import mounting_mistakes, run_contradictions
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.calibration.run_health import run_health
+from armload_identification.estimation import solve as solve_module
+from armload_identification.estimation.arm_rows import run_signals, tilt_axes
 from armload_identification.identification_errors import EstimationError, ModelError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
@@ -312,16 +313,16 @@ def test_a_rough_fit_that_goes_to_and_fro_says_nothing_about_the_mounting(
     runs, weighed, pinocchio_arm, nominal, monkeypatch
 ):
     """Mountings are compared only by the rough fit's residual, which remains valid."""
-    fit, rough = calibrate_module.fit_arm, []
+    fit, rough = solve_module.solve, []
 
     def restless(*arguments, **options):
         with monkeypatch.context() as patch:
             if not rough:
-                patch.setattr(arm_fit, "_SETTLED", -1.0)
+                patch.setattr(solve_module, "SETTLED", -1.0)
             rough.append(options.get("rough", False))
             return fit(*arguments, **options)
 
-    monkeypatch.setattr(calibrate_module, "fit_arm", restless)
+    monkeypatch.setattr(calibrate_module, "solve", restless)
     assert calibrated(runs, weighed, pinocchio_arm, nominal).left_out == ()
     assert rough[0]
     assert not rough[-1]
@@ -454,9 +455,9 @@ def test_a_joint_that_never_moves_keeps_its_gain_and_is_named(pinocchio_arm, nom
 
     def counted(*given, **how):
         rough.append(how.get("rough", False))
-        return arm_fit.fit_arm(*given, **how)
+        return solve_module.solve(*given, **how)
 
-    monkeypatch.setattr(calibrate_module, "fit_arm", counted)
+    monkeypatch.setattr(calibrate_module, "solve", counted)
     made = []
     for seed in (3, 4):
         trajectory = pinocchio_arm.trajectory(seed, period_s=10.0)

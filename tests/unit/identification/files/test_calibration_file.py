@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armload_identification.calibration.arm_model import Unknowns
+from armload_identification.estimation.arm_terms import Layout
 from armload_identification.files.calibration_file import (
     format_calibration,
     parse_calibration,
@@ -64,23 +64,25 @@ def test_a_wrong_file_is_refused_by_key(text, old, new, said):
 
 
 def test_the_covariance_has_a_row_for_every_unknown_of_the_arm(calibration, text):
-    of = Unknowns(calibration.n, int(calibration.body.base.sum()), ())
-    assert calibration.covariance.shape == (of.arm, of.arm)
+    of = Layout(calibration.n, int(calibration.body.base.sum()))
+    assert calibration.covariance.shape == (of.size, of.size)
     less = replace(calibration, covariance=calibration.covariance[:-1, :-1])
-    with pytest.raises(CalibrationFileError, match=rf"uncertainty\.covariance .* {of.arm}"):
+    with pytest.raises(CalibrationFileError, match=rf"uncertainty\.covariance .* {of.size}"):
         parse_calibration(format_calibration(less))
 
 
 def test_deviations_are_found_where_the_layout_puts_them(calibration):
-    of = Unknowns(calibration.n, int(calibration.body.base.sum()), ())
-    numbered = replace(calibration, covariance=np.diag(np.arange(of.arm) ** 2.0))
+    of = Layout(calibration.n, int(calibration.body.base.sum()))
+    numbered = replace(calibration, covariance=np.diag(np.arange(of.size) ** 2.0))
     # The order of existing files.
     parts = ("log_h", "links", "rotors", "load", "coulomb", "viscous", "root", "delay", "tilt")
-    assert [getattr(of, name).start for name in parts] == [0, *(getattr(of, name).stop for name in parts[:-1])]
+    assert [of.places[name].start for name in parts] == [0, *(of.places[name].stop for name in parts[:-1])]
     for name in parts:
-        np.testing.assert_array_equal(numbered.deviation(name), np.arange(of.arm)[getattr(of, name)])
+        np.testing.assert_array_equal(numbered.deviation(name), np.arange(of.size)[of.places[name]])
     np.testing.assert_array_equal(numbered.gain_deviation, numbered.deviation("log_h"))
-    np.testing.assert_array_equal(numbered.links_covariance, numbered.covariance[of.links, of.links])
+    np.testing.assert_array_equal(
+        numbered.links_covariance, numbered.covariance[of.places["links"], of.places["links"]]
+    )
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.calibration.arm_rows import arm_rows, run_signals
+from armload_identification.estimation.arm_rows import arm_rows, run_signals
 from armload_identification.model.payload import InertialParameters
 from tests.unit.conftest import LINK_KG
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache, partial
 from typing import Final
 
@@ -161,6 +161,16 @@ class ArmRows:
     def n(self) -> int:
         """Number of joints."""
         return int(self.effort_nm.shape[1])
+
+    def only(self, kept: NDArray[np.bool_]) -> ArmRows:
+        """Some of the rows.
+
+        Args:
+            kept: (N,) True for these.
+        """
+        sides = {part.name: getattr(self, part.name)[:, kept] for part in fields(self) if part.name.endswith("_tilt")}
+        rest = [part.name for part in fields(self) if part.name not in {"name", *sides}]
+        return replace(self, **sides, **{name: getattr(self, name)[kept] for name in rest})
 
 
 def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:

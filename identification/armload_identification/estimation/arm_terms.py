@@ -1,0 +1,226 @@
+"""The terms of an arm and their priors: wide for what the runs determine, narrow where physics or a scale informs.
+
+    y = h C^T [tau + mu s |tau| + Fc s + Fv dq + Fs s sqrt|dq| + (changes of the run)] + h I_r C^-1 ddq,
+    tau = Y(q, dq, ddq) beta + Phi(q, dq, ddq) theta,      h = nominal gain / gain
+
+with s the direction of motion. Common to all runs are log h, the links' base parameters beta, the rotors I_r, mu,
+friction, one delay of the torque and two tilt angles of the base; common to the runs of one mounting are the ten
+parameters theta. Every run has its own changes of Coulomb and viscous friction, which drift as an arm warms up, and of
+the offset.
+
+No number is specific to one arm. A joint's friction drifts between runs by shares of itself: over weeks, the changes of
+the UR10e's six joints had similar shares of the friction at half the greatest speed, 1.8 % in Coulomb friction, 5.5 %
+in viscous friction and 0.55 % in offset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.arm_rows import ArmRows
+from armload_identification.estimation.terms import Joint, Law, Load, Motor, Scope, Shared, Term, Values
+from armload_identification.model.chain import Chain
+from armload_identification.model.regressor import PARAMETERS
+
+CHANGES: Final = 3
+"""Changes of a run's friction per joint: Coulomb, viscous, offset."""
+GAIN, LINKS, ROTORS, LOAD_FRICTION = "log_h", "links", "rotors", "load"
+COULOMB, VISCOUS, ROOT, DELAY, TILT = "coulomb", "viscous", "root", "delay", "tilt"
+PAYLOAD, FRICTION_CHANGE = "payload", "friction change"
+ARM_TERMS: Final = (GAIN, LINKS, ROTORS, LOAD_FRICTION, COULOMB, VISCOUS, ROOT, DELAY, TILT)
+"""In the order of a calibration's covariance. Its file does not name them: in another order, existing files would be
+read wrongly."""
+GAIN_DEVIATION: Final = 0.05
+"""Relative standard deviation of a nominal gain."""
+TILT_DEVIATION_RAD: Final = float(np.radians(0.5))
+"""Standard deviation of each tilt angle of the base."""
+DELAY_DEVIATION_S: Final = 0.02
+LOAD_MEAN: Final = 0.05
+"""Mean and standard deviation of mu: gears lose 0 to 15 % of their load."""
+WIDE: Final = 10.0
+"""Standard deviation of other parameters, in multiples of the value that alone would explain a joint's torque."""
+HAND_M: Final = 0.1
+TOOL_M: Final = 0.5
+"""Size of an arm's last link, and of a payload."""
+DRIFT: Final = np.array([0.018, 0.055, 0.0055])
+"""Standard deviation of a run's Coulomb, viscous and offset changes, as shares of the joint's friction."""
+LEAST_FRICTION: Final = 0.01
+"""Least friction, as a share of the joint's torque."""
+_ZERO: Final = 1e-9
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Places of an arm's terms in the covariance of a calibration.
+
+    Attributes:
+        n: Number of joints.
+        base: Number of base parameters of the links.
+    """
+
+    n: int
+    base: int
+    places: dict[str, slice] = field(init=False)
+
+    def __post_init__(self) -> None:
+        sizes = dict.fromkeys(ARM_TERMS, self.n) | {LINKS: self.base, DELAY: 1, TILT: 2}
+        ends = np.cumsum([0, *sizes.values()]).tolist()
+        places = {name: slice(*ends[i : i + 2]) for i, name in enumerate(sizes)}
+        object.__setattr__(self, "places", places)
+
+    @property
+    def size(self) -> int:
+        """Number of all values."""
+        return int(self.places[TILT].stop)
+
+
+def _links(rows: ArmRows) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return rows.links, rows.links_rate, rows.links_tilt
+
+
+def _payload(rows: ArmRows) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return rows.payload, rows.payload_rate, rows.payload_tilt
+
+
+def _load_friction(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return (rows.direction * np.abs(carried_nm))[None], (rows.direction * np.sign(carried_nm))[None]
+
+
+def _coulomb(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
+    return rows.direction[None], None
+
+
+def _viscous(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
+    return rows.velocity_rad_s[None], None
+
+
+def _root(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
+    return rows.root[None], None
+
+
+def _friction_change(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
+    return np.stack([rows.direction, rows.velocity_rad_s, np.ones_like(rows.direction)]), None
+
+
+def _rotors(rows: ArmRows) -> tuple[FloatArray, FloatArray]:
+    return rows.axis_acceleration_rad_s2, rows.axis_jerk_rad_s3
+
+
+LAWS: Final[dict[str, Law]] = {
+    GAIN: Shared.GAIN,
+    LINKS: Load(_links),
+    ROTORS: Motor(_rotors),
+    LOAD_FRICTION: Joint(_load_friction),
+    COULOMB: Joint(_coulomb),
+    VISCOUS: Joint(_viscous),
+    ROOT: Joint(_root),
+    DELAY: Shared.DELAY,
+    TILT: Shared.TILT,
+}
+
+
+def arm_terms(runs: Sequence[ArmRows], chain: Chain, base: NDArray[np.bool_], peak_rad_s: FloatArray) -> list[Term]:
+    """The terms of an arm of which nothing is known but its kinematics and nominal gains.
+
+    Args:
+        runs: All runs, whose torques and motions set the scale.
+        chain: The arm.
+        base: (10 n,) True for the base parameters of the links.
+        peak_rad_s: (n,) greatest speeds.
+    """
+    n, level = chain.n, effort_level(runs)
+    speed = np.maximum(_rms(runs, "velocity_rad_s"), _ZERO)
+    reach = float(np.sum(np.sqrt(np.sum(chain.placement[:, :3, 3] ** 2, axis=1)))) + HAND_M
+    gravity = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
+    mass = WIDE * float(level.max()) / (gravity * reach)
+    wide = "ten times what alone would explain the torque"
+    zero = np.zeros(n)
+    # A rotor that cannot be separated from a link is determined, poorly, only by the gear's friction: with a wide prior
+    # link and rotor would diverge in opposite directions.
+    rotors = level / np.maximum(_rms(runs, "axis_acceleration_rad_s2"), _ZERO)
+    priors: dict[str, tuple[FloatArray, FloatArray, str]] = {
+        GAIN: (zero, np.full(n, GAIN_DEVIATION), "catalogue values of torque constants"),
+        LINKS: (np.zeros(int(np.count_nonzero(base))), np.tile(_body(mass, reach), n)[base], wide),
+        ROTORS: (zero, rotors, "a rotor that alone would explain the torque"),
+        LOAD_FRICTION: (np.full(n, LOAD_MEAN), np.full(n, LOAD_MEAN), "gears lose 0 to 15 % of their load"),
+        COULOMB: (zero, WIDE * level, wide),
+        VISCOUS: (zero, WIDE * level / speed, wide),
+        ROOT: (zero, WIDE * level / np.sqrt(speed), wide),
+        DELAY: (np.zeros(1), np.array([DELAY_DEVIATION_S]), "some cycles of a drive"),
+        TILT: (np.zeros(2), np.full(2, TILT_DEVIATION_RAD), "a base set up with a spirit level"),
+    }
+    terms = [Term(name, Scope.ARM, LAWS[name], *priors[name]) for name in ARM_TERMS]
+    body = payload_term(np.zeros(PARAMETERS), _body(mass, TOOL_M), wide)
+    return [*terms, body, friction_change(level, peak_rad_s)]
+
+
+def friction_change(level_nm: FloatArray, peak_rad_s: FloatArray) -> Term:
+    """A run's own changes of friction, shares of the joint's friction at half its greatest speed.
+
+    Args:
+        level_nm: (n,) RMS torque.
+        peak_rad_s: (n,) greatest speeds.
+    """
+    speed = np.maximum(0.5 * peak_rad_s, _ZERO)
+
+    def shares(arm: Values) -> FloatArray:
+        friction = np.abs(arm[COULOMB] + arm[ROOT] * np.sqrt(speed) + arm[VISCOUS] * speed)
+        friction = np.maximum(friction, LEAST_FRICTION * level_nm)
+        return np.asarray((DRIFT[:, None] * np.stack([friction, friction / speed, friction])).ravel())
+
+    start = shares(dict.fromkeys((COULOMB, ROOT, VISCOUS), np.zeros(level_nm.size)))
+    return own_friction(start, "changes between the UR10e's runs, as shares of its friction", shares)
+
+
+def own_friction(deviation: FloatArray, origin: str, rescaled: Callable[[Values], FloatArray] | None = None) -> Term:
+    """A run's own changes of Coulomb friction, viscous friction and offset.
+
+    Args:
+        deviation: (3 n,) standard deviations.
+        origin: Where they come from.
+        rescaled: As in `Term`.
+    """
+    law = Joint(_friction_change)
+    return Term(FRICTION_CHANGE, Scope.RUN, law, np.zeros(deviation.size), deviation, origin, rescaled)
+
+
+def known_arm_terms(values: Values, origin: str) -> list[Term]:
+    """The terms of an arm with known values.
+
+    Args:
+        values: Of all of them, by name.
+        origin: Where the values come from.
+    """
+    return [Term(name, Scope.ARM, LAWS[name], values[name], np.zeros(values[name].size), origin) for name in ARM_TERMS]
+
+
+def payload_term(mean: FloatArray, deviation: FloatArray, origin: str) -> Term:
+    """A payload.
+
+    Args:
+        mean: (10,) expected parameters.
+        deviation: (10,) their standard deviations.
+        origin: Where they come from.
+    """
+    return Term(PAYLOAD, Scope.MOUNTING, Load(_payload), mean, deviation, origin)
+
+
+def effort_level(runs: Sequence[ArmRows]) -> FloatArray:
+    """(n,) RMS axis torque of runs, as a scale."""
+    return np.maximum(_rms(runs, "effort_nm"), _ZERO)
+
+
+def _body(mass_kg: float, size_m: float) -> FloatArray:
+    """(10,) size of the parameters of a body."""
+    return mass_kg * np.array([1.0] + [size_m] * 3 + [size_m**2] * 6)
+
+
+def _rms(runs: Sequence[ArmRows], name: str) -> FloatArray:
+    """(n,) RMS over all rows."""
+    return np.asarray(np.sqrt(np.mean(np.vstack([getattr(run, name) for run in runs]) ** 2, axis=0)))

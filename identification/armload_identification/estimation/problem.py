@@ -1,0 +1,271 @@
+"""A problem: rows of runs, the terms that act on them, what else is known, and the noise.
+
+The unknowns are laid out in one vector: those that several runs share first, then each run's own, run by run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.arm_rows import ArmRows
+from armload_identification.estimation.terms import Placed, Scope, Term, TorqueModel
+
+EMPTY: Final = ""
+"""Mounting of a run without a payload."""
+ALONE: Final = np.eye(1)
+DIFFERENCE_AND_MEAN: Final = np.array([[1.0, -1.0], [0.5, 0.5]])
+"""Rows of two runs of one motion: the first without what both have in common."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunRows:
+    """The rows of a run and what it carried.
+
+    Attributes:
+        rows: Its rows.
+        mounting: Name of its payload; empty for an empty arm.
+    """
+
+    rows: ArmRows
+    mounting: str = EMPTY
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Runs whose rows are used together: one run, or g runs of one motion whose N rows are at equal phases.
+
+    Attributes:
+        runs: These runs.
+        mix: (g, g) the combinations of their rows that are fitted, each with a noise of its own.
+    """
+
+    runs: tuple[RunRows, ...]
+    mix: FloatArray = field(default_factory=lambda: ALONE)
+
+    @cached_property
+    def effort_nm(self) -> FloatArray:
+        """(g, N, n) combinations of the measured torque."""
+        return self.mixed(np.stack([run.rows.effort_nm for run in self.runs]))
+
+    @cached_property
+    def weight(self) -> FloatArray:
+        """(N, n) weight of a row, the least of its runs'."""
+        return np.asarray(np.min([run.rows.weight for run in self.runs], axis=0))
+
+    @property
+    def time_s(self) -> FloatArray:
+        """(N,) time of the rows."""
+        return self.runs[0].rows.time_s
+
+    def mixed(self, values: FloatArray) -> FloatArray:
+        """(g, N, ...) combinations of the runs' values.
+
+        Args:
+            values: (g, N, ...).
+        """
+        return values if len(self.runs) == 1 else np.tensordot(self.mix, values, axes=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """Knowledge of several terms together: a Gaussian over their values one after the other.
+
+    Attributes:
+        terms: Name of each term and the mounting it refers to, empty for a term of the arm.
+        precision: (k, k) inverse covariance.
+        target: (k,) precision times mean.
+    """
+
+    terms: tuple[tuple[str, str], ...]
+    precision: FloatArray
+    target: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Standard deviation of a row, and what is estimated of it.
+
+    Attributes:
+        start_nm: (n,) of an axis, far from reversals.
+        least_nm: (n,) its least value; the same as `greatest_nm` if it is known.
+        greatest_nm: (n,) its greatest value.
+        correlation: (n,) integrated autocorrelation in rows; None to estimate it.
+        robust: Whether outlying rows have less weight, and blows none.
+    """
+
+    start_nm: FloatArray
+    least_nm: FloatArray
+    greatest_nm: FloatArray
+    correlation: FloatArray | None = None
+    robust: bool = True
+
+    @classmethod
+    def unknown(cls, level_nm: FloatArray) -> Noise:
+        """Estimated from the residual, at most the torque itself.
+
+        Args:
+            level_nm: (n,) RMS torque.
+        """
+        return cls(level_nm, np.full_like(level_nm, 1e-12), level_nm)
+
+    @classmethod
+    def given(cls, noise_nm: FloatArray, correlation: FloatArray) -> Noise:
+        """Known, and no row is outlying: for a residual that is to be judged.
+
+        Args:
+            noise_nm: (n,) standard deviation.
+            correlation: (n,) integrated autocorrelation in rows.
+        """
+        return cls(noise_nm, noise_nm, noise_nm, correlation, robust=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What `solve` solves.
+
+    Attributes:
+        terms: All terms.
+        groups: All runs.
+        noise: Of their rows.
+        coupling: (n, n) C of the motors.
+        known: Knowledge of several terms together, in addition to the priors of each.
+    """
+
+    terms: Sequence[Term]
+    groups: Sequence[Group]
+    noise: Noise
+    coupling: FloatArray
+    known: Sequence[Known] = ()
+
+    @cached_property
+    def mountings(self) -> tuple[str, ...]:
+        """Names of all payloads, sorted."""
+        return tuple(sorted({run.mounting for group in self.groups for run in group.runs} - {EMPTY}))
+
+    @cached_property
+    def model(self) -> TorqueModel:
+        """Torque from the terms."""
+        return TorqueModel(self.coupling)
+
+    @cached_property
+    def _shared(self) -> dict[tuple[str, str], slice]:
+        """Places of the terms that runs share, by name and mounting."""
+        places, start = {}, 0
+        of_mountings = [(term, name) for name in self.mountings for term in self._of(Scope.MOUNTING)]
+        for term, key in [*((term, EMPTY) for term in self._of(Scope.ARM)), *of_mountings]:
+            places[term.name, key] = slice(start, start + term.mean.size)
+            start += term.mean.size
+        return places
+
+    @cached_property
+    def shared_size(self) -> int:
+        """Number of shared unknowns."""
+        return max((place.stop for place in self._shared.values()), default=0)
+
+    @cached_property
+    def own_size(self) -> int:
+        """Number of unknowns of each run's own."""
+        return sum(term.mean.size for term in self._of(Scope.RUN))
+
+    def own(self, group: int) -> slice:
+        """Place of the unknowns of a group's runs.
+
+        Args:
+            group: Its index.
+        """
+        before = sum(len(other.runs) for other in self.groups[:group])
+        start = self.shared_size + before * self.own_size
+        return slice(start, start + len(self.groups[group].runs) * self.own_size)
+
+    @cached_property
+    def size(self) -> int:
+        """Number of all unknowns."""
+        return self.shared_size + sum(len(group.runs) for group in self.groups) * self.own_size
+
+    def place(self, name: str, mounting: str = EMPTY) -> slice:
+        """Place of a shared term.
+
+        Args:
+            name: Its name.
+            mounting: The mounting it refers to; empty for a term of the arm.
+        """
+        return self._shared[name, mounting]
+
+    def own_place(self, name: str, group: int = 0, run: int = 0) -> slice:
+        """Place of a run's own term.
+
+        Args:
+            name: Its name.
+            group: Index of the run's group.
+            run: Index of the run in it.
+        """
+        start = self.own(group).start + run * self.own_size
+        for term in self._of(Scope.RUN):
+            if term.name == name:
+                break
+            start += term.mean.size
+        return slice(start, start + term.mean.size)
+
+    def acting(self, group: int) -> tuple[Placed, ...]:
+        """The terms that act on each run of a group.
+
+        Args:
+            group: Its index.
+        """
+        parts = []
+        for number, run in enumerate(self.groups[group].runs):
+            placed = [(term, self.place(term.name)) for term in self._of(Scope.ARM)]
+            if run.mounting:
+                placed += [(term, self.place(term.name, run.mounting)) for term in self._of(Scope.MOUNTING)]
+            placed += [(term, self.own_place(term.name, group, number)) for term in self._of(Scope.RUN)]
+            parts.append(tuple(placed))
+        return tuple(parts)
+
+    def prior(self, values: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Mean and standard deviation of all unknowns by their terms alone.
+
+        Args:
+            values: All unknowns, if priors that are shares of other values are to be adapted to them.
+        """
+        now = {} if values is None else {name: values[place] for (name, key), place in self._shared.items() if not key}
+        mean, deviation = np.zeros(self.size), np.zeros(self.size)
+        for term in self.terms:
+            spread = term.deviation if term.rescaled is None or values is None else term.rescaled(now)
+            for place in self._places(term):
+                mean[place], deviation[place] = term.mean, spread
+        return mean, deviation
+
+    @property
+    def adapts(self) -> bool:
+        """Whether noise, weights or priors change from step to step."""
+        estimated = self.noise.robust or bool((self.noise.least_nm < self.noise.greatest_nm).any())
+        return estimated or self.noise.correlation is None or any(term.rescaled for term in self.terms)
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """True for unknowns that are not known exactly."""
+        return np.asarray(self.prior()[1] > 0.0)
+
+    def without(self, group: int) -> Problem:
+        """The problem without a group.
+
+        Args:
+            group: Its index.
+        """
+        return replace(self, groups=[other for index, other in enumerate(self.groups) if index != group])
+
+    def _places(self, term: Term) -> list[slice]:
+        if term.scope is Scope.RUN:
+            runs = [(group, run) for group in range(len(self.groups)) for run in range(len(self.groups[group].runs))]
+            return [self.own_place(term.name, *run) for run in runs]
+        return [place for (name, _), place in self._shared.items() if name == term.name]
+
+    def _of(self, scope: Scope) -> list[Term]:
+        return [term for term in self.terms if term.scope is scope]
