@@ -364,7 +364,7 @@ class _Calibration:
         """Runs whose friction differs greatly from that of the others."""
         warnings = []
         for index, used in enumerate(self._used):
-            change = np.abs(fit.own_value(FRICTION_CHANGE, index) / fit.deviation[fit.problem.own(index)])
+            change = np.abs(fit.own_value(FRICTION_CHANGE, index) / fit.change_deviation)
             far = change.reshape(CHANGES, -1)[:2].max(axis=0)
             joint = int(np.argmax(far))
             if far[joint] > _FAR:
@@ -421,7 +421,7 @@ class _Calibration:
             body=body,
             tilt_rad=fit.value(TILT),
             covariance=fit.covariance[: arm.size, : arm.size] * turn[:, None] * turn,
-            drift=fit.deviation[fit.problem.own(0)].reshape(CHANGES, n),
+            drift=fit.change_deviation.reshape(CHANGES, n),
             noise_nm=fit.noise_nm[0],
             correlation_s=fit.correlation
             * float(np.median(np.concatenate([np.diff(run.time_s) for run in self._rows]))),

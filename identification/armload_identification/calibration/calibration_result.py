@@ -25,8 +25,8 @@ from armload_identification.estimation.arm_terms import (
     Layout,
     known_arm_terms,
 )
-from armload_identification.estimation.empty_arm.body_fit import BodyFit
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.terms import Term
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ModelError

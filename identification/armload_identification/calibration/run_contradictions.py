@@ -143,7 +143,7 @@ def _trial(
         terms.append(payload_term(fit.value(PAYLOAD, mounting), np.zeros(PARAMETERS), "the other runs"))
     else:
         terms.append(payload_term(np.zeros(PARAMETERS), np.full(PARAMETERS, _WIDE), "any payload"))
-    terms.append(own_friction(drift * fit.deviation[fit.problem.own(0)], "as between the other runs"))
+    terms.append(own_friction(drift * fit.change_deviation, "as between the other runs"))
     found = solve(
         Problem(
             terms,

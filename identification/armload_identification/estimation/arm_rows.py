@@ -27,6 +27,7 @@ from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.place_in_period import phases_per_period, whole_periods
 from armload_identification.signals.filters import low_pass
 from armload_identification.signals.joint_torque import Transmission, joint_torque
+from armload_identification.signals.motion import Motion
 from armload_identification.signals.periods import fold
 from armload_identification.signals.reversals import REVERSAL, TURN_OVER, moving_weights
 from armload_identification.signals.row_window import RowWindow
@@ -75,6 +76,17 @@ class RunSignals:
     usable: NDArray[np.bool_]
     periodic: bool
     from_torque: bool
+
+    @classmethod
+    def of_motion(cls, run: Motion, coupling: FloatArray, name: str) -> RunSignals:
+        """From the motion of a run.
+
+        Args:
+            run: Its motion and joint torque.
+            coupling: (n, n) C of the motors.
+            name: Name of the run in messages.
+        """
+        return cls(name, run.interval_s, *run.states, run.raw_nm @ coupling, run.valid, run.periodic, from_torque=False)
 
     @property
     def has_rows(self) -> bool:

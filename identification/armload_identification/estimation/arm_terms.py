@@ -15,8 +15,8 @@ in viscous friction and 0.55 % in offset.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -175,19 +175,19 @@ def friction_change(level_nm: FloatArray, peak_rad_s: FloatArray) -> Term:
         return np.asarray((DRIFT[:, None] * np.stack([friction, friction / speed, friction])).ravel())
 
     start = shares(dict.fromkeys((COULOMB, ROOT, VISCOUS), np.zeros(level_nm.size)))
-    return own_friction(start, "changes between the UR10e's runs, as shares of its friction", shares)
+    origin = "estimated from the runs; at first those between the UR10e's, as shares of its friction"
+    pooled = np.repeat(np.arange(CHANGES), level_nm.size)
+    return replace(own_friction(start, origin), rescaled=shares, pooled=pooled)
 
 
-def own_friction(deviation: FloatArray, origin: str, rescaled: Callable[[Values], FloatArray] | None = None) -> Term:
+def own_friction(deviation: FloatArray, origin: str) -> Term:
     """A run's own changes of Coulomb friction, viscous friction and offset.
 
     Args:
         deviation: (3 n,) standard deviations.
         origin: Where they come from.
-        rescaled: As in `Term`.
     """
-    law = Joint(_friction_change)
-    return Term(FRICTION_CHANGE, Scope.RUN, law, np.zeros(deviation.size), deviation, origin, rescaled)
+    return Term(FRICTION_CHANGE, Scope.RUN, Joint(_friction_change), np.zeros(deviation.size), deviation, origin)
 
 
 def known_arm_terms(values: Values, origin: str) -> list[Term]:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.empty_arm.body_fit import BodyFit
+from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.friction_columns import FrictionColumns, FrictionDifference, fit_with_friction
 from armload_identification.estimation.gain_columns import GainFit, fit_with_gains

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.empty_arm.body_fit import GREATEST_LOAD_FRICTION, BodyFit, fit_body
+from armload_identification.estimation.empty_arm.unloaded_arm import GREATEST_LOAD_FRICTION, BodyFit, fit_body
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.uncertainty import nuisance_deviation
 from armload_identification.model.body_model import BodyModel, smooth_sign

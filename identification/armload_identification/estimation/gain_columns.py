@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.empty_arm.body_fit import BodyFit
+from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.friction_columns import FrictionColumns, FrictionDifference
 from armload_identification.estimation.least_squares import Estimate, Prior, estimate
 from armload_identification.estimation.uncertainty import (

@@ -5,7 +5,7 @@ The unknowns are laid out in one vector: those that several runs share first, th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
@@ -228,17 +228,22 @@ class Problem:
             parts.append(tuple(placed))
         return tuple(parts)
 
-    def prior(self, values: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+    def prior(
+        self, values: FloatArray | None = None, factors: Mapping[str, FloatArray] | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Mean and standard deviation of all unknowns by their terms alone.
 
         Args:
             values: All unknowns, if priors that are shares of other values are to be adapted to them.
+            factors: Estimated factors on the standard deviations of pooled terms, by name.
         """
         now = {} if values is None else {name: values[place] for (name, key), place in self._shared.items() if not key}
         mean, deviation = np.zeros(self.size), np.zeros(self.size)
         for term in self.terms:
             spread = term.deviation if term.rescaled is None or values is None else term.rescaled(now)
-            for place in self._places(term):
+            if factors is not None and term.pooled is not None:
+                spread = spread * factors[term.name][term.pooled]
+            for place in self.places(term):
                 mean[place], deviation[place] = term.mean, spread
         return mean, deviation
 
@@ -261,7 +266,12 @@ class Problem:
         """
         return replace(self, groups=[other for index, other in enumerate(self.groups) if index != group])
 
-    def _places(self, term: Term) -> list[slice]:
+    def places(self, term: Term) -> list[slice]:
+        """All places of a term.
+
+        Args:
+            term: One of `terms`.
+        """
         if term.scope is Scope.RUN:
             runs = [(group, run) for group in range(len(self.groups)) for run in range(len(self.groups[group].runs))]
             return [self.own_place(term.name, *run) for run in runs]

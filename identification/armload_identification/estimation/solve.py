@@ -3,9 +3,14 @@
 Each run's own unknowns are eliminated group by group: the cost is linear in the number of runs, and each group's
 contribution remains available, which shows runs that contradict the others.
 
+A run's own unknowns differ between runs by a standard deviation that is estimated with them, by restricted maximum
+likelihood: with x of prior standard deviation s and posterior variance v,
+
+    s^2 = (sum x^2 + nu s_0^2) / (gamma + nu),      gamma = count - sum v / s^2
+
 Rows are weighted by the speed of the joint and by Huber's function; their variance is that of the residual times its
-integrated autocorrelation. Rows close to a blow to the arm are excluded on all joints. A group that deviates as a whole
-has less weight, so that the others dominate.
+integrated autocorrelation, corrected for what the unknowns absorbed of it. Rows close to a blow to the arm are excluded
+on all joints. A group that deviates as a whole has less weight, so that the others dominate.
 
 The covariance is a sandwich over blocks of 5 s, averaged with the model's own covariance if there are few blocks, times
 the square of 1.25: without this factor, halves of the UR10e's data differ by an rms z of 1.24.
@@ -52,6 +57,11 @@ SHORTEST_STEP: Final = 0.01
 """Shortest share of a step: full steps of poorly determined unknowns could oscillate across the kink of |tau|."""
 LARGEST_STEP: Final = 0.3
 """Largest change of the logarithm of a gain in one iteration."""
+PRIOR_FREEDOM: Final = 0.02
+"""nu: degrees of freedom of what a term states of its standard deviation. With 0.5 it determines the result of a pair;
+with 0 a standard deviation that the data do not show becomes 0."""
+LEAST_LEFT: Final = 0.25
+"""Least share of the noise that is assumed to be left in the residual: four times as many rows as unknowns."""
 _ZERO: Final = 1e-12
 _ROUNDING: Final = 1e-13
 
@@ -67,6 +77,7 @@ class Eliminated:
         own_step: (o,) step of its own unknowns if the shared ones do not change.
         own_gradient: (o,) gradient of its own unknowns.
         own_covariance: (o, o) of its own unknowns if the shared ones are known.
+        axes: Information of each axis and combination alone.
     """
 
     information: FloatArray
@@ -75,6 +86,17 @@ class Eliminated:
     own_step: FloatArray
     own_gradient: FloatArray
     own_covariance: FloatArray
+    axes: Sequence[AxisInformation]
+
+    def covariance(self, bread: FloatArray) -> FloatArray:
+        """(s + o, s + o) covariance of shared and own unknowns.
+
+        Args:
+            bread: (s, s) that of the shared ones.
+        """
+        across = -bread @ self.follow.T
+        own = self.own_covariance - self.follow @ across
+        return np.block([[bread, across], [across.T, own]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,16 +104,32 @@ class WeightedRows:
     """Weighted rows of an axis in a group.
 
     Attributes:
+        combination: Number of the combination of the group's runs.
+        axis: Number of the axis.
         rows: (N, k) derivatives.
         target: (N,) residual.
         place: (k,) indices of the unknowns, the group's own after the shared ones.
-        time_s: (N,) time.
     """
 
+    combination: int
+    axis: int
     rows: FloatArray
     target: FloatArray
     place: NDArray[np.intp]
-    time_s: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class AxisInformation:
+    """Information of the rows of an axis; attributes as of `WeightedRows`.
+
+    Attributes:
+        information: (k, k).
+    """
+
+    combination: int
+    axis: int
+    place: NDArray[np.intp]
+    information: FloatArray
 
 
 @dataclass(eq=False)
@@ -168,6 +206,16 @@ class Posterior:
             run: Index of the run in it.
         """
         return np.asarray(self.x[self.problem.own_place(name, group, run)])
+
+    @cached_property
+    def change_deviation(self) -> FloatArray:
+        """(o,) standard deviations of the own unknowns of another run: those of these runs, but not below the stated.
+
+        A few runs of one hour say little about other days.
+        """
+        own = self.problem.own(0)
+        own = slice(own.start, own.start + self.problem.own_size)
+        return np.maximum(self.deviation[own], self.problem.prior(self.x)[1][own])
 
     @cached_property
     def bread(self) -> FloatArray:
@@ -293,6 +341,9 @@ class _Solver:
     def __init__(self, problem: Problem) -> None:
         self._problem, self._model = problem, problem.model
         self._shared = problem.shared_size
+        self._factors = {
+            term.name: np.ones(int(term.pooled.max()) + 1) for term in problem.terms if term.pooled is not None
+        }
         mean, self._deviation = problem.prior()
         self._mean, self._x = mean, mean.copy()
         self._free = problem.free
@@ -318,11 +369,14 @@ class _Solver:
 
     def step(self) -> float:
         """One step of all unknowns, shortened until the fit improves; returns its size in standard deviations."""
-        eliminated = [self._eliminated(index)[0] for index in range(len(self._groups))]
+        eliminated = [self._eliminated(index) for index in range(len(self._groups))]
         information, gradient = self._prior_equations()
         information = information + np.sum([part.information for part in eliminated], axis=0)
         gradient = gradient + np.sum([part.gradient for part in eliminated], axis=0)
         step = _solved(information, gradient)
+        bread = _solved(information, np.eye(len(information)))
+        self._covariances = [part.covariance(bread) for part in eliminated]
+        self._absorb(eliminated)
         whole = np.zeros_like(self._x)
         whole[self._shared_free] = step
         for index, part in enumerate(eliminated):
@@ -359,7 +413,37 @@ class _Solver:
                 relative = _relative(state, self._noise[: len(state.residual_nm)])
                 state.trust = 1.0 / max(float(relative.max()) / DEVIATES, 1.0) ** 2
         if rough:
-            self._mean, self._deviation = self._problem.prior(self._x)
+            self._pool()
+            self._mean, self._deviation = self._problem.prior(self._x, self._factors)
+
+    def _pool(self) -> None:
+        """Update the factors on the standard deviations of pooled terms."""
+        if not self._factors:
+            return
+        variance, shared = np.zeros_like(self._x), self._shared_free.size
+        for index, covariance in enumerate(self._covariances):
+            variance[self._shared_free] = np.diag(covariance)[:shared]
+            variance[self._own_free(index)] = np.diag(covariance)[shared:]
+        stated = self._problem.prior(self._x)[1]
+        for term in self._problem.terms:
+            if term.pooled is None:
+                continue
+            places = self._problem.places(term)
+            size = np.stack([(self._x[place] - term.mean) / stated[place] for place in places])
+            known = np.stack([variance[place] / self._deviation[place] ** 2 for place in places])
+            for number in range(len(self._factors[term.name])):
+                values = term.pooled == number
+                freedom = float(np.sum(1.0 - known[:, values])) + PRIOR_FREEDOM
+                square = (float(np.sum(size[:, values] ** 2)) + PRIOR_FREEDOM) / freedom
+                self._factors[term.name][number] = np.sqrt(square)
+
+    def _absorb(self, eliminated: Sequence[Eliminated]) -> None:
+        """Count the independent rows of every combination and axis that the unknowns absorb."""
+        self._absorbed = np.zeros_like(self._noise)
+        for part, covariance in zip(eliminated, self._covariances, strict=True):
+            for axis in part.axes:
+                share = float(np.sum(axis.information * covariance[np.ix_(axis.place, axis.place)]))
+                self._absorbed[axis.combination, axis.axis] += share
 
     def _weigh_axis(self, combination: int, axis: int, parts: Sequence[tuple[GroupState, FloatArray]]) -> None:
         """Update noise and autocorrelation of an axis."""
@@ -370,6 +454,8 @@ class _Solver:
         if moving.size < LAGS:
             return
         found, bound = _clipped_rms(moving)
+        rows = moving.size / self._correlation[axis]
+        found /= np.sqrt(max(1.0 - self._absorbed[combination, axis] / rows, LEAST_LEFT))
         self._noise[combination, axis] = np.clip(found, noise.least_nm[axis], noise.greatest_nm[axis])
         if noise.correlation is None:
             self._correlation[axis] = _integrated([part[:, axis] for _, part in parts], bound)
@@ -381,16 +467,15 @@ class _Solver:
         information = meat.copy()
         shared = self._shared_free.size
         for index in range(len(self._groups)):
-            part, weighted = self._eliminated(index)
+            part, weighted = self._eliminated(index), self._weighted(index)
             parts.append(part)
             information += part.information
-            time_s = self._groups[index].group.time_s
-            block = np.asarray(time_s / BLOCK_S, dtype=np.intp)
+            block = np.asarray(self._groups[index].group.time_s / BLOCK_S, dtype=np.intp)
             own = self._own_free(index)
             sums = np.zeros((int(block.max()) + 1, shared + own.size))
             for axis in weighted:
                 gathered = np.zeros((len(sums), axis.place.size))
-                np.add.at(gathered, np.asarray(axis.time_s / BLOCK_S, dtype=np.intp), axis.rows * axis.target[:, None])
+                np.add.at(gathered, block, axis.rows * axis.target[:, None])
                 sums[:, axis.place] += gathered
             ahead = sums[:, :shared] - sums[:, shared:] @ part.follow
             meat += ahead.T @ ahead + (part.follow.T * self._deviation[own] ** -2.0) @ part.follow
@@ -407,7 +492,7 @@ class _Solver:
             steps=steps,
             groups=tuple(self._groups),
             eliminated=tuple(parts),
-            weighted_rows=lambda index: self._eliminated(index)[1],
+            weighted_rows=self._weighted,
         )
 
     def _update(self) -> None:
@@ -444,29 +529,31 @@ class _Solver:
         own = self._problem.own(index)
         return np.asarray(own.start + np.flatnonzero(self._free[own]), dtype=np.intp)
 
-    def _eliminated(self, index: int) -> tuple[Eliminated, list[WeightedRows]]:
-        """A group's normal equations with its own unknowns eliminated, and its weighted rows."""
+    def _eliminated(self, index: int) -> Eliminated:
+        """A group's normal equations with its own unknowns eliminated."""
         own = self._own_free(index)
         shared = self._shared_free.size
-        where = np.full(self._problem.size, -1, dtype=np.intp)
-        where[self._shared_free], where[own] = np.arange(shared), shared + np.arange(own.size)
         information, gradient = np.zeros((shared + own.size, shared + own.size)), np.zeros(shared + own.size)
-        weighted = self._weighted(index, where)
-        for axis in weighted:
-            information[np.ix_(axis.place, axis.place)] += axis.rows.T @ axis.rows
+        axes = []
+        for axis in self._weighted(index):
+            of_axis = AxisInformation(axis.combination, axis.axis, axis.place, axis.rows.T @ axis.rows)
+            axes.append(of_axis)
+            information[np.ix_(axis.place, axis.place)] += of_axis.information
             gradient[axis.place] += axis.rows.T @ axis.target
         at = shared + np.arange(own.size)
         information[at, at] += self._deviation[own] ** -2.0
         gradient[at] += (self._mean - self._x)[own] / self._deviation[own] ** 2
-        return _eliminate(information, gradient, shared), weighted
+        return _eliminate(information, gradient, shared, axes)
 
-    def _weighted(self, index: int, where: NDArray[np.intp]) -> list[WeightedRows]:
-        """Weighted rows of every axis and combination."""
-        state = self._groups[index]
+    def _weighted(self, index: int) -> list[WeightedRows]:
+        """Weighted rows of every axis and combination of a group."""
+        state, own = self._groups[index], self._own_free(index)
+        shared = self._shared_free.size
+        where = np.full(self._problem.size, -1, dtype=np.intp)
+        where[self._shared_free], where[own] = np.arange(shared), shared + np.arange(own.size)
         runs = zip(state.torque, self._acting[index], strict=True)
         found = [self._model.derivatives(torque, placed) for torque, placed in runs]
         weight = self._row_weights(state)
-        time_s = state.group.time_s
         weighted = []
         for axis in range(weight.shape[2]):
             columns, place = _joined([(run.columns[axis], run.place[axis]) for run in found])
@@ -476,7 +563,7 @@ class _Solver:
             for combination, rows in enumerate(mixed):
                 of_rows = weight[combination, :, axis]
                 target = state.residual_nm[combination, :, axis] * of_rows
-                weighted.append(WeightedRows(rows * of_rows[:, None], target, place[kept], time_s))
+                weighted.append(WeightedRows(combination, axis, rows * of_rows[:, None], target, place[kept]))
         return weighted
 
 
@@ -521,12 +608,14 @@ def _joined(parts: Sequence[tuple[FloatArray, NDArray[np.intp]]]) -> tuple[Float
     return joined, place
 
 
-def _eliminate(information: FloatArray, gradient: FloatArray, shared: int) -> Eliminated:
+def _eliminate(
+    information: FloatArray, gradient: FloatArray, shared: int, axes: Sequence[AxisInformation]
+) -> Eliminated:
     """Schur complement: the shared unknowns with the group's own eliminated."""
     own = len(gradient) - shared
     if not own:
         nothing = np.zeros((0, shared))
-        return Eliminated(information, gradient, nothing, np.zeros(0), np.zeros(0), np.zeros((0, 0)))
+        return Eliminated(information, gradient, nothing, np.zeros(0), np.zeros(0), np.zeros((0, 0)), axes)
     right = np.column_stack([information[shared:, :shared], gradient[shared:], np.eye(own)])
     solution = _solved(information[shared:, shared:], right)
     follow, own_step, inverse = solution[:, :shared], solution[:, shared], solution[:, shared + 1 :]
@@ -537,6 +626,7 @@ def _eliminate(information: FloatArray, gradient: FloatArray, shared: int) -> El
         own_step,
         gradient[shared:],
         inverse,
+        axes,
     )
 
 

@@ -92,6 +92,8 @@ class Term:
         deviation: (k,) their standard deviations; 0 where a value is known exactly, inf where nothing is known.
         origin: Where the standard deviation comes from.
         rescaled: The (k,) standard deviations for other values of the arm's terms, if they are shares of these.
+        pooled: (k,) number, from 0, of the factor on its standard deviation that is estimated from all values with the
+            same number; None if the standard deviations are as given.
     """
 
     name: str
@@ -101,6 +103,7 @@ class Term:
     deviation: FloatArray
     origin: str
     rescaled: Callable[[Values], FloatArray] | None = None
+    pooled: NDArray[np.intp] | None = None
 
 
 @dataclass(frozen=True, eq=False)

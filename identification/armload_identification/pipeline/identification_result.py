@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
-from armload_identification.estimation.empty_arm.body_fit import BodyFit
 from armload_identification.estimation.empty_arm.impacts import struck_samples
+from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.friction_columns import FrictionDifference
 from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.least_squares import Estimate, Prior

@@ -15,8 +15,8 @@ from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
-from armload_identification.estimation.empty_arm.body_fit import BodyFit
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.estimators import fit_payload
 from armload_identification.estimation.friction_columns import unloaded_body

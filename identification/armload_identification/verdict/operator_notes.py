@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_identification.estimation.empty_arm.body_fit import BodyFit
+from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.friction_columns import FrictionDifference
 from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.least_squares import Estimate

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.empty_arm.body_fit import BodyFit
+from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.reading_options import Effort
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.empty_arm.body_fit import BodyFit
+from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import smooth_sign

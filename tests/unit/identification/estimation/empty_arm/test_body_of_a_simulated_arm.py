@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_identification.estimation.empty_arm.body_fit import fit_body
+from armload_identification.estimation.empty_arm.unloaded_arm import fit_body
 from armload_identification.signals.motion import motion_of
 from benchmarks.arms.setups import Twin, shipped_motion, twin_spec
 from benchmarks.arms.simulated_recordings import DriveScales, record
