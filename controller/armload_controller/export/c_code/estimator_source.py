@@ -1,7 +1,7 @@
 """The recursive estimator for one calibrated arm: straight-line regressor and link torques, with the core's update.
 
-The update is the core's own source (`armload_core/source/estimator/`) with the arm's prefix in its names: one source
-for Python and for controllers, and the tests compare both on the same samples.
+The update is the core's own source (`armload_core/source/estimator/`) in one file, with the arm's prefix in its names:
+one source for Python and for controllers, and the tests compare both on the same samples.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import Final
 
 from armload_controller.export.c_code.c_template import filled
@@ -25,6 +26,11 @@ _TYPES_AND_FUNCTIONS: Final = r"^\} (\w+);|\b(estimator_\w+)\("
 """Types and functions that the core's header declares."""
 _REPLACED: Final = ("payload_estimator.h", "chain.h")
 """Headers that the export replaces with a header and constants of its own."""
+_UNIT: Final = r"^#include .*\n|^#(?:ifndef|define) ARMLOAD_\w+_H\n|^#endif\n\Z"
+"""Lines that make a file a unit of its own: its includes, and a header's guard."""
+_SHARED: Final = r"^(?=\w+ \w+\()"
+"""Where a function that is declared in a header of the core begins."""
+_TITLE: Final = r"\A/\*.*?\*/\n+"
 
 
 def estimator_texts(
@@ -44,7 +50,7 @@ def estimator_texts(
         Texts by file name.
     """
     regressor, links = regressor_of(chain), link_torque_of(chain, body.links)
-    header = _core_text("payload_estimator.h")
+    header = _own_part("payload_estimator.h")
     names = {a or b for a, b in re.findall(_TYPES_AND_FUNCTIONS, header, re.MULTILINE)} - {"payload_estimator"}
     fields = {
         "name": name,
@@ -61,8 +67,8 @@ def estimator_texts(
         "scale": _rows(constants.scale.reshape(2, 5)),
         "memory_s": exact(constants.memory_s),
         "delay_s": exact(constants.delay_s),
-        "declarations": _renamed(header.removesuffix("#endif").strip(), names, name),
-        "update": _renamed(_core_text("payload_estimator.c"), names, name),
+        "declarations": _renamed(header, names, name),
+        "update": _renamed(_update(), names, name),
     }
     return {
         f"{name}_estimator.h": filled("estimator.h", fields),
@@ -70,12 +76,37 @@ def estimator_texts(
     }
 
 
-def _core_text(file: str) -> str:
-    """The parts that a file of the core includes, and what follows its last `#include`."""
-    text = (resources.files("armload_core") / "source" / "estimator" / file).read_text(encoding="ascii")
-    parts = [part for part in re.findall(r'^#include "(\w+\.h)"$', text, re.MULTILINE) if part not in _REPLACED]
-    *_, own = re.split(r"^#include .*\n", text, flags=re.MULTILINE)
-    return "\n\n".join([*map(_core_text, parts), own.strip()])
+def _core_file(name: str) -> Traversable:
+    """A file of the core's estimator."""
+    return resources.files("armload_core") / "source" / "estimator" / name
+
+
+def _part(file: str) -> str:
+    """A file of the core as a part of a longer one."""
+    text = re.sub(_UNIT, "", _core_file(file).read_text(encoding="ascii"), flags=re.MULTILINE).strip()
+    return re.sub(r"\n{3,}", "\n\n", text)
+
+
+def _own_part(file: str) -> str:
+    """A part without its first comment, which the export replaces."""
+    return re.sub(_TITLE, "", _part(file), flags=re.DOTALL)
+
+
+def _update() -> str:
+    """The core's update in one file: headers, then functions, static where only the core's files share them."""
+    headers = _headers_of("payload_estimator.c")
+    sources = [source for header in headers if _core_file(source := header.replace(".h", ".c")).is_file()]
+    shared = [re.sub(_SHARED, "static ", _part(file), flags=re.MULTILINE) for file in (*headers, *sources)]
+    return "\n\n".join([*shared, _own_part("payload_estimator.c")])
+
+
+def _headers_of(file: str) -> list[str]:
+    """The headers that a file of the core includes, each once and after those that it includes itself."""
+    found: list[str] = []
+    for header in re.findall(r'^#include "(\w+\.h)"$', _core_file(file).read_text(encoding="ascii"), re.MULTILINE):
+        if header not in _REPLACED:
+            found += [*_headers_of(header), header]
+    return list(dict.fromkeys(found))
 
 
 def _renamed(text: str, names: Collection[str], name: str) -> str:

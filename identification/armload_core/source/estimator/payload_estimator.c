@@ -1,25 +1,16 @@
-/* `armload export --format c` writes this file, the parts that it includes and its header for one arm, with
-   straight-line code as `estimator_arm`. From the core they use only the two constants of `chain.h`. */
+/* `armload export --format c` writes this file and all that it includes of this folder for one arm: its header, and one
+   file of the others, with straight-line code as `estimator_arm` and static functions in place of those that only this
+   folder shares. From the rest of the core they use only MOST_JOINTS and BODY_PARAMETERS of `chain.h`. */
 #include "payload_estimator.h"
 
 #include <math.h>
 #include <string.h>
 
+#include "estimator_numbers.h"
 #include "small_matrices.h"
 #include "sample_window.h"
 #include "information_filter.h"
 #include "change_detection.h"
-
-static const double ROW_S = 0.05;
-static const double HOLE_S = 0.10;       /* after a longer gap between samples the front end restarts */
-static const double CLOCK_BACK_S = 1.0;  /* a stamp earlier by this or more means that the clock was set */
-static const double FASTEST_RAD_S = 20.0; /* no joint is faster: a faster change of position is a jump */
-static const double JUMP_RAD = 0.02;
-static const double LEAST_WEIGHT = 0.05;
-static const double ONWARD = 0.95;       /* least share of the window in one direction for a row to count */
-static const double FRICTION_LAW = 0.01; /* error of the friction model, as a share of friction, that the test allows */
-static const double LOAD_LAW = 0.25;     /* the same of the load-dependent friction that is due to the payload */
-static const double SIMULTANEOUS_S = 0.002; /* error of the torque's delay that the test allows */
 
 void estimator_begin(payload_estimator *e)
 {
@@ -31,8 +22,8 @@ void estimator_begin(payload_estimator *e)
     e->touched_since = -HUGE_VAL;
     memset(e->moving_s, 0, sizeof e->moving_s);
     memset(e->joint, 0, sizeof e->joint);
-    clear_front(e);
-    clear_change(e);
+    window_clear(e);
+    change_clear(e);
     e->watched_s = e->waited_s = e->level = 0.0;
     for (int j = 0; j < e->n; j++) {
         joint_information *f = e->joint + j;
@@ -41,31 +32,22 @@ void estimator_begin(payload_estimator *e)
             f->waiting[i] = 1.0;
         }
     }
-    solve(e);
+    filter_solve(e); /* cannot fail: only the prior is left */
+}
+
+/* Compute the estimates. Information that is not finite must not persist. */
+static void solve(payload_estimator *e)
+{
+    if (!filter_solve(e)) {
+        estimator_begin(e);
+    }
 }
 
 /* Another payload: nothing is known of it, and of each joint's friction what was known beside the old one. */
 static void forget_payload(payload_estimator *e)
 {
-    for (int j = 0; j < e->n; j++) {
-        joint_information *f = e->joint + j;
-        double covariance[FRICTION_STATES][FRICTION_STATES];
-        friction_covariance(e, f, covariance);
-        inverted((const double(*)[FRICTION_STATES])covariance, f->own);
-        memset(f->with_payload, 0, sizeof f->with_payload);
-        for (int a = 0; a < FRICTION_STATES; a++) {
-            f->right[a] = f->misfit
-                          * (f->own[a][0] * f->change[0] + f->own[a][1] * f->change[1] + f->own[a][2] * f->change[2]);
-        }
-        for (int a = 0; a < FRICTION_STATES; a++) {
-            for (int b = 0; b < FRICTION_STATES; b++) {
-                /* what was known beforehand is not stored, and rounding must not make the rest negative */
-                f->own[a][b] = f->misfit * (a == b ? fmax(f->own[a][b] - 1.0, 0.0) : f->own[a][b]);
-            }
-        }
-    }
-    clear_payload(e);
-    clear_change(e);
+    filter_forget_payload(e);
+    change_clear(e);
     e->watched_s = fmin(e->watched_s, KNOWN_S - ANEW_S);
     e->remembered = e->next_row = 0;
     memset(e->moving_s, 0, sizeof e->moving_s);
@@ -107,7 +89,7 @@ static void take_row(payload_estimator *e)
     estimator_row *row = e->row + e->next_row;
     double regressor[MOST_JOINTS * BODY_PARAMETERS] = {0.0}, links[MOST_JOINTS], payload[MOST_JOINTS], rate[MOST_JOINTS];
     const int n = e->n;
-    if (!smoothed_row(e, row)) {
+    if (!window_row(e, row)) {
         return;
     }
     const double elapsed = fmin(row->time - e->row_time, e->memory_s);
@@ -123,9 +105,9 @@ static void take_row(payload_estimator *e)
             payload[j] += regressor[j * BODY_PARAMETERS + k] * e->theta[k];
         }
     }
-    watch_contact(e, row, links, payload);
-    fade(e, elapsed);
-    const double counted = fmin(elapsed, 2.0 * ROW_S);
+    contact_watch(e, row, links, payload);
+    filter_fade(e, elapsed);
+    const double counted = fmin(elapsed, MOST_ROWS * ROW_S);
     surprise seen[MOST_JOINTS];
     int count = 0;
     for (int j = 0; j < n; j++) {
@@ -157,9 +139,10 @@ static void take_row(payload_estimator *e)
         const double load = LOAD_LAW * e->parameter[ESTIMATOR_LOAD][j] * payload[j];
         const double law = sqrt(FRICTION_LAW * friction * FRICTION_LAW * friction + load * load
                                 + SIMULTANEOUS_S * rate[j] * SIMULTANEOUS_S * rate[j]);
-        add_row(e, j, h, f, law, row->torque[j] - arm, 1.0 / (noise * noise), counted, seen + count++);
+        const joint_row added = {j, h, f, row->torque[j] - arm, 1.0 / (noise * noise), law};
+        seen[count++] = filter_add_row(e, &added, counted);
     }
-    watch_change(e, row->time, counted, seen, count);
+    change_watch(e, row->time, counted, seen, count);
     solve(e);
 }
 
@@ -178,7 +161,7 @@ void estimator_update(payload_estimator *e, double time_s, const double *positio
         forget_payload(e);
     }
     const double since = time_s - e->last_time;
-    if (!(fabs(sum) < 1e12) || (e->started && since <= 0.0 && since > -CLOCK_BACK_S)) {
+    if (!(fabs(sum) < GREATEST_SUM) || (e->started && since <= 0.0 && since > -CLOCK_BACK_S)) {
         e->refused += 1.0;
         return;
     }
@@ -190,24 +173,24 @@ void estimator_update(payload_estimator *e, double time_s, const double *positio
             e->row[i].time += since - e->memory_s;
         }
         e->touched_since = -HUGE_VAL;
-        clear_front(e);
-        clear_change(e);
+        window_clear(e);
+        change_clear(e);
     } else if (e->started) {
         int jumped = since > HOLE_S;
         for (int j = 0; j < e->n; j++) {
             jumped |= fabs(position[j] - e->last_position[j]) > JUMP_RAD + FASTEST_RAD_S * since;
         }
         if (jumped) {
-            clear_front(e);
+            window_clear(e);
         }
     }
     e->started = 1;
     e->last_time = time_s;
     memcpy(e->last_position, position, (size_t)e->n * sizeof(double));
     if (e->gathered && time_s - e->gathering_since >= BIN_S) {
-        close_mean(e);
+        window_close_mean(e);
         const double newest = e->smoothed[(e->next + SMOOTHED - 1) % SMOOTHED].time;
-        if (!forgetting && newest - 0.5 * WINDOW_S - e->row_time >= ROW_S - 0.5 * BIN_S) {
+        if (!forgetting && newest - 0.5 * WINDOW_S - e->row_time >= ROW_S - EARLY_BINS * BIN_S) {
             take_row(e);
         }
     }
@@ -271,7 +254,7 @@ void estimator_read_friction(const payload_estimator *e, double *covariance)
 {
     for (int j = 0; j < e->n; j++) {
         double joint[FRICTION_STATES][FRICTION_STATES];
-        friction_covariance(e, e->joint + j, joint);
+        filter_friction_covariance(e, e->joint + j, joint);
         for (int a = 0; a < FRICTION_STATES; a++) {
             for (int b = 0; b < FRICTION_STATES; b++) {
                 *covariance++ = joint[a][b] * e->parameter[ESTIMATOR_COULOMB_SPREAD + a][j]

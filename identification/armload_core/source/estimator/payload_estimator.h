@@ -63,9 +63,9 @@ enum { ESTIMATOR_STATUS_ROWS(ESTIMATOR_NAME) ESTIMATOR_STATUS };
 #endif
 
 enum {
-    FRICTION_STATES = 3,
-    WAITING = 3, /* scatters not yet in use */
-    SMOOTHED = 40 /* greatest number of 10 ms means in the front end */
+    FRICTION_STATES = 3, /* changes of Coulomb friction, viscous friction and offset */
+    WAITING = 3,         /* scatters not yet in use */
+    SMOOTHED = 40        /* greatest number of 10 ms means in the front end; a window holds 25 */
 };
 
 typedef struct {

@@ -1,7 +1,15 @@
-/* Factorisation and solution of small symmetric systems. */
+/* Factorisation and solution of small symmetric systems, of known sizes for the compiler to unroll. */
+
+#ifndef ARMLOAD_SMALL_MATRICES_H
+#define ARMLOAD_SMALL_MATRICES_H
+
+#include <math.h>
+
+#include "chain.h"
+#include "payload_estimator.h"
 
 /* Cholesky factor of a 10 x 10 matrix, in place. Returns 0 if it is not positive definite. */
-static int factorised(double (*a)[BODY_PARAMETERS])
+static inline int factorised(double (*a)[BODY_PARAMETERS])
 {
     for (int j = 0; j < BODY_PARAMETERS; j++) {
         double d = a[j][j];
@@ -24,7 +32,8 @@ static int factorised(double (*a)[BODY_PARAMETERS])
     return 1;
 }
 
-static void solve_lower(const double (*l)[BODY_PARAMETERS], double *x)
+/* x := L^-1 x, with a factor L from `factorised`. */
+static inline void solve_lower(const double (*l)[BODY_PARAMETERS], double *x)
 {
     for (int i = 0; i < BODY_PARAMETERS; i++) {
         for (int k = 0; k < i; k++) {
@@ -34,7 +43,8 @@ static void solve_lower(const double (*l)[BODY_PARAMETERS], double *x)
     }
 }
 
-static void solve_upper(const double (*l)[BODY_PARAMETERS], double *x)
+/* x := L^-T x. */
+static inline void solve_upper(const double (*l)[BODY_PARAMETERS], double *x)
 {
     for (int i = BODY_PARAMETERS - 1; i >= 0; i--) {
         for (int k = i + 1; k < BODY_PARAMETERS; k++) {
@@ -45,7 +55,7 @@ static void solve_upper(const double (*l)[BODY_PARAMETERS], double *x)
 }
 
 /* Inverse of a symmetric positive definite 3 x 3 matrix. */
-static void inverted(const double (*a)[FRICTION_STATES], double (*inverse)[FRICTION_STATES])
+static inline void inverted(const double (*a)[FRICTION_STATES], double (*inverse)[FRICTION_STATES])
 {
     const double c00 = a[1][1] * a[2][2] - a[1][2] * a[1][2], c01 = a[0][2] * a[1][2] - a[0][1] * a[2][2];
     const double c02 = a[0][1] * a[1][2] - a[0][2] * a[1][1];
@@ -57,3 +67,5 @@ static void inverted(const double (*a)[FRICTION_STATES], double (*inverse)[FRICT
     inverse[1][2] = inverse[2][1] = scale * (a[0][1] * a[0][2] - a[0][0] * a[1][2]);
     inverse[2][2] = scale * (a[0][0] * a[1][1] - a[0][1] * a[0][1]);
 }
+
+#endif

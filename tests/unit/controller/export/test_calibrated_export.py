@@ -11,7 +11,7 @@ from armload_controller.export.straight_line.precision import Precision
 from armload_controller.feedforward.body_torque import LoadFriction
 from armload_core import kernels
 from armload_identification.model.regressor import payload_torque
-from tests.unit.controller.export.compiled_c import needs_gcc
+from tests.unit.controller.export.compiled_c import FLAGS, GCC, needs_gcc, run
 
 pytestmark = pytest.mark.pure
 
@@ -106,6 +106,19 @@ def test_the_estimator_is_the_cores_sample_by_sample(library, calibrated):
     assert status[kernels.ESTIMATOR_CHANGES] >= 2.0
     assert status[kernels.ESTIMATOR_REFUSED] == 1.0
     assert status[kernels.ESTIMATOR_ROWS] > 100.0
+
+
+@needs_gcc
+def test_only_names_of_this_arm_are_visible_to_the_linker(calibrated, tmp_path):
+    for name, text in export_c(calibrated).items():
+        (tmp_path / name).write_text(text)
+    run(GCC, *FLAGS, "-c", "armload_er50_estimator.c", cwd=tmp_path)
+    defined = [
+        line.split()[-1]
+        for line in run("nm", "-g", "--defined-only", "armload_er50_estimator.o", cwd=tmp_path).splitlines()
+    ]
+    assert len(defined) == 6
+    assert all(name.startswith("armload_er50_estimator_") for name in defined)
 
 
 def test_its_header_says_what_to_give_it_and_what_it_costs(calibrated):
