@@ -13,28 +13,36 @@
 #define ARMLOAD_CHAIN_H
 
 enum {
-    MOST_JOINTS = 16,
-    BODY_PARAMETERS = 10 /* m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz; tensor elements about the origin */
+    MOST_JOINTS = 16,     /* of any arm: the kernels' work space is on the stack */
+    BODY_PARAMETERS = 10, /* m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz; tensor elements about the origin */
+    VECTOR_NUMBERS = 3,
+    ROTATION_NUMBERS = 9,
+    POSE_X = ROTATION_NUMBERS, /* in a pose: its position follows its rotation */
+    POSE_Y,
+    POSE_Z,
+    POSE_NUMBERS = ROTATION_NUMBERS + VECTOR_NUMBERS,
+    JOINT_NUMBERS = POSE_NUMBERS + ROTATION_NUMBERS, /* of a joint, in the two blocks together */
+    MOST_PACKED_NUMBERS = VECTOR_NUMBERS + JOINT_NUMBERS * MOST_JOINTS + POSE_NUMBERS
 };
 
 static inline const double *joint_of(const double *packed, int joint)
 {
-    return packed + 3 + 12 * joint;
+    return packed + VECTOR_NUMBERS + POSE_NUMBERS * joint;
 }
 
 static inline const double *turned_of(const double *packed, int n, int joint)
 {
-    return packed + 3 + 12 * n + 9 * joint;
+    return packed + VECTOR_NUMBERS + POSE_NUMBERS * n + ROTATION_NUMBERS * joint;
 }
 
 static inline const double *flange_of(const double *packed, int n)
 {
-    return packed + 3 + 21 * n;
+    return packed + VECTOR_NUMBERS + JOINT_NUMBERS * n;
 }
 
 static inline int packed_length(int n)
 {
-    return 15 + 21 * n;
+    return VECTOR_NUMBERS + JOINT_NUMBERS * n + POSE_NUMBERS;
 }
 
 #endif

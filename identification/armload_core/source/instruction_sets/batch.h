@@ -8,14 +8,19 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Numbers of a sphere, a half-space and a box, and where in them a part begins. */
+enum { RADIUS = 3, SPHERE_NUMBERS };
+enum { DISTANCE = 3, PLANE_NUMBERS };
+enum { BOX_CENTRE = 9, BOX_HALVES = 12, BOX_NUMBERS = 15 };
+
 /* Collision geometry: spheres around the links, and the half-spaces and boxes to keep clear of. A clearance is the
    distance of a sphere from a half-space, a box or another sphere, in this order. Link 0 is the base; link i moves with
    joint i. */
 typedef struct {
     ptrdiff_t spheres;
     const int64_t *link;  /* (spheres) */
-    const double *sphere; /* (spheres, 4) centre in the link's turned frame, radius */
-    const double *plane;  /* (., 4) unit normal towards the arm, distance from the origin along it */
+    const double *sphere; /* (spheres, SPHERE_NUMBERS) centre in the link's turned frame, radius */
+    const double *plane;  /* (., PLANE_NUMBERS) unit normal towards the arm, distance from the origin along it */
     ptrdiff_t on_planes;
     const int64_t *on_plane; /* (on_planes, 2) sphere, plane */
     const double *box;       /* (., BOX_NUMBERS) axes as columns of a rotation (by rows), centre, half of the edges */
@@ -24,8 +29,6 @@ typedef struct {
     ptrdiff_t pairs;
     const int64_t *pair; /* (pairs, 2) spheres */
 } obstacles;
-
-enum { BOX_NUMBERS = 15 };
 
 typedef struct {
     const char *name;

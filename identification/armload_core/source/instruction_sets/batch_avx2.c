@@ -4,10 +4,10 @@
 
 #define LANES 4
 #define TARGET __attribute__((target("avx2,fma")))
-#define VARIANT batch_avx2
-#define NAME "avx2"
 
 #include "variant.h"
+
+const batch_kernels batch_avx2 = ALL_KERNELS("avx2");
 
 #else
 

@@ -2,7 +2,7 @@
 
 #define LANES 2
 #define TARGET
-#define VARIANT batch_baseline
-#define NAME "baseline"
 
 #include "variant.h"
+
+const batch_kernels batch_baseline = ALL_KERNELS("baseline");

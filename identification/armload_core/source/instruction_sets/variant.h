@@ -1,22 +1,9 @@
-/* All kernels for one instruction set: included once by each `batch_*.c`, which defines
+/* The table of all kernels for one instruction set; its file `batch_*.c` first defines LANES and TARGET (`lanes.h`). */
 
-       LANES      samples per vector
-       TARGET     function attribute that selects the instruction set, or empty
-       VARIANT    name of the table of kernels, batch_...
-       NAME       its name as a string */
-
-#include <stdlib.h>
+#ifndef ARMLOAD_VARIANT_H
+#define ARMLOAD_VARIANT_H
 
 #include "batch.h"
-#include "chain.h"
-
-#define INLINE static inline __attribute__((always_inline)) TARGET
-#define ENTRY static TARGET
-
-#include "vectorised/lanes.h"
-#include "vectorised/geometry.h"
-#include "vectorised/frames.h"
-#include "vectorised/body_columns.h"
 #include "vectorised/regressor.h"
 #include "vectorised/arm_torque.h"
 #include "vectorised/information.h"
@@ -34,16 +21,20 @@ ENTRY void sines_cosines(ptrdiff_t count, const double *angle, double *sine, dou
     }
 }
 
-const batch_kernels VARIANT = {
-    .name = NAME,
-    .payload_regressor = payload_regressor,
-    .body_regressor = body_regressor,
-    .arm_torque = arm_torque,
-    .arm_torque_slope = arm_torque_slope,
-    .information = information,
-    .information_slope = information_slope,
-    .clearances = clearances,
-    .clearance_slope = clearance_slope,
-    .payload_torque = payload_torque,
-    .sine_cosine = sines_cosines,
-};
+/* Initialiser of the table; NAME is a string. */
+#define ALL_KERNELS(NAME)                                                                                              \
+    {                                                                                                                  \
+        .name = NAME,                                                                                                  \
+        .payload_regressor = payload_regressor,                                                                        \
+        .body_regressor = body_regressor,                                                                              \
+        .arm_torque = arm_torque,                                                                                      \
+        .arm_torque_slope = arm_torque_slope,                                                                          \
+        .information = information,                                                                                    \
+        .information_slope = information_slope,                                                                        \
+        .clearances = clearances,                                                                                      \
+        .clearance_slope = clearance_slope,                                                                            \
+        .payload_torque = payload_torque,                                                                              \
+        .sine_cosine = sines_cosines,                                                                                  \
+    }
+
+#endif

@@ -11,7 +11,7 @@ extern const batch_kernels *batch;
 
 typedef struct {
     PyObject_HEAD payload_estimator estimator; /* n is 0 before __init__ */
-    double chain[15 + 21 * MOST_JOINTS], links[MOST_JOINTS * BODY_PARAMETERS]; /* links in the turned frames */
+    double chain[MOST_PACKED_NUMBERS], links[MOST_JOINTS * BODY_PARAMETERS]; /* links in the turned frames */
 } payload_estimator_object;
 
 void estimator_arm(const payload_estimator *e, const double *position, const double *velocity,

@@ -5,7 +5,7 @@
 #include "chain.h"
 #include "python_types.h"
 
-enum { MOST_MODEL_NUMBERS = 15 + 21 * MOST_JOINTS + BODY_PARAMETERS };
+enum { MOST_MODEL_NUMBERS = MOST_PACKED_NUMBERS + BODY_PARAMETERS };
 
 /* Accessed only with the interpreter's lock held, which makes a change from another thread atomic. */
 typedef struct {

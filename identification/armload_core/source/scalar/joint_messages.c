@@ -8,7 +8,10 @@ enum {
     MESSAGE_RECORD = 5,
     RECORD_HEADER = 9,   /* kind and length */
     MESSAGE_HEADER = 22, /* channel, sequence number and two times */
-    MOST_DIGITS = 19     /* decimal digits that fit into 64 bits */
+    MOST_DIGITS = 19,    /* decimal digits that fit into 64 bits */
+    EXACT_TEN = 22,      /* 10^22 is the largest power of ten that is a double without rounding */
+    EXACT_FIVE = 27,     /* 5^27 is the largest power of five that fits into 64 bits */
+    LONGEST = 1000       /* decimals, and exponent: more are left to the full parser, far from overflow of an int */
 };
 
 /* Requested keys of a message; one bit each. */
@@ -120,7 +123,7 @@ static int take_decimal(text *json, decimal *number)
     if (json->at < json->end && *json->at == '.') {
         const uint8_t *point = json->at++;
         take_digits(json, number);
-        if (json->at - point == 1 || json->at - point > 1000) {
+        if (json->at - point == 1 || json->at - point > LONGEST) {
             return 0;
         }
         number->exponent = 1 - (int)(json->at - point);
@@ -135,7 +138,7 @@ static int take_decimal(text *json, decimal *number)
         if (!is_digit(json)) {
             return 0;
         }
-        for (; is_digit(json) && exponent < 1000; json->at++) {
+        for (; is_digit(json) && exponent < LONGEST; json->at++) {
             exponent = 10 * exponent + (*json->at - '0');
         }
         number->exponent += negative ? -exponent : exponent;
@@ -144,14 +147,14 @@ static int take_decimal(text *json, decimal *number)
     return !is_digit(json);
 }
 
-/* digits / 10^k as a double, k <= 27, rounded once: the quotient has at least 63 bits, and its last bit is set if the
-   remainder is not zero. */
+/* digits / 10^k as a double, k <= EXACT_FIVE, rounded once: the quotient has at least 63 bits, and its last bit is set
+   if the remainder is not zero. */
 static double quotient(uint64_t digits, int k)
 {
     uint64_t divisor = 1;
     int scale = -63 - k;
     for (int power = 0; power < k; power++) {
-        divisor *= 5; /* 5^27 is the largest power that fits */
+        divisor *= 5;
     }
     for (; divisor < UINT64_C(1) << 63; scale++) {
         divisor <<= 1;
@@ -170,7 +173,6 @@ static int to_double(const decimal *number, double *value)
 {
     static const double POWERS[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
                                     1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
-    enum { EXACT = 22 };
     const int exponent = number->exponent;
     double size;
     if (number->count > MOST_DIGITS || (number->whole && number->negative && number->digits == 0)) {
@@ -178,11 +180,11 @@ static int to_double(const decimal *number, double *value)
     }
     if (number->digits == 0) {
         size = 0.0;
-    } else if (number->digits <= UINT64_C(1) << 53 && exponent >= -EXACT && exponent <= EXACT) {
+    } else if (number->digits <= UINT64_C(1) << 53 && exponent >= -EXACT_TEN && exponent <= EXACT_TEN) {
         /* both operands are exact doubles, so that the result is rounded once */
         size = (double)number->digits;
         size = exponent < 0 ? size / POWERS[-exponent] : size * POWERS[exponent];
-    } else if (exponent <= 0 && exponent >= -27) {
+    } else if (exponent <= 0 && exponent >= -EXACT_FIVE) {
         size = quotient(number->digits, -exponent);
     } else {
         return 0;

@@ -1,8 +1,18 @@
-/* Torque of the complete arm and its derivative along a motion. Included after `frames.h`.
+/* Torque of the complete arm and its derivative along a motion.
 
    One pass outwards through the frames, one inwards through the joints:
 
        tau = M(q) ddq + C(q, dq) dq + g(q)                    Chen 2016, eq. (1), without friction and rotors */
+
+#ifndef ARMLOAD_ARM_TORQUE_H
+#define ARMLOAD_ARM_TORQUE_H
+
+#include <stddef.h>
+
+#include "chain.h"
+#include "frames.h"
+#include "geometry.h"
+#include "lanes.h"
 
 /* `links` (n, 10) in the turned joint frames; `frames` is work space. */
 INLINE void group_torque(const double *packed, int n, const double *links, const motion *m, frame *frames,
@@ -56,8 +66,10 @@ INLINE group weighted_group(ptrdiff_t *t, ptrdiff_t samples, int n, const double
     return g;
 }
 
-/* The torque is affine in ddq and quadratic in dq, so that central differences with a step of one are exact; in q their
-   error is about 1e-10. */
+/* Steps of central differences. The torque is affine in ddq and quadratic in dq, so that in them a step of one is exact.
+   In q the error is about 1e-10: a larger step has more of the third derivative, a smaller one more rounding. */
+static const double STEP_RAD = 1e-5, STEP_EXACT = 1.0;
+
 ENTRY void arm_torque_slope(const double *packed, int n, const double *links, const double *weight, ptrdiff_t samples,
                             const double *q, const double *dq, const double *ddq, double *slope)
 {
@@ -73,7 +85,7 @@ ENTRY void arm_torque_slope(const double *packed, int n, const double *links, co
         gather_motion(&g, n, n, q, dq, ddq, &m);
         for (int order = 0; order < 3; order++) {
             lanes *varied = order == 0 ? m.q : order == 1 ? m.dq : m.ddq;
-            const double step = order == 0 ? 1e-5 : 1.0;
+            const double step = order == 0 ? STEP_RAD : STEP_EXACT;
             for (int j = 0; j < n; j++) {
                 const lanes here = varied[j];
                 lanes change = all(0.0);
@@ -91,3 +103,5 @@ ENTRY void arm_torque_slope(const double *packed, int n, const double *links, co
         }
     }
 }
+
+#endif

@@ -1,4 +1,4 @@
-/* The regressor of one body: ten columns per joint. Included after `frames.h`.
+/* The regressor of one body: ten columns per joint.
 
    Each row is the inner product of the joint's motion at the body and the body's momentum balance, in body coordinates:
 
@@ -7,6 +7,16 @@
        tau_i = v_i . f + z_i . n                            z_i, v_i: the joint's axis and its velocity there
 
    Chen 2016, eqs. (4), (5). */
+
+#ifndef ARMLOAD_BODY_COLUMNS_H
+#define ARMLOAD_BODY_COLUMNS_H
+
+#include <stddef.h>
+
+#include "chain.h"
+#include "frames.h"
+#include "geometry.h"
+#include "lanes.h"
 
 /* Body fixed to joint `joints`. `placement` (rotation, row by row) and `position` place its frame in the turned joint
    frame; `position` is NULL if the two origins coincide. */
@@ -51,5 +61,7 @@ INLINE void body_columns(const frame *frames, int joints, const double *placemen
 INLINE void flange_columns(const double *packed, int n, const frame *frames, lanes (*rows)[BODY_PARAMETERS])
 {
     const double *flange = flange_of(packed, n);
-    body_columns(frames, n, flange, flange + 9, rows);
+    body_columns(frames, n, flange, flange + POSE_X, rows);
 }
+
+#endif

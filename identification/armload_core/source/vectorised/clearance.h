@@ -1,4 +1,18 @@
-/* Distances of the spheres around the links from the surroundings and from each other. Included after `frames.h`. */
+/* Distances of the spheres around the links from the surroundings and from each other. */
+
+#ifndef ARMLOAD_CLEARANCE_H
+#define ARMLOAD_CLEARANCE_H
+
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+#include "chain.h"
+#include "frames.h"
+#include "geometry.h"
+#include "instruction_sets/batch.h"
+#include "lanes.h"
 
 /* Aligned storage for `count` vectors; to be released with free(start). */
 typedef struct {
@@ -20,10 +34,15 @@ INLINE ptrdiff_t clearance_count(const obstacles *o)
     return o->on_planes + o->on_boxes + o->pairs;
 }
 
+INLINE double radius_of(const obstacles *o, ptrdiff_t sphere)
+{
+    return o->sphere[SPHERE_NUMBERS * sphere + RADIUS];
+}
+
 INLINE void place_spheres(const obstacles *o, const frame *frames, vec3 *centres)
 {
     for (ptrdiff_t s = 0; s < o->spheres; s++) {
-        const double *c = o->sphere + 4 * s;
+        const double *c = o->sphere + SPHERE_NUMBERS * s;
         if (o->link[s] == 0) {
             centres[s] = constant(c);
         } else {
@@ -36,11 +55,11 @@ INLINE void place_spheres(const obstacles *o, const frame *frames, vec3 *centres
 /* Signed distance of a point from a box, negative inside, and its gradient with respect to the point. */
 INLINE lanes box_distance(const double *box, vec3 point, vec3 *gradient)
 {
-    const vec3 from_centre = difference(point, constant(box + 9));
+    const vec3 from_centre = difference(point, constant(box + BOX_CENTRE));
     lanes along[3], over[3], outside = all(0.0), deepest = all(-HUGE_VAL);
     for (int a = 0; a < 3; a++) {
         along[a] = box[a] * from_centre.x + box[3 + a] * from_centre.y + box[6 + a] * from_centre.z;
-        const lanes beyond = magnitude(along[a]) - box[12 + a];
+        const lanes beyond = magnitude(along[a]) - box[BOX_HALVES + a];
         over[a] = chosen(beyond > 0.0, beyond, all(0.0));
         outside += over[a] * over[a];
         deepest = chosen(beyond > deepest, beyond, deepest);
@@ -50,7 +69,7 @@ INLINE lanes box_distance(const double *box, vec3 point, vec3 *gradient)
     lane_bits found = outside < 0.0; /* false in every lane; among equally near sides the first is taken */
     *gradient = zero();
     for (int a = 0; a < 3; a++) {
-        const lane_bits nearest = (magnitude(along[a]) - box[12 + a] == deepest) & ~found;
+        const lane_bits nearest = (magnitude(along[a]) - box[BOX_HALVES + a] == deepest) & ~found;
         const lanes inside_share = chosen(nearest, all(1.0), all(0.0));
         const lanes share = with_sign(chosen(is_outside, over[a] / far, inside_share), along[a]);
         found |= nearest;
@@ -80,21 +99,21 @@ ENTRY int clearances(const double *packed, int n, const obstacles *o, ptrdiff_t 
         place_spheres(o, frames, centres.at);
         for (ptrdiff_t i = 0; i < o->on_planes; i++, k++) {
             const int64_t s = o->on_plane[2 * i];
-            const double *plane = o->plane + 4 * o->on_plane[2 * i + 1];
-            const lanes distance = dot(constant(plane), centres.at[s]) - plane[3] - o->sphere[4 * s + 3];
+            const double *plane = o->plane + PLANE_NUMBERS * o->on_plane[2 * i + 1];
+            const lanes distance = dot(constant(plane), centres.at[s]) - plane[DISTANCE] - radius_of(o, s);
             scattered(&g, &distance, 1, out, width, k);
         }
         for (ptrdiff_t i = 0; i < o->on_boxes; i++, k++) {
             const int64_t s = o->on_box[2 * i];
             vec3 gradient;
             const lanes distance = box_distance(o->box + BOX_NUMBERS * o->on_box[2 * i + 1], centres.at[s], &gradient)
-                                   - o->sphere[4 * s + 3];
+                                   - radius_of(o, s);
             scattered(&g, &distance, 1, out, width, k);
         }
         for (ptrdiff_t i = 0; i < o->pairs; i++, k++) {
             const int64_t a = o->pair[2 * i], b = o->pair[2 * i + 1];
             const vec3 between = difference(centres.at[a], centres.at[b]);
-            const lanes distance = square_root(dot(between, between)) - o->sphere[4 * a + 3] - o->sphere[4 * b + 3];
+            const lanes distance = square_root(dot(between, between)) - radius_of(o, a) - radius_of(o, b);
             scattered(&g, &distance, 1, out, width, k);
         }
     }
@@ -135,7 +154,7 @@ ENTRY int clearance_slope(const double *packed, int n, const obstacles *o, const
         for (ptrdiff_t i = 0; i < o->on_planes; i++, k++) {
             const int64_t s = o->on_plane[2 * i];
             const lanes share = gathered(&g, weight, width, k);
-            pull[s] = sum(pull[s], times(share, constant(o->plane + 4 * o->on_plane[2 * i + 1])));
+            pull[s] = sum(pull[s], times(share, constant(o->plane + PLANE_NUMBERS * o->on_plane[2 * i + 1])));
         }
         for (ptrdiff_t i = 0; i < o->on_boxes; i++, k++) {
             const lanes share = gathered(&g, weight, width, k);
@@ -170,3 +189,5 @@ ENTRY int clearance_slope(const double *packed, int n, const obstacles *o, const
     free(storage.start);
     return 0;
 }
+
+#endif

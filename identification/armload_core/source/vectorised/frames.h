@@ -1,6 +1,13 @@
-/* Pose and motion of an arm's turned joint frames in base coordinates. Included after `geometry.h`.
+/* Pose and motion of an arm's turned joint frames in base coordinates.
 
    Gravity enters as an upward acceleration of the base. */
+
+#ifndef ARMLOAD_FRAMES_H
+#define ARMLOAD_FRAMES_H
+
+#include "chain.h"
+#include "geometry.h"
+#include "lanes.h"
 
 typedef struct {
     rotation axes;
@@ -20,10 +27,10 @@ INLINE void place_frames(const double *packed, int n, const lanes *q, frame *fra
     const double *joint = joint_of(packed, 0);
     rotation r = {{all(1.0), all(0.0), all(0.0)}, {all(0.0), all(1.0), all(0.0)}, {all(0.0), all(0.0), all(1.0)}};
     vec3 origin = zero();
-    for (int i = 0; i < n; i++, joint += 12) {
+    for (int i = 0; i < n; i++, joint += POSE_NUMBERS) {
         lanes s, c;
         sine_cosine(q[i], &s, &c);
-        origin = sum(origin, turned_constant(&r, joint[9], joint[10], joint[11]));
+        origin = sum(origin, turned_constant(&r, joint[POSE_X], joint[POSE_Y], joint[POSE_Z]));
         const rotation still = turned_rotation(&r, joint);
         r.x = sum(times(c, still.x), times(s, still.y));
         r.y = difference(times(c, still.y), times(s, still.x));
@@ -65,3 +72,5 @@ INLINE void forward_pass(const double *packed, int joints, const motion *m, fram
     place_frames(packed, joints, m->q, frames);
     move_frames(packed, joints, m->dq, m->ddq, frames);
 }
+
+#endif

@@ -1,4 +1,9 @@
-/* Vectors and rotations in space, for LANES samples at once. Included after `lanes.h`. */
+/* Vectors and rotations in space, for LANES samples at once. */
+
+#ifndef ARMLOAD_GEOMETRY_H
+#define ARMLOAD_GEOMETRY_H
+
+#include "lanes.h"
 
 typedef struct {
     lanes x, y, z;
@@ -85,3 +90,5 @@ INLINE vec3 tensor_times(const lanes *i, vec3 v)
         i[4] * v.x + i[5] * v.y + i[2] * v.z,
     };
 }
+
+#endif

@@ -1,7 +1,19 @@
-/* The information matrix of a motion and its derivative with respect to the motion. Included after `body_columns.h`.
+/* The information matrix of a motion and its derivative with respect to the motion.
 
    The derivative is computed in reverse mode, one backward pass per group; differences of the regressor took seven
    times as long. */
+
+#ifndef ARMLOAD_INFORMATION_H
+#define ARMLOAD_INFORMATION_H
+
+#include <stddef.h>
+#include <string.h>
+
+#include "body_columns.h"
+#include "chain.h"
+#include "frames.h"
+#include "geometry.h"
+#include "lanes.h"
 
 ENTRY void information(const double *packed, int n, const double *weight, ptrdiff_t samples, const double *q,
                        const double *dq, const double *ddq, double *out)
@@ -66,7 +78,8 @@ ENTRY void information_slope(const double *packed, int n, const double *weight, 
         /* joint screws, and the resulting twist (w, u) and acceleration (dw, a), in flange coordinates */
         const frame *last = frames + n - 1;
         const rotation r = turned_rotation(&last->axes, flange);
-        const vec3 origin = sum(last->origin, turned_constant(&last->axes, flange[9], flange[10], flange[11]));
+        const vec3 lever = turned_constant(&last->axes, flange[POSE_X], flange[POSE_Y], flange[POSE_Z]);
+        const vec3 origin = sum(last->origin, lever);
         vec3 w = zero(), u = zero(), dw = zero(), a = zero();
         for (int i = n - 1; i >= 0; i--) {
             const vec3 axis = frames[i].axes.z;
@@ -134,3 +147,5 @@ ENTRY void information_slope(const double *packed, int n, const double *weight, 
         scattered(&g, by_ddq, n, slope + 2 * samples * n, n, 0);
     }
 }
+
+#endif

@@ -1,11 +1,24 @@
 /* Vectors of LANES samples, and their sine and cosine.
 
-   Included by a variant (`batch_*.c`), which defines LANES (2 or 4) and INLINE, the attributes of inline functions. */
+   A file that compiles the kernels for an instruction set (`batch_*.c`) first defines LANES, 2 or 4, and TARGET, the
+   function attribute that selects the instruction set. Without these they are what every processor can do. */
+
+#ifndef ARMLOAD_LANES_H
+#define ARMLOAD_LANES_H
 
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+
+#ifndef LANES
+#define LANES 2
+#define TARGET
+#endif
+
+/* A helper of the kernels, and a kernel. */
+#define INLINE static inline __attribute__((always_inline)) TARGET
+#define ENTRY static inline TARGET
 
 typedef double lanes __attribute__((vector_size(8 * LANES)));
 typedef double loose_lanes __attribute__((vector_size(8 * LANES), aligned(8), may_alias)); /* any array element */
@@ -143,14 +156,17 @@ INLINE void scattered(const group *g, const lanes *values, int count, double *ar
    exact; then minimax polynomials over a quadrant (Remez; greatest errors 3.5e-18 and 4.7e-20). Angles beyond 2^20
    quadrants and non-finite ones are computed by libm. */
 static const double GREATEST_REDUCED_RAD = 1.6e6;
+static const double QUADRANTS_PER_RAD = 0x1.45f306dc9c883p-1; /* 2/pi */
+static const double QUADRANT_1_RAD = 0x1.921fb544p+0, QUADRANT_2_RAD = 0x1.0b4611a6p-34; /* the parts of pi/2 */
+static const double QUADRANT_3_RAD = 0x1.3198a2e037073p-69;
+static const double ROUNDER = 0x1.8p52; /* x + ROUNDER has x, rounded to an integer, in its low bits; |x| < 2^51 */
 
 INLINE void sine_cosine(lanes x, lanes *sine, lanes *cosine)
 {
-    const double rounder = 0x1.8p52; /* x + rounder has x, rounded to an integer, in its low bits; |x| < 2^51 */
-    const lanes shifted = x * 0x1.45f306dc9c883p-1 + rounder;
-    const lanes turns = shifted - rounder;
+    const lanes shifted = x * QUADRANTS_PER_RAD + ROUNDER;
+    const lanes turns = shifted - ROUNDER;
     const lane_words quadrant = (lane_words)shifted;
-    const lanes r = ((x - turns * 0x1.921fb544p+0) - turns * 0x1.0b4611a6p-34) - turns * 0x1.3198a2e037073p-69;
+    const lanes r = ((x - turns * QUADRANT_1_RAD) - turns * QUADRANT_2_RAD) - turns * QUADRANT_3_RAD;
     const lanes z = r * r;
     /* clang-format off */
     const lanes s =
@@ -172,3 +188,5 @@ INLINE void sine_cosine(lanes x, lanes *sine, lanes *cosine)
         }
     }
 }
+
+#endif

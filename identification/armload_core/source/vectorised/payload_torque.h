@@ -1,10 +1,16 @@
-/* Torque of a payload for one state: the feed-forward's kernel. Included after `lanes.h`.
+/* Torque of a payload for one state: the feed-forward's kernel.
 
        tau = J(q)^T w(q, dq, ddq, theta)                    Chen 2016, eq. (2)
 
    Recursive Newton-Euler in link coordinates: velocities and accelerations outwards, force and moment of the payload at
    the flange, and the wrench inwards. The sines of all joints are computed in vectors and the rotations beforehand,
    because each operation of the recursion depends on the one before. */
+
+#ifndef ARMLOAD_PAYLOAD_TORQUE_H
+#define ARMLOAD_PAYLOAD_TORQUE_H
+
+#include "chain.h"
+#include "lanes.h"
 
 /* A vector and its operations as in `geometry.h`, for a single state. */
 typedef struct {
@@ -37,7 +43,7 @@ INLINE vec1 tensor_times1(const double *i, vec1 v)
 
 /* Pose of a frame in the previous one, in the layout of the packed array: rotation (row by row), position. */
 typedef struct {
-    double r[9];
+    double r[ROTATION_NUMBERS];
     vec1 lever;
 } pose1;
 
@@ -64,8 +70,8 @@ INLINE vec1 turned_back1(const pose1 *p, vec1 v)
 /* The pose p (rotation row by row, position) followed by Rz(angle), with the angle's cosine c and sine s. */
 INLINE pose1 pose_of(const double *p, double c, double s)
 {
-    pose1 pose = {.lever = {p[9], p[10], p[11]}};
-    for (int k = 0; k < 9; k += 3) {
+    pose1 pose = {.lever = {p[POSE_X], p[POSE_Y], p[POSE_Z]}};
+    for (int k = 0; k < ROTATION_NUMBERS; k += VECTOR_NUMBERS) {
         pose.r[k] = c * p[k] + s * p[k + 1];
         pose.r[k + 1] = c * p[k + 1] - s * p[k];
         pose.r[k + 2] = p[k + 2];
@@ -119,3 +125,5 @@ ENTRY void payload_torque(const double *model, int n, const double *q, const dou
         outer = pose + i;
     }
 }
+
+#endif

@@ -1,4 +1,14 @@
-/* Regressors of many samples. Included after `body_columns.h`. */
+/* Regressors of many samples. */
+
+#ifndef ARMLOAD_REGRESSOR_H
+#define ARMLOAD_REGRESSOR_H
+
+#include <stddef.h>
+
+#include "body_columns.h"
+#include "chain.h"
+#include "frames.h"
+#include "lanes.h"
 
 ENTRY void payload_regressor(const double *packed, int n, ptrdiff_t samples, const double *q, const double *dq,
                              const double *ddq, double *out)
@@ -34,3 +44,5 @@ ENTRY void body_regressor(const double *packed, int n, ptrdiff_t samples, const 
         }
     }
 }
+
+#endif
