@@ -20,7 +20,7 @@ from armload_identification.storage.strict_toml import (
     Text,
     parse,
     read_text,
-    require_shape,
+    require_shapes,
     write_text,
 )
 
@@ -90,11 +90,9 @@ class _ExcitationFile(Table):
     def _one_row_per_joint(self) -> _ExcitationFile:
         table = self.excitation
         n = len(table.offset_rad)
-        require_shape("excitation.sin_rad", table.sin_rad, (n, table.harmonics))
-        require_shape("excitation.cos_rad", table.cos_rad, (n, table.harmonics))
+        require_shapes("excitation", table, dict.fromkeys(("sin_rad", "cos_rad"), (n, table.harmonics)))
         if self.margins is not None:
-            for name in _MARGINS:
-                require_shape(f"margins.{name}", getattr(self.margins, name), (n,))
+            require_shapes("margins", self.margins, dict.fromkeys(_MARGINS, (n,)))
         return self
 
 
@@ -127,7 +125,7 @@ def parse_excitation(content: str, source: str = "excitation") -> Excitation:
         table.periods,
         {} if design is None else design.model_dump(exclude={"history"}),
         () if design is None or design.history is None else tuple(design.history.tolist()),
-        None if margins is None else LimitMargins(**{name: getattr(margins, name) for name in (*_MARGINS, *_NAMED)}),
+        None if margins is None else LimitMargins(**dict(margins)),
     )
 
 
@@ -138,23 +136,22 @@ def format_excitation(excitation: Excitation) -> str:
         excitation: What to write. The design's history is rounded to five digits, the margins down to six.
     """
     trajectory = excitation.trajectory
+    motion = {
+        "base_frequency_hz": float(trajectory.base_frequency_hz),
+        "harmonics": trajectory.harmonics,
+        "periods": excitation.periods,
+        **{key: getattr(trajectory, key) for key in ("offset_rad", "sin_rad", "cos_rad")},
+    }
     lines = [
         "# q_i(t) = offset_i + sum_k sin_ik sin(2 pi k f t) + cos_ik cos(2 pi k f t), one row per joint",
-        "[excitation]",
-        f"base_frequency_hz = {toml_text.number(trajectory.base_frequency_hz)}",
-        f"harmonics = {trajectory.harmonics}",
-        f"periods = {excitation.periods}",
-        f"offset_rad = {toml_text.array(trajectory.offset_rad)}",
-        f"sin_rad = {toml_text.array(trajectory.sin_rad)}",
-        f"cos_rad = {toml_text.array(trajectory.cos_rad)}",
+        *toml_text.table("excitation", motion),
     ]
     if excitation.design:
-        lines += ["", "[design]", *(f"{key} = {_value(value)}" for key, value in excitation.design.items())]
-        if excitation.history:
-            lines.append(f"history = [{', '.join(repr(float(f'{c:.5g}')) for c in excitation.history)}]")
+        history = [float(f"{cost:.5g}") for cost in excitation.history]
+        lines += toml_text.table("design", {**excitation.design, **({"history": history} if history else {})})
     if excitation.margins is not None:
-        lines += ["", *_margin_lines(excitation.margins)]
-    return "\n".join(lines) + "\n"
+        lines += _margin_lines(excitation.margins)
+    return "\n".join(lines)
 
 
 def write_excitation(path: Path, excitation: Excitation) -> None:
@@ -174,22 +171,14 @@ def write_excitation(path: Path, excitation: Excitation) -> None:
 
 def _margin_lines(margins: LimitMargins) -> list[str]:
     """`[margins]`, rounded down to six digits."""
-    rows = ["# minimum margins, within the part of each limit that the design may use", "[margins]"]
-    rows += [f"{name} = [{', '.join(_rounded_down(v) for v in getattr(margins, name))}]" for name in _MARGINS]
+    rounded: dict[str, object] = {name: [_rounded_down(v) for v in getattr(margins, name)] for name in _MARGINS}
     for key in _NAMED:
         if room := getattr(margins, key):
-            near = {toml_text.text(name): _rounded_down(value) for name, value in room.items()}
-            rows.append(f"{key} = {toml_text.inline(near)}")
-    return rows
+            rounded[key] = {name: _rounded_down(value) for name, value in room.items()}
+    comment = "# minimum margins, within the part of each limit that the design may use"
+    return [comment, *toml_text.table("margins", rounded)]
 
 
-def _rounded_down(value: float) -> str:
+def _rounded_down(value: float) -> float:
     """Six digits, rounded down."""
-    return repr(float(_SIX_DIGITS_DOWN.create_decimal(repr(float(value)))))
-
-
-def _value(value: str | float) -> str:
-    """A text, a whole number or a float as TOML."""
-    if isinstance(value, str):
-        return toml_text.text(value)
-    return str(int(value)) if isinstance(value, int) else toml_text.number(value)
+    return float(_SIX_DIGITS_DOWN.create_decimal(repr(float(value))))

@@ -28,11 +28,13 @@ from armload_identification.storage.strict_toml import (
     Text,
     parse,
     read_text,
-    require_shape,
+    require_shapes,
     write_text,
 )
 
 _SAME: Final = 1e-6
+_FRICTION: Final = ("coulomb_nm", "viscous_nm_s_rad", "root_nm", "load_friction", "reversal_speed_rad_s")
+_DRIFT: Final = ("coulomb_drift_nm", "viscous_drift_nm_s_rad", "offset_drift_nm")
 
 
 class _ArmTable(Table):
@@ -89,7 +91,7 @@ class _PayloadTable(Table):
     """A mounting."""
 
     mounting: Text
-    weighed_kg: float | None = None
+    weighed_kg: float = float("nan")
     theta: NumberList
     deviation: NumberList
 
@@ -142,21 +144,16 @@ class _CalibrationFile(Table):
         n = len(self.gains.gain)
         for name in ("gains", "friction", "fit"):
             table: Table = getattr(self, name)
-            for key in type(table).model_fields:
-                require_shape(f"{name}.{key}", getattr(table, key), (n,))
-        for key in ("links", "base"):
-            require_shape(f"body.{key}", getattr(self.body, key), (n, PARAMETERS))
-        require_shape("body.rotor_inertia_kg_m2", self.body.rotor_inertia_kg_m2, (n,))
-        require_shape("body.coupling", self.body.coupling, (n, n))
-        require_shape("body.tilt_rad", self.body.tilt_rad, (2,))
-        size = Layout(n, int(np.count_nonzero(self.body.base))).size
-        require_shape("uncertainty.covariance", self.uncertainty.covariance, (size, size))
+            require_shapes(name, table, dict.fromkeys(type(table).model_fields, (n,)))
+        base, size = (n, PARAMETERS), Layout(n, int(np.count_nonzero(self.body.base))).size
+        body = {"links": base, "base": base, "rotor_inertia_kg_m2": (n,), "coupling": (n, n), "tilt_rad": (2,)}
+        require_shapes("body", self.body, body)
+        require_shapes("uncertainty", self.uncertainty, {"covariance": (size, size)})
         for index, payload in enumerate(self.payloads, 1):
-            for key in ("theta", "deviation"):
-                require_shape(f"payloads[{index}].{key}", getattr(payload, key), (PARAMETERS,))
+            require_shapes(f"payloads[{index}]", payload, {"theta": (PARAMETERS,), "deviation": (PARAMETERS,)})
         for index, run in enumerate(self.runs, 1):
-            for key, shape in (("residual_rms_nm", (n,)), ("influence", (n,)), ("friction_changes", (3, n))):
-                require_shape(f"runs[{index}].{key}", getattr(run, key), shape)
+            shapes = {"residual_rms_nm": (n,), "influence": (n,), "friction_changes": (3, n)}
+            require_shapes(f"runs[{index}]", run, shapes)
         return self
 
     @model_validator(mode="after")
@@ -180,79 +177,52 @@ def format_calibration(result: ArmCalibration) -> str:
     Args:
         result: What to write.
     """
-    array, text, body = toml_text.array, toml_text.text, result.body
+    body, table = result.body, toml_text.table
     unit = "N m per A of motor current" if result.effort is Effort.CURRENT else "N m per N m that a drive reports"
+    arm = {
+        "robot": result.robot,
+        "kinematics_sha256": result.kinematics_sha256,
+        "effort": result.effort,
+        "days": result.days,
+        "warnings": result.warnings,
+    }
+    gains = {"gain": result.gain_nm_a, "half_width_95": result.gain_half_width_95, "nominal": result.nominal}
+    friction = {key: getattr(body, key) for key in _FRICTION} | dict(zip(_DRIFT, result.drift, strict=True))
+    links = {
+        "links": body.links,
+        "base": body.base,
+        "rotor_inertia_kg_m2": body.rotor_inertia_kg_m2,
+        "torque_delay_s": float(body.torque_delay_s),
+        "tilt_rad": result.tilt_rad,
+        "coupling": body.coupling,
+    }
+    fit = {"residual_nm": result.noise_nm, "correlation_s": result.correlation_s, "effort_nm": result.level_nm}
     lines = [
         f"# Axis torque on the output side of the gear: {unit}. Residual and effort are in N m, with the nominal "
         "gains.",
-        "[arm]",
-        f"robot = {text(result.robot)}",
-        f"kinematics_sha256 = {text(result.kinematics_sha256)}",
-        f"effort = {text(result.effort)}",
-        f"days = [{', '.join(text(day) for day in result.days)}]",
-        f"warnings = [{', '.join(text(warning) for warning in result.warnings)}]",
-        "",
-        "[gains]",
-        f"gain = {array(result.gain_nm_a)}",
-        f"half_width_95 = {array(result.gain_half_width_95)}",
-        f"nominal = {array(result.nominal)}",
-        "",
+        *table("arm", arm),
+        *table("gains", gains),
         "# The drift is the standard deviation of friction between runs.",
-        "[friction]",
-        f"coulomb_nm = {array(body.coulomb_nm)}",
-        f"viscous_nm_s_rad = {array(body.viscous_nm_s_rad)}",
-        f"root_nm = {array(body.root_nm)}",
-        f"load_friction = {array(body.load_friction)}",
-        f"reversal_speed_rad_s = {array(body.reversal_speed_rad_s)}",
-        f"coulomb_drift_nm = {array(result.drift[0])}",
-        f"viscous_drift_nm_s_rad = {array(result.drift[1])}",
-        f"offset_drift_nm = {array(result.drift[2])}",
-        "",
+        *table("friction", friction),
         "# Base parameters: together they give the arm's torque; single numbers are not the mass or inertia of a link.",
         "# Per link in its joint frame: m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the origin.",
-        "[body]",
-        f"links = {array(body.links)}",
-        f"base = {array(body.base.astype(float))}",
-        f"rotor_inertia_kg_m2 = {array(body.rotor_inertia_kg_m2)}",
-        f"torque_delay_s = {toml_text.number(body.torque_delay_s)}",
-        f"tilt_rad = {array(result.tilt_rad)}",
-        f"coupling = {array(body.coupling)}",
-        "",
-        "[fit]",
-        f"residual_nm = {array(result.noise_nm)}",
-        f"correlation_s = {array(result.correlation_s)}",
-        f"effort_nm = {array(result.level_nm)}",
-        "",
+        *table("body", links),
+        *table("fit", fit),
     ]
     for payload in result.payloads:
-        lines += ["[[payloads]]", f"mounting = {text(payload.mounting)}"]
-        if np.isfinite(payload.weighed_kg):
-            lines.append(f"weighed_kg = {toml_text.number(payload.weighed_kg)}")
-        lines += [f"theta = {array(payload.theta)}", f"deviation = {array(payload.deviation)}", ""]
+        weighed = np.isfinite(payload.weighed_kg)
+        keys = [key for key in _PayloadTable.model_fields if weighed or key != "weighed_kg"]
+        lines += table("[payloads]", {key: getattr(payload, key) for key in keys})
     for run in result.runs:
-        lines += [
-            "[[runs]]",
-            f"name = {text(run.name)}",
-            f"mounting = {text(run.mounting)}",
-            f"recorded = {text(run.recorded)}",
-            f"residual_rms_nm = {array(run.residual_rms_nm)}",
-            f"off = {toml_text.number(run.off)}",
-            f"friction_changes = {array(run.friction_changes)}",
-            f"influence = {array(run.influence)}",
-            f"rows = {run.rows}",
-            f"struck = {run.struck}",
-            "",
-        ]
+        lines += table("[runs]", {key: getattr(run, key) for key in _RunTable.model_fields})
     for name, reason in result.left_out:
-        lines += ["[[left_out]]", f"name = {text(name)}", f"reason = {text(reason)}", ""]
+        lines += table("[left_out]", {"name": name, "reason": reason})
     lines += [
         "# Of ln gain, base parameters, rotors, load, Coulomb, viscous and root friction, delay (s), tilt (rad).",
-        "[uncertainty]",
-        f"covariance = {array(result.covariance)}",
-        "",
+        *table("uncertainty", {"covariance": result.covariance}),
         *provenance_lines(result.provenance),
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines)
 
 
 def write_calibration(path: Path, result: ArmCalibration) -> None:
@@ -305,22 +275,11 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
         CalibrationFileError: naming source, key, value and what was expected.
     """
     tables = parse(content, source, _CalibrationFile, CalibrationFileError)
-    body, friction = tables.body, tables.friction
-    zero = np.zeros(len(tables.gains.gain))
+    body, friction = dict(tables.body), dict(tables.friction)
+    drift = np.stack([friction.pop(key) for key in _DRIFT])
+    tilt_rad, base = body.pop("tilt_rad"), body.pop("base") > 0.5
     try:
-        model = BodyModel(
-            links=body.links,
-            base=np.asarray(body.base > 0.5),
-            rotor_inertia_kg_m2=body.rotor_inertia_kg_m2,
-            coulomb_nm=friction.coulomb_nm,
-            viscous_nm_s_rad=friction.viscous_nm_s_rad,
-            root_nm=friction.root_nm,
-            offset_nm=zero,
-            load_friction=friction.load_friction,
-            torque_delay_s=body.torque_delay_s,
-            reversal_speed_rad_s=friction.reversal_speed_rad_s,
-            coupling=body.coupling,
-        )
+        model = BodyModel(**body, **friction, base=base, offset_nm=np.zeros(len(base)))
     except ModelError as problem:
         raise CalibrationFileError(source, "body", {}, str(problem)) from problem
     result = ArmCalibration(
@@ -329,22 +288,14 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
         gain_nm_a=tables.gains.gain,
         nominal=tables.gains.nominal,
         body=model,
-        tilt_rad=body.tilt_rad,
+        tilt_rad=tilt_rad,
         covariance=tables.uncertainty.covariance,
-        drift=np.stack([friction.coulomb_drift_nm, friction.viscous_drift_nm_s_rad, friction.offset_drift_nm]),
+        drift=drift,
         noise_nm=tables.fit.residual_nm,
         correlation_s=tables.fit.correlation_s,
         level_nm=tables.fit.effort_nm,
-        payloads=tuple(
-            CalibratedPayload(
-                entry.mounting,
-                float("nan") if entry.weighed_kg is None else entry.weighed_kg,
-                entry.theta,
-                entry.deviation,
-            )
-            for entry in tables.payloads
-        ),
-        runs=tuple(CalibratedRun(**{key: getattr(run, key) for key in _RunTable.model_fields}) for run in tables.runs),
+        payloads=tuple(CalibratedPayload(**dict(entry)) for entry in tables.payloads),
+        runs=tuple(CalibratedRun(**dict(run)) for run in tables.runs),
         left_out=tuple((entry.name, entry.reason) for entry in tables.left_out),
         warnings=tuple(tables.arm.warnings),
         kinematics_sha256=tables.arm.kinematics_sha256,

@@ -10,7 +10,14 @@ from pydantic import Field, model_validator
 from armload_core.arrays import FloatArray
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.storage import toml_text
-from armload_identification.storage.strict_toml import BadValue, NumberList, NumberRows, Table, require_shape
+from armload_identification.storage.strict_toml import (
+    BadValue,
+    NumberList,
+    NumberRows,
+    Table,
+    require_shape,
+    require_shapes,
+)
 
 _ASYMMETRY: Final = 1e-9
 _BELOW_ZERO: Final = 1e-6
@@ -33,28 +40,21 @@ class CovarianceTable(Table):
     gains: _GainsTable | None = None
 
     @model_validator(mode="after")
-    def _a_covariance(self) -> CovarianceTable:
+    def _covariances_of_one_gain_per_axis(self) -> CovarianceTable:
         require_shape("mass_center", self.mass_center, (4, 4))
         require_covariance("mass_center", self.mass_center)
-        return self
-
-    @model_validator(mode="after")
-    def _one_gain_per_axis(self) -> CovarianceTable:
         if self.gains is not None:
             n = self.gains.gain_nm_a.size
-            require_shape("gains.slope", self.gains.slope, (4, n))
-            require_shape("gains.covariance", self.gains.covariance, (n, n))
+            require_shapes("gains", self.gains, {"slope": (4, n), "covariance": (n, n)})
             require_covariance("gains.covariance", self.gains.covariance)
         return self
 
     def covariance(self) -> MassCenterCovariance:
         """As in a `PayloadResult`."""
-        if self.gains is None:
-            return MassCenterCovariance.of_measured(self.mass_center, self.degrees_of_freedom)
-        gains = self.gains
-        return MassCenterCovariance(
-            self.mass_center, self.degrees_of_freedom, gains.gain_nm_a, gains.slope, gains.covariance
-        )
+        measured, freedom, gains = self.mass_center, self.degrees_of_freedom, self.gains
+        if gains is None:
+            return MassCenterCovariance.of_measured(measured, freedom)
+        return MassCenterCovariance(measured, freedom, gains.gain_nm_a, gains.slope, gains.covariance)
 
 
 def covariance_lines(known: MassCenterCovariance | None) -> list[str]:
@@ -69,19 +69,11 @@ def covariance_lines(known: MassCenterCovariance | None) -> list[str]:
         "# Of [mass, cx, cy, cz] in kg and m, without the share of the drive gains, which results obtained with the",
         "# same gains have in common. slope: change of the four per change of the logarithm of each gain; covariance:",
         "# of these logarithms.",
-        "[covariance]",
-        f"mass_center = {toml_text.array(known.measured)}",
-        f"degrees_of_freedom = {toml_text.number(known.freedom)}",
-        "",
+        *toml_text.table("covariance", {"mass_center": known.measured, "degrees_of_freedom": known.freedom}),
     ]
     if known.gain_nm_a.size:
-        lines += [
-            "[covariance.gains]",
-            f"gain_nm_a = {toml_text.array(known.gain_nm_a)}",
-            f"slope = {toml_text.array(known.gain_slope)}",
-            f"covariance = {toml_text.array(known.gain_covariance)}",
-            "",
-        ]
+        gains = {"gain_nm_a": known.gain_nm_a, "slope": known.gain_slope, "covariance": known.gain_covariance}
+        lines += toml_text.table("covariance.gains", gains)
     return lines
 
 

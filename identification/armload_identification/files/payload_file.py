@@ -217,14 +217,11 @@ def format_payload(result: PayloadResult) -> str:
         f"center_of_mass_m = [{', '.join(values[1:4])}]",
         f"inertia_kg_m2 = {toml_text.inline({key[1]: model[key] for key in _KEYS[4:]})}",
         "",
-        "[residual]",
-        f"rms_nm = {toml_text.array(result.residual_rms_nm)}",
-        f"noise_nm = {toml_text.array(result.noise_nm)}",
-        "",
+        *toml_text.table("residual", {"rms_nm": result.residual_rms_nm, "noise_nm": result.noise_nm}),
         *covariance_lines(result.mass_center),
         *provenance_lines(result.provenance),
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines)
 
 
 def write_payload(path: Path, result: PayloadResult) -> None:

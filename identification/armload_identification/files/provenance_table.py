@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from pydantic import Field
 
 from armload_identification.model.payload import Provenance
@@ -24,15 +22,7 @@ class ProvenanceTable(Table):
 
     def provenance(self) -> Provenance:
         """As in a result."""
-        return Provenance(
-            self.armload_version,
-            self.configuration_sha256,
-            self.recordings_sha256,
-            self.calibration_sha256,
-            self.robot,
-            self.kinematics_sha256,
-            self.validation_sha256,
-        )
+        return Provenance(**dict(self))
 
 
 def provenance_lines(provenance: Provenance) -> list[str]:
@@ -41,24 +31,13 @@ def provenance_lines(provenance: Provenance) -> list[str]:
     Args:
         provenance: What the result was made from.
     """
-    lines = [
-        "[provenance]",
-        f"armload_version = {toml_text.text(provenance.armload_version)}",
-        *(
-            f"{key} = {toml_text.text(value)}"
-            for key, value in (("robot", provenance.robot), ("kinematics_sha256", provenance.kinematics_sha256))
-            if value
-        ),
-        f"configuration_sha256 = {toml_text.text(provenance.configuration_sha256)}",
-    ]
-    if provenance.calibration_sha256:
-        lines += ["", "[provenance.calibration_sha256]", *_hashes(provenance.calibration_sha256)]
-    lines += ["", "[provenance.recordings_sha256]", *_hashes(provenance.recordings_sha256)]
-    if provenance.validation_sha256:
-        lines += ["", "[provenance.validation_sha256]", *_hashes(provenance.validation_sha256)]
+    arm = {key: value for key in ("robot", "kinematics_sha256") if (value := getattr(provenance, key))}
+    texts = {"armload_version": provenance.armload_version, **arm}
+    lines = toml_text.table("provenance", texts | {"configuration_sha256": provenance.configuration_sha256})
+    for key in ("calibration_sha256", "recordings_sha256", "validation_sha256"):
+        hashes = getattr(provenance, key)
+        if hashes or key == "recordings_sha256":
+            lines += toml_text.table(
+                f"provenance.{key}", {toml_text.text(name): sha256 for name, sha256 in hashes.items()}
+            )
     return lines
-
-
-def _hashes(files: Mapping[str, str]) -> list[str]:
-    """A line per file."""
-    return [f"{toml_text.text(name)} = {toml_text.text(value)}" for name, value in files.items()]

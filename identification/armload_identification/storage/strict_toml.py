@@ -212,6 +212,16 @@ def require_shape(key: str, found: NDArray[np.float64], shape: tuple[int, ...]) 
         raise BadValue(key, found.tolist(), f"expected {expected} finite numbers")
 
 
+def require_shapes(within: str, table: Table, shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """Raise unless arrays of a table have the expected shapes.
+
+    Raises:
+        BadValue: naming the table's key `within` the file, and the array's.
+    """
+    for key, shape in shapes.items():
+        require_shape(f"{within}.{key}", getattr(table, key), shape)
+
+
 def _is_finite(value: object) -> bool:
     """Whether a TOML value is a number that a float can hold."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from numbers import Integral, Real
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +26,28 @@ def array(value: ArrayLike) -> str:
     if numbers.ndim == 1:
         return "[" + ", ".join(number(v) for v in numbers) + "]"
     return "[\n" + "".join(f"    {array(row)},\n" for row in numbers) + "]"
+
+
+def value(content: object) -> str:
+    """A text, a truth value, a number, a list of texts, an inline table with quoted keys, or an array of floats."""
+    if isinstance(content, str):
+        return text(content)
+    if isinstance(content, bool):
+        return "true" if content else "false"
+    if isinstance(content, Integral):
+        return str(int(content))
+    if isinstance(content, Real):
+        return number(float(content))
+    if isinstance(content, Mapping):
+        return inline({text(key): value(entry) for key, entry in content.items()})
+    if isinstance(content, Sequence) and all(isinstance(entry, str) for entry in content):
+        return "[" + ", ".join(text(entry) for entry in content) + "]"
+    return array(np.asarray(content))
+
+
+def table(name: str, values: Mapping[str, object]) -> list[str]:
+    """The lines of a table with its values in order, and an empty line; an entry of an array of tables is `[name]`."""
+    return [f"[{name}]", *(f"{key} = {value(content)}" for key, content in values.items()), ""]
 
 
 def inline(values: Mapping[str, str]) -> str:
