@@ -24,6 +24,7 @@ from armload_identification.calibration.calibrate_arm import MountedRun, Weighed
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording
 from benchmarks.accuracy.real_currents import FOLDER, MASS_KG, absent
 from benchmarks.arms.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid
@@ -172,7 +173,10 @@ def _measured(robot: Robot) -> dict[str, MountedRun]:
     paths = {FOLDER / f"loaded{suffix}.csv": name for name, suffix in PAIRS.items()}
     paths |= {FOLDER / f"unloaded{suffix}.csv": "" for suffix in PAIRS.values()}
     paths |= dict.fromkeys(sorted((FOLDER / "other_paths").glob("*.csv")), "")
-    return {path.name: MountedRun(read_recording(path, robot.csv_columns), name) for path, name in paths.items()}
+    return {
+        path.name: MountedRun(read_recording(path, ReadingOptions(robot.csv_columns)), name)
+        for path, name in paths.items()
+    }
 
 
 def _pair_files(name: str) -> tuple[str, str]:

@@ -21,6 +21,7 @@ from armload_identification.pipeline.any_motion import identify_windows
 from armload_identification.pipeline.payload_estimator import PayloadEstimator
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.alignment import fit_motion, time_shift
 from benchmarks.accuracy.real_currents import FOLDER, MASS_KG, absent
@@ -207,7 +208,7 @@ def _judge_updates(tally: Tally, robot: Robot, pair: Pair) -> None:
 
 def _read(robot: Robot, name: str) -> Recording:
     folder = FOLDER if "loaded" in name else FOLDER / "other_paths"
-    return read_recording(folder / name, robot.csv_columns)
+    return read_recording(folder / name, ReadingOptions(robot.csv_columns))
 
 
 def _pair(robot: Robot, name: str, others: list[Recording]) -> Pair:

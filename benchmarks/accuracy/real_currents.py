@@ -15,6 +15,7 @@ from armload_identification.model.regressor import payload_torque
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
 from benchmarks.arms.calibrated import calibrated_from_pair
@@ -77,7 +78,10 @@ def measured_pairs(robot: Robot) -> dict[str, Pair]:
     """
     return {
         name: Pair(
-            *(read_recording(FOLDER / f"{load}{suffix}.csv", robot.csv_columns) for load in ("loaded", "unloaded"))
+            *(
+                read_recording(FOLDER / f"{load}{suffix}.csv", ReadingOptions(robot.csv_columns))
+                for load in ("loaded", "unloaded")
+            )
         )
         for name, suffix in (("a", ""), ("b", "_b"))
     }

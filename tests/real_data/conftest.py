@@ -9,6 +9,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.reading_options import ReadingOptions
 
 
 @pytest.fixture(scope="session")
@@ -22,7 +23,7 @@ def ur10e_run(ur10e, shared_data):
 
     @cache
     def run(path):
-        return read_recording(shared_data / "ur10e" / path, ur10e.csv_columns)
+        return read_recording(shared_data / "ur10e" / path, ReadingOptions(ur10e.csv_columns))
 
     return run
 

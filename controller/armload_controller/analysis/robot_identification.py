@@ -27,7 +27,7 @@ from armload_identification.pipeline.any_motion import SHORTEST_WINDOW_S, identi
 from armload_identification.pipeline.payload_identification import FLANGE, payload_result
 from armload_identification.recording.csv_columns import CsvColumns, parse_columns
 from armload_identification.recording.file_reading import read_recording
-from armload_identification.recording.reading_options import Effort
+from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.recording import Recording
 from armload_identification.report.report_content import ReportContent, ShownRuns
 from armload_identification.results.findings import Findings
@@ -78,7 +78,8 @@ def read_run(
     choice = RecordingChoice(known, Effort(effort), between_s, episode, tuple(joints))
     if robot is not None:
         return read_of(_robot(robot), Path(path), choice)
-    recording = read_recording(Path(path), known, effort=choice.effort, between_s=between_s, episode=episode)
+    options = ReadingOptions(known, choice.effort, episode=episode)
+    recording = read_recording(Path(path), options, between_s=between_s)
     return chosen_joints(recording, choice.joints)
 
 

@@ -9,7 +9,7 @@ from armload_controller.config.measured_arm import MeasuredArm
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
-from armload_identification.recording.reading_options import Effort
+from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.recording import Recording
 
 
@@ -49,14 +49,8 @@ def read_of(arm: MeasuredArm, path: Path, choice: RecordingChoice = EVERYTHING) 
         RecordingError: the recording cannot be read, or has other joints.
     """
     columns = choice.columns or arm.csv_columns
-    recording = read_recording(
-        path,
-        columns,
-        effort=choice.effort,
-        joint_names=arm.joint_names,
-        between_s=choice.between_s,
-        episode=choice.episode,
-    )
+    options = ReadingOptions(columns, choice.effort, arm.joint_names, choice.episode)
+    recording = read_recording(path, options, between_s=choice.between_s)
     return arm.own(chosen_joints(recording, choice.joints))
 
 

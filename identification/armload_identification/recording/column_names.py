@@ -26,26 +26,10 @@ _QUANTITIES: Final = {
 }
 _TIMES: Final = ("timestamp", "time", "t", "stamp")
 _UNITS: Final = {
-    "deg": math.pi / 180.0,
-    "degree": math.pi / 180.0,
-    "degrees": math.pi / 180.0,
-    "ms": 1e-3,
-    "us": 1e-6,
-    "ns": 1e-9,
-    "ma": 1e-3,
-    "milli": 1e-3,
-    "mnm": 1e-3,
-    "rad": 1.0,
-    "rads": 1.0,
-    "s": 1.0,
-    "sec": 1.0,
-    "seconds": 1.0,
-    "a": 1.0,
-    "amp": 1.0,
-    "nm": 1.0,
-    "n": 1.0,
-    "m": 1.0,
-    "per": 1.0,
+    **dict.fromkeys(("deg", "degree", "degrees"), math.pi / 180.0),
+    **dict.fromkeys(("ms", "ma", "milli", "mnm"), 1e-3),
+    **{"us": 1e-6, "ns": 1e-9},
+    **dict.fromkeys(("rad", "rads", "s", "sec", "seconds", "a", "amp", "nm", "n", "m", "per"), 1.0),
 }
 """Factor to SI."""
 _NOT_MEASURED: Final = {

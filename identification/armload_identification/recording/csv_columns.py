@@ -38,15 +38,14 @@ class CsvColumns:
 
     def groups(self) -> dict[str, list[int | str]]:
         """The existing columns by the name of the quantity."""
-        groups: dict[str, list[int | str]] = {"time_s": [self.time], "position_rad": list(self.position)}
-        for name, columns in (
-            ("velocity_rad_s", self.velocity),
-            ("current_a", self.current),
-            ("torque_nm", self.torque),
-        ):
-            if columns is not None:
-                groups[name] = list(columns)
-        return groups
+        groups = {
+            "time_s": [self.time],
+            "position_rad": self.position,
+            "velocity_rad_s": self.velocity,
+            "current_a": self.current,
+            "torque_nm": self.torque,
+        }
+        return {name: list(columns) for name, columns in groups.items() if columns is not None}
 
 
 def parse_columns(text: str) -> CsvColumns:

@@ -7,7 +7,7 @@ the file is read again with the next one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -17,11 +17,10 @@ from threadpoolctl import threadpool_limits
 from armload_identification.excitation.excitation_file import parse_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
 from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.reader_registry import reader_of
-from armload_identification.recording.reading_options import Effort, ReadingOptions
+from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording, RecordingSource, recording_of
 from armload_identification.recording.reduction.period_average import PeriodAverager
 from armload_identification.recording.reduction.reduction import Reduction, WrongReduction
@@ -31,16 +30,14 @@ from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
 
 SHORT_ROWS: Final = FIRST_WINDOW
 """Most rows of a recording that is kept unchanged."""
+_NO_OPTIONS: Final = ReadingOptions()
 
 
 def read_recording(
     path: Path,
-    columns: CsvColumns | None = None,
+    options: ReadingOptions = _NO_OPTIONS,
     *,
-    effort: Effort = Effort.TORQUE,
-    joint_names: Sequence[str] = (),
     between_s: tuple[float, float] | None = None,
-    episode: int | None = None,
     with_effort: bool = True,
     short_rows: int = SHORT_ROWS,
 ) -> Recording:
@@ -48,11 +45,8 @@ def read_recording(
 
     Args:
         path: The file.
-        columns: The columns of a table, if their names do not show what they contain.
-        effort: Quantity of the effort in a ROS message.
-        joint_names: Names of the arm's joints, to choose from a recording with other joints.
+        options: What the file does not say about itself.
         between_s: Start and end in s since the first row; all rows are used if not given.
-        episode: Number of the recording in a data set of several.
         with_effort: Whether a recording without torque and current is refused; False only for inspection.
         short_rows: Most rows of a recording that is kept unchanged.
 
@@ -62,10 +56,10 @@ def read_recording(
     Raises:
         RecordingError: the file is missing, empty, damaged, of an unknown format, or contains no usable rows.
     """
-    reader = reader_of(path, ReadingOptions(columns, effort, tuple(joint_names), episode))
+    reader = reader_of(path, options)
     text = reader.attachments.get(EXCITATION_ATTACHMENT)
     excitation = None if text is None else parse_excitation(text, f"{path}, attachment {EXCITATION_ATTACHMENT}")
-    shown = path if episode is None else path.with_name(f"{path.name} episode {episode}")
+    shown = path if options.episode is None else path.with_name(f"{path.name} episode {options.episode}")
     for reduction in _reductions(shown, excitation):
         try:
             garbage = GarbageFilter(shown, with_effort=with_effort)

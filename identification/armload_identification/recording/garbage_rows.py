@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -124,7 +124,8 @@ class GarbageFilter:
         first = self._absent is None
         if first:
             self._learn(rows)
-        rows = self._without_absent(rows)
+        absent: dict[str, Any] = dict.fromkeys(self._absent or ())
+        rows = replace(rows, **absent)
         window = rows if self._before is None else joined([self._before, rows])
         known = window.size - rows.size
         verdict, self._interval_s = _verdict(window, self._interval_s)
@@ -160,16 +161,6 @@ class GarbageFilter:
                 "Identification requires one of them; record 6078 or 6077, or correct the column map."
             )
         refuse_degrees(self.path, rows.position_rad)
-
-    def _without_absent(self, rows: RowBlock) -> RowBlock:
-        """The rows, reduced to the quantities at the beginning of the log."""
-        absent = self._absent or ()
-        return replace(
-            rows,
-            velocity_rad_s=None if "velocity_rad_s" in absent else rows.velocity_rad_s,
-            current_a=None if "current_a" in absent else rows.current_a,
-            torque_nm=None if "torque_nm" in absent else rows.torque_nm,
-        )
 
 
 def _verdict(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[np.intp], float]:
@@ -262,11 +253,11 @@ def refuse_degrees(path: Path, position: FloatArray) -> None:
         RecordingError: naming what was found and expected.
     """
     finite = position[np.isfinite(position).all(axis=1)]
-    if finite.size and np.abs(np.percentile(finite, [5.0, 95.0], axis=0)).max() > _LARGEST_ANGLE_RAD:
+    reach = np.abs(np.percentile(finite, [5.0, 95.0], axis=0)).max() if finite.size else 0.0
+    if reach > _LARGEST_ANGLE_RAD:
         raise RecordingError(
-            f"{path}: joint positions reach {np.abs(np.percentile(finite, [5.0, 95.0], axis=0)).max():.0f}, "
-            f"expected radians within +-{_LARGEST_ANGLE_RAD:.0f}. They look like degrees: convert them, or add the "
-            "unit to the column names of a table (q1_deg)."
+            f"{path}: joint positions reach {reach:.0f}, expected radians within +-{_LARGEST_ANGLE_RAD:.0f}. They look "
+            "like degrees: convert them, or add the unit to the column names of a table (q1_deg)."
         )
 
 
@@ -286,9 +277,8 @@ def refuse_time_unit(path: Path, interval_s: float) -> None:
     unit = next((name for name, second in _TIME_UNITS.items() if low <= interval_s * second <= high), None)
     advice = "Check the column of the time stamps." if unit is None else f"They look like {unit}: convert them."
     raise RecordingError(
-        f"{path}: the interval of the time stamps is {interval_s:.3g}, expected seconds, from {_SHORTEST_INTERVAL_S:g} "
-        "to "
-        f"{_LONGEST_INTERVAL_S:g}. {advice}"
+        f"{path}: the interval of the time stamps is {interval_s:.3g}, expected seconds, from "
+        f"{_SHORTEST_INTERVAL_S:g} to {_LONGEST_INTERVAL_S:g}. {advice}"
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -29,5 +30,5 @@ class ReadingOptions:
 
     columns: CsvColumns | None = None
     effort: Effort = Effort.TORQUE
-    joint_names: tuple[str, ...] = ()
+    joint_names: Sequence[str] = ()
     episode: int | None = None

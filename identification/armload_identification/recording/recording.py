@@ -89,7 +89,7 @@ class PeriodAverage:
     interruptions: int = 0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Recording(RowBlock):
     """One run of an arm with strictly increasing time stamps and current or torque; prints as one line.
 
@@ -108,7 +108,7 @@ class Recording(RowBlock):
         runs/today/loaded_identification.mcap: 6 joints, 5 s, 251 rows of time_s, position_rad, current_a, phase_s
     """
 
-    excitation: Excitation | None
+    excitation: Excitation | None = None
     source: RecordingSource
     average: PeriodAverage | None = None
     repeats: RepeatedValues | None = None
@@ -235,7 +235,7 @@ class Recording(RowBlock):
         for key, values in arrays.items():
             digest.update(f"{key}{values.shape}".encode())
             digest.update(np.ascontiguousarray(values).tobytes())
-        rows = RowBlock(**{key: arrays.get(key) for key in QUANTITIES})  # type: ignore[arg-type]
+        rows = RowBlock(**arrays)
         kept, reasons = clean(Path(name), rows)
         source = RecordingSource(
             Path(name), digest.hexdigest(), "arrays", rows.size, sum(reasons.values()), reasons, joint_names=names
@@ -259,15 +259,24 @@ def clean(path: Path, rows: RowBlock) -> tuple[RowBlock, dict[str, int]]:
     return kept, dict(garbage.reasons)
 
 
-def recording_of(rows: RowBlock, excitation: Excitation | None, source: RecordingSource) -> Recording:
-    """A recording of unreduced rows.
+def recording_of(
+    rows: RowBlock,
+    excitation: Excitation | None,
+    source: RecordingSource,
+    average: PeriodAverage | None = None,
+    repeats: RepeatedValues | None = None,
+) -> Recording:
+    """A recording of the usable rows of a run, or of rows to which these were reduced.
 
     Args:
-        rows: The usable rows.
+        rows: The rows.
         excitation: The trajectory that was streamed, or None.
         source: Their source.
+        average: Statistics of the average period, if the rows are one.
+        repeats: Repeated values in the rows before their reduction.
     """
-    return Recording(**{name: getattr(rows, name) for name in QUANTITIES}, excitation=excitation, source=source)
+    given = {name: getattr(rows, name) for name in QUANTITIES}
+    return Recording(**given, excitation=excitation, source=source, average=average, repeats=repeats)
 
 
 def check_joints(recording: Recording, n: int) -> None:

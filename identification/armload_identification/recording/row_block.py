@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
@@ -30,10 +30,10 @@ class RowBlock:
 
     time_s: FloatArray
     position_rad: FloatArray
-    velocity_rad_s: FloatArray | None
-    current_a: FloatArray | None
-    torque_nm: FloatArray | None
-    phase_s: FloatArray | None
+    velocity_rad_s: FloatArray | None = None
+    current_a: FloatArray | None = None
+    torque_nm: FloatArray | None = None
+    phase_s: FloatArray | None = None
 
     @classmethod
     def of_columns(cls, columns: Mapping[str, FloatArray]) -> Self:
@@ -42,8 +42,7 @@ class RowBlock:
         Args:
             columns: (N, k) by quantity: one column of times, n of every other; absent quantities become None.
         """
-        given = {name: columns.get(name) for name in QUANTITIES} | {"time_s": columns["time_s"][:, 0], "phase_s": None}
-        return cls(**given)  # type: ignore[arg-type]
+        return cls(**{**columns, "time_s": columns["time_s"][:, 0]})
 
     @property
     def n(self) -> int:
@@ -66,8 +65,12 @@ class RowBlock:
         Args:
             chosen: (N,) True for rows to keep, indices in order, or a slice.
         """
-        kept = {name: values[chosen] for name in QUANTITIES if (values := getattr(self, name)) is not None}
-        return replace(self, **kept)
+        return self.each(lambda values: values[chosen])
+
+    def each(self, function: Callable[[FloatArray], FloatArray]) -> Self:
+        """The rows with a function of (N,) or (N, ...) values applied to every quantity that they have."""
+        given = {name: values for name in QUANTITIES if (values := getattr(self, name)) is not None}
+        return replace(self, **{name: function(values) for name, values in given.items()})
 
 
 def joined(blocks: Sequence[RowBlock]) -> RowBlock:
@@ -78,17 +81,12 @@ def joined(blocks: Sequence[RowBlock]) -> RowBlock:
     """
     if len(blocks) == 1:
         return blocks[0]
-    together: dict[str, FloatArray | None] = {}
-    for field in fields(RowBlock):
-        parts = [getattr(block, field.name) for block in blocks]
-        if all(part is None for part in parts):
-            together[field.name] = None
-            continue
-        shape = next(part.shape[1:] for part in parts if part is not None)
-        together[field.name] = np.concatenate(
-            [
-                np.full((block.size, *shape), np.nan) if part is None else part
-                for part, block in zip(parts, blocks, strict=True)
-            ]
-        )
-    return RowBlock(**together)  # type: ignore[arg-type]
+    together: dict[str, FloatArray] = {}
+    for name in QUANTITIES:
+        parts = [getattr(block, name) for block in blocks]
+        known = next((part for part in parts if part is not None), None)
+        if known is not None:
+            absent = (np.full((block.size, *known.shape[1:]), np.nan) for block in blocks)
+            filled = [blank if part is None else part for part, blank in zip(parts, absent, strict=True)]
+            together[name] = np.concatenate(filled)
+    return RowBlock(**together)

@@ -49,6 +49,7 @@ def show_command(
     from armload_controller.config.robot_recordings import chosen_joints
     from armload_identification.pipeline.recording_survey import pair_problem, survey
     from armload_identification.recording.file_reading import read_recording
+    from armload_identification.recording.reading_options import ReadingOptions
 
     files = [path for path in (file, other) if path is not None]
     choices = recording_choices(columns, effort, between, joints, episode, count=len(files))
@@ -56,10 +57,8 @@ def show_command(
         chosen_joints(
             read_recording(
                 path,
-                choice.columns,
-                effort=choice.effort,
+                ReadingOptions(choice.columns, choice.effort, episode=choice.episode),
                 between_s=choice.between_s,
-                episode=choice.episode,
                 with_effort=False,
             ),
             choice.joints,

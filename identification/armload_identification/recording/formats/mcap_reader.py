@@ -182,14 +182,7 @@ class _Table:
         self._table, self._filled = np.empty_like(self._table), 0
         first = len(_SCALARS)
         arrays = {name: table[:, first + i * self.n : first + (i + 1) * self.n] for i, name in enumerate(self._names)}
-        yield RowBlock(
-            time_s=table[:, 0],
-            position_rad=arrays["position_rad"],
-            velocity_rad_s=arrays.get("velocity_rad_s"),
-            current_a=arrays.get("current_a"),
-            torque_nm=arrays.get("torque_nm"),
-            phase_s=table[:, 1],
-        )
+        yield RowBlock(table[:, 0], **arrays, phase_s=table[:, 1])
 
     def _learn(self, records: bytes) -> None:
         """Determine joints and arrays from a chunk's messages, unless none of these can be used."""

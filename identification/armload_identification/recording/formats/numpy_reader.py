@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.row_block import RowBlock
@@ -96,14 +97,14 @@ class NumpyReader:
         for first in range(0, shape[0], _BLOCK_ROWS):
             rows = min(_BLOCK_ROWS, shape[0] - first)
             account.rows_read += rows
-            block: dict[str, Any] = dict.fromkeys(_NAMES)
+            block: dict[str, FloatArray] = {}
             for quantity, stream in streams.items():
                 columns = () if quantity == "time_s" else (shape[1],)
                 kind = kinds[quantity][1]
                 size = rows * int(np.prod(columns, dtype=np.int64)) * kind.itemsize
                 values = np.frombuffer(stream.read(size), dtype=kind)
                 block[quantity] = values.reshape(rows, *columns).astype(np.float64)
-            yield RowBlock(**block, phase_s=None)
+            yield RowBlock(**block)
 
     def _damaged(self, error: Exception) -> RecordingError:
         return RecordingError(

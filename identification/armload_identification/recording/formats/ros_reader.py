@@ -189,19 +189,12 @@ class RosReader:
     def _block(self, rows: list[list[float]]) -> RowBlock:
         """Rows as a block."""
         table = np.array(rows, dtype=np.float64)
-        n = len(self._choice.names)
-        parts = [table[:, 1 + i * n : 1 + (i + 1) * n] for i in range((table.shape[1] - 1) // n)]
-        velocity = parts[1] if self._choice.velocity else None
-        effort = parts[-1] if self._choice.effort else None
-        current = self._options.effort is Effort.CURRENT
-        return RowBlock(
-            time_s=table[:, 0],
-            position_rad=parts[0],
-            velocity_rad_s=velocity,
-            current_a=effort if current else None,
-            torque_nm=None if current else effort,
-            phase_s=None,
-        )
+        names = ["position_rad"]
+        if self._choice.velocity:
+            names.append("velocity_rad_s")
+        if self._choice.effort:
+            names.append("current_a" if self._options.effort is Effort.CURRENT else "torque_nm")
+        return RowBlock(table[:, 0], **dict(zip(names, np.hsplit(table[:, 1:], len(names)), strict=True)))
 
     def _samples(self, reader: AnyReader, topics: Sequence[str]) -> Iterator[tuple[int, _JointSample | None]]:
         """Each message of some topics with the bag's time; None for an unreadable message."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
-from armload_identification.recording.recording import PeriodAverage, Recording, RecordingSource
+from armload_identification.recording.recording import PeriodAverage, Recording, RecordingSource, recording_of
 from armload_identification.recording.reduction.phase_advance import PhaseAdvance
 from armload_identification.recording.reduction.place_in_period import (
     SETTLING_S,
@@ -40,7 +40,7 @@ class PeriodAverager:
         self._path, self._excitation, self._interpolated = path, excitation, interpolated
         self._learning: list[RowBlock] = []
         self._grid: _PhaseGrid | None = None
-        self._current: bool | None = None
+        self._effort_name = ""
         self._repeats: RepeatCounter | None = None
 
     def add(self, rows: RowBlock) -> None:
@@ -49,7 +49,8 @@ class PeriodAverager:
         if effort is None or rows.phase_s is None or not rows.size:
             return
         if self._repeats is None:
-            self._repeats, self._current = RepeatCounter(rows.n), rows.torque_nm is None
+            self._repeats = RepeatCounter(rows.n)
+            self._effort_name = "current_a" if rows.torque_nm is None else "torque_nm"
         self._repeats.add(effort, rows.position_rad)
         inside = rows.rows(np.isfinite(rows.phase_s))
         if not inside.size:
@@ -67,20 +68,10 @@ class PeriodAverager:
             self._learn()
         if self._grid is None or self._repeats is None:
             raise WrongReduction
-        phase_s, mean, average = self._grid.result()
-        n = mean.shape[1] // 2
-        return Recording(
-            time_s=self._grid.time_at(phase_s),
-            position_rad=mean[:, n:],
-            velocity_rad_s=None,
-            current_a=mean[:, :n] if self._current else None,
-            torque_nm=None if self._current else mean[:, :n],
-            phase_s=phase_s,
-            excitation=self._excitation,
-            source=source,
-            average=average,
-            repeats=self._repeats.result(),
-        )
+        time_s, phase_s, mean, average = self._grid.result()
+        effort, position = np.hsplit(mean, 2)
+        rows = RowBlock(time_s, position, **{self._effort_name: effort}, phase_s=phase_s)
+        return recording_of(rows, self._excitation, source, average, self._repeats.result())
 
     def _learn(self) -> None:
         """Determine the grid from the first rows, and add these."""
@@ -141,8 +132,8 @@ class _PhaseGrid:
             chosen = number == period
             self._period[index[chosen] % self._phases] = values[chosen]
 
-    def result(self) -> tuple[FloatArray, FloatArray, PeriodAverage]:
-        """Phases that have samples, their means, and the statistics of the average."""
+    def result(self) -> tuple[FloatArray, FloatArray, FloatArray, PeriodAverage]:
+        """Time at the run's mean advance, and phase, (K,) of phases with samples, (K, 2 n) means, and statistics."""
         advance = self._advance
         if advance.held < 1:
             raise WrongReduction
@@ -153,11 +144,8 @@ class _PhaseGrid:
         freedom = int(np.maximum(self._count - 1, 0).sum())
         covariance = self._square / freedom if freedom > 1 else None
         phase_s = np.asarray((self._first + known) * self._step_s, dtype=np.float64)
-        return phase_s, self._mean[known], PeriodAverage(advance.periods, covariance, advance.interruptions)
-
-    def time_at(self, phase_s: FloatArray) -> FloatArray:
-        """Time stamps of phases of the average period, at the run's mean advance."""
-        return self._advance.time_at(phase_s)
+        average = PeriodAverage(advance.periods, covariance, advance.interruptions)
+        return advance.time_at(phase_s), phase_s, self._mean[known], average
 
     def _close(self) -> None:
         """Add the completed period to the sums, and begin the next."""

@@ -10,13 +10,14 @@ To bound memory there are at most `MOST_MEANS` means, 22 minutes at 10 ms; beyon
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
-from armload_identification.recording.recording import Recording, RecordingSource
+from armload_identification.recording.recording import Recording, RecordingSource, recording_of
 from armload_identification.recording.reduction.reduction import WrongReduction
 from armload_identification.recording.reduction.repeated_values import RepeatCounter
 from armload_identification.recording.row_block import RowBlock, joined
@@ -71,17 +72,8 @@ class TimeAverager:
             self._keep(self._stretches(self._open))
             self._open = None
         rows = joined(self._means)
-        return Recording(
-            time_s=rows.time_s,
-            position_rad=rows.position_rad,
-            velocity_rad_s=None,
-            current_a=rows.current_a,
-            torque_nm=rows.torque_nm,
-            phase_s=rows.phase_s,
-            excitation=self._excitation,
-            source=source,
-            repeats=None if self._repeats is None else self._repeats.result(),
-        )
+        repeats = None if self._repeats is None else self._repeats.result()
+        return recording_of(replace(rows, velocity_rad_s=None), self._excitation, source, repeats=repeats)
 
     def _learn(self) -> None:
         """Determine the intervals from the first rows, and average these."""
@@ -136,11 +128,4 @@ def _averaged(rows: RowBlock, number: FloatArray, fewest: float) -> RowBlock:
         size = count if values.ndim == 1 else count[:, None]
         return np.asarray(np.add.reduceat(values, first, axis=0) / size)[full]
 
-    return RowBlock(
-        time_s=mean(rows.time_s),
-        position_rad=mean(rows.position_rad),
-        velocity_rad_s=None,
-        current_a=None if rows.current_a is None else mean(rows.current_a),
-        torque_nm=None if rows.torque_nm is None else mean(rows.torque_nm),
-        phase_s=None if rows.phase_s is None else mean(rows.phase_s),
-    )
+    return replace(rows, velocity_rad_s=None).each(mean)

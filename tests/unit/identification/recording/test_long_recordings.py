@@ -19,6 +19,7 @@ from armload_identification.pipeline.recording_survey import survey
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
+from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording, RecordingSource, recording_of
 from armload_identification.recording.reduction.phase_advance import interruptions
 from armload_identification.recording.reduction.repeated_values import RepeatCounter, repeated_values
@@ -31,7 +32,7 @@ from armload_identification.verdict.recording_checks.sanity import check_run
 
 pytestmark = pytest.mark.pure
 
-COLUMNS = CsvColumns(0, tuple(range(1, 7)), None, tuple(range(7, 13)))
+COLUMNS = ReadingOptions(CsvColumns(0, tuple(range(1, 7)), None, tuple(range(7, 13))))
 EVERYTHING, NOTHING = 10**9, 100
 """Rows up to which a recording is not reduced."""
 
@@ -195,7 +196,7 @@ def test_means_become_longer_where_there_are_too_many(interval_s):
     time_s = 5.0 + interval_s * np.arange(20_000)
     time_s = np.delete(time_s, np.r_[3000:3700, 9001:9004])
     position = np.column_stack([np.sin(time_s), np.cos(0.7 * time_s)])
-    rows = RowBlock(time_s, position, None, position**2, None, None)
+    rows = RowBlock(time_s, position, current_a=position**2)
     averager = TimeAverager(None, most_means=600)
     rng = np.random.default_rng(4)
     edges = [0, *np.sort(rng.choice(np.arange(1, rows.size), 40, replace=False)), rows.size]
@@ -220,7 +221,7 @@ def test_means_do_not_depend_on_where_the_first_block_ends():
     time_s = 0.001 * np.arange(5000)
     time_s[1] -= 4e-4
     position = np.column_stack([np.sin(time_s), np.cos(0.7 * time_s)])
-    rows = RowBlock(time_s, position, None, position**2, None, None)
+    rows = RowBlock(time_s, position, current_a=position**2)
     kept = []
     for edges in ([0, 5000], [0, 1, 5000], [0, 1, 2, 700, 5000], [0, 1, 700]):
         averager = TimeAverager(None)
@@ -240,7 +241,7 @@ def test_means_that_are_too_long_for_the_motion_are_refused(pinocchio_arm):
     position = np.outer(np.sin(time_s / 0.15), np.full(6, 0.3))
     source = RecordingSource(Path("shift.csv"), "", "csv", 0, 0, {})
     repeats = repeated_values(position, position)
-    run = Recording(time_s, position, None, position, None, None, None, source, repeats=repeats)
+    run = Recording(time_s=time_s, position_rad=position, current_a=position, source=source, repeats=repeats)
     with pytest.raises(RecordingError, match=r"0\.8 h .* means over 100 ms, .* 2 %.* --between 0s 600s"):
         check_run(run, pinocchio_arm.transmission)
 
@@ -305,7 +306,7 @@ def garbage_rows(rng, rows):
     time_s[bad[30:40]] += 1e5
     position[[*bad[40:50], *edges], 1] += 30.0
     time_s[bad[50:]] = time_s[bad[50:] - 1]
-    return RowBlock(time_s, position, None, current, None, None)
+    return RowBlock(time_s, position, current_a=current)
 
 
 def test_garbage_is_found_in_windows_as_in_one_piece(tmp_path):
@@ -378,11 +379,11 @@ class Endless:
             other = first // period * 7919 % period
             current = one.velocity_rad_s + noise[other : other + period]
             account.rows_read += period
-            yield RowBlock(100.0 + self.pace * phase, one.position_rad, None, current, None, phase)
+            yield RowBlock(100.0 + self.pace * phase, one.position_rad, current_a=current, phase_s=phase)
 
 
 def peak(rows, periodic):
-    file_reading.reader_of = lambda path, columns: Endless(rows, periodic)
+    file_reading.reader_of = lambda path, options: Endless(rows, periodic)
     run = file_reading.read_recording(Path("made"))
     if periodic:
         motion = motion_of(run, Transmission(np.ones(6), np.eye(6)))

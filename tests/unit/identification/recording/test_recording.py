@@ -13,6 +13,7 @@ from armload_identification.excitation.fourier import Excitation, FourierTraject
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.recording.run_format import (
     EXCITATION_ATTACHMENT,
@@ -24,7 +25,7 @@ from armload_identification.recording.run_format import (
 
 pytestmark = pytest.mark.pure
 
-COLUMNS = CsvColumns(time=0, position=[1, 2], velocity=[3, 4], current=[5, 6])
+COLUMNS = ReadingOptions(CsvColumns(time=0, position=[1, 2], velocity=[3, 4], current=[5, 6]))
 
 
 def messages(rows=60, joints=2, **changes):
@@ -163,7 +164,7 @@ def test_malformed_messages_are_counted(tmp_path):
 
 def test_csv_with_and_without_a_header_line(tmp_path):
     plain = read_recording(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
-    names = CsvColumns("t", ["q1", "q2"], current=["i1", "i2"])
+    names = ReadingOptions(CsvColumns("t", ["q1", "q2"], current=["i1", "i2"]))
     headed = read_recording(write_csv(tmp_path / "b.csv", ["t,q1,q2,v1,v2,i1,i2", *csv_rows()]), names)
     np.testing.assert_array_equal(plain.current_a, headed.current_a)
     np.testing.assert_allclose(plain.position_rad[:, 0], np.sin(0.03 * np.arange(60)), atol=1e-5)
@@ -225,13 +226,21 @@ def test_one_wild_time_stamp_does_not_cost_the_rest(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("rows", "columns", "said"),
+    ("rows", "options", "said"),
     [
         ([""], COLUMNS, "is empty"),
-        (csv_rows(), CsvColumns(0, [1, 2]), "neither motor current nor joint torque"),
-        (csv_rows(), CsvColumns(0, [1, 2], current=[6, 7]), "have 7 columns, but the column map refers to column 7"),
-        (csv_rows(), CsvColumns("t", [1, 2], current=[5, 6]), "no header line"),
-        (["a,b,c,d,e,f,g", *csv_rows()], CsvColumns("t", [1, 2], current=[5, 6]), "no column 't' .* a, b, c"),
+        (csv_rows(), ReadingOptions(CsvColumns(0, [1, 2])), "neither motor current nor joint torque"),
+        (
+            csv_rows(),
+            ReadingOptions(CsvColumns(0, [1, 2], current=[6, 7])),
+            "have 7 columns, but the column map refers to column 7",
+        ),
+        (csv_rows(), ReadingOptions(CsvColumns("t", [1, 2], current=[5, 6])), "no header line"),
+        (
+            ["a,b,c,d,e,f,g", *csv_rows()],
+            ReadingOptions(CsvColumns("t", [1, 2], current=[5, 6])),
+            "no column 't' .* a, b, c",
+        ),
         (["nan,nan,nan,nan,nan,nan,nan"] * 50, COLUMNS, "0 usable rows of 50 .50 not finite"),
         (csv_rows(12), COLUMNS, "12 usable rows"),
         (csv_rows(scale=57.29578), COLUMNS, "look like degrees"),
@@ -239,13 +248,13 @@ def test_one_wild_time_stamp_does_not_cost_the_rest(tmp_path):
         (csv_rows(velocity_scale=57.29578), COLUMNS, "velocities look like degrees"),
     ],
 )
-def test_what_cannot_be_used_is_refused_with_the_reason(tmp_path, rows, columns, said):
+def test_what_cannot_be_used_is_refused_with_the_reason(tmp_path, rows, options, said):
     path = write_csv(tmp_path / "log.csv", rows)
     if said is None:
-        assert len(read_recording(path, columns).time_s) == 60
+        assert len(read_recording(path, options).time_s) == 60
         return
     with pytest.raises(RecordingError, match=said) as caught:
-        read_recording(path, columns)
+        read_recording(path, options)
     assert str(path) in str(caught.value)
 
 

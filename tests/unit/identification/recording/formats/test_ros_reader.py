@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.formats.ros_reader import _CONTROL_MESSAGES
-from armload_identification.recording.reading_options import Effort
+from armload_identification.recording.reading_options import Effort, ReadingOptions
 
 ROWS = 60
 START_NS = 1_700_000_000_000_000_000
@@ -118,7 +118,9 @@ def test_the_order_of_the_joints_may_change_from_message_to_message(bag, state):
     ]
     path = bag(messages)
     assert_read(read_recording(path))
-    assert_read(read_recording(path, joint_names=["elbow", "wrist", "shoulder"]), ("elbow", "wrist", "shoulder"))
+    assert_read(
+        read_recording(path, ReadingOptions(joint_names=["elbow", "wrist", "shoulder"])), ("elbow", "wrist", "shoulder")
+    )
 
 
 def test_of_two_publishers_on_one_topic_the_arm_is_read(bag, state, store, header):
@@ -143,7 +145,7 @@ def test_the_joints_that_are_wanted_decide_between_two_arms(bag, state, store, h
         for row in range(ROWS)
     ]  # fmt: skip
     path = bag([*states(state), *other])
-    assert_read(read_recording(path, joint_names=NAMES))
+    assert_read(read_recording(path, ReadingOptions(joint_names=NAMES)))
     assert read_recording(path).joint_names == ("a", "b", "c", "d")
 
 
@@ -171,7 +173,7 @@ def test_header_stamps_count_where_they_make_sense(bag, state, stamp, by_header)
 
 
 def test_an_effort_may_be_a_current(bag, state):
-    recording = read_recording(bag(states(state)), effort=Effort.CURRENT)
+    recording = read_recording(bag(states(state)), ReadingOptions(effort=Effort.CURRENT))
     np.testing.assert_array_equal(recording.current_a, EFFORT)
     assert recording.torque_nm is None
 

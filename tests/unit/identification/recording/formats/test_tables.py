@@ -12,6 +12,7 @@ import pytest
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.reading_options import ReadingOptions
 
 TIME = 0.01 * np.arange(90)
 POSITION = np.column_stack([np.sin(TIME), np.cos(2.0 * TIME), 0.5 * TIME])
@@ -90,9 +91,9 @@ def test_a_parquet_table_with_a_column_for_each_joint(tmp_path):
     path = tmp_path / "run.parquet"
     pq.write_table(pa.table(columns()), path)
     assert_read(read_recording(path))
-    assert_read(read_recording(path, CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau3"])))
+    assert_read(read_recording(path, ReadingOptions(CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau3"]))))
     with pytest.raises(RecordingError, match="no column tau9; there are t, q1"):
-        read_recording(path, CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau9"]))
+        read_recording(path, ReadingOptions(CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau9"])))
     pq.write_table(pa.table({"a": TIME}), path)
     with pytest.raises(RecordingError, match="no time column"):
         read_recording(path)
@@ -130,26 +131,26 @@ def test_of_a_data_set_of_several_episodes_one_is_chosen(tmp_path):
     with pytest.raises(RecordingError, match=r"3 episodes \(0 to 2\).*--episode 3, or --episode 3,4 for loaded and"):
         read_recording(folder)
     with pytest.raises(RecordingError, match=r"no episode 3, there are 0 to 2\. Correct --episode"):
-        read_recording(folder, episode=3)
-    parts = [read_recording(folder, episode=number) for number in range(3)]
+        read_recording(folder, ReadingOptions(episode=3))
+    parts = [read_recording(folder, ReadingOptions(episode=number)) for number in range(3)]
     np.testing.assert_array_equal(np.vstack([part.position_rad for part in parts]), POSITION)
     assert [part.source.path for part in parts] == [tmp_path / f"three episode {number}" for number in range(3)]
     assert len({part.source.sha256 for part in parts}) == 3
     one = lerobot(tmp_path / "one")
-    assert_read(read_recording(one, episode=0), NAMES)
+    assert_read(read_recording(one, ReadingOptions(episode=0)), NAMES)
     with pytest.raises(RecordingError, match=r"no episode 1, there are 0 to 0"):
-        read_recording(one, episode=1)
+        read_recording(one, ReadingOptions(episode=1))
 
 
 def test_a_file_without_episodes_has_none_to_choose(tmp_path):
     path = tmp_path / "run.parquet"
     pq.write_table(pa.table(columns()), path)
     with pytest.raises(RecordingError, match=r"no episode 0, no column episode_index"):
-        read_recording(path, episode=0)
+        read_recording(path, ReadingOptions(episode=0))
     log = tmp_path / "run.csv"
     log.write_text("t,q1\n0,0\n")
     with pytest.raises(RecordingError, match=r"run\.csv: has no episodes.*Omit --episode"):
-        read_recording(log, episode=0)
+        read_recording(log, ReadingOptions(episode=0))
 
 
 def test_damaged_tables_are_named(tmp_path):

@@ -15,12 +15,13 @@ from armload_identification.pipeline.payload_identification import identify
 from armload_identification.pipeline.recording_survey import pair_problem
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.reduction.repeated_values import repeated_values
 from armload_identification.verdict.recording_checks.sanity import check_pair, check_run
 
 pytestmark = pytest.mark.pure
 
-COLUMNS = CsvColumns(0, tuple(range(1, 7)), None, tuple(range(7, 13)))
+COLUMNS = ReadingOptions(CsvColumns(0, tuple(range(1, 7)), None, tuple(range(7, 13))))
 POSITION, CURRENT = slice(1, 7), slice(7, 13)
 
 
