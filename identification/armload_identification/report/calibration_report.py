@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Final
@@ -11,8 +10,7 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from armload_core.arrays import FloatArray
-from armload_identification.calibration.calibration_result import ArmCalibration, CalibratedRun
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ReportError
 from armload_identification.recording.reading_options import Effort
@@ -26,53 +24,6 @@ _LOUD: Final = 1.5
 """Ratio of a run's residual to that of all runs from which it is printed in bold."""
 _STRONG: Final = 1.0
 """Influence of a run on a gain, in standard deviations, from which it is printed in bold."""
-
-
-@dataclass(frozen=True)
-class _JointRow:
-    """One joint, numbers as text."""
-
-    number: int
-    name: str
-    nominal: str
-    gain: str
-    width: str
-    change: str
-    friction: str
-    speed: str
-    load: str
-    unexplained: str
-    determined: bool
-
-
-@dataclass(frozen=True)
-class _Cell:
-    """A number in a table, and whether it is printed in bold."""
-
-    text: str
-    strong: bool
-
-
-@dataclass(frozen=True)
-class _RunRow:
-    """One run."""
-
-    name: str
-    day: str
-    carried: str
-    rows: str
-    off: _Cell
-    residual: tuple[_Cell, ...]
-    influence: tuple[_Cell, ...]
-
-
-@dataclass(frozen=True)
-class _Panel:
-    """A joint's figure."""
-
-    number: int
-    name: str
-    svg: Markup
 
 
 def write_calibration_report(path: Path, calibration: ArmCalibration, description: str, names: Sequence[str]) -> None:
@@ -111,44 +62,48 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
     title = f"Calibrated over nominal gain of {calibration.n} joints with 95 % intervals."
     tilt = np.degrees(np.sqrt(np.sum(calibration.tilt_rad**2)))
     current = calibration.effort is Effort.CURRENT
+    noise = np.maximum(calibration.noise_nm, np.finfo(float).tiny)
     return rendered(
         _TEMPLATE,
         calibration=calibration,
         description=description,
         gain_unit="N m/A" if current else "N m/(N m)",
         gain_meaning="per ampere of motor current" if current else "per newton metre that the drive reports",
-        joints=tuple(_joint_row(calibration, joint, name) for joint, name in enumerate(names)),
+        joints=[_joint_row(calibration, joint, name) for joint, name in enumerate(names)],
         gains=Markup(gains_figure(change, width, calibration.determined.tolist(), title)),
-        payloads=tuple(_payload_rows(calibration)),
-        runs=tuple(_run_row(calibration, run) for run in calibration.runs),
-        drift=tuple(_drift(calibration, names)),
+        payloads=_payload_rows(calibration),
+        runs=[(run, run.residual_rms_nm / noise) for run in calibration.runs],
+        loud=_LOUD,
+        strong=_STRONG,
+        drift=_drift(calibration, names),
         delay=f"{numeral(1e3 * calibration.body.torque_delay_s, 1)}{NO_BREAK}ms",
         tilt=f"{numeral(float(tilt), 2)}°",
+        numeral=numeral,
         colors=COLORS,
     )
 
 
-def _joint_row(calibration: ArmCalibration, joint: int, name: str) -> _JointRow:
-    """Gain and friction of a joint."""
+def _joint_row(calibration: ArmCalibration, joint: int, name: str) -> dict[str, object]:
+    """A joint's line in the table of gains and friction."""
     gain, nominal = calibration.gain_nm_a[joint], calibration.nominal[joint]
     width = calibration.gain_half_width_95[joint]
     decimals = decimals_for(width, gain)
     friction = NORMAL_HALF_WIDTH * calibration.friction_deviation_nm[joint]
     load = NORMAL_HALF_WIDTH * calibration.deviation("load")[joint]
     left = calibration.noise_nm[joint] / max(calibration.level_nm[joint], np.finfo(float).tiny)
-    return _JointRow(
-        number=joint + 1,
-        name=name,
-        nominal=numeral(nominal, decimals),
-        gain=numeral(gain, decimals),
-        width=f"±{NO_BREAK}{numeral(100.0 * width / gain, 2)}{NO_BREAK}%",
-        change=f"{numeral(100.0 * (gain / nominal - 1.0), 2, signed=True)}{NO_BREAK}%",
-        friction=_with_width(calibration.friction_nm[joint], friction),
-        speed=numeral(calibration.middle_speed_rad_s[joint], 2),
-        load=_with_width(calibration.body.load_friction[joint], load),
-        unexplained=f"{numeral(100.0 * left, 1)}{NO_BREAK}%",
-        determined=bool(calibration.determined[joint]),
-    )
+    return {
+        "number": joint + 1,
+        "name": name,
+        "nominal": numeral(nominal, decimals),
+        "gain": numeral(gain, decimals),
+        "width": f"±{NO_BREAK}{numeral(100.0 * width / gain, 2)}{NO_BREAK}%",
+        "change": f"{numeral(100.0 * (gain / nominal - 1.0), 2, signed=True)}{NO_BREAK}%",
+        "friction": _with_width(calibration.friction_nm[joint], friction),
+        "speed": numeral(calibration.middle_speed_rad_s[joint], 2),
+        "load": _with_width(calibration.body.load_friction[joint], load),
+        "unexplained": f"{numeral(100.0 * left, 1)}{NO_BREAK}%",
+        "determined": bool(calibration.determined[joint]),
+    }
 
 
 def _with_width(value: float, half_width: float) -> str:
@@ -175,27 +130,8 @@ def _payload_rows(calibration: ArmCalibration) -> list[tuple[str, str, str, str]
     return rows
 
 
-def _run_row(calibration: ArmCalibration, run: CalibratedRun) -> _RunRow:
-    """Residual and influence of a run."""
-    ratio = run.residual_rms_nm / np.maximum(calibration.noise_nm, np.finfo(float).tiny)
-    struck = f", {run.struck} left out as impacts" if run.struck else ""
-    return _RunRow(
-        name=run.name,
-        day=run.recorded[:10],
-        carried=run.mounting or "nothing",
-        rows=f"{run.rows}{struck}",
-        off=_Cell(numeral(run.off, 2), run.off > _LOUD),
-        residual=_cells(ratio, _LOUD),
-        influence=_cells(run.influence, _STRONG),
-    )
-
-
-def _cells(values: FloatArray, strong: float) -> tuple[_Cell, ...]:
-    return tuple(_Cell(numeral(value, 1), bool(value > strong)) for value in values)
-
-
-def _drift(calibration: ArmCalibration, names: Sequence[str]) -> list[_Panel]:
-    """Friction of every run, by day if all runs state theirs, else in their order."""
+def _drift(calibration: ArmCalibration, names: Sequence[str]) -> list[tuple[str, Markup]]:
+    """Name of every joint and the figure of its friction, by day if all runs state theirs, else in their order."""
     runs = calibration.runs
     days = [_day(run.recorded) for run in runs]
     if all(days) and len(set(days)) > 1:
@@ -204,25 +140,15 @@ def _drift(calibration: ArmCalibration, names: Sequence[str]) -> list[_Panel]:
         labels = [f"{day:%d %b}" for day in days if day]
     else:
         places, labels = np.arange(1.0, len(runs) + 1.0), [str(number) for number in range(1, len(runs) + 1)]
-    changes = np.array([calibration.friction_change_nm(run) for run in runs])
-    return [
-        _Panel(
-            joint + 1,
-            name,
-            Markup(
-                drift_figure(
-                    places,
-                    labels,
-                    changes[:, joint],
-                    float(calibration.usual_change_nm[joint]),
-                    joint,
-                    f"Change of the friction of joint {joint + 1} ({name}) over the runs: "
-                    f"{numeral(changes[:, joint].min(), 2)} to {numeral(changes[:, joint].max(), 2)} N m.",
-                )
-            ),
+    panels = []
+    changes = np.array([calibration.friction_change_nm(run) for run in runs]).T
+    for joint, (name, change, usual) in enumerate(zip(names, changes, calibration.usual_change_nm, strict=True)):
+        title = (
+            f"Change of the friction of joint {joint + 1} ({name}) over the runs: "
+            f"{numeral(change.min(), 2)} to {numeral(change.max(), 2)} N m."
         )
-        for joint, name in enumerate(names)
-    ]
+        panels.append((name, Markup(drift_figure(places, labels, change, float(usual), joint, title))))
+    return panels
 
 
 def _day(recorded: str) -> date | None:

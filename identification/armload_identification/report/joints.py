@@ -63,32 +63,23 @@ def joint_rows(
         names: Names of the joints.
         scales: Ratio of measured to predicted torque; None if not requested.
     """
-    ratio = _over(residual_rms_nm, signal.noise_nm)
     decimals = common_decimals(signal.noise_nm, 3)
-    torque = _column(np.sqrt(np.mean(signal.raw_nm[signal.valid] ** 2, axis=0)), decimals)
-    noise, residual = _column(signal.noise_nm, decimals), _column(residual_rms_nm, decimals)
-    ratios = _column(ratio, 2)
-    loss, mismatch, fit = (
-        _column(values, common_decimals(values, 2))
-        for values in (
-            _PERCENT * signal.smoothing_loss,
-            _MRAD * signal.mismatch_rad,
-            _MRAD * signal.position_fit_rad,
-        )
-    )
+    columns = {
+        "torque": _column(np.sqrt(np.mean(signal.raw_nm[signal.valid] ** 2, axis=0)), decimals),
+        "noise": _column(signal.noise_nm, decimals),
+        "residual": _column(residual_rms_nm, decimals),
+        "ratio": _column(_over(residual_rms_nm, signal.noise_nm), 2),
+        "loss": _column(_PERCENT * signal.smoothing_loss),
+        "mismatch": _column(_MRAD * signal.mismatch_rad),
+        "position_fit": _column(_MRAD * signal.position_fit_rad),
+    }
     return tuple(
         JointRow(
             number=joint + 1,
             name=name,
-            torque=torque[joint],
-            noise=noise[joint],
-            residual=residual[joint],
-            ratio=ratios[joint],
-            loss=loss[joint],
             lossy=bool(signal.smoothing_loss[joint] > SMOOTHING_LOSS_LIMIT),
-            mismatch=mismatch[joint],
-            position_fit=fit[joint],
             scale="" if scales is None or not scales.determined[joint] else _scale(scales, joint),
+            **{quantity: column[joint] for quantity, column in columns.items()},
         )
         for joint, name in enumerate(names)
     )
@@ -99,8 +90,9 @@ def _scale(scales: JointScales, joint: int) -> str:
     return f"{numeral(scales.scale[joint], 3)} ± {numeral(scales.half_width_95[joint], 3)}"
 
 
-def _column(values: FloatArray, decimals: int) -> tuple[Numeral, ...]:
-    """Numbers with the same number of decimals."""
+def _column(values: FloatArray, decimals: int | None = None) -> tuple[Numeral, ...]:
+    """Numbers with the same number of decimals; for two digits of the greatest if not given."""
+    decimals = common_decimals(values, 2) if decimals is None else decimals
     return align([numeral(float(value), decimals) for value in values])
 
 

@@ -19,24 +19,39 @@ from armload_identification.verdict.joint_words import listed
 
 _KG_M2: Final = f"kg{NO_BREAK}m²"
 _AXES: Final = ("x", "y", "z")
-_QUANTITIES: Final = (
-    ("mass", "m", "", "kg"),
-    *(("centre of mass", "c", axis, "m") for axis in _AXES),
-    *(("moment of inertia", "I", axis, _KG_M2) for axis in ("xx", "yy", "zz")),
-    *(("product of inertia", "I", axes, _KG_M2) for axes in ("xy", "xz", "yz")),
-)
 _MM: Final = 1e3
 
 
 @dataclass(frozen=True)
-class ParameterRow:
-    """One of the ten parameters.
+class NamedParameter:
+    """Names of one of the ten parameters.
 
     Attributes:
         quantity: Name of the quantity.
         symbol: Its symbol.
         index: Its index.
         unit: Its unit.
+    """
+
+    quantity: str
+    symbol: str
+    index: str
+    unit: str
+
+
+_QUANTITIES: Final = (
+    ("mass", "m", "", "kg"),
+    *(("centre of mass", "c", axis, "m") for axis in _AXES),
+    *(("moment of inertia", "I", axis, _KG_M2) for axis in ("xx", "yy", "zz")),
+    *(("product of inertia", "I", axes, _KG_M2) for axes in ("xy", "xz", "yz")),
+)
+
+
+@dataclass(frozen=True)
+class ParameterRow(NamedParameter):
+    """One of the ten parameters.
+
+    Attributes:
         determined: Whether the data determine it; if not, there is no number.
         estimate: The number.
         low: Low end of its 95 % interval.
@@ -48,10 +63,6 @@ class ParameterRow:
         covered: Whether the interval contains the truth; None without truth or estimate.
     """
 
-    quantity: str
-    symbol: str
-    index: str
-    unit: str
     determined: bool
     estimate: Numeral
     low: Numeral
@@ -63,23 +74,15 @@ class ParameterRow:
 
 
 @dataclass(frozen=True)
-class ComparedRow:
+class ComparedRow(NamedParameter):
     """A determined parameter in the plain estimate and as reported.
 
     Attributes:
-        quantity: Name of the quantity.
-        symbol: Its symbol.
-        index: Its index.
-        unit: Its unit.
         plain: Value of the plain estimate.
         reported: Value of the physically possible estimate.
         change: Reported minus plain, in half widths of the interval.
     """
 
-    quantity: str
-    symbol: str
-    index: str
-    unit: str
     plain: Numeral
     reported: Numeral
     change: Numeral
@@ -167,26 +170,14 @@ def parameter_rows(
         else align([numeral(t, decimals_for(w, t) + 1) for t, w in zip(exact, shown, strict=True)])
     )
     rows = []
-    for i, (quantity, symbol, index, unit) in enumerate(_QUANTITIES):
-        compared = exact is not None and bool(known[i])
-        rows.append(
-            ParameterRow(
-                quantity=quantity,
-                symbol=symbol,
-                index=index,
-                unit=unit,
-                determined=bool(known[i]),
-                estimate=estimates[i],
-                low=lows[i],
-                high=highs[i],
-                limit_share=None if np.isnan(half_width_95[i]) else float(half_width_95[i] / limits[i]),
-                truth=truths[i],
-                error=_error_text(i, values[i], exact[i], shown[i]) if exact is not None and compared else "",
-                covered=bool(intervals[i, 0] <= exact[i] <= intervals[i, 1])
-                if exact is not None and compared
-                else None,
-            )
-        )
+    for i, names in enumerate(_QUANTITIES):
+        share = None if np.isnan(half_width_95[i]) else float(half_width_95[i] / limits[i])
+        error, covered = "", None
+        if exact is not None and known[i]:
+            error = _error_text(i, values[i], exact[i], shown[i])
+            covered = bool(intervals[i, 0] <= exact[i] <= intervals[i, 1])
+        numbers = (estimates[i], lows[i], highs[i])
+        rows.append(ParameterRow(*names, bool(known[i]), *numbers, share, truths[i], error, covered))
     return tuple(rows)
 
 

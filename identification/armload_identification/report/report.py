@@ -6,14 +6,12 @@ It loads nothing, contains no scripts, and the same inputs give the same bytes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from markupsafe import Markup
 
-from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ReportError
 from armload_identification.model.payload import (
     DETERMINED_SHARE,
@@ -23,6 +21,7 @@ from armload_identification.model.payload import (
     PayloadResult,
 )
 from armload_identification.pipeline.identification_result import Identification
+from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import FLANGE_MM, center_views
 from armload_identification.report.joints import JointRow, joint_rows
@@ -38,35 +37,13 @@ from armload_identification.report.parameters import (
     truth_sentence,
 )
 from armload_identification.report.provenance import comparison_sentence, file_rows, motion_sentence
-from armload_identification.report.report_content import ReportContent, ReportSubject
+from armload_identification.report.report_content import ReportContent, ReportSubject, ShownRuns
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.verdict.joint_words import listed
 
 _TEMPLATE: Final = "template.html.j2"
-
-
-@dataclass(frozen=True)
-class _Panel:
-    """A joint's figure with its caption."""
-
-    number: int
-    name: str
-    caption: str
-    svg: Markup
-
-
-@dataclass(frozen=True)
-class _Run:
-    """A pair of runs: figures and table."""
-
-    key: str
-    heading: str
-    text: str
-    panels: tuple[_Panel, ...]
-    rows: tuple[JointRow, ...]
-    judged: bool
 
 
 def write_report(path: Path, subject: ReportSubject, content: ReportContent) -> None:
@@ -147,50 +124,39 @@ def _notes(payload: PayloadResult, fit: Identification | None) -> Iterator[str]:
         yield from fit.notes
 
 
-def _motion_panels(signal: LoadSignal, names: tuple[str, ...]) -> Iterator[_Panel]:
+def _motion_panels(signal: LoadSignal, names: tuple[str, ...]) -> Iterator[tuple[str, str, Markup]]:
+    """Name, caption and figure of every joint's motion."""
     for joint, name in enumerate(names):
         low, high = signal.states.position_rad[:, joint].min(), signal.states.position_rad[:, joint].max()
         fastest = np.abs(signal.states.velocity_rad_s[:, joint]).max()
         caption = f"{numeral(low, 2)} to {numeral(high, 2)}{NO_BREAK}rad, at most {numeral(fastest, 2)}{NO_BREAK}rad/s"
         title = f"Position and velocity of joint {joint + 1} ({name}) over time: {caption}."
-        svg = joint_figures.motion_figure(signal, joint, f"motion-{joint + 1}", title)
-        yield _Panel(joint + 1, name, caption, Markup(svg))
+        yield name, caption, Markup(joint_figures.motion_figure(signal, joint, f"motion-{joint + 1}", title))
 
 
-def _runs(content: ReportContent, names: tuple[str, ...]) -> Iterator[_Run]:
-    """The pairs of runs of identification and validation, as far as available."""
-    fitted, validation = content.fitted, content.validation
-    if fitted is not None:
-        yield _run(
-            "identification",
-            "Torque: the runs it was identified from",
-            fitted.signal,
-            fitted.predicted_nm,
-            joint_rows(fitted.signal, fitted.residual_rms_nm, names, None),
-            judged=False,
-        )
-    if validation is not None:
-        yield _run(
-            "validation",
-            "Torque: the runs it was validated on",
-            validation.signal,
-            validation.predicted_nm,
-            joint_rows(validation.signal, validation.residual_rms_nm, names, validation.verdict.of_payload),
-            judged=True,
-        )
+def _runs(content: ReportContent, names: tuple[str, ...]) -> Iterator[dict[str, object]]:
+    """Text, figures and table of the pairs of runs of identification and validation, as far as available."""
+    scales = None if content.validation is None else content.validation.verdict.of_payload
+    for key, heading, runs, judged in (
+        ("identification", "Torque: the runs it was identified from", content.fitted, None),
+        ("validation", "Torque: the runs it was validated on", content.validation, scales),
+    ):
+        if runs is not None:
+            rows = joint_rows(runs.signal, runs.residual_rms_nm, names, judged)
+            yield {
+                "key": key,
+                "heading": heading,
+                "text": comparison_sentence(runs.signal),
+                "panels": list(_torque_panels(key, runs, rows)),
+                "rows": rows,
+                "judged": judged is not None,
+            }
 
 
-def _run(
-    key: str,
-    heading: str,
-    signal: LoadSignal,
-    predicted_nm: FloatArray,
-    rows: tuple[JointRow, ...],
-    *,
-    judged: bool,
-) -> _Run:
-    """Figures of a pair of runs."""
-    panels = []
+def _torque_panels(
+    key: str, runs: ShownRuns | Validation, rows: tuple[JointRow, ...]
+) -> Iterator[tuple[str, str, Markup]]:
+    """Name, caption and figure of every joint's torque."""
     for joint, row in enumerate(rows):
         caption = (
             f"residual {row.residual.text}{NO_BREAK}N{NO_BREAK}m RMS, noise {row.noise.text}{NO_BREAK}N{NO_BREAK}m, "
@@ -199,9 +165,8 @@ def _run(
         title = (
             f"Joint {row.number} ({row.name}): measured and predicted payload torque, and the difference; {caption}."
         )
-        svg = joint_figures.torque_figure(signal, predicted_nm, joint, f"{key}-{row.number}", title)
-        panels.append(_Panel(row.number, row.name, caption, Markup(svg)))
-    return _Run(key, heading, comparison_sentence(signal), tuple(panels), rows, judged)
+        svg = joint_figures.torque_figure(runs.signal, runs.predicted_nm, joint, f"{key}-{row.number}", title)
+        yield row.name, caption, Markup(svg)
 
 
 def _facts(identification: Identification) -> tuple[tuple[str, str], ...]:

@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.extras import Extra, require_extra
-from armload_identification.pipeline.arm_drift import ArmDrift, Monitored
+from armload_identification.pipeline.arm_drift import Monitored
+from armload_identification.report.compared_runs import ComparedRuns
 from armload_identification.results.payload_text import plain_table
 
 _PICTURE_DPI: Final = 130
@@ -21,45 +21,8 @@ HEADINGS: Final = ("joint", "friction N m", "minus the calibration's", "gain", "
 
 
 @dataclass(frozen=True, eq=False)
-class ArmHistory:
-    """An arm over its runs; printed as a table with the changes.
-
-    Attributes:
-        robot: Name of the arm.
-        description: Its description, in one line.
-        joint_names: Names of its joints.
-        calibration: The calibration with which the runs were compared.
-        calibration_name: Its file.
-        drift: The result of the comparison.
-        left_out: Name and reason of the runs that could not be used.
-        armload_version: Version of the program.
-    """
-
-    robot: str
-    description: str
-    joint_names: tuple[str, ...]
-    calibration: ArmCalibration
-    calibration_name: str
-    drift: ArmDrift
-    left_out: tuple[tuple[str, str], ...]
-    armload_version: str
-
-    @property
-    def advice(self) -> str:
-        """Recommended action, in one or two sentences."""
-        if self.drift.out_of_date:
-            return "Find out what changed on the arm, and calibrate it again from runs since then."
-        if any(not found.alone for found in self.drift.findings):
-            return (
-                "The calibration is still valid: friction is fitted with every payload. Look for new grease, a "
-                "dragging brake or wear."
-            )
-        if self.drift.findings:
-            return (
-                "Single runs are off: an impact, a cold arm, or a payload other than stated. The calibration is still "
-                "valid."
-            )
-        return "The calibration is still valid."
+class ArmHistory(ComparedRuns):
+    """An arm over its runs; printed as a table with the changes."""
 
     def rows(self) -> list[tuple[str, ...]]:
         """Present levels by joint; empty if the runs do not determine one."""
@@ -167,18 +130,7 @@ class ArmHistory:
         require_extra(Extra.REPORT, "the report of an arm over its runs")
         from armload_identification.report.drift_report import write_drift_report
 
-        write_drift_report(
-            Path(path),
-            self.drift,
-            self.calibration,
-            calibration_name=self.calibration_name,
-            robot=self.robot,
-            description=self.description,
-            names=self.joint_names,
-            advice=self.advice,
-            left_out=self.left_out,
-            armload_version=self.armload_version,
-        )
+        write_drift_report(Path(path), self)
 
     def __str__(self) -> str:
         """The table, the changes, and the recommended action."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -11,7 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 from armload_identification.many_arms.arm_runs import UNITS, Kind
-from armload_identification.many_arms.fleet_review import ABSENT, ArmReview, FigureReview, FleetReview, Suspicion
+from armload_identification.many_arms.fleet_review import ABSENT, ArmReview, FigureReview, FleetReview
 from armload_identification.report.fleet.fleet_figures import CHARTS, charts_figure, strip
 from armload_identification.report.numerals import NO_BREAK, common_decimals, decimals_for, numeral
 from armload_identification.report.page import rendered, write_page
@@ -20,48 +18,9 @@ MOST_SUSPICIOUS: Final = 10
 """Number of arms shown with their charts."""
 _MOST_PROBLEMS: Final = 50
 _MOST_DIGITS: Final = 4
+_SHOWN: Final = (Kind.MASS, Kind.GAIN, Kind.FRICTION)
+"""Kinds of quantity in the table of all arms."""
 _TEMPLATE: Final = "fleet/fleet.html.j2"
-
-
-@dataclass(frozen=True)
-class _Panel:
-    """A suspicious arm; without charts if none of its recordings has a result."""
-
-    name: str
-    model: str
-    suspicions: tuple[Suspicion, ...]
-    charts: Markup
-
-
-@dataclass(frozen=True)
-class _Figure:
-    """A quantity in the table of all arms."""
-
-    name: str
-    text: str
-    strip: Markup
-
-
-@dataclass(frozen=True)
-class _Problem:
-    """A recording without a result."""
-
-    arm: str
-    recording: str
-    why: str
-
-
-@dataclass(frozen=True)
-class _Row:
-    """An arm in the table of all arms."""
-
-    name: str
-    model: str
-    runs: int
-    without_result: str
-    latest: str
-    figures: tuple[_Figure, ...]
-    suspicion: str
 
 
 def write_fleet_report(path: Path, review: FleetReview, armload_version: str) -> None:
@@ -97,45 +56,30 @@ def render_fleet_report(review: FleetReview, armload_version: str) -> str:
         without_result=len(review.problems),
         latest=f"{max(arm.latest for arm in review.arms):%Y-%m-%d}",
         suspicious=len(suspicious),
-        panels=tuple(_panel(arm, number) for number, arm in enumerate(suspicious[:MOST_SUSPICIOUS], 1)),
-        rows=tuple(_row(arm) for arm in review.arms),
-        absent=tuple((arm.arm, arm.model, arm.runs, f"{arm.latest:%Y-%m-%d}") for arm in review.absent),
+        panels=[(arm, _charts(arm, number)) for number, arm in enumerate(suspicious[:MOST_SUSPICIOUS], 1)],
+        rows=[(arm, [_shown(kind, _most_off(arm, kind)) for kind in _SHOWN]) for arm in review.arms],
+        absent=review.absent,
         absent_days=ABSENT.days,
-        problems=tuple(
-            _Problem(run.arm, run.recording, run.problem.removeprefix(f"{run.recording}: "))
+        problems=[
+            (run.arm, run.recording, run.problem.removeprefix(f"{run.recording}: "))
             for run in review.problems[:_MOST_PROBLEMS]
-        ),
+        ],
     )
 
 
-def _panel(arm: ArmReview, number: int) -> _Panel:
-    """A suspicious arm with the charts of suspicious and other important quantities."""
+def _charts(arm: ArmReview, number: int) -> Markup:
+    """Charts of an arm's suspicious and other important quantities; empty if no recording has a result."""
     named = [arm.figures[found.quantity] for found in arm.suspicions if found.quantity is not None]
-    others = [_most_off(arm, (kind,)) for kind in (Kind.MASS, Kind.GAIN, Kind.FRICTION)]
+    others = [_most_off(arm, kind) for kind in _SHOWN]
     shown = list(dict.fromkeys([*named, *(figure for figure in others if figure is not None)]))[:CHARTS]
     title = f"{arm.arm}: {', '.join(str(figure.quantity) for figure in shown)} over the runs."
-    charts = Markup(charts_figure(shown, f"charts-{number}", title) if shown else "")
-    return _Panel(arm.arm, arm.model, arm.suspicions, charts)
+    return Markup(charts_figure(shown, f"charts-{number}", title) if shown else "")
 
 
-def _row(arm: ArmReview) -> _Row:
-    """A line of the table."""
-    figures = (_shown(kind, _most_off(arm, (kind,))) for kind in (Kind.MASS, Kind.GAIN, Kind.FRICTION))
-    return _Row(
-        name=arm.arm,
-        model=arm.model,
-        runs=arm.runs,
-        without_result=f"{arm.without_result}" if arm.without_result else "",
-        latest=f"{arm.latest:%Y-%m-%d}",
-        figures=tuple(figures),
-        suspicion="" if not arm.suspicions else f"{arm.deviations:.0f}",
-    )
-
-
-def _shown(kind: Kind, figure: FigureReview | None) -> _Figure:
-    """The latest value of a quantity, and its strip; both empty if it was never determined."""
+def _shown(kind: Kind, figure: FigureReview | None) -> tuple[str, str, Markup]:
+    """Name and latest value of a quantity, and its strip; both empty if it was never determined."""
     if figure is None:
-        return _Figure(kind.value, "", Markup())
+        return kind.value, "", Markup()
     unit, scale = UNITS[kind]
     value = scale * float(figure.values[-1])
     decimals = decimals_for(scale * float(figure.chart.deviation[-1]), value)
@@ -144,10 +88,10 @@ def _shown(kind: Kind, figure: FigureReview | None) -> _Figure:
         decimals = min(decimals, common_decimals(value, _MOST_DIGITS))
     of = f"{figure.quantity.of}: " if figure.quantity.of else ""
     number = numeral(value, decimals, signed=kind is Kind.GAIN)
-    return _Figure(kind.value, f"{of}{number}{NO_BREAK}{unit.replace(' ', NO_BREAK)}", Markup(strip(figure)))
+    return kind.value, f"{of}{number}{NO_BREAK}{unit.replace(' ', NO_BREAK)}", Markup(strip(figure))
 
 
-def _most_off(arm: ArmReview, kinds: Iterable[Kind]) -> FigureReview | None:
-    """The quantity of the given kinds whose latest value deviates most from its initial level."""
-    figures = [figure for quantity, figure in arm.figures.items() if quantity.kind in kinds]
+def _most_off(arm: ArmReview, kind: Kind) -> FigureReview | None:
+    """The quantity of a kind whose latest value deviates most from its initial level."""
+    figures = [figure for quantity, figure in arm.figures.items() if quantity.kind is kind]
     return max(figures, key=lambda f: float(np.abs(f.chart.values[-1]) / f.chart.deviation[-1]), default=None)
