@@ -18,8 +18,9 @@ import numpy as np
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_simulation import HARSH_SECOND_RUN_FRICTION
 from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody
-from armload_identification.excitation.design import design
+from armload_identification.excitation.design import optimal_excitation
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
+from armload_identification.excitation.design_search import SearchSettings
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.information import named_criterion
@@ -86,13 +87,12 @@ def paper_motion(robot: Robot, criterion: str) -> Motion:
     )
     chain, payload = robot.chain.head(n), in_frame(robot, robot.payloads.expected, n)
     strong = TorqueLimits.from_share(chain, np.zeros(n), payload, robot.limits.torque_max_nm[:n])
-    found = design(
+    found = optimal_excitation(
         named_criterion(criterion, chain, robot.limits.torque_noise_nm[:n], payload),
         Envelope(head, strong, Workspace(chain)),
-        harmonics=PAPER_HARMONICS,
-        base_frequency_hz=PAPER_BASE_HZ,
-        seed=PAPER_DESIGN_SEED,
-        restarts=PAPER_RESTARTS,
+        SearchSettings(
+            harmonics=PAPER_HARMONICS, base_frequency_hz=PAPER_BASE_HZ, seed=PAPER_DESIGN_SEED, restarts=PAPER_RESTARTS
+        ),
     ).trajectory
     held = np.zeros((robot.n - n, PAPER_HARMONICS))
     trajectory = FourierTrajectory(

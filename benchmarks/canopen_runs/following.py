@@ -30,7 +30,8 @@ from armload_controller.session.feedforward_comparison import ComparisonRuns
 from armload_controller.session.run_session import Load, no_operator, run_session
 from armload_drivers.servos import JointServos
 from armload_identification.calibration.calibrate_arm import MountedRun
-from armload_identification.excitation.design import design
+from armload_identification.excitation.design import optimal_excitation
+from armload_identification.excitation.design_search import SearchSettings
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.information import named_criterion
 from armload_identification.model.body_model import BodyModel
@@ -73,7 +74,9 @@ def _sweep(robot: Robot) -> Excitation:
         "a-optimal", robot.chain, robot.limits.torque_noise_nm, payload, robot.payloads.design_set
     )
     envelope = robot.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)
-    result = design(criterion, envelope, harmonics=1, base_frequency_hz=SWEEP_HZ, seed=3, restarts=4)
+    result = optimal_excitation(
+        criterion, envelope, SearchSettings(harmonics=1, base_frequency_hz=SWEEP_HZ, seed=3, restarts=4)
+    )
     return result.excitation(1, "benchmark", "benchmark")
 
 

@@ -24,8 +24,9 @@ from threadpoolctl import threadpool_limits
 from armload_controller.analysis.robot_excitation import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
 from armload_controller.config.robot import Robot, load_robot
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.design import DesignResult, design
+from armload_identification.excitation.design import DesignResult, optimal_excitation
 from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M, Envelope
+from armload_identification.excitation.design_search import SearchSettings
 from armload_identification.excitation.fourier import FourierTrajectory, fourier_basis
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.information import condition_number, named_criterion
@@ -88,13 +89,10 @@ def _ours(
     robot: Robot, envelope: Envelope, criterion: str, restarts: int, executor: ProcessPoolExecutor | None
 ) -> DesignResult:
     chosen = named_criterion(criterion, robot.chain, robot.limits.torque_noise_nm, robot.payloads.expected)
-    return design(
+    return optimal_excitation(
         chosen,
         envelope,
-        harmonics=HARMONICS,
-        base_frequency_hz=1.0 / PERIOD_S,
-        seed=SEED,
-        restarts=restarts,
+        SearchSettings(harmonics=HARMONICS, base_frequency_hz=1.0 / PERIOD_S, seed=SEED, restarts=restarts),
         executor=executor,
     )
 

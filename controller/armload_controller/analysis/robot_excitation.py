@@ -20,10 +20,9 @@ from armload_controller.control_errors import ControlError
 from armload_controller.motion.paths import PLANNED_SPEED_M_S, bound_phase
 from armload_controller.motion.setpoints import CYCLE_ROUNDING
 from armload_controller.motion.slow_round_pace import reduced_pace
-from armload_identification.excitation import design as excitation_design
-from armload_identification.excitation.design import DesignResult
+from armload_identification.excitation.design import DesignResult, optimal_excitation
 from armload_identification.excitation.design_envelope import Envelope
-from armload_identification.excitation.design_search import PeriodRange
+from armload_identification.excitation.design_search import PeriodRange, SearchSettings
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.information import named_criterion
@@ -208,13 +207,10 @@ def design(
         criterion, arm.chain, arm.limits.torque_noise_nm, arm.payloads.expected, arm.payloads.design_set
     )
     with _workers(restarts) as executor:
-        result = excitation_design.design(
+        result = optimal_excitation(
             objective,
             envelope,
-            harmonics=harmonics,
-            base_frequency_hz=frequency,
-            seed=seed,
-            restarts=restarts,
+            SearchSettings(harmonics, frequency, seed, restarts),
             executor=executor,
             progress=None if progress is None else lambda finished, _total, _best: progress(finished),
             objection=arm.obstacles.objection,

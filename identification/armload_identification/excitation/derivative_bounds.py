@@ -26,6 +26,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmDynamics
+from armload_identification.model.payload import symmetric_tensor
 
 _ORDERS = 5
 
@@ -129,6 +130,4 @@ def _offset(chain: Chain, joint: int) -> float:
 
 def _principal_sum(theta: FloatArray) -> float:
     """Sum of the magnitudes of the principal moments about the frame's origin."""
-    ixx, iyy, izz, ixy, ixz, iyz = theta[4:]
-    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-    return float(np.sum(np.abs(np.linalg.eigvalsh(tensor))))
+    return float(np.sum(np.abs(np.linalg.eigvalsh(symmetric_tensor(theta[4:])))))

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.design_envelope import Envelope
-from armload_identification.excitation.design_search import Attempt, PeriodRange, Search
+from armload_identification.excitation.design_search import Attempt, Search, SearchSettings
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.information import Criterion, condition_number
 from armload_identification.excitation.limit_margins import LimitMargins
@@ -71,14 +71,11 @@ class DesignResult:
         return Excitation(self.trajectory, periods, record, tuple(float(c) for c in self.history), self.margins)
 
 
-def design(
+def optimal_excitation(
     criterion: Criterion,
     envelope: Envelope,
+    settings: SearchSettings,
     *,
-    harmonics: int,
-    base_frequency_hz: float | PeriodRange,
-    seed: int,
-    restarts: int,
     executor: Executor | None = None,
     progress: Callable[[int, int, float], None] | None = None,
     objection: Callable[[FourierTrajectory], str | None] | None = None,
@@ -90,12 +87,7 @@ def design(
     Args:
         criterion: The cost to minimise, and its arm.
         envelope: All limits.
-        harmonics: H, at least 1.
-        base_frequency_hz: Inverse of the period; or a range of periods, from which the one that best determines the
-            payload in a given measuring time is chosen. Faster is better until a limit is reached: speed,
-            acceleration, jerk or torque.
-        seed: Seed of the random starts.
-        restarts: Number of starts.
+        settings: Harmonics, period and starts.
         executor: Runs the starts, such as a process pool; None runs them here, one after the other.
         progress: Called after each start with starts done, total number of starts, best cost so far.
         objection: Returns why a motion within the limits must not be driven, such as a collision of a URDF's meshes,
@@ -105,7 +97,7 @@ def design(
         The best motion found, strictly within the limits at all times.
 
     Raises:
-        ExcitationError: invalid arguments, or no start ended with a motion that determines the payload within the
+        ExcitationError: limits of another arm, or no start ended with a motion that determines the payload within the
             limits.
 
     References:
@@ -114,15 +106,9 @@ def design(
     chain = criterion.chain
     if envelope.n != chain.n:
         raise ExcitationError(f"limits of {envelope.n} joints for a chain of {chain.n}")
-    periods = base_frequency_hz
-    if not isinstance(periods, PeriodRange):
-        if not 0.0 < periods < np.inf:
-            raise ExcitationError(f"base_frequency_hz is {periods}; expected a number above 0")
-        periods = PeriodRange(1.0 / periods, 1.0 / periods, 1.0 / periods)
-    if harmonics < 1 or restarts < 1:
-        raise ExcitationError(f"harmonics {harmonics}, restarts {restarts}; expected at least 1 of each")
-    search = Search(criterion, envelope, harmonics, periods)
-    sources = np.random.SeedSequence(seed).spawn(restarts)
+    search = Search(criterion, envelope, settings.harmonics, settings.periods)
+    restarts = settings.restarts
+    sources = np.random.SeedSequence(settings.seed).spawn(restarts)
     attempts: dict[int, Attempt] = {}
     with threadpool_limits(1):  # here too: each of an executor's threads lifts the process's limit when it ends
         for number, attempt in _attempts(search, sources, executor):
@@ -140,7 +126,7 @@ def design(
         margins=envelope.margins(trajectory),
         restart_costs=np.array([attempt.cost for attempt in ended]),
         history=best.history,
-        seed=seed,
+        seed=settings.seed,
     )
 
 

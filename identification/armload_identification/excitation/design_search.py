@@ -11,7 +11,7 @@ and threads that wait for each other over matrices of ten rows took six times as
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -70,6 +70,42 @@ class PeriodRange:
                 f"periods from {self.shortest_s} to {self.longest_s} s in steps of {self.step_s} s; "
                 "expected 0 < shortest <= longest, and a step above 0 and at most the longest"
             )
+
+
+@dataclass(frozen=True, slots=True)
+class SearchSettings:
+    """What is searched, and from how many starts.
+
+    Attributes:
+        harmonics: H, at least 1.
+        base_frequency_hz: Inverse of the period; or a range of periods, from which the one that best determines the
+            payload in a given measuring time is chosen. Faster is better until a limit is reached: speed,
+            acceleration, jerk or torque.
+        seed: Seed of the random starts.
+        restarts: Number of starts, at least 1.
+
+    Raises:
+        ExcitationError: a number that is not above 0.
+    """
+
+    harmonics: int
+    base_frequency_hz: float | PeriodRange
+    seed: int
+    restarts: int
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.base_frequency_hz, PeriodRange) and not 0.0 < self.base_frequency_hz < np.inf:
+            raise ExcitationError(f"base_frequency_hz is {self.base_frequency_hz}; expected a number above 0")
+        if self.harmonics < 1 or self.restarts < 1:
+            raise ExcitationError(f"harmonics {self.harmonics}, restarts {self.restarts}; expected at least 1 of each")
+
+    @property
+    def periods(self) -> PeriodRange:
+        """The range of periods; one period if the frequency is fixed."""
+        if isinstance(self.base_frequency_hz, PeriodRange):
+            return self.base_frequency_hz
+        period_s = 1.0 / self.base_frequency_hz
+        return PeriodRange(period_s, period_s, period_s)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -154,10 +190,8 @@ class Search:
         if worst.max() > -_INSIDE:
             problem = self._envelope.most_exceeded(worst)
             return Attempt(np.inf, np.inf, None, np.array(history), float(worst.max()), problem)
-        cost, score = (
-            self.cost_of(self._criterion, trajectory),
-            self._cost(self._criterion, trajectory, self._reference_s),
-        )
+        cost = self.cost_of(self._criterion, trajectory)
+        score = self._cost(self._criterion, trajectory, self._reference_s)
         return Attempt(cost, score, trajectory, np.array(history) * (cost / score))
 
     def _drawn(self, rng: np.random.Generator) -> FloatArray:
@@ -243,20 +277,14 @@ class Search:
     def _in_steps(self, trajectory: FourierTrajectory) -> FourierTrajectory:
         """The same path with the next longer period that is a multiple of the step, which violates no further limit."""
         steps = ceil(trajectory.period_s / self._step_s * (1.0 - _ROUNDING))
-        return FourierTrajectory(
-            1.0 / (steps * self._step_s), trajectory.offset_rad, trajectory.sin_rad, trajectory.cos_rad
-        )
+        return replace(trajectory, base_frequency_hz=1.0 / (steps * self._step_s))
 
     def _inside(self, trajectory: FourierTrajectory) -> tuple[FourierTrajectory, FloatArray]:
         """The motion with its amplitude reduced by as little as all limits require, and the remaining excess."""
         less = 0.0
         while True:
-            smaller = FourierTrajectory(
-                trajectory.base_frequency_hz,
-                trajectory.offset_rad,
-                (1.0 - less) * trajectory.sin_rad,
-                (1.0 - less) * trajectory.cos_rad,
-            )
+            share = 1.0 - less
+            smaller = replace(trajectory, sin_rad=share * trajectory.sin_rad, cos_rad=share * trajectory.cos_rad)
             worst = self._envelope.worst(smaller)
             greatest = float(worst.max())
             less += max(1e-4, 0.5 * less, min(greatest, 0.02))

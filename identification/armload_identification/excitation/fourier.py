@@ -132,8 +132,7 @@ class FourierTrajectory:
         omega = 2.0 * np.pi * self.base_frequency_hz * np.arange(1, self.harmonics + 1)
         angle = np.asarray(t_s, dtype=np.float64)[..., None] * omega
         values = np.concatenate([np.sin(angle), np.cos(angle)], axis=-1) @ self._all_orders
-        position, velocity, acceleration, jerk = np.split(values, 4, axis=-1)
-        return FourierState(position + self.offset_rad, velocity, acceleration, jerk)
+        return self._state(values)
 
     def period(self, samples: int) -> FourierState:
         """One period, by a fast Fourier transform if N > 2 H.
@@ -151,8 +150,12 @@ class FourierTrajectory:
         spectrum[1 : harmonics + 1].real = self._all_orders[harmonics:]
         spectrum[1 : harmonics + 1].imag = -self._all_orders[:harmonics]
         values = np.fft.irfft(spectrum * (0.5 * samples), samples, axis=0)
-        position, velocity, acceleration, jerk = np.split(values, 4, axis=-1)
-        return FourierState(position + self.offset_rad, velocity, acceleration, jerk)
+        return self._state(values)
+
+    def _state(self, values: FloatArray) -> FourierState:
+        """State of (..., 4 n) values without the offset."""
+        position, *rates = np.split(values, 4, axis=-1)
+        return FourierState(position + self.offset_rad, *rates)
 
     def bounds(self) -> FourierBounds:
         """Bounds of the motion at all times, at most 5e-6 of the amplitude too wide.

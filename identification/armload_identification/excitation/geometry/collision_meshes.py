@@ -50,6 +50,9 @@ class Meshes:
     Attributes:
         keep_m: Distance that is kept at every sample.
         least_m: Distance that is kept at all times.
+        pairs: (K,) the two links of each distance.
+        names: (K,) the same for messages.
+        joints_between: (K,) number of joints between the two links of each distance.
 
     Raises:
         ModelError: Pinocchio is missing, or the file cannot be used or describes another arm.
@@ -74,21 +77,6 @@ class Meshes:
         links = [self._model.frames[body.parentFrame].name for body in self._geometry.geometryObjects]
         self._pair(loaded.connected | _known(file, touching, links), links)
         self._placements = self._geometry.createData()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """(K,) the two links of each distance, for messages."""
-        return self._names
-
-    @property
-    def pairs(self) -> tuple[tuple[str, str], ...]:
-        """(K,) the two links of each distance."""
-        return self._pairs
-
-    @property
-    def joints_between(self) -> tuple[int, ...]:
-        """(K,) number of joints between the two links of each distance."""
-        return tuple(int(np.count_nonzero(reach)) for reach in self._reach)
 
     def distances(self, q: FloatArray) -> FloatArray:
         """Distance of every pair.
@@ -124,7 +112,7 @@ class Meshes:
         self, rates: FloatArray, duration_s: float, position: Callable[[float], FloatArray]
     ) -> tuple[float, str]:
         """`nearest` by samples as far apart as the distances allow; rates (n,) bound the joints' speeds."""
-        if not self._names:
+        if not self.names:
             return np.inf, "nothing"
         speed = np.maximum(np.array([reach @ rates for reach in self._reach]), _SLOW_M_S)
         smallest, between, time_s = np.inf, "", 0.0
@@ -132,7 +120,7 @@ class Meshes:
             distances = self.distances(position(time_s))
             worst = int(distances.argmin())
             if distances[worst] < smallest:
-                smallest, between = float(distances[worst]), self._names[worst]
+                smallest, between = float(distances[worst]), self.names[worst]
             if smallest < self.keep_m or time_s >= duration_s:
                 return smallest - 0.5 * SURPLUS_M, between
             time_s = min(time_s + float(((distances - self.keep_m + SURPLUS_M) / speed).min()), duration_s)
@@ -173,7 +161,7 @@ class Meshes:
         """Find all pairs of bodies on different, unconnected links, and the levers of their relative motion."""
         bodies = list(self._geometry.geometryObjects)
         offsets = [float(np.linalg.norm(placement.translation)) for placement in self._model.jointPlacements]
-        names, reaches, pairs = [], [], []
+        reaches, pairs = [], []
         for i, first in enumerate(bodies):
             for k in range(i):
                 low, high = sorted((bodies[k], first), key=lambda body: body.parentJoint)
@@ -181,7 +169,6 @@ class Meshes:
                 if low.parentJoint == high.parentJoint or pair in apart:
                     continue
                 self._geometry.addCollisionPair(self._pin.CollisionPair(k, i))
-                names.append(f"{links[k]} to {links[i]}")
                 pairs.append((links[k], links[i]))
                 centre = high.placement.act(np.array(high.geometry.aabb_center))
                 lever = float(np.linalg.norm(centre)) + float(high.geometry.aabb_radius)
@@ -189,7 +176,9 @@ class Meshes:
                 for joint in range(low.parentJoint + 1, high.parentJoint + 1):
                     reach[joint - 1] = sum(offsets[joint + 1 : high.parentJoint + 1]) + lever
                 reaches.append(reach)
-        self._names, self._pairs, self._reach = tuple(names), tuple(pairs), reaches
+        self.pairs, self._reach = tuple(pairs), reaches
+        self.names = tuple(f"{one} to {other}" for one, other in pairs)
+        self.joints_between = tuple(int(np.count_nonzero(reach)) for reach in reaches)
 
 
 def _known(file: Path, touching: tuple[tuple[str, str], ...], links: list[str]) -> set[frozenset[str]]:

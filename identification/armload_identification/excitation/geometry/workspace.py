@@ -122,7 +122,7 @@ class Workspace:
 
     def __post_init__(self) -> None:
         self._require_sense()
-        meets = [self._meeting(self.half_spaces), self._meeting(self.boxes)]
+        on_plane, on_box = self._meeting(self.half_spaces), self._meeting(self.boxes)
         pairs = [
             (a, b)
             for first, second in self.apart
@@ -130,12 +130,12 @@ class Workspace:
             for b, other in enumerate(self.spheres)
             if (one.link, other.link) == (first, second)
         ]
-        names = [self.half_spaces[k].name for _, k in meets[0]] + [self.boxes[k].name for _, k in meets[1]]
-        names += [f"{self._link(self.spheres[a].link)} to {self._link(self.spheres[b].link)}" for a, b in pairs]
-        between = [(s, repr(self.half_spaces[k].name)) for s, k in meets[0]]
-        between += [(s, repr(self.boxes[k].name)) for s, k in meets[1]]
-        between += [(a, self._part(b)) for a, b in pairs]
-        for name in {o.name for o in self._obstacles} | {f"{self._link(a)} to {self._link(b)}" for a, b in self.apart}:
+        obstacles = [(s, self.half_spaces[k].name) for s, k in on_plane] + [(s, self.boxes[k].name) for s, k in on_box]
+        names = [name for _, name in obstacles]
+        names += [self._pair(self.spheres[a].link, self.spheres[b].link) for a, b in pairs]
+        between = [(self._part(s), repr(name)) for s, name in obstacles]
+        between += [(self._part(a), self._part(b)) for a, b in pairs]
+        for name in {obstacle.name for obstacle in self._obstacles} | {self._pair(*pair) for pair in self.apart}:
             if name not in names:
                 raise ModelError(
                     f"workspace: {name!r} has no effect, because the links named there have no spheres; add spheres"
@@ -146,14 +146,13 @@ class Workspace:
             np.array([min(s.link, self.chain.n) for s in self.spheres], dtype=np.int64),
             np.array([self._packed_sphere(s) for s in self.spheres]).reshape(-1, 4),
             np.ascontiguousarray(planes),
-            np.array(meets[0], dtype=np.int64).reshape(-1, 2),
+            np.array(on_plane, dtype=np.int64).reshape(-1, 2),
             np.ascontiguousarray(boxes.reshape(-1, kernels.BOX_NUMBERS)),
-            np.array(meets[1], dtype=np.int64).reshape(-1, 2),
+            np.array(on_box, dtype=np.int64).reshape(-1, 2),
             np.array(pairs, dtype=np.int64).reshape(-1, 2),
         )
         object.__setattr__(self, "names", tuple(names))
-        words = tuple((self._part(sphere), other) for sphere, other in between)
-        object.__setattr__(self, "between", words)
+        object.__setattr__(self, "between", tuple(between))
         object.__setattr__(self, "_packed", packed)
 
     def centres(self, q: FloatArray) -> FloatArray:
@@ -277,6 +276,10 @@ class Workspace:
     def _link(self, link: int) -> str:
         """Name of a link in a message."""
         return "base" if link == 0 else "tool" if link == self.chain.n + 1 else f"link {link}"
+
+    def _pair(self, link: int, other: int) -> str:
+        """Name of two links in a message."""
+        return f"{self._link(link)} to {self._link(other)}"
 
     def _part(self, sphere: int) -> str:
         """Name, with its article, of the link that a sphere is attached to."""

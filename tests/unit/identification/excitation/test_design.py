@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armload_identification.excitation.design import DesignResult, design
+from armload_identification.excitation.design import DesignResult, optimal_excitation
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
-from armload_identification.excitation.design_search import PeriodRange
+from armload_identification.excitation.design_search import PeriodRange, SearchSettings
 from armload_identification.excitation.excitation_file import format_excitation, parse_excitation
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
@@ -57,7 +57,7 @@ def criterion_of(name: str, chain: Chain = ARM) -> Criterion:
 def designed(name: str, seed: int = 1, limits=LIMITS, harmonics: int = 5) -> DesignResult:
     envelope = wide(limits=limits)
     frequency = {"harmonics": harmonics, "base_frequency_hz": 0.05}
-    return design(criterion_of(name), envelope, **frequency, seed=seed, restarts=1)
+    return optimal_excitation(criterion_of(name), envelope, SearchSettings(**frequency, seed=seed, restarts=1))
 
 
 @pytest.fixture(scope="module")
@@ -124,13 +124,10 @@ def test_the_same_seed_gives_the_same_motion_and_another_seed_another():
 def test_progress_is_reported_after_every_start():
     reported = []
     one = ExcitationLimits(*(np.array([v]) for v in (-1.0, 1.0, 2.0, 3.0, 30.0)))
-    design(
+    optimal_excitation(
         criterion_of("a-optimal", ARM.head(1)),
         wide(ARM.head(1), one),
-        harmonics=2,
-        base_frequency_hz=0.2,
-        seed=0,
-        restarts=3,
+        SearchSettings(harmonics=2, base_frequency_hz=0.2, seed=0, restarts=3),
         progress=lambda *report: reported.append(report),
     )
     assert [(done, count) for done, count, _ in reported] == [(1, 3), (2, 3), (3, 3)]
@@ -140,13 +137,10 @@ def test_progress_is_reported_after_every_start():
 def test_an_arm_that_cannot_show_all_ten_still_gets_a_motion():
     head = ARM.head(2)
     limits = ExcitationLimits(*(getattr(LIMITS, name)[:2] for name in LIMITS.__slots__))
-    result = design(
+    result = optimal_excitation(
         criterion_of("a-optimal", head),
         wide(head, limits),
-        harmonics=3,
-        base_frequency_hz=0.1,
-        seed=0,
-        restarts=1,
+        SearchSettings(harmonics=3, base_frequency_hz=0.1, seed=0, restarts=1),
     )
     assert result.rank < 10
     assert result.margins.smallest > 0.0
@@ -199,13 +193,10 @@ class Crowded:
     def designed(
         self, executor: Executor | None = None, base_frequency_hz=0.1, harmonics=2, restarts=1
     ) -> DesignResult:
-        return design(
+        return optimal_excitation(
             criterion_of("a-optimal"),
             self.envelope,
-            harmonics=harmonics,
-            base_frequency_hz=base_frequency_hz,
-            seed=3,
-            restarts=restarts,
+            SearchSettings(harmonics=harmonics, base_frequency_hz=base_frequency_hz, seed=3, restarts=restarts),
             executor=executor,
         )
 
@@ -307,13 +298,10 @@ def test_an_arm_that_cannot_even_stand_is_reported():
     with pytest.raises(
         ExcitationError, match=r"none of 1 starts .* within all limits; .* requires \d+\.\d % more torque than joint 3 "
     ):
-        design(
+        optimal_excitation(
             criterion_of("a-optimal"),
             Envelope(LIMITS, weak, Workspace(ARM)),
-            harmonics=2,
-            base_frequency_hz=0.1,
-            seed=0,
-            restarts=1,
+            SearchSettings(harmonics=2, base_frequency_hz=0.1, seed=0, restarts=1),
         )
 
 
@@ -321,11 +309,11 @@ def test_a_design_that_makes_no_sense_is_refused():
     good = {"harmonics": 1, "base_frequency_hz": 0.1, "seed": 0, "restarts": 1}
     chosen = criterion_of("a-optimal")
     with pytest.raises(ExcitationError, match="limits of 3 joints for a chain of 2"):
-        design(criterion_of("a-optimal", ARM.head(2)), wide(), **good)
+        optimal_excitation(criterion_of("a-optimal", ARM.head(2)), wide(), SearchSettings(**good))
     with pytest.raises(ExcitationError, match="restarts 0"):
-        design(chosen, wide(), **{**good, "restarts": 0})
+        optimal_excitation(chosen, wide(), SearchSettings(**{**good, "restarts": 0}))
     with pytest.raises(ExcitationError, match="base_frequency_hz is 0"):
-        design(chosen, wide(), **{**good, "base_frequency_hz": 0.0})
+        optimal_excitation(chosen, wide(), SearchSettings(**{**good, "base_frequency_hz": 0.0}))
     with pytest.raises(ExcitationError, match=r"periods from 5.0 to 2.0 s"):
         PeriodRange(5.0, 2.0, 0.1)
     with pytest.raises(ExcitationError, match=r"steps of 0.0 s"):

@@ -12,9 +12,9 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.obstacles import Obstacles
 from armload_controller.session.commissioning import checked_excitations
-from armload_identification.excitation.design import design
+from armload_identification.excitation.design import optimal_excitation
 from armload_identification.excitation.design_envelope import Envelope
-from armload_identification.excitation.design_search import Attempt, Search
+from armload_identification.excitation.design_search import Attempt, Search, SearchSettings
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.collision_meshes import SURPLUS_M, Meshes
 from armload_identification.excitation.information import named_criterion
@@ -189,8 +189,8 @@ def designed(objection):
     payload = PRBT.payloads.expected
     criterion = named_criterion("condition-number", PRBT.chain, PRBT.limits.torque_noise_nm, payload)
     envelope: Envelope = PRBT.envelope(0.1, 0.7, 0.8)
-    return design(
-        criterion, envelope, harmonics=1, base_frequency_hz=0.1, seed=1, restarts=2, objection=objection
+    return optimal_excitation(
+        criterion, envelope, SearchSettings(harmonics=1, base_frequency_hz=0.1, seed=1, restarts=2), objection=objection
     ).trajectory
 
 
