@@ -59,8 +59,8 @@ ArmKey = tuple[str, str]
 """Name of an arm, and its model."""
 
 
-class Cause(StrEnum):
-    """Why an arm is suspicious."""
+class Anomaly(StrEnum):
+    """Kind of anomaly that makes an arm suspicious."""
 
     CHANGE = "change"
     OUTLIER = "outlier"
@@ -100,7 +100,7 @@ class Suspicion:
         text: A sentence for the report.
     """
 
-    cause: Cause
+    cause: Anomaly
     quantity: Quantity | None
     deviations: float
     text: str
@@ -121,6 +121,23 @@ class Twins:
     level: float
     spread: float
     suspicion: Suspicion | None
+
+
+@dataclass(frozen=True)
+class AbsentArm:
+    """An arm without a recent recording.
+
+    Attributes:
+        arm: Its name.
+        model: Its model.
+        runs: Number of recordings.
+        latest: When the last one was made.
+    """
+
+    arm: str
+    model: str
+    runs: int
+    latest: datetime
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,23 +166,6 @@ class ArmReview:
     def deviations(self) -> float:
         """Those of the most severe suspicion; 0 without one."""
         return self.suspicions[0].deviations if self.suspicions else 0.0
-
-
-@dataclass(frozen=True)
-class AbsentArm:
-    """An arm without a recent recording.
-
-    Attributes:
-        arm: Its name.
-        model: Its model.
-        runs: Number of recordings.
-        latest: When the last one was made.
-    """
-
-    arm: str
-    model: str
-    runs: int
-    latest: datetime
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,7 +301,7 @@ def _changes(figure: FigureReview) -> list[Suspicion]:
         before, after = _amounts(figure.quantity, figure.center + change.before, figure.center + change.after)
         size = abs(change.after - change.before) / change.deviation
         text = f"{figure.quantity} is {after} since {figure.recorded[change.index]:%Y-%m-%d}, {before} before"
-        found.append(Suspicion(Cause.CHANGE, figure.quantity, min(size, _GREATEST), text))
+        found.append(Suspicion(Anomaly.CHANGE, figure.quantity, min(size, _GREATEST), text))
     alone = np.flatnonzero(chart.alone)
     if alone.size:
         run = int(alone[-1])
@@ -310,7 +310,7 @@ def _changes(figure: FigureReview) -> list[Suspicion]:
         size = float(abs(chart.values[run] - usual) / chart.deviation[run])
         off, level = _amounts(figure.quantity, figure.center + float(chart.values[run]), figure.center + usual)
         text = f"{figure.quantity} was {off} on {figure.recorded[run]:%Y-%m-%d}, {level} in the neighbouring runs"
-        found.append(Suspicion(Cause.OUTLIER, figure.quantity, min(size, _GREATEST), text))
+        found.append(Suspicion(Anomaly.OUTLIER, figure.quantity, min(size, _GREATEST), text))
     return found
 
 
@@ -340,7 +340,7 @@ def _against_twins(
                 mine, theirs = _amounts(quantity, float(level[i]), middle)
                 text = f"{quantity} is {mine}, that of {others.size} twins {theirs}"
                 size = min(float(-norm.ppf(np.exp(log_chance) / 2.0)), _GREATEST)
-                suspicion = Suspicion(Cause.STRANGER, quantity, size, text)
+                suspicion = Suspicion(Anomaly.STRANGER, quantity, size, text)
             found[(name, model), quantity] = Twins(others.size, middle, spread, suspicion)
     return found
 
@@ -356,7 +356,7 @@ def _silence(runs: Sequence[ArmRun]) -> list[Suspicion]:
         return []
     which = "the latest recording" if silent == 1 else f"the {silent} latest recordings"
     text = f"{which} gave no result: {runs[-1].problem}"
-    return [Suspicion(Cause.SILENCE, None, min(SILENT * silent, _GREATEST), text)]
+    return [Suspicion(Anomaly.SILENCE, None, min(SILENT * silent, _GREATEST), text)]
 
 
 def _amounts(quantity: Quantity, first: float, second: float) -> tuple[str, str]:

@@ -60,13 +60,10 @@ class Chain:
                     f"axis of joint {i + 1} is {axis[i].tolist()}; expected a direction, such as [0, 0, 1]"
                 )
         axis /= length[:, None]
-        for array in (placement, axis, flange, gravity):
+        arrays = {"placement": placement, "axis": axis, "flange": flange, "gravity_m_s2": gravity}
+        for name, array in (arrays | {"packed": _pack(placement, axis, flange, gravity)}).items():
             array.flags.writeable = False
-        object.__setattr__(self, "placement", placement)
-        object.__setattr__(self, "axis", axis)
-        object.__setattr__(self, "flange", flange)
-        object.__setattr__(self, "gravity_m_s2", gravity)
-        object.__setattr__(self, "packed", _pack(placement, axis, flange, gravity))
+            object.__setattr__(self, name, array)
 
     @property
     def n(self) -> int:
@@ -244,9 +241,7 @@ def _pack(placement: FloatArray, axis: FloatArray, flange: FloatArray, gravity: 
     parts.extend(r.T.ravel() for r in turn)
     parts.append((turn[-1].T @ flange[:3, :3]).ravel())
     parts.append(turn[-1].T @ flange[:3, 3])
-    packed = np.concatenate(parts)
-    packed.flags.writeable = False
-    return packed
+    return np.concatenate(parts)
 
 
 def _turn_z_onto(axis: FloatArray) -> FloatArray:

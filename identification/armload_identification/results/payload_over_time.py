@@ -68,10 +68,9 @@ class PayloadOverTime:
         from armload_identification.report.figures.figure_file import write_figure
         from armload_identification.report.figures.mass_figure import mass_figure
 
-        found = [window for window in self.windows if window.found is not None]
         marks = [
             (0.5 * (w.start_s + w.end_s), w.found.parameters.mass_kg, float(w.found.uncertainty.half_width_95[0]))
-            for w in found
+            for w in self.windows
             if w.found is not None
         ]
         gaps = [(window.start_s, window.end_s) for window in self.windows if window.found is None]

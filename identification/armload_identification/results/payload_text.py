@@ -34,14 +34,12 @@ def value_texts(payload: PayloadResult) -> tuple[ValueText, ...]:
     """The ten values in the order of `PARAMETER_NAMES`."""
     texts = []
     for i, name in enumerate(PARAMETER_NAMES):
-        low, high = payload.interval_95[i]
+        estimate, interval = NOT_DETERMINED, ""
         if payload.determined[i]:
+            low, high = payload.interval_95[i]
             digits = decimals_for((high - low) / 2, payload.values[i])
-            texts.append(
-                ValueText(name, f"{payload.values[i]:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}", UNITS[i])
-            )
-        else:
-            texts.append(ValueText(name, NOT_DETERMINED, "", UNITS[i]))
+            estimate, interval = f"{payload.values[i]:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}"
+        texts.append(ValueText(name, estimate, interval, UNITS[i]))
     return tuple(texts)
 
 

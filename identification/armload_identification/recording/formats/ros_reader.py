@@ -54,22 +54,9 @@ _CONTROL_MESSAGES: Final = {
     ),
 }
 """Definitions of ROS 2 Humble, whose SQLite bags do not contain the definitions of their messages."""
-_BROKEN: Final = (
-    AnyReaderError,
-    ReaderError,
-    SerdeError,
-    TypesysError,
-    McapError,
-    apsw.Error,
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    EOFError,
-    LookupError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-)
+_LIBRARY_ERRORS: Final = (AnyReaderError, ReaderError, SerdeError, TypesysError, McapError, apsw.Error)
+_PYTHON_ERRORS: Final = (ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, RuntimeError)
+_BROKEN: Final = (*_LIBRARY_ERRORS, *_PYTHON_ERRORS, TypeError, ValueError)
 """Exceptions of the libraries for a damaged bag."""
 
 
@@ -225,27 +212,22 @@ class RosReader:
 
 def _sample(connection: Connection, message: Any) -> _JointSample:
     """Joints of a message of one of the types."""
-    stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+    names: Sequence[str]
+    columns: Sequence[Sequence[float]]
     if connection.msgtype == _TYPES[0]:
-        return _JointSample(
-            tuple(message.name),
-            stamp_ns,
-            *(np.asarray(v, dtype=np.float64) for v in (message.position, message.velocity, message.effort)),
-        )
-    names = tuple(message.joint_names)
-    if connection.msgtype == _TYPES[1]:
+        names, columns = message.name, (message.position, message.velocity, message.effort)
+    elif connection.msgtype == _TYPES[1]:
+        names = message.joint_names
         values = [dict(zip(value.interface_names, value.values, strict=True)) for value in message.interface_values]
-        columns = (
+        columns = [
             [value[key] for value in values] if all(key in value for value in values) else []
             for key in ("position", "velocity", "effort")
-        )
-        return _JointSample(names, stamp_ns, *(np.array(column, dtype=np.float64) for column in columns))
-    point = message.feedback if hasattr(message, "feedback") else message.actual
-    return _JointSample(
-        names,
-        stamp_ns,
-        *(np.asarray(v, dtype=np.float64) for v in (point.positions, point.velocities, point.effort)),
-    )
+        ]
+    else:
+        point = message.feedback if hasattr(message, "feedback") else message.actual
+        names, columns = message.joint_names, (point.positions, point.velocities, point.effort)
+    stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+    return _JointSample(tuple(names), stamp_ns, *(np.array(column, dtype=np.float64) for column in columns))
 
 
 def _short(error: Exception) -> str:

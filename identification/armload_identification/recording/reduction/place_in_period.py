@@ -7,6 +7,7 @@ stamps, cycles may be missing, and only whole periods are used.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -83,12 +84,8 @@ def shortest_period(phase: FloatArray, trajectory: FourierTrajectory) -> Fourier
     every = math.gcd(_cycles(phase, trajectory), *(int(harmonic) for harmonic in present))
     if every == 1 or size.max() == 0.0:
         return trajectory
-    return FourierTrajectory(
-        trajectory.base_frequency_hz * every,
-        trajectory.offset_rad,
-        trajectory.sin_rad[:, every - 1 :: every],
-        trajectory.cos_rad[:, every - 1 :: every],
-    )
+    kept = {name: getattr(trajectory, name)[:, every - 1 :: every] for name in ("sin_rad", "cos_rad")}
+    return replace(trajectory, base_frequency_hz=trajectory.base_frequency_hz * every, **kept)
 
 
 def phases_of(phase: FloatArray, trajectory: FourierTrajectory) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
-from armload_identification.many_arms.fleet_review import Cause, review_fleet
+from armload_identification.many_arms.fleet_review import Anomaly, review_fleet
 from armload_identification.report.fleet.fleet_report import MOST_SUSPICIOUS, render_fleet_report
 
 FIRST = datetime(2026, 3, 1, 22, tzinfo=UTC)
@@ -72,16 +72,16 @@ def test_each_trouble_is_named_and_nothing_else(review):
     found = {arm.arm: arm.suspicions for arm in review.arms if arm.suspicions}
     assert set(found) == {"cell03", "cell05", "cell07", "cell09"}
     change = found["cell03"][0]
-    assert (change.cause, change.quantity) == (Cause.CHANGE, FRICTIONS[1])
+    assert (change.cause, change.quantity) == (Anomaly.CHANGE, FRICTIONS[1])
     assert re.fullmatch(r"friction of joint2 is 1[0-9.]+ N m since 2026-03-08, [0-9.]+ N m before", change.text)
     stranger = found["cell05"][0]
-    assert (stranger.cause, stranger.quantity) == (Cause.STRANGER, MASS)
+    assert (stranger.cause, stranger.quantity) == (Anomaly.STRANGER, MASS)
     assert re.fullmatch(r"mass of gripper is 4\.4\d kg, that of 11 twins 4\.0\d kg", stranger.text)
     outlier = found["cell07"][0]
-    assert (outlier.cause, outlier.quantity) == (Cause.OUTLIER, CENTER)
+    assert (outlier.cause, outlier.quantity) == (Anomaly.OUTLIER, CENTER)
     assert re.search(r"x of gripper was [78]\d mm on 2026-03-07, [45]\d mm in the neighbouring runs", outlier.text)
     (silence,) = found["cell09"]
-    assert silence.cause is Cause.SILENCE
+    assert silence.cause is Anomaly.SILENCE
     assert silence.text == "the 2 latest recordings gave no result: loaded.mcap is damaged"
 
 

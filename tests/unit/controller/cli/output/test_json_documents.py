@@ -37,7 +37,7 @@ from armload_drivers.cia402.state_machine import State
 from armload_identification.calibration.run_health import RunHealth
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.many_arms.arm_runs import Kind, Quantity
-from armload_identification.many_arms.fleet_review import AbsentArm, ArmReview, Cause, FleetReview, Suspicion
+from armload_identification.many_arms.fleet_review import AbsentArm, Anomaly, ArmReview, FleetReview, Suspicion
 from armload_identification.pipeline.any_motion import Window
 from armload_identification.pipeline.arm_drift import arm_drift
 from armload_identification.pipeline.payload_estimator import LivePayload
@@ -127,8 +127,8 @@ def designed_wiggle():
 
 def fleet_review():
     """An arm that carries more since its last run, which gave no result, and one that is no longer recorded."""
-    change = Suspicion(Cause.CHANGE, Quantity(Kind.MASS, "tool"), 9.0, "a sentence")
-    silence = Suspicion(Cause.SILENCE, None, 3.0, "another")
+    change = Suspicion(Anomaly.CHANGE, Quantity(Kind.MASS, "tool"), 9.0, "a sentence")
+    silence = Suspicion(Anomaly.SILENCE, None, 3.0, "another")
     one = ArmReview("one", "er50", 2, 1, datetime(2026, 3, 1, tzinfo=UTC), {}, (change, silence))
     return FleetReview((one,), (AbsentArm("two", "er50", 3, datetime(2026, 1, 1, tzinfo=UTC)),), ())
 
