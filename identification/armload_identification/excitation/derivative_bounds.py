@@ -58,10 +58,10 @@ def point_rates(chain: Chain, rates: FloatArray, link: int, lever_m: float) -> F
     Returns:
         (4,) in m/s, m/s2, m/s3, m/s4.
     """
-    angular = _angular(chain, rates)
-    total = _fixed(lever_m, angular[link])
+    angular = _angular_velocities(chain, rates)
+    total = _fixed_vector(lever_m, angular[link])
     for j in range(link):
-        total = total + _fixed(_offset(chain, j), angular[j])
+        total = total + _fixed_vector(_joint_distance(chain, j), angular[j])
     return np.asarray(total[1:])
 
 
@@ -77,8 +77,8 @@ def torque_curvature(dynamics: ArmDynamics, rates: FloatArray) -> FloatArray:
     """
     chain, body = dynamics.chain, dynamics.body
     n = chain.n
-    angular = _angular(chain, rates)
-    offset = [_fixed(_offset(chain, k), angular[k]) for k in range(n)]
+    angular = _angular_velocities(chain, rates)
+    offset = [_fixed_vector(_joint_distance(chain, k), angular[k]) for k in range(n)]
     acceleration = np.zeros(3)
     acceleration[0] = np.sqrt(np.sum(chain.gravity_m_s2**2))
     moment = np.zeros((n, 3))
@@ -86,30 +86,30 @@ def torque_curvature(dynamics: ArmDynamics, rates: FloatArray) -> FloatArray:
         theta = body.links[k]
         turning = angular[k + 1]
         acceleration = acceleration + offset[k][2:]
-        first = _fixed(float(np.sqrt(np.sum(theta[1:4] ** 2))), turning)
+        first = _fixed_vector(float(np.sqrt(np.sum(theta[1:4] ** 2))), turning)
         force = abs(theta[0]) * acceleration + first[2:]
         # angular momentum I w = sum_i lambda_i u_i (u_i . w) over the principal axes u_i, fixed in the link
-        axis = _fixed(1.0, turning)[:4]
-        momentum = _principal_sum(theta) * _product(_product(axis, axis), turning)
-        about_origin = _product(first[:3], acceleration) + momentum[1:]
+        axis = _fixed_vector(1.0, turning)[:4]
+        momentum = _principal_sum(theta) * _leibniz_product(_leibniz_product(axis, axis), turning)
+        about_origin = _leibniz_product(first[:3], acceleration) + momentum[1:]
         arm = np.zeros(3)
         for i in range(k, -1, -1):
-            moment[i] += about_origin + _product(arm, force)
+            moment[i] += about_origin + _leibniz_product(arm, force)
             arm = arm + offset[i][:3]
-    torque = np.array([_product(_fixed(1.0, angular[i])[:3], moment[i])[2] for i in range(n)])
+    torque = np.array([_leibniz_product(_fixed_vector(1.0, angular[i])[:3], moment[i])[2] for i in range(n)])
     return np.asarray(torque + np.abs(body.rotor_mass_kg_m2) @ rates[3])
 
 
-def _angular(chain: Chain, rates: FloatArray) -> list[FloatArray]:
+def _angular_velocities(chain: Chain, rates: FloatArray) -> list[FloatArray]:
     """Angular velocity of the base and of every link, with three derivatives: w_k = w_{k-1} + z_k dq_k."""
     angular = [np.zeros(4)]
     for i in range(chain.n):
-        axis = _fixed(1.0, angular[-1])[:4]  # z_k is fixed in link k - 1 too
-        angular.append(angular[-1] + _product(axis, rates[:, i]))
+        axis = _fixed_vector(1.0, angular[-1])[:4]  # z_k is fixed in link k - 1 too
+        angular.append(angular[-1] + _leibniz_product(axis, rates[:, i]))
     return angular
 
 
-def _fixed(length: float, angular: FloatArray) -> FloatArray:
+def _fixed_vector(length: float, angular: FloatArray) -> FloatArray:
     """A vector fixed in a link, with four derivatives."""
     row = np.zeros(_ORDERS)
     row[0] = length
@@ -118,12 +118,12 @@ def _fixed(length: float, angular: FloatArray) -> FloatArray:
     return row
 
 
-def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+def _leibniz_product(a: FloatArray, b: FloatArray) -> FloatArray:
     """Leibniz's rule."""
     return np.array([sum(comb(m, j) * a[j] * b[m - j] for j in range(m + 1)) for m in range(len(a))])
 
 
-def _offset(chain: Chain, joint: int) -> float:
+def _joint_distance(chain: Chain, joint: int) -> float:
     """Distance of a joint's origin from the previous one's."""
     return float(np.sqrt(np.sum(chain.placement[joint, :3, 3] ** 2)))
 

@@ -10,7 +10,7 @@ are in `fourier` (joints), `torque_limits` (torque), `workspace` (clearances) an
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -26,13 +26,6 @@ CLEARANCE_SCALE_M = 0.2
 """A sphere this deep inside an obstacle has the same excess as a speed of twice its limit."""
 
 _ORDERS = 4
-_JOINT_ARRAYS = (
-    "position_min_rad",
-    "position_max_rad",
-    "velocity_max_rad_s",
-    "acceleration_max_rad_s2",
-    "jerk_max_rad_s3",
-)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,7 +51,8 @@ class ExcitationLimits:
 
     def __post_init__(self) -> None:
         shape = np.shape(self.position_min_rad)
-        for name in _JOINT_ARRAYS:
+        names = [field.name for field in fields(self)]
+        for name in names:
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.shape != shape or array.ndim != 1 or not np.all(np.isfinite(array)):
                 raise ExcitationError(f"{name} is {array.tolist()}; expected {shape} finite numbers")
@@ -67,7 +61,7 @@ class ExcitationLimits:
             low, high = self.position_min_rad[i], self.position_max_rad[i]
             if not low < high:
                 raise ExcitationError(f"joint {i + 1}: positions from {low} to {high} rad; expected min < max")
-            for name, unit in zip(_JOINT_ARRAYS[2:], ("rad/s", "rad/s2", "rad/s3"), strict=True):
+            for name, unit in zip(names[2:], ("rad/s", "rad/s2", "rad/s3"), strict=True):
                 value = getattr(self, name)[i]
                 if not value > 0.0:
                     raise ExcitationError(f"joint {i + 1}: {name} is {value} {unit}; expected above 0")
@@ -86,12 +80,9 @@ class ExcitationLimits:
             raise ExcitationError(
                 f"margin {position_margin_rad} rad, share {rate_share}; expected at least 0, and above 0 up to 1"
             )
+        low, high, *rates = (getattr(self, field.name) for field in fields(self))
         return ExcitationLimits(
-            self.position_min_rad + position_margin_rad,
-            self.position_max_rad - position_margin_rad,
-            self.velocity_max_rad_s * rate_share,
-            self.acceleration_max_rad_s2 * rate_share,
-            self.jerk_max_rad_s3 * rate_share,
+            low + position_margin_rad, high - position_margin_rad, *(rate_share * rate for rate in rates)
         )
 
 
@@ -140,7 +131,7 @@ class Envelope:
     @property
     def rows(self) -> int:
         """K, the number of limits."""
-        return self._splits[2] + (0 if self.speed is None else len(self.speed.points.names))
+        return self._first_rows[2] + (0 if self.speed is None else len(self.speed.points.names))
 
     def excess(self, states: FloatArray) -> FloatArray:
         """Relative excess over every limit, at or below zero within the limits.
@@ -154,7 +145,8 @@ class Envelope:
         joints = np.abs(states - self._centre) / self._room - 1.0
         torque = self.torque.demand(*states[:3]) / self._available - 1.0
         clearance = (self.workspace.keep_m - self.workspace.clearances(states[0])) / CLEARANCE_SCALE_M
-        return np.concatenate([*joints, torque, clearance, *self._speed_excess(states)], axis=1)
+        fast = () if self.speed is None else (self.speed.points.speeds(*states[:2]) / self.speed.speed_m_s - 1.0,)
+        return np.concatenate([*joints, torque, clearance, *fast], axis=1)
 
     def slope(self, weight: FloatArray, states: FloatArray) -> FloatArray:
         """Derivative of the weighted sum of all excesses by the states.
@@ -166,7 +158,7 @@ class Envelope:
         Returns:
             (4, N, n).
         """
-        joints, torque, clearance, speed = self._parts(weight)
+        joints, torque, clearance, speed = self._by_kind(weight)
         slope = np.stack(np.split(joints, _ORDERS, axis=1)) * np.sign(states - self._centre) / self._room
         slope[:3] += self.torque.slope(torque / self._available, *states[:3])
         slope[0] -= self.workspace.slope(clearance / CLEARANCE_SCALE_M, states[0])
@@ -199,7 +191,7 @@ class Envelope:
             worst: (K,) from `worst`.
         """
         row = int(worst.argmax())
-        torque, clearance, speed = self._splits
+        torque, clearance, speed = self._first_rows
         excess = float(worst[row])
         if row < torque:
             kind = ("range", "speed", "acceleration", "jerk")[row // self.n]
@@ -219,7 +211,7 @@ class Envelope:
             trajectory: One period of the motion.
         """
         worst = self.worst(trajectory)
-        joints, torque, clearance, fast = self._parts(worst)
+        joints, torque, clearance, fast = self._by_kind(worst)
         room = -joints.reshape(_ORDERS, -1) * self._room[:, 0]
         in_torque = (-torque * self._available).reshape(self.torque.cases, -1).min(axis=0)
         nearest: dict[str, float] = {}
@@ -232,17 +224,12 @@ class Envelope:
         return LimitMargins(room[0], room[1], room[2], room[3], in_torque, nearest, speed_m_s)
 
     @property
-    def _splits(self) -> tuple[int, int, int]:
+    def _first_rows(self) -> tuple[int, int, int]:
         """Index of the first row of torque, of clearances and of speed."""
         torque = _ORDERS * self.n
         clearance = torque + self.torque.cases * self.n
         return torque, clearance, clearance + len(self.workspace.names)
 
-    def _parts(self, rows: FloatArray) -> list[FloatArray]:
+    def _by_kind(self, rows: FloatArray) -> list[FloatArray]:
         """Rows (..., K) of joints, torque, clearances and speed."""
-        return np.split(rows, self._splits, axis=-1)
-
-    def _speed_excess(self, states: FloatArray) -> tuple[FloatArray, ...]:
-        """(N, P) if speed is limited, else nothing."""
-        limit = self.speed
-        return () if limit is None else (limit.points.speeds(states[0], states[1]) / limit.speed_m_s - 1.0,)
+        return np.split(rows, self._first_rows, axis=-1)

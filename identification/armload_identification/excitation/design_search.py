@@ -41,8 +41,8 @@ _SMALLEST_DRAW = 0.2  # a large initial motion may span an obstacle, a small one
 _FIRST_PENALTY = 0.3  # soft at first: a start may cross a limit on its way to a better optimum
 _PENALTY_GROWTH = 3.0
 _RESERVE_FROM_ROUND = 3
-_CLOSE = 1e-3  # greatest excess that a smaller amplitude can remove at little cost
-_INSIDE = 1e-6  # relative margin to every limit
+_SHRINKABLE_EXCESS = 1e-3  # greatest excess that a smaller amplitude can remove at little cost
+_LIMIT_MARGIN = 1e-6  # relative margin to every limit
 _SMALLEST_SHARE = 0.5
 _ROUNDING = 1e-9
 
@@ -164,37 +164,37 @@ class Search:
             source: Seed of its random numbers; the same seed gives the same attempt in any process.
         """
         with threadpool_limits(1):
-            return self._run(np.random.default_rng(source))
+            return self._optimised_start(np.random.default_rng(source))
 
     def cost_of(self, criterion: Criterion, trajectory: FourierTrajectory) -> float:
         """A criterion of one period of a trajectory, on the grid of the search."""
         return self._cost(criterion, trajectory, trajectory.period_s)
 
-    def _run(self, rng: np.random.Generator) -> Attempt:
-        x = self._drawn(rng)
+    def _optimised_start(self, rng: np.random.Generator) -> Attempt:
+        x = self._best_random_motion(rng)
         multipliers = np.zeros((len(self._basis[0]), self._envelope.rows))
         reserve = np.zeros(self._envelope.rows)
         penalty = _FIRST_PENALTY
         history: list[float] = []
         for finished in range(1, _MOST_ROUNDS + 1):
-            x = self._inner(x, multipliers, reserve, penalty, history)
+            x = self._minimised(x, multipliers, reserve, penalty, history)
             excess = self._envelope.excess(self._states(x))
             if finished >= _RESERVE_FROM_ROUND:
                 worst = self._envelope.worst(self._trajectory(x))
-                if finished >= _LEAST_ROUNDS and worst.max() <= _CLOSE:
+                if finished >= _LEAST_ROUNDS and worst.max() <= _SHRINKABLE_EXCESS:
                     break
                 reserve = np.maximum(0.0, worst - excess.max(axis=0))
             multipliers = np.maximum(0.0, multipliers + penalty * (excess + reserve))
             penalty *= _PENALTY_GROWTH
-        trajectory, worst = self._inside(self._in_steps(self._trajectory(x)))
-        if worst.max() > -_INSIDE:
+        trajectory, worst = self._shrunk_within_limits(self._with_period_in_steps(self._trajectory(x)))
+        if worst.max() > -_LIMIT_MARGIN:
             problem = self._envelope.most_exceeded(worst)
             return Attempt(np.inf, np.inf, None, np.array(history), float(worst.max()), problem)
         cost = self.cost_of(self._criterion, trajectory)
         score = self._cost(self._criterion, trajectory, self._reference_s)
         return Attempt(cost, score, trajectory, np.array(history) * (cost / score))
 
-    def _drawn(self, rng: np.random.Generator) -> FloatArray:
+    def _best_random_motion(self, rng: np.random.Generator) -> FloatArray:
         """The best of many random motions: informative, and not far outside the limits."""
         n, width = self._scale.shape
         best, least = np.zeros(n * width + 1), np.inf
@@ -211,7 +211,7 @@ class Search:
                 best, least = drawn, value
         return best
 
-    def _inner(
+    def _minimised(
         self, x: FloatArray, multipliers: FloatArray, reserve: FloatArray, penalty: float, history: list[float]
     ) -> FloatArray:
         """The minimum of the augmented Lagrangian for fixed multipliers."""
@@ -274,12 +274,12 @@ class Search:
         state = trajectory.evaluate(np.arange(samples) * (trajectory.period_s / samples))
         return criterion.cost(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2, measured_s)
 
-    def _in_steps(self, trajectory: FourierTrajectory) -> FourierTrajectory:
+    def _with_period_in_steps(self, trajectory: FourierTrajectory) -> FourierTrajectory:
         """The same path with the next longer period that is a multiple of the step, which violates no further limit."""
         steps = ceil(trajectory.period_s / self._step_s * (1.0 - _ROUNDING))
         return replace(trajectory, base_frequency_hz=1.0 / (steps * self._step_s))
 
-    def _inside(self, trajectory: FourierTrajectory) -> tuple[FourierTrajectory, FloatArray]:
+    def _shrunk_within_limits(self, trajectory: FourierTrajectory) -> tuple[FourierTrajectory, FloatArray]:
         """The motion with its amplitude reduced by as little as all limits require, and the remaining excess."""
         less = 0.0
         while True:
@@ -288,5 +288,5 @@ class Search:
             worst = self._envelope.worst(smaller)
             greatest = float(worst.max())
             less += max(1e-4, 0.5 * less, min(greatest, 0.02))
-            if greatest <= -_INSIDE or less > 1.0 - _SMALLEST_SHARE:
+            if greatest <= -_LIMIT_MARGIN or less > 1.0 - _SMALLEST_SHARE:
                 return smaller, worst

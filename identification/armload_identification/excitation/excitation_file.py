@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import Field, field_validator, model_validator
 
 from armload_identification.excitation.fourier import CRITERIA, MASS_CRITERION, Excitation, FourierTrajectory
-from armload_identification.excitation.limit_margins import LimitMargins
+from armload_identification.excitation.limit_margins import PER_JOINT, LimitMargins
 from armload_identification.identification_errors import ExcitationFileError
 from armload_identification.storage import toml_text
 from armload_identification.storage.strict_toml import (
@@ -72,11 +72,6 @@ class _MarginsTable(Table):
     speed_m_s: dict[str, float] = Field(default={})
 
 
-_NAMED = ("clearance_m", "speed_m_s")
-_MARGINS = tuple(name for name in _MarginsTable.model_fields if name not in _NAMED)
-"""The margins with one number per joint."""
-
-
 class _ExcitationFile(Table):
     """The file."""
 
@@ -92,7 +87,7 @@ class _ExcitationFile(Table):
         n = len(table.offset_rad)
         require_shapes("excitation", table, dict.fromkeys(("sin_rad", "cos_rad"), (n, table.harmonics)))
         if self.margins is not None:
-            require_shapes("margins", self.margins, dict.fromkeys(_MARGINS, (n,)))
+            require_shapes("margins", self.margins, dict.fromkeys(PER_JOINT, (n,)))
         return self
 
 
@@ -110,10 +105,6 @@ def read_excitation(path: Path) -> Excitation:
 
 def parse_excitation(content: str, source: str = "excitation") -> Excitation:
     """An excitation from the text of its file.
-
-    Args:
-        content: TOML.
-        source: Its name in messages.
 
     Raises:
         ExcitationFileError: naming source, key, value and what was expected.
@@ -171,8 +162,8 @@ def write_excitation(path: Path, excitation: Excitation) -> None:
 
 def _margin_lines(margins: LimitMargins) -> list[str]:
     """`[margins]`, rounded down to six digits."""
-    rounded: dict[str, object] = {name: [_rounded_down(v) for v in getattr(margins, name)] for name in _MARGINS}
-    for key in _NAMED:
+    rounded: dict[str, object] = {name: [_rounded_down(v) for v in getattr(margins, name)] for name in PER_JOINT}
+    for key in ("clearance_m", "speed_m_s"):
         if room := getattr(margins, key):
             rounded[key] = {name: _rounded_down(value) for name, value in room.items()}
     comment = "# minimum margins, within the part of each limit that the design may use"

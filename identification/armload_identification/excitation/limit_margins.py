@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from armload_core.arrays import FloatArray
 
-_ARRAYS = ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3", "torque_nm")
+PER_JOINT = ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3", "torque_nm")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,4 +36,4 @@ class LimitMargins:
     def smallest(self) -> float:
         """The smallest of all these numbers; above 0 if the motion is strictly within its limits."""
         named = (*self.clearance_m.values(), *self.speed_m_s.values())
-        return min(*(float(getattr(self, name).min()) for name in _ARRAYS), *named)
+        return min(*(float(getattr(self, name).min()) for name in PER_JOINT), *named)

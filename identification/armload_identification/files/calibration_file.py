@@ -32,7 +32,7 @@ from armload_identification.storage.strict_toml import (
     write_text,
 )
 
-_SAME: Final = 1e-6
+_WIDTH_TOLERANCE: Final = 1e-6
 _FRICTION: Final = ("coulomb_nm", "viscous_nm_s_rad", "root_nm", "load_friction", "reversal_speed_rad_s")
 _DRIFT: Final = ("coulomb_drift_nm", "viscous_drift_nm_s_rad", "offset_drift_nm")
 
@@ -172,11 +172,7 @@ class _CalibrationFile(Table):
 
 
 def format_calibration(result: ArmCalibration) -> str:
-    """The text of a calibration file; `parse_calibration` gives back the same numbers.
-
-    Args:
-        result: What to write.
-    """
+    """The text of a calibration file; `parse_calibration` gives back the same numbers."""
     body, table = result.body, toml_text.table
     unit = "N m per A of motor current" if result.effort is Effort.CURRENT else "N m per N m that a drive reports"
     arm = {
@@ -267,10 +263,6 @@ def is_calibration(path: str | PathLike[str]) -> bool:
 def parse_calibration(content: str, source: str = "calibration") -> ArmCalibration:
     """A calibration from the text of its file.
 
-    Args:
-        content: TOML.
-        source: Its name in messages.
-
     Raises:
         CalibrationFileError: naming source, key, value and what was expected.
     """
@@ -307,7 +299,7 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
 
 def _require_width(source: str, written: FloatArray, wanted: FloatArray) -> None:
     """Raise if the intervals do not agree with the covariance."""
-    if not np.allclose(written, wanted, rtol=_SAME, atol=0.0):
+    if not np.allclose(written, wanted, rtol=_WIDTH_TOLERANCE, atol=0.0):
         raise CalibrationFileError(
             source,
             "gains.half_width_95",

@@ -58,11 +58,7 @@ class CovarianceTable(Table):
 
 
 def covariance_lines(known: MassCenterCovariance | None) -> list[str]:
-    """The lines of `[covariance]`; none without a covariance.
-
-    Args:
-        known: The covariance of an identified payload.
-    """
+    """The lines of `[covariance]`; none without a covariance."""
     if known is None:
         return []
     lines = [

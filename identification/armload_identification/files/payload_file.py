@@ -46,7 +46,7 @@ _KEYS = (
 )
 """Table and key of each of the ten values, in the order of `PARAMETER_NAMES`."""
 
-_AS_MODEL = 1e-9
+_MODEL_TOLERANCE = 1e-9
 """Allowed relative difference between [payload] and [model]: a digit lost by other programs."""
 
 _Entry = TypeVar("_Entry")
@@ -141,7 +141,7 @@ class _PayloadFile(Table):
 
     @model_validator(mode="after")
     def _entries_where_determined(self) -> _PayloadFile:
-        for key, flag in _named(self.determined.entries()):
+        for key, flag in _with_keys(self.determined.entries()):
             if flag is None:
                 raise BadValue(f"determined.{key}", None, "it is required: true or false")
         flags = self.determined.entries()
@@ -150,7 +150,7 @@ class _PayloadFile(Table):
             ("interval_95", self.interval_95.entries()),
         )
         for section, entries in sections:
-            for (key, value), determined in zip(_named(entries), flags, strict=True):
+            for (key, value), determined in zip(_with_keys(entries), flags, strict=True):
                 if value is None and determined:
                     raise BadValue(f"{section}.{key}", None, "it is required, because it is true in [determined]")
                 if value is not None and not determined:
@@ -160,8 +160,8 @@ class _PayloadFile(Table):
 
     @model_validator(mode="after")
     def _same_as_model(self) -> _PayloadFile:
-        for (key, value), expected in zip(_named(self.payload.entries()), self.model.values(), strict=True):
-            if value is not None and abs(value - expected) > _AS_MODEL * abs(expected):
+        for (key, value), expected in zip(_with_keys(self.payload.entries()), self.model.values(), strict=True):
+            if value is not None and abs(value - expected) > _MODEL_TOLERANCE * abs(expected):
                 raise BadValue(f"payload.{key}", value, f"expected the number in [model], {expected!r}")
         return self
 
@@ -169,7 +169,7 @@ class _PayloadFile(Table):
     def _intervals_from_low_to_high(self) -> _PayloadFile:
         sections = {"interval_95": self.interval_95, "known_range": self.known_range or _Entries[NumberList]()}
         for section, table in sections.items():
-            for key, interval in _named(table.entries()):
+            for key, interval in _with_keys(table.entries()):
                 if interval is not None:
                     require_shape(f"{section}.{key}", interval, (2,))
                     if interval[0] > interval[1]:
@@ -182,18 +182,14 @@ class _PayloadFile(Table):
         return self
 
 
-def _named(entries: list[_Entry]) -> list[tuple[str, _Entry]]:
+def _with_keys(entries: list[_Entry]) -> list[tuple[str, _Entry]]:
     """Ten entries with their dotted keys."""
     keys = (f"{group}.{key}" if group else key for group, key in _KEYS)
     return list(zip(keys, entries, strict=True))
 
 
 def format_payload(result: PayloadResult) -> str:
-    """The text of a payload file; `parse_payload` gives back the same numbers.
-
-    Args:
-        result: What to write.
-    """
+    """The text of a payload file; `parse_payload` gives back the same numbers."""
     number = toml_text.number
     values, ranges = [number(v) for v in result.values], _pairs(result.interval_95)
     flags = ["true" if d else "false" for d in result.determined]
@@ -259,10 +255,6 @@ def read_payload(path: str | PathLike[str]) -> PayloadResult:
 
 def parse_payload(content: str, source: str = "payload") -> PayloadResult:
     """A payload from the text of its file.
-
-    Args:
-        content: TOML.
-        source: Its name in messages.
 
     Raises:
         PayloadFileError: naming source, key, value and what was expected.

@@ -26,11 +26,7 @@ class ProvenanceTable(Table):
 
 
 def provenance_lines(provenance: Provenance) -> list[str]:
-    """The lines of `[provenance]`.
-
-    Args:
-        provenance: What the result was made from.
-    """
+    """The lines of `[provenance]`."""
     arm = {key: value for key in ("robot", "kinematics_sha256") if (value := getattr(provenance, key))}
     texts = {"armload_version": provenance.armload_version, **arm}
     lines = toml_text.table("provenance", texts | {"configuration_sha256": provenance.configuration_sha256})

@@ -89,12 +89,8 @@ def _moment(text: str, source: str, place: str) -> str:
     try:
         return datetime.fromisoformat(text).isoformat() if text else ""
     except ValueError:
-        raise RunTableError(
-            source,
-            f"{place}, recorded",
-            text,
-            "expected a date, or date and time, such as 2026-03-01T08:30, or nothing",
-        ) from None
+        expected = "expected a date, or date and time, such as 2026-03-01T08:30, or nothing"
+        raise RunTableError(source, f"{place}, recorded", text, expected) from None
 
 
 def _require_agreement(rows: list[TableRow], source: str) -> None:
@@ -106,9 +102,7 @@ def _require_agreement(rows: list[TableRow], source: str) -> None:
             raise RunTableError(source, "recording", str(row.recording), "expected each recording once")
         seen.add(row.recording)
         if row.mass_kg is not None and weighed.setdefault(row.mounting, row.mass_kg) != row.mass_kg:
-            raise RunTableError(
-                source,
-                f"mass_kg of mounting '{row.mounting}'",
-                row.mass_kg,
-                f"expected {weighed[row.mounting]:g} as in another row; a different payload requires a different name",
+            expected = (
+                f"expected {weighed[row.mounting]:g} as in another row; a different payload requires a different name"
             )
+            raise RunTableError(source, f"mass_kg of mounting '{row.mounting}'", row.mass_kg, expected)

@@ -47,13 +47,13 @@ ABSENT_INTERVALS: Final = 2
 """... and by more than this number of the arm's longest interval between recordings: some are recorded each quarter."""
 SILENT: Final = 3.0
 """Deviations added by each of the latest recordings without a result."""
-_OF_MEDIAN: Final = float(np.sqrt(np.pi / 2.0))
+_MEDIAN_OVER_MEAN: Final = float(np.sqrt(np.pi / 2.0))
 """Ratio of a median's standard deviation to a mean's."""
-_OF_SPREAD: Final = 0.37
+_FREEDOM_PER_TWIN: Final = 0.37
 """Degrees of freedom of a spread from the median deviation, per twin minus one: its efficiency for normal values. With
 these, no more than the stated share of normal arms is named (simulated for 3 to 60 twins)."""
-_FINEST: Final = 1e-9
-_GREATEST: Final = 99.0
+_LEAST_SPREAD: Final = 1e-9
+_MOST_DEVIATIONS: Final = 99.0
 
 ArmKey = tuple[str, str]
 """Name of an arm, and its model."""
@@ -202,7 +202,8 @@ class _Series:
         part = slice(-LATEST_RUNS, None)
         width = float(np.median(np.hypot(self.noise[part], usual)))
         count = self.values[part].size
-        return float(np.median(self.values[part])), width * (_OF_MEDIAN if count > 2 else 1.0) / float(np.sqrt(count))
+        ratio = _MEDIAN_OVER_MEAN if count > 2 else 1.0
+        return float(np.median(self.values[part])), width * ratio / float(np.sqrt(count))
 
 
 def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
@@ -230,7 +231,7 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
         }
         for arm, of_arm in by_arm.items()
     }
-    usual = _usual(series)
+    usual = _usual_spread(series)
     compared = _against_twins(series, usual)
     charts = sum(len(of_arm) for of_arm in series.values())
     arms = []
@@ -239,7 +240,7 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
         for quantity, one in series[arm].items():
             twins = compared.get((arm, quantity))
             figures[quantity] = _figure(quantity, one, usual[arm[1], quantity], charts, twins)
-            found += _changes(figures[quantity])
+            found += _changes_and_outliers(figures[quantity])
             if twins is not None and twins.suspicion is not None:
                 found.append(twins.suspicion)
         silent = sum(bool(run.problem) for run in of_arm)
@@ -259,10 +260,10 @@ def _is_absent(runs: Sequence[ArmRun], latest: datetime) -> bool:
     return latest - runs[-1].recorded > max(ABSENT, ABSENT_INTERVALS * max(intervals, default=timedelta()))
 
 
-def _usual(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> dict[tuple[str, Quantity], float]:
+def _usual_spread(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> dict[tuple[str, Quantity], float]:
     """Standard deviation between runs of one arm beyond their noise, by model and quantity, from successive runs."""
     steps: defaultdict[tuple[str, Quantity], list[FloatArray]] = defaultdict(list)
-    for (_, model), quantity, one in _each(series):
+    for (_, model), quantity, one in _all_series(series):
         noise = np.hypot(one.noise[1:], one.noise[:-1])
         steps[model, quantity].append(np.stack([np.diff(one.values), noise]))
     usual = {}
@@ -271,11 +272,11 @@ def _usual(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> dict[tuple[st
         variance = 0.0
         if difference.size:
             variance = float(deviation_by_median(difference[:, None])[0]) ** 2 - float(np.median(noise)) ** 2
-        usual[place] = max(float(np.sqrt(max(0.5 * variance, 0.0))), _FINEST)
+        usual[place] = max(float(np.sqrt(max(0.5 * variance, 0.0))), _LEAST_SPREAD)
     return usual
 
 
-def _each(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> Iterator[tuple[ArmKey, Quantity, _Series]]:
+def _all_series(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> Iterator[tuple[ArmKey, Quantity, _Series]]:
     """All series."""
     for arm, of_arm in series.items():
         for quantity, one in of_arm.items():
@@ -287,12 +288,12 @@ def _figure(quantity: Quantity, one: _Series, usual: float, charts: int, twins: 
     first = slice(0, FIRST_RUNS)
     center = float(np.median(one.values[first]))
     width = float(np.median(np.hypot(one.noise[first], usual)))
-    doubt = np.full(one.values.size, _OF_MEDIAN * width / np.sqrt(one.values[first].size))
+    doubt = np.full(one.values.size, _MEDIAN_OVER_MEAN * width / np.sqrt(one.values[first].size))
     chart = control_chart(one.values - center, one.noise, doubt, usual, charts)
     return FigureReview(quantity, one.recorded, one.values, center, chart, twins)
 
 
-def _changes(figure: FigureReview) -> list[Suspicion]:
+def _changes_and_outliers(figure: FigureReview) -> list[Suspicion]:
     """The last change of level, and the last outlier."""
     chart, found = figure.chart, []
     changes = [change for change in chart.changes if change.index > 0]
@@ -301,7 +302,7 @@ def _changes(figure: FigureReview) -> list[Suspicion]:
         before, after = _amounts(figure.quantity, figure.center + change.before, figure.center + change.after)
         size = abs(change.after - change.before) / change.deviation
         text = f"{figure.quantity} is {after} since {figure.recorded[change.index]:%Y-%m-%d}, {before} before"
-        found.append(Suspicion(Anomaly.CHANGE, figure.quantity, min(size, _GREATEST), text))
+        found.append(Suspicion(Anomaly.CHANGE, figure.quantity, min(size, _MOST_DEVIATIONS), text))
     alone = np.flatnonzero(chart.alone)
     if alone.size:
         run = int(alone[-1])
@@ -310,7 +311,7 @@ def _changes(figure: FigureReview) -> list[Suspicion]:
         size = float(abs(chart.values[run] - usual) / chart.deviation[run])
         off, level = _amounts(figure.quantity, figure.center + float(chart.values[run]), figure.center + usual)
         text = f"{figure.quantity} was {off} on {figure.recorded[run]:%Y-%m-%d}, {level} in the neighbouring runs"
-        found.append(Suspicion(Anomaly.OUTLIER, figure.quantity, min(size, _GREATEST), text))
+        found.append(Suspicion(Anomaly.OUTLIER, figure.quantity, min(size, _MOST_DEVIATIONS), text))
     return found
 
 
@@ -319,7 +320,7 @@ def _against_twins(
 ) -> dict[tuple[ArmKey, Quantity], Twins]:
     """Each arm's quantities compared with those of its twins."""
     groups: defaultdict[tuple[str, Quantity], list[tuple[str, float, float]]] = defaultdict(list)
-    for (arm, model), quantity, one in _each(series):
+    for (arm, model), quantity, one in _all_series(series):
         if quantity.of or quantity.kind not in PER_PAYLOAD:  # payloads without a name may be different ones
             groups[model, quantity].append((arm, *one.latest(usual[model, quantity])))
     compared = {place: arms for place, arms in groups.items() if len(arms) > TWINS_LEAST}
@@ -332,14 +333,14 @@ def _against_twins(
             others = np.delete(level, i)
             middle = float(np.median(others))
             spread = float(deviation_by_median((others - middle)[:, None])[0])
-            expected = np.hypot(spread, width[i]) * np.sqrt(1.0 + _OF_MEDIAN**2 / others.size)
-            freedom = _OF_SPREAD * (others.size - 1)
+            expected = np.hypot(spread, width[i]) * np.sqrt(1.0 + _MEDIAN_OVER_MEAN**2 / others.size)
+            freedom = _FREEDOM_PER_TWIN * (others.size - 1)
             log_chance = float(t.logsf(abs(level[i] - middle) / expected, freedom)) + np.log(2.0)
             suspicion = None
             if log_chance < np.log(FALSE_ALARM / tests):
                 mine, theirs = _amounts(quantity, float(level[i]), middle)
                 text = f"{quantity} is {mine}, that of {others.size} twins {theirs}"
-                size = min(float(-norm.ppf(np.exp(log_chance) / 2.0)), _GREATEST)
+                size = min(float(-norm.ppf(np.exp(log_chance) / 2.0)), _MOST_DEVIATIONS)
                 suspicion = Suspicion(Anomaly.STRANGER, quantity, size, text)
             found[(name, model), quantity] = Twins(others.size, middle, spread, suspicion)
     return found
@@ -356,7 +357,7 @@ def _silence(runs: Sequence[ArmRun]) -> list[Suspicion]:
         return []
     which = "the latest recording" if silent == 1 else f"the {silent} latest recordings"
     text = f"{which} gave no result: {runs[-1].problem}"
-    return [Suspicion(Anomaly.SILENCE, None, min(SILENT * silent, _GREATEST), text)]
+    return [Suspicion(Anomaly.SILENCE, None, min(SILENT * silent, _MOST_DEVIATIONS), text)]
 
 
 def _amounts(quantity: Quantity, first: float, second: float) -> tuple[str, str]:

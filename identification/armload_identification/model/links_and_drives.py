@@ -68,11 +68,6 @@ class LinksAndDrives:
 def require_finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> None:
     """Raise unless a field has the expected shape and finite values.
 
-    Args:
-        name: Name of the field.
-        value: Its value.
-        shape: The expected shape.
-
     Raises:
         ModelError: naming the field, its shape or its numbers, and what was expected.
     """

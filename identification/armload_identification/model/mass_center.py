@@ -62,18 +62,10 @@ class MassCenterCovariance:
         return np.asarray(self.gain_slope @ self.gain_covariance @ self.gain_slope.T)
 
     def same_gains_as(self, other: MassCenterCovariance) -> bool:
-        """Whether both were obtained with the same gains.
-
-        Args:
-            other: The covariance of another identification.
-        """
+        """Whether both were obtained with the same gains."""
         return self.gain_nm_a.size > 0 and np.array_equal(self.gain_nm_a, other.gain_nm_a)
 
 
 def unknown_deviation(mass_kg: float) -> FloatArray:
-    """(4,) standard deviations of undetermined values: the mass itself (kg) and 1 m, too wide to affect a comparison.
-
-    Args:
-        mass_kg: The mass.
-    """
+    """(4,) standard deviations of undetermined values, mass (kg) and 1 m: too wide to affect a comparison."""
     return np.asarray(np.concatenate([[abs(mass_kg)], np.ones(3)]))

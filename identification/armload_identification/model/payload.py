@@ -246,11 +246,7 @@ class PayloadResult:
 
 
 def value_scale(mass_kg: float) -> FloatArray:
-    """(10,) scale of each value of a payload: m; 0.1 m for the centre of mass; m (0.1 m)^2 for the inertia about it.
-
-    Args:
-        mass_kg: Its mass.
-    """
+    """(10,) scale of each value of a payload: m; 0.1 m for the centre of mass; m (0.1 m)^2 for the inertia about it."""
     return np.array([mass_kg] + [REFERENCE_LENGTH_M] * 3 + [mass_kg * REFERENCE_LENGTH_M**2] * 6)
 
 

@@ -43,10 +43,6 @@ _NEEDED: Final = 2
 def columns_by_name(path: Path, names: Sequence[str]) -> CsvColumns:
     """Find time, positions, and velocities, currents and torques of the same joints.
 
-    Args:
-        path: The file, for messages.
-        names: Names of all columns.
-
     Raises:
         RecordingError: no time, no positions, an ambiguous choice, or a quantity in two units.
     """

@@ -65,7 +65,7 @@ def read_recording(
             garbage = GarbageFilter(shown, with_effort=with_effort)
             # One thread: a second one saves no time with products of blocks, and costs half of the processor time.
             with threadpool_limits(1):
-                return _read(reader, garbage, excitation, reduction, short_rows, between_s)
+                return _read_once(reader, garbage, excitation, reduction, short_rows, between_s)
         except WrongReduction:
             continue
         except OSError as error:
@@ -81,7 +81,7 @@ def _reductions(path: Path, excitation: Excitation | None) -> Iterator[Callable[
     yield lambda: TimeAverager(excitation)
 
 
-def _read(
+def _read_once(
     reader: RecordingReader,
     garbage: GarbageFilter,
     excitation: Excitation | None,
@@ -94,8 +94,8 @@ def _read(
     kept: list[RowBlock] = []
     size = 0
     reduction: Reduction | None = None
-    part = _Part(between_s)
-    for rows in part.of(_usable(reader, account, garbage, excitation)):
+    part = _TimeSelection(between_s)
+    for rows in part.of(_usable_rows(reader, account, garbage, excitation)):
         size += rows.size
         if reduction is not None:
             reduction.add(rows)
@@ -123,12 +123,8 @@ def _read(
     return recording_of(joined(kept), excitation, source) if reduction is None else reduction.recording(source)
 
 
-class _Part:
-    """Selects the rows between two times since the first row.
-
-    Args:
-        between_s: The two times; None for all rows.
-    """
+class _TimeSelection:
+    """Selects the rows between two times since the first row, in s; all rows without such times."""
 
     def __init__(self, between_s: tuple[float, float] | None) -> None:
         self._between_s = between_s
@@ -156,11 +152,7 @@ class _Part:
         return {"outside --between": self._outside} if self._outside else {}
 
     def require_any(self, path: Path) -> None:
-        """Raise if the file has rows, but none between the two times.
-
-        Raises:
-            RecordingError: naming the times and how long the recording is.
-        """
+        """Raise `RecordingError` if the file has rows, but none between the two times."""
         if self._between_s is not None and self._start_s is not None and not self._chosen:
             begin_s, end_s = self._between_s
             raise RecordingError(
@@ -169,7 +161,7 @@ class _Part:
             )
 
 
-def _usable(
+def _usable_rows(
     reader: RecordingReader, account: ReadingAccount, garbage: GarbageFilter, excitation: Excitation | None
 ) -> Iterator[RowBlock]:
     """The usable rows of a file; the phase is dropped without an excitation."""

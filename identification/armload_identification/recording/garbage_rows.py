@@ -37,8 +37,8 @@ _TIME_UNITS: Final = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds":
 _USUAL_INTERVAL_S: Final = (1e-4, 0.11)
 _CREEP_RAD_S: Final = 0.01
 """A joint that never moves faster than this does not move; with time stamps in ms, 10 rad/s would look like it."""
-_MOVED_RAD: Final = 0.1
-_BRIEF: Final = 5
+_MOVED_FAR_RAD: Final = 0.1
+_MEDIAN_ROWS: Final = 5
 """Rows over which a median position hides those that are wrong."""
 _LARGEST_ANGLE_RAD: Final = 6.0 * np.pi
 """Joints that turn further are logged modulo one turn; greater angles are in degrees."""
@@ -128,7 +128,7 @@ class GarbageFilter:
         rows = replace(rows, **absent)
         window = rows if self._before is None else joined([self._before, rows])
         known = window.size - rows.size
-        verdict, self._interval_s = _verdict(window, self._interval_s)
+        verdict, self._interval_s = _reasons_to_drop(window, self._interval_s)
         if first and np.count_nonzero(verdict == _KEPT) > 1:
             refuse_time_unit(self.path, self._interval_s)
             valid = np.flatnonzero(verdict == _KEPT)
@@ -163,7 +163,7 @@ class GarbageFilter:
         refuse_degrees(self.path, rows.position_rad)
 
 
-def _verdict(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[np.intp], float]:
+def _reasons_to_drop(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[np.intp], float]:
     """(N,) index of the reason to drop each row, `_KEPT` for valid rows, and the sampling interval in s."""
     verdict = np.full(rows.size, _KEPT)
     kept = np.arange(rows.size)
@@ -243,15 +243,7 @@ def _longest_increasing(values: FloatArray) -> NDArray[np.intp]:
 
 
 def refuse_degrees(path: Path, position: FloatArray) -> None:
-    """Raise for joint angles of several turns in many rows, which are degrees.
-
-    Args:
-        path: The file, for the message.
-        position: (N, n) positions, expected in rad.
-
-    Raises:
-        RecordingError: naming what was found and expected.
-    """
+    """Raise `RecordingError` for (N, n) joint angles of several turns in many rows, which are degrees."""
     finite = position[np.isfinite(position).all(axis=1)]
     reach = np.abs(np.percentile(finite, [5.0, 95.0], axis=0)).max() if finite.size else 0.0
     if reach > _LARGEST_ANGLE_RAD:
@@ -262,15 +254,7 @@ def refuse_degrees(path: Path, position: FloatArray) -> None:
 
 
 def refuse_time_unit(path: Path, interval_s: float) -> None:
-    """Raise for time stamps that are not in seconds: no arm is recorded at 1 Hz or 1 MHz.
-
-    Args:
-        path: The file, for the message.
-        interval_s: Median time between its rows.
-
-    Raises:
-        RecordingError: naming the likely unit.
-    """
+    """Raise `RecordingError` if the median interval (s) is not in seconds: no arm is recorded at 1 Hz or 1 MHz."""
     if _SHORTEST_INTERVAL_S <= interval_s <= _LONGEST_INTERVAL_S:
         return
     low, high = _USUAL_INTERVAL_S
@@ -283,23 +267,16 @@ def refuse_time_unit(path: Path, interval_s: float) -> None:
 
 
 def refuse_creeping(path: Path, interval_s: float, time_s: FloatArray, position: FloatArray) -> None:
-    """Raise for time stamps in milliseconds of a log so fast that their interval could be one of seconds.
+    """Raise `RecordingError` for stamps in ms of so fast a log that their median interval could be one in s.
 
-    Args:
-        path: The file, for the message.
-        interval_s: Median time between its rows.
-        time_s: (N,) time stamps.
-        position: (N, n) positions in rad.
-
-    Raises:
-        RecordingError: rows as of a slow log, and joints that move far, but at speeds of no motion.
+    The joints' (N, n) positions, in rad, change far, but with (N,) times in s at speeds of no motion.
     """
-    if interval_s <= _USUAL_INTERVAL_S[1] or len(position) < 2 * _BRIEF:
+    if interval_s <= _USUAL_INTERVAL_S[1] or len(position) < 2 * _MEDIAN_ROWS:
         return
-    position = np.median(sliding_window_view(position, _BRIEF, axis=0), axis=-1)
-    step_s = np.diff(time_s[_BRIEF // 2 : _BRIEF // 2 + len(position)])
+    position = np.median(sliding_window_view(position, _MEDIAN_ROWS, axis=0), axis=-1)
+    step_s = np.diff(time_s[_MEDIAN_ROWS // 2 : _MEDIAN_ROWS // 2 + len(position)])
     fastest = float((np.abs(np.diff(position, axis=0)) / step_s[:, None]).max())
-    if np.ptp(position, axis=0).max() > _MOVED_RAD and fastest < _CREEP_RAD_S:
+    if np.ptp(position, axis=0).max() > _MOVED_FAR_RAD and fastest < _CREEP_RAD_S:
         raise RecordingError(
             f"{path}: the interval of the time stamps is {interval_s:.3g}, and no joint moves faster than "
             f"{fastest:.2g} rad/s. The time stamps look like milliseconds: convert them to seconds."
@@ -307,17 +284,7 @@ def refuse_creeping(path: Path, interval_s: float, time_s: FloatArray, position:
 
 
 def refuse_mixed_units(path: Path, time_s: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
-    """Raise if the units of positions, velocities and time stamps are inconsistent.
-
-    Args:
-        path: The file, for the message.
-        time_s: (N,) time stamps.
-        position: (N, n) positions, expected in rad.
-        velocity: (N, n) velocities, expected in rad/s.
-
-    Raises:
-        RecordingError: positions or velocities are in degrees, or the time is not in seconds.
-    """
+    """Raise `RecordingError` if (N, n) positions, velocities and (N,) times are not all in rad, rad/s and s."""
     step_s = np.diff(time_s)
     moved = np.abs(np.diff(position, axis=0)).sum()
     reported = np.abs(0.5 * (velocity[1:] + velocity[:-1]) * step_s[:, None]).sum()

@@ -30,12 +30,7 @@ class ReadingAccount:
     joint_names: tuple[str, ...] = ()
 
     def leave_out(self, rows: int, reason: str) -> None:
-        """Count dropped rows.
-
-        Args:
-            rows: Their number.
-            reason: Why they were dropped.
-        """
+        """Count dropped rows."""
         if rows:
             self.reasons[reason] = self.reasons.get(reason, 0) + rows
 

@@ -246,10 +246,6 @@ class Recording(RowBlock):
 def clean(path: Path, rows: RowBlock) -> tuple[RowBlock, dict[str, int]]:
     """The usable rows of a run in memory, and the number of dropped rows by reason.
 
-    Args:
-        path: Name of the run in messages.
-        rows: All of its rows.
-
     Raises:
         RecordingError: nothing usable, or a wrong unit.
     """
@@ -282,10 +278,6 @@ def recording_of(
 def check_joints(recording: Recording, n: int) -> None:
     """Raise if a recording has another number of joints than the arm.
 
-    Args:
-        recording: The recording.
-        n: Number of joints of the arm.
-
     Raises:
         RecordingError: naming file, found and expected number of joints.
     """
@@ -297,11 +289,7 @@ def check_joints(recording: Recording, n: int) -> None:
 
 
 def hashes_by_name(sources: Sequence[RecordingSource]) -> dict[str, str]:
-    """Hash by file name, with the folder in front if two files have the same name.
-
-    Args:
-        sources: Sources of the recordings.
-    """
+    """Hash by file name, with the folder in front if two files have the same name."""
     if len({source.path.name for source in sources}) == len(sources):
         return {source.path.name: source.sha256 for source in sources}
     return {f"{source.path.parent.name}/{source.path.name}": source.sha256 for source in sources}

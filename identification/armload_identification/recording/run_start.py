@@ -25,12 +25,7 @@ class StatedBy(StrEnum):
 
 @dataclass(frozen=True)
 class RunStart:
-    """The start of a run, or of the part of it that was selected.
-
-    Attributes:
-        moment: Date and time, UTC.
-        stated_by: The source.
-    """
+    """The start, UTC, of a run or of the part of it that was selected, and what states it."""
 
     moment: datetime
     stated_by: StatedBy
@@ -50,11 +45,7 @@ def run_start(recording: Recording, latest: datetime = _LATEST) -> RunStart | No
 
 
 def run_start_text(recording: Recording) -> str:
-    """The start of a run, ISO 8601; empty if the recording states no possible one.
-
-    Args:
-        recording: The run.
-    """
+    """The start of a run, ISO 8601; empty if the recording states no possible one."""
     start = run_start(recording)
     return "" if start is None else start.moment.isoformat(timespec="seconds")
 

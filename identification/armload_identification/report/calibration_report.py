@@ -44,11 +44,6 @@ def write_calibration_report(path: Path, calibration: ArmCalibration, descriptio
 def render_calibration_report(calibration: ArmCalibration, description: str, names: Sequence[str]) -> str:
     """The report's text.
 
-    Args:
-        calibration: The calibration.
-        description: Description of the arm, in one line.
-        names: Names of its joints.
-
     Returns:
         HTML.
 

@@ -68,7 +68,7 @@ def joint_rows(
         "torque": _column(np.sqrt(np.mean(signal.raw_nm[signal.valid] ** 2, axis=0)), decimals),
         "noise": _column(signal.noise_nm, decimals),
         "residual": _column(residual_rms_nm, decimals),
-        "ratio": _column(_over(residual_rms_nm, signal.noise_nm), 2),
+        "ratio": _column(_residual_over_noise(residual_rms_nm, signal.noise_nm), 2),
         "loss": _column(_PERCENT * signal.smoothing_loss),
         "mismatch": _column(_MRAD * signal.mismatch_rad),
         "position_fit": _column(_MRAD * signal.position_fit_rad),
@@ -96,7 +96,7 @@ def _column(values: FloatArray, decimals: int | None = None) -> tuple[Numeral, .
     return align([numeral(float(value), decimals) for value in values])
 
 
-def _over(residual_nm: FloatArray, noise_nm: FloatArray) -> FloatArray:
+def _residual_over_noise(residual_nm: FloatArray, noise_nm: FloatArray) -> FloatArray:
     """(n,) residual divided by noise; infinite without noise, 0 without both."""
     bottomless = np.where(residual_nm > 0.0, np.inf, 0.0)
     return np.asarray(np.divide(residual_nm, noise_nm, out=bottomless, where=noise_nm > 0.0))

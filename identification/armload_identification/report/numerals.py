@@ -85,9 +85,6 @@ def common_decimals(values: ArrayLike, digits: int) -> int:
 def scientific(value: float) -> tuple[str, str]:
     """A number as mantissa of two digits and power of ten.
 
-    Args:
-        value: The number.
-
     Returns:
         Both as text; the power is empty if the number is not finite.
     """

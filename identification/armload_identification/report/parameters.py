@@ -5,6 +5,7 @@ Undetermined parameters have no number, only how far they are from being determi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -89,11 +90,7 @@ class ComparedRow(NamedParameter):
 
 
 def mass_card(payload: PayloadResult) -> tuple[str, str] | None:
-    """The mass and its interval, each with the unit; None if it is not determined.
-
-    Args:
-        payload: The result.
-    """
+    """The mass and its interval, each with the unit; None if it is not determined."""
     if not payload.determined[0]:
         return None
     value, low, high = _rounded(payload.values[:1], half_widths(payload)[:1], payload.interval_95[:1])[0]
@@ -101,11 +98,7 @@ def mass_card(payload: PayloadResult) -> tuple[str, str] | None:
 
 
 def headline(payload: PayloadResult) -> str:
-    """The result in one to three sentences with intervals.
-
-    Args:
-        payload: The result.
-    """
+    """The result in one to three sentences with intervals."""
     texts = _rounded(payload.values, half_widths(payload), payload.interval_95)
     if payload.determined[0]:
         value, low, high = texts[0]
@@ -120,11 +113,11 @@ def headline(payload: PayloadResult) -> str:
         if there
     ]
     unknown = [axis for axis, there in zip(_AXES, known, strict=True) if not there]
-    center = f"Its centre of mass lies at {listed(known_parts)} in the {payload.frame} frame." if known_parts else ""
-    missing = f"Its position along {listed(unknown)} is not determined." if known_parts and unknown else ""
     if not known_parts:
-        missing = "Its centre of mass is not determined."
-    return " ".join(part for part in (mass, center, missing) if part)
+        return f"{mass} Its centre of mass is not determined."
+    center = f"Its centre of mass lies at {listed(known_parts)} in the {payload.frame} frame."
+    missing = f" Its position along {listed(unknown)} is not determined." if unknown else ""
+    return f"{mass} {center}{missing}"
 
 
 def truth_sentence(payload: PayloadResult, truth: InertialParameters) -> str:
@@ -164,11 +157,9 @@ def parameter_rows(
     ]
     estimates, lows, highs = (align(column) for column in zip(*texts, strict=True))
     exact = None if truth is None else derived(truth)[0]
-    truths = (
-        (None,) * 10
-        if exact is None
-        else align([numeral(t, decimals_for(w, t) + 1) for t, w in zip(exact, shown, strict=True)])
-    )
+    truths: Sequence[Numeral | None] = (None,) * 10
+    if exact is not None:
+        truths = align([numeral(t, decimals_for(w, t) + 1) for t, w in zip(exact, shown, strict=True)])
     rows = []
     for i, names in enumerate(_QUANTITIES):
         share = None if np.isnan(half_width_95[i]) else float(half_width_95[i] / limits[i])
@@ -182,27 +173,18 @@ def parameter_rows(
 
 
 def compared_rows(identification: Identification, payload: PayloadResult) -> tuple[ComparedRow, ...]:
-    """Plain and reported values of the determined parameters.
-
-    Args:
-        identification: The identification, with the plain estimate.
-        payload: The result.
-    """
+    """Plain and reported values of the determined parameters."""
     plain = derived(identification.plain_parameters)[0]
     widths = half_widths(payload)
     chosen = np.flatnonzero(payload.determined)
     decimals = [decimals_for(widths[i], payload.values[i]) for i in chosen]
     change = np.divide(payload.values - plain, widths, out=np.zeros(10), where=widths > 0.0)
-    return tuple(
-        ComparedRow(*_QUANTITIES[i], *numbers)
-        for i, *numbers in zip(
-            chosen,
-            align([numeral(plain[i], d) for i, d in zip(chosen, decimals, strict=True)]),
-            align([numeral(payload.values[i], d) for i, d in zip(chosen, decimals, strict=True)]),
-            align([numeral(change[i], 2, signed=True) for i in chosen]),
-            strict=True,
-        )
+    columns = (
+        align([numeral(plain[i], d) for i, d in zip(chosen, decimals, strict=True)]),
+        align([numeral(payload.values[i], d) for i, d in zip(chosen, decimals, strict=True)]),
+        align([numeral(change[i], 2, signed=True) for i in chosen]),
     )
+    return tuple(ComparedRow(*_QUANTITIES[i], *row) for i, row in zip(chosen, zip(*columns, strict=True), strict=True))
 
 
 def _limits(mass_kg: float) -> FloatArray:

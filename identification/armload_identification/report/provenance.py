@@ -11,7 +11,7 @@ from armload_identification.excitation.excitation_file import parse_excitation
 from armload_identification.model.payload import Provenance
 from armload_identification.recording.recording import RecordingSource
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT, WAY_ROUND_ATTACHMENT
-from armload_identification.report.numerals import NO_BREAK, numeral
+from armload_identification.report.numerals import NO_BREAK, counted, numeral
 from armload_identification.signals.load_signal import LoadSignal
 
 _LOADS: Final = ("loaded", "unloaded")
@@ -110,11 +110,7 @@ def _way_round(source: RecordingSource | None) -> str:
 
 
 def comparison_sentence(signal: LoadSignal) -> str:
-    """Description of the comparison of the loaded with the unloaded run.
-
-    Args:
-        signal: The measured difference.
-    """
+    """Description of the comparison of the loaded with the unloaded run."""
     if not signal.periods[1]:
         return (
             "The torque of the payload is that of the loaded run minus that of the arm according to its calibration. "
@@ -125,20 +121,16 @@ def comparison_sentence(signal: LoadSignal) -> str:
         "and nearly all friction cancel. "
     )
     if signal.periodic:
-        loaded, unloaded = signal.periods
+        loaded, unloaded = (counted(count, "period") for count in signal.periods)
         return difference + (
-            f"The runs were compared phase by phase: {_periods(loaded)} of the loaded and {_periods(unloaded)} of the "
-            f"unloaded run, averaged. The noise is from {signal.noise_source}."
+            f"The runs were compared phase by phase: {loaded} of the loaded and {unloaded} of the unloaded run, "
+            f"averaged. The noise is from {signal.noise_source}."
         )
     apart = f"{numeral(abs(signal.shift_s), 3)}{NO_BREAK}s"
     return difference + (
         f"The runs have no common period, so they were aligned by position, with an offset of {apart} between their "
         f"clocks, and nothing was averaged. The noise is from {signal.noise_source}."
     )
-
-
-def _periods(count: int) -> str:
-    return f"{count} period{'' if count == 1 else 's'}"
 
 
 def _details(source: RecordingSource) -> str:

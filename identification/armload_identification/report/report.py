@@ -63,10 +63,6 @@ def write_report(path: Path, subject: ReportSubject, content: ReportContent) -> 
 def render_report(subject: ReportSubject, content: ReportContent) -> str:
     """The report's text.
 
-    Args:
-        subject: Subject of the report.
-        content: Fit, runs and validation, as far as available.
-
     Returns:
         HTML.
 

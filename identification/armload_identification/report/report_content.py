@@ -73,13 +73,8 @@ class ReportContent:
     @classmethod
     def of_identification(cls, identification: Identification, validation: Validation | None = None) -> ReportContent:
         """From an identification, and its validation if there is one."""
-        fitted = ShownRuns(
-            identification.signal,
-            identification.predicted_nm,
-            identification.residual_rms_nm,
-            identification.sources,
-        )
-        return cls(identification, fitted, validation)
+        fit = identification
+        return cls(fit, ShownRuns(fit.signal, fit.predicted_nm, fit.residual_rms_nm, fit.sources), validation)
 
     @property
     def motion(self) -> tuple[LoadSignal, RecordingSource | None] | None:

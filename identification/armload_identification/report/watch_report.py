@@ -94,10 +94,6 @@ class WatchHistory:
 def write_watch_report(path: Path, history: WatchHistory) -> None:
     """Write the report; an existing file is replaced.
 
-    Args:
-        path: The file.
-        history: The watch.
-
     Raises:
         ReportError: the file cannot be written.
     """

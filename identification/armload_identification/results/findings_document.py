@@ -64,9 +64,9 @@ def payload_fields(payload: PayloadResult) -> dict[str, Any]:
     intervals = [pair if there else None for pair, there in zip(payload.interval_95.tolist(), known, strict=True)]
     return {
         "frame": payload.frame,
-        **_ten(values),
-        "determined": _ten(known),
-        "interval_95": _ten(intervals),
+        **_grouped_parameters(values),
+        "determined": _grouped_parameters(known),
+        "interval_95": _grouped_parameters(intervals),
         "model": body_fields(payload.model),
         "residual_rms_nm": numbers(payload.residual_rms_nm),
         "noise_nm": numbers(payload.noise_nm),
@@ -82,7 +82,7 @@ def payload_fields(payload: PayloadResult) -> dict[str, Any]:
 
 def body_fields(body: InertialParameters) -> dict[str, Any]:
     """A body's ten values."""
-    return _ten(body.values.tolist())
+    return _grouped_parameters(body.values.tolist())
 
 
 def validation_fields(validation: Validation, joint_names: Sequence[str]) -> dict[str, Any]:
@@ -92,8 +92,8 @@ def validation_fields(validation: Validation, joint_names: Sequence[str]) -> dic
         "torque_in_band_nm": numbers(validation.torque_in_band_nm),
         "left_in_band_nm": numbers(validation.left_in_band_nm),
         "residual_rms_nm": numbers(validation.residual_rms_nm),
-        "measured_over_predicted": _where(scales.scale, scales.determined),
-        "measured_over_predicted_half_width_95": _where(scales.half_width_95, scales.determined),
+        "measured_over_predicted": _known_numbers(scales.scale, scales.determined),
+        "measured_over_predicted_half_width_95": _known_numbers(scales.half_width_95, scales.determined),
     }
     return {
         **agreement_fields(validation.verdict.agreement),
@@ -133,7 +133,7 @@ def number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _where(values: FloatArray, known: NDArray[np.bool_]) -> list[float | None]:
+def _known_numbers(values: FloatArray, known: NDArray[np.bool_]) -> list[float | None]:
     """Numbers of an array, None for unknown ones."""
     return [number(value) if there else None for value, there in zip(values.tolist(), known.tolist(), strict=True)]
 
@@ -158,7 +158,7 @@ def _source_fields(source: RecordingSource) -> dict[str, Any]:
     }
 
 
-def _ten(values: Sequence[Any]) -> dict[str, Any]:
+def _grouped_parameters(values: Sequence[Any]) -> dict[str, Any]:
     """Ten values in the order of `PARAMETER_NAMES`, in three groups."""
     return {
         "mass_kg": values[0],

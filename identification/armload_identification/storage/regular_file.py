@@ -51,9 +51,6 @@ def read_whole(path: Path, largest_bytes: int = LARGEST_BYTES) -> bytes:
 def hash_of_files(paths: Iterable[Path]) -> str:
     """SHA-256 of the concatenated content of files of any size.
 
-    Args:
-        paths: The files.
-
     Raises:
         OSError: one of them cannot be read.
     """

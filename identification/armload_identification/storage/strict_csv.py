@@ -30,11 +30,7 @@ class CsvLine:
     values: dict[str, str]
 
     def text(self, column: str) -> str:
-        """Text of a column; empty if the line has none.
-
-        Args:
-            column: Its name.
-        """
+        """Text of a column; empty if the line has none."""
         return self.values.get(column, "")
 
     def positive(self, column: str, source: str, error: FileErrorClass) -> float | None:

@@ -75,7 +75,7 @@ class Meshes:
         for body in self._geometry.geometryObjects:
             self._make_solid(file, body)
         links = [self._model.frames[body.parentFrame].name for body in self._geometry.geometryObjects]
-        self._pair(loaded.connected | _known(file, touching, links), links)
+        self._pair_bodies(loaded.connected | _touching_pairs(file, touching, links), links)
         self._placements = self._geometry.createData()
 
     def distances(self, q: FloatArray) -> FloatArray:
@@ -157,7 +157,7 @@ class Meshes:
             body.geometry = shape.convex
         body.geometry.computeLocalAABB()
 
-    def _pair(self, apart: frozenset[frozenset[str]], links: list[str]) -> None:
+    def _pair_bodies(self, apart: frozenset[frozenset[str]], links: list[str]) -> None:
         """Find all pairs of bodies on different, unconnected links, and the levers of their relative motion."""
         bodies = list(self._geometry.geometryObjects)
         offsets = [float(np.linalg.norm(placement.translation)) for placement in self._model.jointPlacements]
@@ -181,7 +181,7 @@ class Meshes:
         self.joints_between = tuple(int(np.count_nonzero(reach)) for reach in reaches)
 
 
-def _known(file: Path, touching: tuple[tuple[str, str], ...], links: list[str]) -> set[frozenset[str]]:
+def _touching_pairs(file: Path, touching: tuple[tuple[str, str], ...], links: list[str]) -> set[frozenset[str]]:
     """Pairs that may touch, checked for unknown links."""
     for name in {name for pair in touching for name in pair}:
         if name not in links:

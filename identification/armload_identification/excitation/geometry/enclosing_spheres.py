@@ -28,9 +28,6 @@ _CORNERS = 24
 def enclosing_spheres(loaded: UrdfGeometry) -> tuple[Sphere, ...]:
     """Spheres around every link that has a collision geometry.
 
-    Args:
-        loaded: The arm.
-
     Returns:
         Spheres in the base frame and the joint frames; links without a geometry have none.
     """

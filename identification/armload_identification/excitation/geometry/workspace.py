@@ -122,7 +122,7 @@ class Workspace:
 
     def __post_init__(self) -> None:
         self._require_sense()
-        on_plane, on_box = self._meeting(self.half_spaces), self._meeting(self.boxes)
+        on_plane, on_box = self._pairs_to_check(self.half_spaces), self._pairs_to_check(self.boxes)
         pairs = [
             (a, b)
             for first, second in self.apart
@@ -132,10 +132,10 @@ class Workspace:
         ]
         obstacles = [(s, self.half_spaces[k].name) for s, k in on_plane] + [(s, self.boxes[k].name) for s, k in on_box]
         names = [name for _, name in obstacles]
-        names += [self._pair(self.spheres[a].link, self.spheres[b].link) for a, b in pairs]
-        between = [(self._part(s), repr(name)) for s, name in obstacles]
-        between += [(self._part(a), self._part(b)) for a, b in pairs]
-        for name in {obstacle.name for obstacle in self._obstacles} | {self._pair(*pair) for pair in self.apart}:
+        names += [self._pair_name(self.spheres[a].link, self.spheres[b].link) for a, b in pairs]
+        between = [(self._link_of_sphere(s), repr(name)) for s, name in obstacles]
+        between += [(self._link_of_sphere(a), self._link_of_sphere(b)) for a, b in pairs]
+        for name in {obstacle.name for obstacle in self._obstacles} | {self._pair_name(*pair) for pair in self.apart}:
             if name not in names:
                 raise ModelError(
                     f"workspace: {name!r} has no effect, because the links named there have no spheres; add spheres"
@@ -269,22 +269,22 @@ class Workspace:
             center = self.chain.turned_back(min(sphere.link, self.chain.n) - 1) @ center
         return [*center.tolist(), sphere.radius_m]
 
-    def _meeting(self, obstacles: Sequence[HalfSpace | Box]) -> list[tuple[int, int]]:
+    def _pairs_to_check(self, obstacles: Sequence[HalfSpace | Box]) -> list[tuple[int, int]]:
         """Indices of sphere and obstacle for all pairs to check."""
         return [(s, k) for k, o in enumerate(obstacles) for s, ball in enumerate(self.spheres) if ball.link in o.links]
 
-    def _link(self, link: int) -> str:
+    def _link_name(self, link: int) -> str:
         """Name of a link in a message."""
         return "base" if link == 0 else "tool" if link == self.chain.n + 1 else f"link {link}"
 
-    def _pair(self, link: int, other: int) -> str:
+    def _pair_name(self, link: int, other: int) -> str:
         """Name of two links in a message."""
-        return f"{self._link(link)} to {self._link(other)}"
+        return f"{self._link_name(link)} to {self._link_name(other)}"
 
-    def _part(self, sphere: int) -> str:
+    def _link_of_sphere(self, sphere: int) -> str:
         """Name, with its article, of the link that a sphere is attached to."""
         link = self.spheres[sphere].link
-        return self._link(link) if 0 < link <= self.chain.n else f"the {self._link(link)}"
+        return self._link_name(link) if 0 < link <= self.chain.n else f"the {self._link_name(link)}"
 
     def _require_sense(self) -> None:
         """Raise for unknown links and invalid sizes, distances and normals."""

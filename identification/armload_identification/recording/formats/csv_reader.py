@@ -60,10 +60,9 @@ class CsvReader:
                 body = lines
             account.rows_read += len(body)
             yield self._block(layout, body, account, last)
-        if layout is not None:
-            account.joint_names = layout.joint_names
         if layout is None:
             raise RecordingError(f"{self._path}: the file is empty. Give a recording with rows of numbers.")
+        account.joint_names = layout.joint_names
 
     def _lines(self, account: ReadingAccount) -> Iterator[tuple[list[str], bool]]:
         """Blocks of lines that are not blank, and whether it is the last block."""

@@ -49,7 +49,7 @@ _TOPICS_NAMED: Final = 10
 _SCALARS: Final = ("time_s", "phase_s")
 _OPTIONAL: Final = ("velocity_rad_s", "current_a", "torque_nm")
 """In the order of the kernels' numbering."""
-_UNUSABLE: Final = (KeyError, TypeError, ValueError, AttributeError)
+_SCHEMA_ERRORS: Final = (KeyError, TypeError, ValueError, AttributeError)
 """Exceptions of a message that does not follow the schema."""
 _BROKEN: Final = (McapError, zstandard.ZstdError, RuntimeError, ValueError, OverflowError, EOFError, struct.error)
 """Exceptions of a record that does not follow the format; LZ4 raises RuntimeError."""
@@ -80,9 +80,9 @@ class McapReader:
         Raises:
             RecordingError: the file is damaged, or has no usable message on the topic.
         """
-        table = _Table(account)
+        table = _MessageTable(account)
         try:
-            for records in self._parts(account):
+            for records in self._chunks_of_records(account):
                 yield from table.add(records)
             yield from table.take()
         except _BROKEN as error:
@@ -95,7 +95,7 @@ class McapReader:
             )
         account.joint_names = _joint_names(self.attachments.get(RUN_ATTACHMENT, "{}"), table.n)
 
-    def _parts(self, account: ReadingAccount) -> Iterator[bytes]:
+    def _chunks_of_records(self, account: ReadingAccount) -> Iterator[bytes]:
         """The file's channels and messages, a chunk at a time."""
         account.truncated, ended = True, False
         with self._path.open("rb") as file:
@@ -130,7 +130,7 @@ class McapReader:
         return RecordingError(f"{self._path}: damaged, {how}. Copy the file again from where it was recorded.")
 
 
-class _Table:
+class _MessageTable:
     """Rows of numbers from the topic's messages: time, phase, and the arrays of the messages.
 
     The arrays are determined from the first and the last message of the first usable chunk; if another message lacks
@@ -147,17 +147,7 @@ class _Table:
         self.other_topics: set[str] = set()
 
     def add(self, records: bytes) -> Iterator[RowBlock]:
-        """The records of one chunk.
-
-        Args:
-            records: The records' bytes, beginning with a complete header.
-
-        Yields:
-            Full blocks.
-
-        Raises:
-            ValueError: a record is longer than the chunk.
-        """
+        """Full blocks, after the records of one chunk; `ValueError` if one is longer than the chunk."""
         if not self.n:
             self._learn(records)
         at = 0
@@ -171,11 +161,7 @@ class _Table:
                 at = self._read_one(records, at)
 
     def take(self) -> Iterator[RowBlock]:
-        """The rows collected since the last call.
-
-        Yields:
-            One block, unless there are none.
-        """
+        """The rows collected since the last call, unless there are none."""
         if not self._filled:
             return
         table = self._table[: self._filled]
@@ -199,7 +185,7 @@ class _Table:
                     content = orjson.loads(message)
                     self.n = self.n or len(content["position_rad"])
                     names.update(name for name in _OPTIONAL if content.get(name) is not None)
-                except _UNUSABLE:
+                except _SCHEMA_ERRORS:
                     continue
                 break
         if self.n > kernels.MOST_JOINTS_OF_A_MESSAGE:
@@ -227,7 +213,7 @@ class _Table:
         self._account.rows_read += 1
         try:
             row = self._row(message)
-        except _UNUSABLE:
+        except _SCHEMA_ERRORS:
             self._account.leave_out(1, "malformed message")
             return at
         if row is None:
@@ -277,7 +263,7 @@ def _joint_names(run: str, n: int) -> tuple[str, ...]:
     """The names of n joints in a run's description; empty if it has none."""
     try:
         names = orjson.loads(run)["joints"]
-    except _UNUSABLE:
+    except _SCHEMA_ERRORS:
         return ()
     good = isinstance(names, list) and all(isinstance(name, str) and name for name in names)
     return tuple(names) if good and len(set(names)) == len(names) == n else ()

@@ -247,11 +247,7 @@ def _in_order(wanted: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _bag_of(path: Path) -> Path:
-    """The path for the library: a folder with its metadata, or a storage file.
-
-    Raises:
-        RecordingError: a folder that is not a bag.
-    """
+    """The path for the library, a folder with its metadata or a storage file; `RecordingError` if it is no bag."""
     if not path.is_dir() or (path / METADATA).is_file():
         return path
     files = sorted(file for file in path.iterdir() if file.suffix in STORAGE_SUFFIXES)

@@ -87,7 +87,7 @@ class _PhaseGrid:
     """Sums at K equidistant phases of a period, and the relation of time and phase."""
 
     def __init__(self, path: Path, rows: RowBlock, excitation: Excitation, interpolated: bool) -> None:
-        phase = _phase_of(rows)
+        phase, _ = _phase_and_effort(rows)
         trajectory = shortest_period(phase, excitation.trajectory)
         self._path, self._interpolated = path, interpolated
         self._period_s = trajectory.period_s
@@ -109,15 +109,13 @@ class _PhaseGrid:
 
     def add(self, rows: RowBlock) -> None:
         """Add more rows, all of them with a phase."""
-        phase, effort = _phase_of(rows), rows.effort
-        if effort is None:
-            raise WrongReduction
+        phase, effort = _phase_and_effort(rows)
         since_s = self._advance.add(phase, rows.time_s)
         place = phase / self._step_s - self._offset
         values = np.hstack([effort, rows.position_rad])
         values[since_s < SETTLING_S] = np.nan
         if self._interpolated:
-            index, values = self._between(place, values)
+            index, values = self._interpolated_on_grid(place, values)
         else:
             index = np.round(place).astype(np.int64)
             if np.abs(place - index).max() >= ON_GRID:
@@ -128,7 +126,7 @@ class _PhaseGrid:
             if period < self._number:
                 raise WrongReduction
             while self._number < period:
-                self._close()
+                self._complete_period()
             chosen = number == period
             self._period[index[chosen] % self._phases] = values[chosen]
 
@@ -138,7 +136,7 @@ class _PhaseGrid:
         if advance.held < 1:
             raise WrongReduction
         if self._number < advance.held:
-            self._close()
+            self._complete_period()
         advance.require_even(self._path)
         known = np.flatnonzero(self._count)
         freedom = int(np.maximum(self._count - 1, 0).sum())
@@ -147,7 +145,7 @@ class _PhaseGrid:
         average = PeriodAverage(advance.periods, covariance, advance.interruptions)
         return advance.time_at(phase_s), phase_s, self._mean[known], average
 
-    def _close(self) -> None:
+    def _complete_period(self) -> None:
         """Add the completed period to the sums, and begin the next."""
         filled = np.isfinite(self._period[:, 0])
         # A complete period, which most are, is not copied.
@@ -161,7 +159,7 @@ class _PhaseGrid:
         self._period[:] = np.nan
         self._number += 1
 
-    def _between(self, place: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    def _interpolated_on_grid(self, place: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
         """Grid phases between two samples at most 1.5 sampling intervals apart, and interpolated values there."""
         first = self._first
         if self._before is not None:
@@ -176,8 +174,8 @@ class _PhaseGrid:
         return index, np.column_stack([np.interp(index, place, column) for column in values.T])
 
 
-def _phase_of(rows: RowBlock) -> FloatArray:
-    """The phase of rows; without one the reduction is not possible."""
-    if rows.phase_s is None:
+def _phase_and_effort(rows: RowBlock) -> tuple[FloatArray, FloatArray]:
+    """(N,) phase and (N, n) effort of rows; without either the reduction is not possible."""
+    if rows.phase_s is None or rows.effort is None:
         raise WrongReduction
-    return rows.phase_s
+    return rows.phase_s, rows.effort

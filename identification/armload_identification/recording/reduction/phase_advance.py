@@ -53,7 +53,7 @@ class PhaseAdvance:
         self._pace = float(np.median(np.diff(time_s))) / self._spacing_s
         self._rate: float | None = None
         self._last_s, self._last_time_s = float(phase[0]), float(time_s[0])
-        self._stretches = [_Stretch(self._last_s)]
+        self._stretches = [_EvenStretch(self._last_s)]
 
     @classmethod
     def of(cls, phase: FloatArray, time_s: FloatArray, period_s: float) -> PhaseAdvance:
@@ -86,7 +86,7 @@ class PhaseAdvance:
         since_s = np.empty_like(phase)
         for number, (begin, end) in enumerate(pairwise([0, *starts, phase.size])):
             if number:
-                self._stretches.append(_Stretch(float(phase[begin])))
+                self._stretches.append(_EvenStretch(float(phase[begin])))
             if begin < end:
                 rows, stretch = slice(begin, end), self._stretches[-1]
                 self._rate = stretch.add(phase[rows], time_s[rows], self._rate)
@@ -158,11 +158,7 @@ class PhaseAdvance:
             )
 
     def time_at(self, phase: FloatArray) -> FloatArray:
-        """Times on the first stretch's line.
-
-        Args:
-            phase: The phases.
-        """
+        """Times on the first stretch's line."""
         return self._stretches[0].time_at(phase, self.rate)
 
     def _uneven_s(self) -> float:
@@ -172,7 +168,7 @@ class PhaseAdvance:
 
 
 @dataclass
-class _Stretch:
+class _EvenStretch:
     """Sums over a stretch, and the samples that may be farthest from its line."""
 
     first_s: float
@@ -217,11 +213,7 @@ class _Stretch:
 
 
 def interruptions(recording: Recording) -> int:
-    """How often a run was paused or slowed down within the periods of its excitation.
-
-    Args:
-        recording: The run.
-    """
+    """How often a run was paused or slowed down within the periods of its excitation."""
     if recording.average is not None:
         return recording.average.interruptions
     if recording.phase_s is None or not whole_periods(recording):
@@ -232,11 +224,7 @@ def interruptions(recording: Recording) -> int:
 
 
 def measured_periods(recording: Recording) -> int:
-    """Number of whole periods that were measured; of an interrupted run, how often every phase was at least.
-
-    Args:
-        recording: The run.
-    """
+    """Number of whole periods that were measured; of an interrupted run, how often every phase was at least."""
     if recording.average is not None or recording.phase_s is None or recording.excitation is None:
         return whole_periods(recording)
     rows = np.isfinite(recording.phase_s)

@@ -28,11 +28,7 @@ start, which looked like an impact."""
 
 
 def whole_periods(recording: Recording) -> int:
-    """Number of whole periods in a recording, or in its average; 0 without an excitation.
-
-    Args:
-        recording: The run.
-    """
+    """Number of whole periods in a recording, or in its average; 0 without an excitation."""
     if recording.average is not None:
         return recording.average.periods
     if recording.phase_s is None or recording.excitation is None:
@@ -42,20 +38,13 @@ def whole_periods(recording: Recording) -> int:
 
 
 def phases_per_period(recording: Recording) -> int:
-    """Number of samples in one period of a recording that contains whole periods.
-
-    Args:
-        recording: The run.
-    """
+    """Number of samples in one period of a recording that contains whole periods."""
     phase, trajectory = periodic_phase(recording)
     return phases_of(phase, trajectory)
 
 
 def periodic_phase(recording: Recording) -> tuple[FloatArray, FourierTrajectory]:
     """Phases within the whole periods, and the trajectory to which they refer.
-
-    Args:
-        recording: The run.
 
     Raises:
         RecordingError: no whole period.
@@ -89,12 +78,7 @@ def shortest_period(phase: FloatArray, trajectory: FourierTrajectory) -> Fourier
 
 
 def phases_of(phase: FloatArray, trajectory: FourierTrajectory) -> int:
-    """Number of phases of an average period: the number of samples per period.
-
-    Args:
-        phase: Phases of a run.
-        trajectory: Its series.
-    """
+    """Number of phases of an average period: the number of samples per period."""
     return max(_cycles(phase, trajectory), _FEWEST)
 
 
@@ -109,14 +93,7 @@ def whole(phase: FloatArray, period_s: float) -> int:
 
 
 def whole_between(first_s: float, last_s: float, step_s: float, period_s: float) -> int:
-    """Number of whole periods between a first and a last phase.
-
-    Args:
-        first_s: First phase.
-        last_s: Last phase.
-        step_s: Difference of successive phases.
-        period_s: Duration of a period.
-    """
+    """Number of whole periods between a first and a last phase."""
     return int((last_s - first_s + step_s) / period_s + 1e-6)
 
 

@@ -36,16 +36,12 @@ class RepeatedValues:
     turned_at: FloatArray
 
     def joints(self, columns: NDArray[np.intp]) -> RepeatedValues:
-        """The repetitions of some joints, in a given order.
-
-        Args:
-            columns: Their columns.
-        """
+        """The repetitions of some joints, in a given order."""
         return RepeatedValues(**{field.name: getattr(self, field.name)[columns] for field in fields(self)})
 
 
 @dataclass(frozen=True, slots=True)
-class _Stretch:
+class _ConstantStretch:
     """Motion of a joint while its value stays the same.
 
     Attributes:
@@ -61,13 +57,8 @@ class _Stretch:
     way: float
 
     @classmethod
-    def of(cls, position: FloatArray, before: _Stretch | None) -> _Stretch:
-        """A stretch, or the continuation of one.
-
-        Args:
-            position: (N,) the next positions.
-            before: The stretch so far, if they continue one.
-        """
+    def of(cls, position: FloatArray, before: _ConstantStretch | None) -> _ConstantStretch:
+        """A stretch, or the continuation of one."""
         if before is None:
             first = float(position[0])
             before = cls(first, first, first, way=0.0)
@@ -88,7 +79,7 @@ class RepeatCounter:
         self._bound, self._at_bound, self._elsewhere = np.zeros(n), np.zeros(n), np.zeros(n)
         self._turned_rad, self._turned_for, self._turned_at = np.zeros(n), np.zeros(n), np.zeros(n)
         self._last, self._length = np.full(n, np.nan), np.zeros(n)
-        self._open: list[_Stretch | None] = [None] * n
+        self._open: list[_ConstantStretch | None] = [None] * n
 
     def add(self, values: FloatArray, position: FloatArray) -> None:
         """Add more samples.
@@ -109,7 +100,7 @@ class RepeatCounter:
             # The last one may become long with the next samples.
             for place in np.flatnonzero(np.append(lengths[:-1] >= _LONG, True)).tolist():
                 before = None if place else self._open[signal]
-                stretch = _Stretch.of(position[starts[place] : ends[place], signal], before)
+                stretch = _ConstantStretch.of(position[starts[place] : ends[place], signal], before)
                 if lengths[place] >= _LONG and stretch.way >= self._turned_rad[signal]:
                     self._turned_rad[signal], self._turned_for[signal] = stretch.way, lengths[place]
                     self._turned_at[signal] = column[starts[place]]

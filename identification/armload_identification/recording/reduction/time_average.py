@@ -24,7 +24,7 @@ from armload_identification.recording.row_block import RowBlock, joined
 
 INTERVAL_S: Final = 0.01
 MOST_MEANS: Final = 2**17
-_FULL: Final = 0.5
+_FEWEST_SHARE: Final = 0.5
 """A mean of less than this share of its samples is dropped, as its mean time differs from the interval's centre."""
 _LEARNT_FROM: Final = 1000
 """Rows from which the sampling interval is determined: a single pair of stamps may be off by the jitter."""
@@ -69,7 +69,7 @@ class TimeAverager:
         if not self._samples:
             self._learn()
         if self._open is not None:
-            self._keep(self._stretches(self._open))
+            self._collect(self._means_of(self._open))
             self._open = None
         rows = joined(self._means)
         repeats = None if self._repeats is None else self._repeats.result()
@@ -96,13 +96,13 @@ class TimeAverager:
         closed = int(np.searchsorted(number, number[-1] - number[-1] % 2))
         self._open = rows.rows(slice(closed, None))
         if closed:
-            self._keep(self._stretches(rows.rows(slice(0, closed))))
+            self._collect(self._means_of(rows.rows(slice(0, closed))))
 
     def _number(self, rows: RowBlock) -> FloatArray:
         """Number of each row's interval."""
         return np.floor((rows.time_s - self._start_s) / self._width_s)
 
-    def _keep(self, means: RowBlock) -> None:
+    def _collect(self, means: RowBlock) -> None:
         """Add to the means; merge pairs if there are too many."""
         self._means.append(means)
         self._size += means.size
@@ -113,9 +113,9 @@ class TimeAverager:
             self._width_s *= 2.0
             self._samples *= 2
 
-    def _stretches(self, rows: RowBlock) -> RowBlock:
+    def _means_of(self, rows: RowBlock) -> RowBlock:
         """Means of the rows' intervals."""
-        return rows if self._samples == 1 else _averaged(rows, self._number(rows), _FULL * self._samples)
+        return rows if self._samples == 1 else _averaged(rows, self._number(rows), _FEWEST_SHARE * self._samples)
 
 
 def _averaged(rows: RowBlock, number: FloatArray, fewest: float) -> RowBlock:

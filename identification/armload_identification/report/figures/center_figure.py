@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.model.payload import PayloadResult
 from armload_identification.report.numerals import NO_BREAK, numeral
+from armload_identification.report.parameters import half_widths
 
 FLANGE_MM: Final = 63.0
 """Diameter of the drawn plate: a common flange, ISO 9409-1."""
@@ -31,12 +31,7 @@ _MM: Final = 1e3
 
 @dataclass(frozen=True)
 class CenterView:
-    """One drawing.
-
-    Attributes:
-        heading: Direction of view.
-        svg: The drawing, an `svg` element.
-    """
+    """One drawing: its heading, and an `svg` element."""
 
     heading: str
     svg: str
@@ -53,14 +48,9 @@ def center_views(payload: PayloadResult) -> tuple[CenterView, ...]:
     drawn = [view for view in wanted if known[view[1]] and known[view[2]]]
     if not drawn:
         return ()
-    centre, half = _MM * payload.values[1:4], _half_widths_mm(payload)
+    centre, half = _MM * payload.values[1:4], _MM * half_widths(payload)[1:4]
     reach = _ROOM * max(float(np.abs(centre[known]).max() + half[known].max()), 0.75 * FLANGE_MM)
     return tuple(CenterView(name, _drawing(payload, name, across, up, reach)) for name, across, up in drawn)
-
-
-def _half_widths_mm(payload: PayloadResult) -> FloatArray:
-    """(3,) half widths of the intervals; NaN where not determined."""
-    return np.asarray(_MM * 0.5 * np.diff(payload.interval_95[1:4], axis=1)[:, 0])
 
 
 def _correlation(payload: PayloadResult, one: int, other: int) -> float:
@@ -77,7 +67,7 @@ def _drawing(payload: PayloadResult, heading: str, across: int, up: int, reach_m
     """One view: `across` to the right, `up` upwards."""
     scale = 0.5 * _SIDE / reach_mm
     middle = 0.5 * _SIDE
-    centre, half = _MM * payload.values[1:4], _half_widths_mm(payload)
+    centre, half = _MM * payload.values[1:4], _MM * half_widths(payload)[1:4]
     x, y = middle + scale * centre[across], middle - scale * centre[up]
     parts = [_flange(across, scale), *_axis_marks(across, up), _ruler(reach_mm, scale)]
     wide, high, turn = _ellipse(half[across], half[up], _correlation(payload, across, up))

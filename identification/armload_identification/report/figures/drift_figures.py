@@ -30,12 +30,7 @@ _HEADINGS: Final = {
 
 
 def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Figure:
-    """The control charts of all joints, one row per joint.
-
-    Args:
-        drift: The arm over its runs.
-        names: Names of its joints.
-    """
+    """The control charts of all joints, one row per joint."""
     quantities = tuple(Monitored)
     place, dated = _places(drift)
     with matplotlib.style.context(["default", FIGURE_STYLE]):
@@ -73,20 +68,15 @@ def _drawn(values: FloatArray, quantity: Monitored) -> FloatArray:
 
 def _time_axis(axes: Axes, place: FloatArray, dated: bool) -> None:
     """Dates, or the numbers of the runs."""
-    if not dated:
+    if dated:
+        draw_dates(axes, place)
+    else:
         axes.set_xlabel("run")
         axes.xaxis.set_major_locator(ticks(DATES))
-        return
-    draw_dates(axes, place)
 
 
 def warm_up_drawing(warming: WarmUp, names: Sequence[str]) -> Figure:
-    """Friction over time in operation, one panel per joint.
-
-    Args:
-        warming: The curve and its points.
-        names: Names of the joints.
-    """
+    """Friction over time in operation, one panel per joint."""
     rows = -(-len(names) // _COLUMNS)
     elapsed_s = np.linspace(0.0, max(float(warming.at_work_s.max()), WARM_S), 100)
     with matplotlib.style.context(["default", FIGURE_STYLE]):

@@ -50,7 +50,7 @@ def motion_figure(signal: LoadSignal, joint: int, name: str, title: str) -> str:
             (upper, signal.states.position_rad, "position, rad"),
             (lower, signal.states.velocity_rad_s, "velocity, rad/s"),
         ):
-            _curve(axes, signal.time_s, values[:, joint], color=SMOOTHED)
+            axes.plot(*thin_out(signal.time_s, values[:, joint]), color=SMOOTHED)
             axes.yaxis.set_major_locator(ticks(3))
             _name_axis(axes, label)
         _time_axis(upper, lower, signal)
@@ -77,13 +77,13 @@ def torque_figure(signal: LoadSignal, predicted_nm: FloatArray, joint: int, name
     with matplotlib.style.context(["default", FIGURE_STYLE]):
         figure = Figure(figsize=(_WIDE_IN, 2.25))
         upper, lower = _stacked(figure, (0.34, 0.60, 0.25, 0.91))
-        _curve(upper, time_s, raw, color=RAW, linewidth=0.6)
-        _curve(upper, time_s, smoothed, color=SMOOTHED, linewidth=0.9)
-        _curve(upper, time_s, predicted, color=PREDICTED, linewidth=1.5, dashes=PREDICTED_DASHES)
+        upper.plot(*thin_out(time_s, raw), color=RAW, linewidth=0.6)
+        upper.plot(*thin_out(time_s, smoothed), color=SMOOTHED, linewidth=0.9)
+        upper.plot(*thin_out(time_s, predicted), color=PREDICTED, linewidth=1.5, linestyle=(0.0, PREDICTED_DASHES))
         upper.yaxis.set_major_locator(ticks(5))
         _name_axis(upper, "payload torque, N m")
-        _curve(lower, time_s, raw - predicted, color=RAW, linewidth=0.6)
-        _curve(lower, time_s, smoothed - predicted, color=RESIDUAL, linewidth=0.8)
+        lower.plot(*thin_out(time_s, raw - predicted), color=RAW, linewidth=0.6)
+        lower.plot(*thin_out(time_s, smoothed - predicted), color=RESIDUAL, linewidth=0.8)
         for side in (-2.0, 2.0):
             lower.axhline(side * signal.averaged_noise_nm[joint], color=INK, linewidth=0.6, dashes=(2.0, 2.0))
         lower.yaxis.set_major_locator(ticks(4))
@@ -126,20 +126,6 @@ def _stacked(figure: Figure, heights_in: tuple[float, float, float, float]) -> t
         figure.add_axes((left, (room + lower + between) / high, width, upper / high)),
         figure.add_axes((left, room / high, width, lower / high)),
     )
-
-
-def _curve(
-    axes: Axes,
-    time_s: FloatArray,
-    values: FloatArray,
-    *,
-    color: str,
-    linewidth: float = 1.0,
-    dashes: tuple[float, float] | None = None,
-) -> None:
-    """A series as a line."""
-    style: str | tuple[float, tuple[float, float]] = "-" if dashes is None else (0.0, dashes)
-    axes.plot(*thin_out(time_s, values), color=color, linewidth=linewidth, linestyle=style)
 
 
 def ticks(most: int) -> MaxNLocator:

@@ -69,7 +69,7 @@ def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[s
     with matplotlib.style.context(["default", _STYLE]):
         figure = Figure(figsize=_SIZE_IN)
         rows = figure.add_gridspec(excitation.trajectory.n, 1, left=0.04, right=0.40, bottom=0.06, top=0.96, hspace=0.4)
-        _joints(rows.subplots(sharex=True, squeeze=False)[:, 0], excitation.trajectory, envelope, joint_names)
+        _draw_joints(rows.subplots(sharex=True, squeeze=False)[:, 0], excitation.trajectory, envelope, joint_names)
         names_in = _CHARACTER_IN * max(len(name) for name in joint_names)
         right = figure.add_gridspec(
             2, 2, left=0.42 + max(0.05, names_in / _SIZE_IN[0]), right=0.985, bottom=0.16, top=0.96,
@@ -79,12 +79,12 @@ def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[s
         tool = _Tool(excitation.trajectory, envelope.workspace)
         tool.draw(side, (0, 2), "from the side: x to the right, z up, m")
         tool.draw(above, (0, 1), "from above: x to the right, y up, m")
-        _use(use, excitation.trajectory, envelope, joint_names)
-        _history(history, excitation)
+        _draw_limit_use(use, excitation.trajectory, envelope, joint_names)
+        _draw_history(history, excitation)
     return figure
 
 
-def _joints(
+def _draw_joints(
     rows: NDArray[np.object_], trajectory: FourierTrajectory, envelope: Envelope, names: tuple[str, ...]
 ) -> None:
     """Position over a period, a row per joint."""
@@ -104,12 +104,7 @@ def _joints(
 
 
 class _Tool:
-    """Path of the flange, postures with their spheres, and obstacles.
-
-    Args:
-        trajectory: The motion.
-        workspace: The arm, its spheres and its obstacles.
-    """
+    """Path of the flange, postures with their spheres, and obstacles."""
 
     def __init__(self, trajectory: FourierTrajectory, workspace: Workspace) -> None:
         positions = trajectory.evaluate(np.linspace(0.0, trajectory.period_s, _SAMPLES)).position_rad
@@ -118,13 +113,7 @@ class _Tool:
         self.centres_m = [workspace.centres(q) for q in positions[:: _SAMPLES // _POSTURES]]
 
     def draw(self, axes: Axes, plane: tuple[int, int], title: str) -> None:
-        """Draw everything projected along an axis of the base.
-
-        Args:
-            axes: The axes.
-            plane: The base's axes that point to the right and up.
-            title: Title of the view.
-        """
+        """Draw everything projected onto a plane, given by the base's axes that point to the right and up."""
         points = self.joints_m[:, :, plane]
         for box in self.workspace.boxes:
             axes.add_patch(Polygon(_outline(box, plane), closed=True, facecolor=_FORBIDDEN, edgecolor=GREY))
@@ -139,11 +128,11 @@ class _Tool:
         axes.plot(*points[0, -1], marker="o", color=COLORS[0], markersize=4)
         axes.autoscale_view()
         axes.set_aspect("equal", adjustable="datalim")
-        _walls(axes, self.workspace, plane)
+        _draw_walls(axes, self.workspace, plane)
         axes.set_title(title)
 
 
-def _walls(axes: Axes, workspace: Workspace, plane: tuple[int, int]) -> None:
+def _draw_walls(axes: Axes, workspace: Workspace, plane: tuple[int, int]) -> None:
     """Half-spaces seen edge-on, as lines with their names."""
     for wall in workspace.half_spaces:
         normal = wall.normal[list(plane)]
@@ -162,7 +151,7 @@ def _outline(box: Box, plane: tuple[int, int]) -> FloatArray:
     return np.asarray(shadow[ConvexHull(shadow).vertices])
 
 
-def _use(axes: Axes, trajectory: FourierTrajectory, envelope: Envelope, names: tuple[str, ...]) -> None:
+def _draw_limit_use(axes: Axes, trajectory: FourierTrajectory, envelope: Envelope, names: tuple[str, ...]) -> None:
     """Use of every limit in per cent, and the clearances."""
     joints, room = envelope.joints, envelope.margins(trajectory)
     half = 0.5 * (joints.position_max_rad - joints.position_min_rad)
@@ -188,7 +177,7 @@ def _use(axes: Axes, trajectory: FourierTrajectory, envelope: Envelope, names: t
         axes.set_xlabel(text, loc="left", linespacing=1.4)
 
 
-def _history(axes: Axes, excitation: Excitation) -> None:
+def _draw_history(axes: Axes, excitation: Excitation) -> None:
     """The criterion over the iterations."""
     if excitation.history:
         axes.semilogy(np.arange(1, len(excitation.history) + 1), excitation.history, color=COLORS[0])

@@ -62,9 +62,6 @@ def charts_figure(figures: Sequence[FigureReview], name: str, title: str) -> str
 def strip(figure: FigureReview) -> str:
     """The same chart in the size of a word: limits, runs, and outliers.
 
-    Args:
-        figure: The quantity.
-
     Returns:
         An `svg` element.
     """

@@ -40,10 +40,6 @@ def write_fleet_report(path: Path, review: FleetReview, armload_version: str) ->
 def render_fleet_report(review: FleetReview, armload_version: str) -> str:
     """The report's text.
 
-    Args:
-        review: The fleet.
-        armload_version: Version of the program.
-
     Returns:
         HTML.
     """
