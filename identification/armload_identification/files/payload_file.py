@@ -141,16 +141,13 @@ class _PayloadFile(Table):
 
     @model_validator(mode="after")
     def _entries_where_determined(self) -> _PayloadFile:
-        for key, flag in _with_keys(self.determined.entries()):
+        flags = _with_keys(self.determined.entries())
+        for key, flag in flags:
             if flag is None:
                 raise BadValue(f"determined.{key}", None, "it is required: true or false")
-        flags = self.determined.entries()
-        sections: tuple[tuple[str, list[Any]], ...] = (
-            ("payload", self.payload.entries()),
-            ("interval_95", self.interval_95.entries()),
-        )
-        for section, entries in sections:
-            for (key, value), determined in zip(_with_keys(entries), flags, strict=True):
+        sections: dict[str, list[Any]] = {"payload": self.payload.entries(), "interval_95": self.interval_95.entries()}
+        for section, entries in sections.items():
+            for (key, determined), value in zip(flags, entries, strict=True):
                 if value is None and determined:
                     raise BadValue(f"{section}.{key}", None, "it is required, because it is true in [determined]")
                 if value is not None and not determined:

@@ -149,7 +149,7 @@ def parameter_rows(
         truth: In simulation, the payload in the same frame; else None.
     """
     values, known, intervals = payload.values, payload.determined, payload.interval_95
-    limits = _limits(payload.model.mass_kg)
+    limits = DETERMINED_SHARE * value_scale(payload.model.mass_kg)
     # The truth of an undetermined parameter is shown with the digits of one just determined.
     shown = np.where(known, half_widths(payload), limits)
     texts = [
@@ -185,11 +185,6 @@ def compared_rows(identification: Identification, payload: PayloadResult) -> tup
         align([numeral(change[i], 2, signed=True) for i in chosen]),
     )
     return tuple(ComparedRow(*_QUANTITIES[i], *row) for i, row in zip(chosen, zip(*columns, strict=True), strict=True))
-
-
-def _limits(mass_kg: float) -> FloatArray:
-    """(10,) greatest half widths of determined parameters for a payload of this mass."""
-    return np.asarray(DETERMINED_SHARE * value_scale(mass_kg))
 
 
 def half_widths(payload: PayloadResult) -> FloatArray:

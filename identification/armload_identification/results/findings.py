@@ -34,10 +34,6 @@ class DescribedArm(Protocol):
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, from the base to the flange."""
 
-    @property
-    def sha256(self) -> str:
-        """Hash of the configuration."""
-
 
 @dataclass(frozen=True, eq=False)
 class Findings:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, VERMILION
+from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, LIGHT_GREY, VERMILION
 from armload_identification.report.figures.joint_figures import ticks
 from armload_identification.report.figures.svg import inline_svg
 
@@ -63,7 +63,7 @@ def drift_figure(days: FloatArray, labels: list[str], change: FloatArray, usual:
     with matplotlib.style.context(["default", FIGURE_STYLE]):
         figure = Figure(figsize=(_NARROW_IN, 1.6), layout="constrained")
         axes = figure.add_subplot()
-        axes.axhspan(-2.0 * usual, 2.0 * usual, color="#e3e3e3", linewidth=0)
+        axes.axhspan(-2.0 * usual, 2.0 * usual, color=LIGHT_GREY, linewidth=0)
         axes.axhline(0.0, color=INK, linewidth=0.7)
         axes.plot(days, change, "o", color=BLUE, markersize=3.5)
         places, first = np.unique(days, return_index=True)

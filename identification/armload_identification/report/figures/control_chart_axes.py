@@ -10,13 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.figure_style import BLUE, INK, VERMILION
+from armload_identification.report.figures.figure_style import BLUE, INK, LIGHT_GREY, VERMILION
 from armload_identification.report.figures.joint_figures import ticks
 from armload_identification.verdict.control_limits import ControlChart
 
 DATES: Final = 4
 """Most tick labels below a chart."""
-_BAND: Final = "#e3e3e3"
 _DAY_S: Final = 86_400.0
 _FEW_DAYS: Final = 3.0
 _FEW_MINUTES: Final = 5.0 / 1440.0
@@ -43,7 +42,9 @@ def draw_control_chart(
         drawn: Converts the chart's values to those of the axis.
     """
     known = np.isfinite(chart.values)
-    axes.fill_between(place[known], drawn(-chart.limit[known]), drawn(chart.limit[known]), color=_BAND, linewidth=0)
+    axes.fill_between(
+        place[known], drawn(-chart.limit[known]), drawn(chart.limit[known]), color=LIGHT_GREY, linewidth=0
+    )
     axes.plot(place[known], drawn(chart.level[known]), color=INK, linewidth=0.7, drawstyle="steps-post")
     loud = chart.outside | chart.alone
     for rows, color, marker in ((known & ~loud, BLUE, "o"), (known & loud, VERMILION, "D")):

@@ -10,6 +10,7 @@ from typing import Final
 
 INK: Final = "#1a1a1a"
 GREY: Final = "#8c8c8c"
+LIGHT_GREY: Final = "#e3e3e3"
 BLUE: Final = "#0072b2"
 VERMILION: Final = "#d55e00"
 GREEN: Final = "#009e73"
@@ -28,7 +29,7 @@ FIGURE_STYLE: Final = {
     "axes.titley": 1.0,  # otherwise placing the title takes a fifth of the time
     "axes.grid": True,
     "axes.axisbelow": True,
-    "grid.color": "#e3e3e3",
+    "grid.color": LIGHT_GREY,
     "grid.linewidth": 0.5,
     "xtick.color": GREY,
     "ytick.color": GREY,

@@ -14,7 +14,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.many_arms.arm_runs import UNITS
 from armload_identification.many_arms.fleet_review import FigureReview
 from armload_identification.report.figures.control_chart_axes import days_of, draw_control_chart, draw_dates
-from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, VERMILION
+from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, LIGHT_GREY, VERMILION
 from armload_identification.report.figures.svg import inline_svg
 
 CHARTS: Final = 3
@@ -23,7 +23,6 @@ _WIDE_IN: Final = 7.0
 _HIGH_IN: Final = 1.9
 _STRIP: Final = (96.0, 18.0)
 _MARGIN: Final = 2.5
-_LIMIT_COLOR: Final = "#e3e3e3"
 
 
 def charts_figure(figures: Sequence[FigureReview], name: str, title: str) -> str:
@@ -83,6 +82,6 @@ def strip(figure: FigureReview) -> str:
     label = escape(f"{figure.quantity} over {len(figure.recorded)} runs")
     return (
         f'<svg class="bar" viewBox="0 0 {width:g} {height:g}" role="img"><title>{label}</title>'
-        f'<rect x="0" y="{up(high):.1f}" width="{width:g}" height="{up(low) - up(high):.1f}" fill="{_LIMIT_COLOR}"/>'
+        f'<rect x="0" y="{up(high):.1f}" width="{width:g}" height="{up(low) - up(high):.1f}" fill="{LIGHT_GREY}"/>'
         f"{marks}</svg>"
     )
