@@ -137,6 +137,7 @@ class ArmRows:
     Attributes:
         name: Name of the run in messages.
         time_s: (N,) middle of the row's window, since the start.
+        position_rad: (N, n).
         velocity_rad_s: (N, n).
         axis_acceleration_rad_s2: (N, n) C^-1 ddq.
         axis_jerk_rad_s3: (N, n) its change per second of delay of the torque.
@@ -155,6 +156,7 @@ class ArmRows:
 
     name: str
     time_s: FloatArray
+    position_rad: FloatArray
     velocity_rad_s: FloatArray
     axis_acceleration_rad_s2: FloatArray
     axis_jerk_rad_s3: FloatArray
@@ -314,6 +316,7 @@ def arm_rows(
     return ArmRows(
         name=run.name,
         time_s=np.asarray(window.middle * run.interval_s, dtype=np.float64),
+        position_rad=window.mean(run.position_rad),
         velocity_rad_s=velocity,
         axis_acceleration_rad_s2=window.mean(acceleration),
         axis_jerk_rad_s3=-window.slope(acceleration),

@@ -1,0 +1,246 @@
+"""The one solve: terms with priors, combined rows, knowledge that is carried from problem to problem."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_identification.estimation import solve as solve_module
+from armload_identification.estimation.arm_rows import RunSignals, arm_rows, base_links
+from armload_identification.estimation.arm_terms import (
+    CHANGES,
+    DELAY,
+    DRIFT,
+    FRICTION_CHANGE,
+    GAIN,
+    LINKS,
+    LOAD_FRICTION,
+    PAYLOAD,
+    ROTORS,
+    TILT,
+    arm_terms,
+    effort_level,
+)
+from armload_identification.estimation.problem import DIFFERENCE_AND_MEAN, Group, Known, Noise, Problem, RunRows
+from armload_identification.estimation.solve import solve
+from armload_identification.estimation.terms import Joint, Scope, Term
+from armload_identification.identification_errors import EstimationError
+from armload_identification.model.base_parameters import base_columns
+from armload_identification.signals.load_signal import load_signal
+
+pytestmark = pytest.mark.pure
+
+
+@pytest.fixture(scope="module")
+def rows(pinocchio_arm):
+    """Rows of a loaded and an empty run of one motion, and the arm's base parameters and greatest speeds."""
+    arm = pinocchio_arm
+    runs = [
+        arm.run(arm.trajectory(3, period_s=10.0), load, seed=5 + load, load_friction=0.06) for load in (True, False)
+    ]
+    signal = load_signal(*runs, arm.transmission)
+    coupling = arm.transmission.coupling
+    base = base_links(base_columns(arm.chain, coupling), 6)
+    signals = [RunSignals.of_motion(run, coupling, "run") for run in (signal.loaded, signal.unloaded)]
+    peak = np.max([run.peak_rad_s for run in signals], axis=0)
+    pair = [
+        arm_rows(run, arm.chain, coupling, base, peak, loaded=load)
+        for run, load in zip(signals, (True, False), strict=True)
+    ]
+    return pair, base, peak
+
+
+@pytest.fixture(scope="module")
+def problem(rows, pinocchio_arm):
+    """The pair as a difference and a mean, with exact gains."""
+    pair, base, peak = rows
+    terms = [
+        known_exactly(term) if term.name == GAIN else term for term in arm_terms(pair, pinocchio_arm.chain, base, peak)
+    ]
+    groups = [Group((RunRows(pair[0], "tool"), RunRows(pair[1])), DIFFERENCE_AND_MEAN)]
+    return Problem(terms, groups, Noise.unknown(effort_level(pair)), pinocchio_arm.transmission.coupling)
+
+
+@pytest.fixture(scope="module")
+def found(problem):
+    return solve(problem)
+
+
+def known_exactly(term):
+    return replace(term, deviation=np.zeros(term.mean.size))
+
+
+FIXED = {GAIN, TILT, DELAY, LOAD_FRICTION}
+
+
+def linear(terms, fixed):
+    """The terms with priors as they are stated, and some of them known exactly."""
+    return [known_exactly(term) if term.name in fixed else replace(term, rescaled=None, pooled=None) for term in terms]
+
+
+def test_a_pair_gives_its_payload(found, pinocchio_arm):
+    truth = pinocchio_arm.payload.theta
+    place = found.problem.place(PAYLOAD, "tool")
+    deviation = np.sqrt(np.diag(found.covariance)[place])
+    assert found.value(PAYLOAD, "tool")[0] == pytest.approx(truth[0], rel=5e-3)
+    assert (np.abs(found.value(PAYLOAD, "tool") - truth) < 4.0 * deviation + 1e-3).all()
+    np.testing.assert_allclose(found.value(LOAD_FRICTION)[1:4], 0.06, atol=0.01)
+
+
+def test_what_both_runs_have_in_common_is_not_noise_of_the_difference(problem, found):
+    """A torque that neither link nor friction explains, the same at each phase of both runs."""
+    time_s = problem.groups[0].time_s
+    common = 6.0 * np.sin(2.0 * np.pi * 0.7 * time_s)[:, None] * np.ones(6)
+    runs = problem.groups[0].runs
+    disturbed = [replace(run, rows=replace(run.rows, effort_nm=run.rows.effort_nm + common)) for run in runs]
+    together = solve(replace(problem, groups=[Group(tuple(disturbed), DIFFERENCE_AND_MEAN)]))
+    apart = solve(replace(problem, groups=[Group((run,)) for run in disturbed]))
+    np.testing.assert_allclose(together.noise_nm[0], found.noise_nm[0], rtol=0.4)
+    assert (together.noise_nm[1] > 3.0 * found.noise_nm[1]).all()
+    mass = [solution.problem.place(PAYLOAD, "tool").start for solution in (together, apart)]
+    assert together.bread[mass[0], mass[0]] < 0.2 * apart.bread[mass[1], mass[1]]
+
+
+@pytest.mark.parametrize("name", [GAIN, LINKS, ROTORS, LOAD_FRICTION, DELAY, TILT, PAYLOAD])
+def test_derivatives_are_those_of_the_torque(rows, pinocchio_arm, name):
+    pair, base, peak = rows
+    terms = arm_terms(pair, pinocchio_arm.chain, base, peak)
+    problem = Problem(
+        terms,
+        [Group((RunRows(pair[0], "tool"),))],
+        Noise.unknown(effort_level(pair)),
+        pinocchio_arm.transmission.coupling,
+    )
+    mean, deviation = problem.prior()
+    x = mean + 0.1 * deviation * np.random.default_rng(1).normal(size=mean.size)
+    placed = problem.acting(0)[0]
+    at = problem.model.predict(pair[0], placed, x)
+    derivatives = problem.model.derivatives(at, placed)
+    place = problem.place(name, "tool" if name == PAYLOAD else "")
+    for unknown in range(place.start, place.stop)[:3]:
+        step = 1e-6 * np.maximum(deviation[unknown], 1e-3) * (np.arange(x.size) == unknown)
+        ahead, behind = (problem.model.predict(pair[0], placed, x + sign * step).predicted_nm for sign in (1.0, -1.0))
+        numeric = (ahead - behind) / (2.0 * step[unknown])
+        for axis in range(6):
+            column = derivatives.columns[axis][:, derivatives.place[axis] == unknown].sum(axis=1)
+            np.testing.assert_allclose(column, numeric[:, axis], atol=1e-4 * np.abs(numeric).max() + 1e-9)
+
+
+def test_the_posterior_of_one_run_is_the_prior_of_the_next(rows, pinocchio_arm, problem):
+    """Two runs one after the other give what both give at once."""
+    pair, _, _ = rows
+    noise = Noise.given(0.05 * effort_level(pair), np.ones(6))
+    terms = linear(problem.terms, FIXED)
+    coupling = pinocchio_arm.transmission.coupling
+    loaded, empty = Group((RunRows(pair[0], "tool"),)), Group((RunRows(pair[1]),))
+    both = solve(Problem(terms, [loaded, empty], noise, coupling))
+    first = solve(Problem(terms, [empty], noise, coupling))
+    free = [term.name for term in terms if term.scope is Scope.ARM and term.name not in FIXED]
+    places = np.concatenate([np.arange(first.problem.shared_size)[first.problem.place(name)] for name in free])
+    precision = np.linalg.inv(first.bread[np.ix_(places, places)])
+    known = Known(tuple((name, "") for name in free), precision, precision @ first.x[places])
+    later = [replace(term, deviation=np.full(term.mean.size, np.inf)) if term.name in free else term for term in terms]
+    then = solve(Problem(later, [loaded], noise, coupling, [known]))
+    place, place_then = both.problem.place(PAYLOAD, "tool"), then.problem.place(PAYLOAD, "tool")
+    deviation = np.sqrt(np.diag(both.bread)[place])
+    np.testing.assert_allclose(np.sqrt(np.diag(then.bread)[place_then]), deviation, rtol=5e-3)
+    assert (np.abs(then.x[place_then] - both.x[place]) < 0.01 * deviation).all()
+
+
+def test_added_torque_moves_the_unknowns_as_the_response_says(problem, rows, pinocchio_arm):
+    pair, _, _ = rows
+    noise = Noise.given(0.05 * effort_level(pair), np.ones(6))
+    terms = linear(problem.terms, FIXED)
+    coupling = pinocchio_arm.transmission.coupling
+    added = 0.1 * np.random.default_rng(2).normal(size=pair[0].effort_nm.shape)
+    before = solve(Problem(terms, [Group((RunRows(pair[0], "tool"),))], noise, coupling))
+    more = replace(pair[0], effort_nm=pair[0].effort_nm + added)
+    after = solve(Problem(terms, [Group((RunRows(more, "tool"),))], noise, coupling))
+    of_shared, of_own = before.response(added[None])
+    deviation = np.sqrt(np.diag(before.bread))
+    moved = after.x[: before.problem.shared_size] - before.x[: before.problem.shared_size]
+    assert (np.abs(moved - of_shared[:, 0]) < 1e-2 * deviation + 1e-9).all()
+    own = after.own_value(FRICTION_CHANGE) - before.own_value(FRICTION_CHANGE)
+    np.testing.assert_allclose(own, of_own[:, 0], atol=1e-2 * np.abs(own).max())
+
+
+def test_the_spread_of_a_runs_own_friction_is_that_of_the_runs(found, problem):
+    """Both runs have the same friction, so that less than the stated spread is found, but not none."""
+    stated = problem.prior(found.x)[1][problem.own(0)][: CHANGES * 6]
+    estimated = found.deviation[problem.own(0)][: CHANGES * 6]
+    factor = (estimated / stated).reshape(CHANGES, 6)
+    assert (factor[0] < 0.7).all()
+    assert (factor > 0.01).all()
+    np.testing.assert_allclose(factor, factor[:, :1] * np.ones(6), rtol=0.01)
+    assert (found.change_deviation >= stated).all(), "what a few runs of an hour show is no bound for other days"
+    assert DRIFT.size == CHANGES
+
+
+def test_the_noise_is_corrected_for_what_the_unknowns_absorbed(problem, rows):
+    """White noise on a model that is exact: its size is found although a third of the rows is absorbed."""
+    pair, _, _ = rows
+    terms = linear(problem.terms, {term.name for term in problem.terms if term.scope is Scope.ARM})
+    given = Problem(
+        terms,
+        [Group((RunRows(run, "tool" if number == 0 else ""),)) for number, run in enumerate(pair)],
+        problem.noise,
+        problem.coupling,
+    )
+    x = given.prior()[0]
+    rng, noise_nm = np.random.default_rng(3), 0.3
+    groups = []
+    for index, group in enumerate(given.groups):
+        exact = given.model.predict(group.runs[0].rows, given.acting(index)[0], x).predicted_nm
+        noisy = replace(group.runs[0].rows, effort_nm=exact + noise_nm * rng.normal(size=exact.shape))
+        groups.append(Group((replace(group.runs[0], rows=noisy),)))
+    found = solve(replace(given, groups=groups))
+    weight = np.concatenate([group.weight for group in groups])
+    moving = weight > solve_module.MOVING
+    expected = noise_nm * np.sqrt(np.sum((weight * moving) ** 2, axis=0) / moving.sum(axis=0))
+    np.testing.assert_allclose(found.noise_nm[0], expected, rtol=0.2)
+
+
+def test_a_new_term_is_a_law_and_a_line(problem):
+    """A cable that pulls a joint towards the middle of its travel: the example of CONTRIBUTING."""
+
+    def drag(rows, carried_nm):
+        return rows.position_rad[None], None
+
+    cable = Term("cable", Scope.ARM, Joint(drag), np.zeros(6), np.full(6, 20.0), "a tube of a robot of this size")
+    runs = tuple(
+        replace(run, rows=replace(run.rows, effort_nm=run.rows.effort_nm + 7.0 * run.rows.position_rad * np.eye(6)[3]))
+        for run in problem.groups[0].runs
+    )
+    found = solve(replace(problem, terms=[*problem.terms, cable], groups=[Group(runs, DIFFERENCE_AND_MEAN)]))
+    deviation = np.sqrt(np.diag(found.covariance)[found.problem.place("cable")])
+    assert abs(found.value("cable")[3] - 7.0) < 4.0 * deviation[3]
+    assert deviation[3] < 1.0
+
+
+def test_a_fit_that_does_not_settle_is_an_error_unless_a_rough_one_suffices(problem, monkeypatch):
+    monkeypatch.setattr(solve_module, "SETTLED", -1.0)
+    monkeypatch.setattr(solve_module, "STEPS", 3)
+    with pytest.raises(EstimationError, match=r"does not converge within 3 steps .* Add runs with other motions"):
+        solve(problem)
+    assert solve(problem, rough=True).steps == 3
+
+
+def test_progress_is_reported_step_by_step(problem):
+    steps = []
+    found = solve(problem, lambda done, total: steps.append((done, total)))
+    assert [done for done, _ in steps] == list(range(1, found.steps + 1))
+    assert all(done <= total for done, total in steps)
+
+
+def test_a_blow_counts_for_nothing(problem, found):
+    group = problem.groups[0]
+    hit = (group.time_s > 4.0) & (group.time_s < 4.2)
+    runs = list(group.runs)
+    blow = np.where(hit[:, None], 40.0 * found.noise_nm[0], 0.0)
+    runs[0] = replace(runs[0], rows=replace(runs[0].rows, effort_nm=runs[0].rows.effort_nm + blow))
+    struck = solve(replace(problem, groups=[Group(tuple(runs), DIFFERENCE_AND_MEAN)]))
+    assert struck.groups[0].struck[hit].all()
+    deviation = np.sqrt(np.diag(found.covariance)[found.problem.place(PAYLOAD, "tool")])
+    assert (np.abs(struck.value(PAYLOAD, "tool") - found.value(PAYLOAD, "tool")) < deviation).all()
