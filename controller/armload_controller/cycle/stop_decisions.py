@@ -116,7 +116,7 @@ class Cause(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Decision:
+class Reaction:
     """One row of the table.
 
     Attributes:
@@ -131,48 +131,48 @@ class Decision:
 _ALONG, _QUICK, _OFF = StopCategory.ALONG_PATH, StopCategory.QUICK_STOP, StopCategory.TORQUE_OFF
 _EMERGENCY = StopCategory.EMERGENCY_STOP
 
-DECISIONS: dict[Cause, Decision] = {
-    Cause.OPERATOR: Decision(_ALONG, "start again when ready"),
-    Cause.OPERATOR_AGAIN: Decision(_QUICK, "start again when ready"),
-    Cause.TERMINATION: Decision(_ALONG, "start again when the system allows it to run"),
-    Cause.PLUGIN_REQUEST: Decision(_ALONG, "read the plug-in's message, then start again"),
-    Cause.PLUGIN_FAILED: Decision(_ALONG, "correct the plug-in or run without it"),
-    Cause.PLUGIN_TOO_SLOW: Decision(_ALONG, "make it faster, move its work to another process, or lower --cycle-hz"),
-    Cause.RECORDING: Decision(_ALONG, "free disk space, or choose another --output"),
-    Cause.LIMIT: Decision(_QUICK, "correct the excitation or the limits in the configuration"),
-    Cause.DEVIATION: Decision(_QUICK, "the reference exceeds the joints' limits: design a slower excitation"),
-    Cause.FOLLOWING_ERROR: Decision(
+DECISIONS: dict[Cause, Reaction] = {
+    Cause.OPERATOR: Reaction(_ALONG, "start again when ready"),
+    Cause.OPERATOR_AGAIN: Reaction(_QUICK, "start again when ready"),
+    Cause.TERMINATION: Reaction(_ALONG, "start again when the system allows it to run"),
+    Cause.PLUGIN_REQUEST: Reaction(_ALONG, "read the plug-in's message, then start again"),
+    Cause.PLUGIN_FAILED: Reaction(_ALONG, "correct the plug-in or run without it"),
+    Cause.PLUGIN_TOO_SLOW: Reaction(_ALONG, "make it faster, move its work to another process, or lower --cycle-hz"),
+    Cause.RECORDING: Reaction(_ALONG, "free disk space, or choose another --output"),
+    Cause.LIMIT: Reaction(_QUICK, "correct the excitation or the limits in the configuration"),
+    Cause.DEVIATION: Reaction(_QUICK, "the reference exceeds the joints' limits: design a slower excitation"),
+    Cause.FOLLOWING_ERROR: Reaction(
         _QUICK, "look for a collision, an engaged brake, a wrong gear ratio or too small a following error window"
     ),
-    Cause.TORQUE: Decision(_QUICK, "look for a collision, a payload other than the expected one, or a wrong scale"),
-    Cause.OFFSET: Decision(_ALONG, "correct the drive's or the configuration's scaling, or run without feed-forward"),
-    Cause.BLOCKED: Decision(_ALONG, "move the arm by other means to where the straight path to the start is free"),
-    Cause.BEYOND_LIMIT: Decision(_ALONG, "move the arm back within its limits by other means"),
-    Cause.STALE: Decision(_QUICK, "check the bus interface and its driver"),
-    Cause.LOOP_LOST: Decision(
+    Cause.TORQUE: Reaction(_QUICK, "look for a collision, a payload other than the expected one, or a wrong scale"),
+    Cause.OFFSET: Reaction(_ALONG, "correct the drive's or the configuration's scaling, or run without feed-forward"),
+    Cause.BLOCKED: Reaction(_ALONG, "move the arm by other means to where the straight path to the start is free"),
+    Cause.BEYOND_LIMIT: Reaction(_ALONG, "move the arm back within its limits by other means"),
+    Cause.STALE: Reaction(_QUICK, "check the bus interface and its driver"),
+    Cause.LOOP_LOST: Reaction(
         _EMERGENCY,
         "press the emergency stop, and keep clear: an axis without a brake falls. Look for a collision. Before the arm "
         "moves again, check encoder, its cable and reference, direction (607E), commutation and brake of this axis",
     ),
-    Cause.VELOCITY: Decision(_QUICK, "check the drive's velocity scale and its encoder"),
-    Cause.TORQUE_MISSING: Decision(_ALONG, "check that the drive reports its actual current or torque (6078, 6077)"),
-    Cause.TORQUE_REVERSED: Decision(
+    Cause.VELOCITY: Reaction(_QUICK, "check the drive's velocity scale and its encoder"),
+    Cause.TORQUE_MISSING: Reaction(_ALONG, "check that the drive reports its actual current or torque (6078, 6077)"),
+    Cause.TORQUE_REVERSED: Reaction(
         _ALONG, "check the sign of current or torque in the drive and in the configuration"
     ),
-    Cause.VOLTAGE: Decision(_QUICK, "check the drive's power supply and its safe-torque-off"),
-    Cause.REMOTE: Decision(_QUICK, "set the drive to remote control: another panel or program has taken it over"),
-    Cause.INTERNAL_LIMIT: Decision(_QUICK, "check the drive's own limits of position, speed and torque"),
-    Cause.DRIVE_LAG: Decision(
+    Cause.VOLTAGE: Reaction(_QUICK, "check the drive's power supply and its safe-torque-off"),
+    Cause.REMOTE: Reaction(_QUICK, "set the drive to remote control: another panel or program has taken it over"),
+    Cause.INTERNAL_LIMIT: Reaction(_QUICK, "check the drive's own limits of position, speed and torque"),
+    Cause.DRIVE_LAG: Reaction(
         _QUICK, "look for a collision, an engaged brake, or too small a window (6065) in the drive"
     ),
-    Cause.LATE: Decision(_QUICK, "close other programs, lower --cycle-hz, or give the process a real-time priority"),
-    Cause.MISSING_FEEDBACK: Decision(_QUICK, "check the drive's supply, its cable and the bus load"),
-    Cause.DRIVE_FAULT: Decision(_QUICK, "clear the cause at the drive, then reset that drive (armload drives reset)"),
-    Cause.OTHER_MASTER: Decision(_QUICK, "stop the other program, or unplug its tool, then repeat the command"),
-    Cause.DRIVE: Decision(_QUICK, "inspect the drive; reconnect"),
-    Cause.REFUSED: Decision(_QUICK, "correct the scaling in the configuration, or run without added torque"),
-    Cause.BUS: Decision(_OFF, "check cable, termination and interface"),
-    Cause.PROGRAM: Decision(_QUICK, "report this bug with the recording"),
+    Cause.LATE: Reaction(_QUICK, "close other programs, lower --cycle-hz, or give the process a real-time priority"),
+    Cause.MISSING_FEEDBACK: Reaction(_QUICK, "check the drive's supply, its cable and the bus load"),
+    Cause.DRIVE_FAULT: Reaction(_QUICK, "clear the cause at the drive, then reset that drive (armload drives reset)"),
+    Cause.OTHER_MASTER: Reaction(_QUICK, "stop the other program, or unplug its tool, then repeat the command"),
+    Cause.DRIVE: Reaction(_QUICK, "inspect the drive; reconnect"),
+    Cause.REFUSED: Reaction(_QUICK, "correct the scaling in the configuration, or run without added torque"),
+    Cause.BUS: Reaction(_OFF, "check cable, termination and interface"),
+    Cause.PROGRAM: Reaction(_QUICK, "report this bug with the recording"),
 }
 
 

@@ -15,11 +15,9 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import PayloadFileError
 from armload_identification.model.payload import InertialParameters, PayloadResult
 
-_PRODUCTS = np.array([1.0] * 7 + [-1.0] * 3)
-
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class RelativeErrors:
     """Ten values in the paper's convention: m, c_x, c_y, c_z, I_xx, I_yy, I_zz, I_xy, I_xz, I_yz.
 
     Attributes:
@@ -37,7 +35,7 @@ class Comparison:
     determined: NDArray[np.bool_]
 
 
-def compare(payload: PayloadResult, cad: PayloadResult) -> Comparison:
+def compare(payload: PayloadResult, cad: PayloadResult) -> RelativeErrors:
     """Relative errors of an identified payload.
 
     Args:
@@ -66,7 +64,7 @@ def compare(payload: PayloadResult, cad: PayloadResult) -> Comparison:
     # The inertia about the origin also depends on mass and centre of mass.
     determined = np.asarray(payload.determined).copy()
     determined[4:] &= determined[:4].all()
-    return Comparison(payload.frame, estimate, truth, error, determined)
+    return RelativeErrors(payload.frame, estimate, truth, error, determined)
 
 
 def in_papers_convention(body: InertialParameters) -> FloatArray:
@@ -78,4 +76,5 @@ def in_papers_convention(body: InertialParameters) -> FloatArray:
     References:
         Chen 2016, Table 2.
     """
-    return np.asarray(np.concatenate([[body.mass_kg], body.center_of_mass_m, body.theta[4:]]) * _PRODUCTS)
+    moments, products = body.theta[4:7], body.theta[7:]
+    return np.concatenate([[body.mass_kg], body.center_of_mass_m, moments, -products])

@@ -5,13 +5,13 @@ from __future__ import annotations
 from rich.table import Table
 
 from armload_identification.results.payload_text import NOT_DETERMINED
-from armload_identification.verdict.cad_comparison import Comparison
+from armload_identification.verdict.cad_comparison import RelativeErrors
 
 PAPERS_NAMES = ("m", "c_x", "c_y", "c_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz")
 PAPERS_UNITS = ("kg", "m", "m", "m", *["kg m2"] * 6)
 
 
-def comparison_table(result: Comparison) -> Table:
+def comparison_table(result: RelativeErrors) -> Table:
     """The paper's Table 2 for one payload."""
     table = Table(title=f"Payload in the {result.frame} frame against CAD, as Chen 2016, Table 2", title_justify="left")
     table.add_column("parameter")

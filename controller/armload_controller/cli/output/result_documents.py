@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from armload_drivers.cia402.state_machine import State
     from armload_identification.calibration.calibration_result import ArmCalibration
     from armload_identification.verdict.agreement import Agreement
-    from armload_identification.verdict.cad_comparison import Comparison
+    from armload_identification.verdict.cad_comparison import RelativeErrors
 
 
 def _document(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def calibration_document(
     )
 
 
-def comparison_document(result: Comparison, agreement: Agreement) -> dict[str, Any]:
+def comparison_document(result: RelativeErrors, agreement: Agreement) -> dict[str, Any]:
     """A payload against CAD in the paper's convention."""
     rows = zip(
         PARAMETER_NAMES,
