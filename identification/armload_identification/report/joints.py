@@ -10,8 +10,8 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.report.numerals import Numeral, align, common_decimals, numeral
-from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.signals.signal_constants import Smoothing
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
 
 _MRAD: Final = 1e3
@@ -77,7 +77,7 @@ def joint_rows(
         JointRow(
             number=joint + 1,
             name=name,
-            lossy=bool(signal.smoothing_loss[joint] > SMOOTHING_LOSS_LIMIT),
+            lossy=bool(signal.smoothing_loss[joint] > Smoothing.loss_limit),
             scale="" if scales is None or not scales.determined[joint] else _scale(scales, joint),
             **{quantity: column[joint] for quantity, column in columns.items()},
         )

@@ -39,8 +39,8 @@ from armload_identification.report.parameters import (
 from armload_identification.report.provenance import comparison_sentence, file_rows, motion_sentence
 from armload_identification.report.report_content import ReportContent, ReportSubject, ShownRuns
 from armload_identification.report.verdict_box import verdict_box
-from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.signals.signal_constants import Smoothing
 from armload_identification.verdict.joint_words import listed
 
 _TEMPLATE: Final = "template.html.j2"
@@ -103,7 +103,7 @@ def render_report(subject: ReportSubject, content: ReportContent) -> str:
         colors=joint_figures.COLORS,
         determined_percent=f"{100.0 * DETERMINED_SHARE:g}",
         reference_length=f"{REFERENCE_LENGTH_M:g}{NO_BREAK}m",
-        loss_percent=f"{100.0 * SMOOTHING_LOSS_LIMIT:g}",
+        loss_percent=f"{100.0 * Smoothing.loss_limit:g}",
         smallest_margin=scientific(SMALLEST_MARGIN),
     )
 

@@ -8,23 +8,16 @@ runs are aligned by position.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.signals.signal_constants import RunAlignment, SplineFit
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
-
-_DEGREE: Final = 5
-_COARSEST_KNOTS_S: Final = 2.0
-_SAMPLES_PER_KNOT: Final = 8
-"""Minimum; with finer knots the encoder's noise would appear in the acceleration."""
-_REFINEMENTS: Final = 8
-_ELSEWHERE_RAD: Final = 0.1
-"""Runs this far apart are not in the same motion at that moment, such as while being jogged to the start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,20 +54,21 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
 
     elapsed = time_s - time_s[0]
     interval_s = float(np.median(np.diff(elapsed)))
-    spacing_s = min(_COARSEST_KNOTS_S, elapsed[-1] / 4.0)
+    spacing_s = min(SplineFit.coarsest_s, elapsed[-1] / SplineFit.fewest_pieces)
     best: tuple[float, BSpline, FloatArray] | None = None
     while spacing_s > 0.0:
         knots = _knots(elapsed, spacing_s)
-        coefficients = knots.size - _DEGREE - 1
-        if coefficients < 0.5 * elapsed.size:
-            spline = make_lsq_spline(elapsed, position_rad, knots, k=_DEGREE)
+        coefficients = knots.size - SplineFit.degree - 1
+        if coefficients * SplineFit.samples_per_coefficient < elapsed.size:
+            spline = make_lsq_spline(elapsed, position_rad, knots, k=SplineFit.degree)
             misfit = np.mean((position_rad - spline(elapsed)) ** 2, axis=0)
             # The sum of logarithms prevents joints with a large stroke from dominating.
-            score = float(np.sum(np.log(misfit + 1e-18)) - 2 * misfit.size * np.log1p(-coefficients / elapsed.size))
+            logarithms = np.log(misfit + SplineFit.negligible_rad**2)
+            score = float(np.sum(logarithms) - 2 * misfit.size * np.log1p(-coefficients / elapsed.size))
             if best is None or score < best[0]:
                 best = (score, spline, np.sqrt(misfit))
         spacing_s *= 0.5
-        if spacing_s < _SAMPLES_PER_KNOT * interval_s:
+        if spacing_s < SplineFit.samples_per_knot * interval_s:
             break
     if best is None:
         raise RecordingError(
@@ -88,8 +82,10 @@ def _knots(elapsed: FloatArray, spacing_s: float) -> FloatArray:
     pieces = max(1, round(elapsed[-1] / spacing_s))
     edges = np.linspace(0.0, elapsed[-1], pieces + 1)
     counts = np.histogram(elapsed, edges)[0]
-    inner = edges[1:-1][(counts[:-1] >= 2) & (counts[1:] >= 2)]
-    return np.concatenate([[0.0] * (_DEGREE + 1), inner, [elapsed[-1]] * (_DEGREE + 1)])
+    enough = counts >= SplineFit.samples_per_coefficient
+    inner = edges[1:-1][enough[:-1] & enough[1:]]
+    ends = SplineFit.degree + 1
+    return np.concatenate([[0.0] * ends, inner, [elapsed[-1]] * ends])
 
 
 def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
@@ -109,7 +105,7 @@ def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
         RecordingError: the runs have less than one second of motion in common.
     """
     longest_s = max(first.duration_s, second.duration_s)
-    step_s = min(0.02, longest_s / 256.0)
+    step_s = min(RunAlignment.grid_s, longest_s / RunAlignment.fewest_times)
     grid = np.arange(0.0, longest_s, step_s)
     speeds = []
     for motion in (first, second):
@@ -120,22 +116,22 @@ def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
     lag = int(np.argmax(correlation))
     shift_s = (lag - 2 * grid.size if lag > grid.size else lag) * step_s
     speed_of_second = second.spline.derivative()
-    for _ in range(_REFINEMENTS):
+    for _ in range(RunAlignment.steps):
         common = grid[(grid <= first.duration_s) & (grid + shift_s >= 0.0) & (grid + shift_s <= second.duration_s)]
-        if common.size * step_s < 1.0:
+        if common.size * step_s < RunAlignment.shortest_s:
             raise RecordingError(
                 "the loaded and the unloaded run have no common motion. Record the same excitation in both runs."
             )
         ahead = first.spline(common) - second.spline(common + shift_s)
         speed = speed_of_second(common + shift_s)
-        alike = np.abs(ahead).max(axis=1) < _ELSEWHERE_RAD
-        if np.count_nonzero(alike) > 0.5 * alike.size:
+        alike = np.abs(ahead).max(axis=1) < RunAlignment.elsewhere_rad
+        if np.count_nonzero(alike) > RunAlignment.same_share * alike.size:
             ahead, speed = ahead[alike], speed[alike]
         power = float(np.sum(speed**2))
         if power == 0.0:
             break
         correction_s = float(np.sum(ahead * speed)) / power
-        shift_s += float(np.clip(correction_s, -0.5, 0.5))
-        if abs(correction_s) < 1e-9:
+        shift_s += float(np.clip(correction_s, -RunAlignment.largest_step_s, RunAlignment.largest_step_s))
+        if abs(correction_s) < RunAlignment.settled_s:
             break
     return shift_s

@@ -13,19 +13,12 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.signals.robust_scale import deviation_by_median
+from armload_identification.signals.signal_constants import LowPass, SampleNoise, Smoothing
 
-SMOOTHING_PASSES: Final = 5
-SMOOTHING_LOSS_LIMIT: Final = 0.10
-"""Chen 2016: at most this share of a signal's RMS may be lost by smoothing."""
-_WINDOW: Final = 5
-_POWERS: Final = np.vander(np.arange(_WINDOW) - 2.0, 4)
+_MIDDLE: Final = Smoothing.window // 2
+_POWERS: Final = np.vander(np.arange(Smoothing.window) - float(_MIDDLE), Smoothing.order + 1)
 _CUBIC: Final = _POWERS @ np.linalg.pinv(_POWERS)
 """Matrix from five values to those of the best-fitting cubic."""
-_LOW_PASS_ORDER: Final = 4
-_LOW_PASS_BANDS: Final = 8.0
-_BAND_POWER: Final = 0.999
-_THIRD_DIFFERENCE_GAIN: Final = 20.0
-"""Variance of a third difference of unit white noise: 1 + 9 + 9 + 1."""
 
 
 def smooth(values: FloatArray) -> FloatArray:
@@ -41,22 +34,15 @@ def smooth(values: FloatArray) -> FloatArray:
         Chen 2016, eq. (8): with its four rows for the ends, a Savitzky-Golay filter of window 5 and order 3
         with interpolated ends.
     """
-    for _ in range(SMOOTHING_PASSES):
-        inner = np.lib.stride_tricks.sliding_window_view(values, _WINDOW, axis=0) @ _CUBIC[2]
-        values = np.concatenate([_CUBIC[:2] @ values[:_WINDOW], inner, _CUBIC[3:] @ values[-_WINDOW:]])
+    window = Smoothing.window
+    for _ in range(Smoothing.passes):
+        inner = np.lib.stride_tricks.sliding_window_view(values, window, axis=0) @ _CUBIC[_MIDDLE]
+        values = np.concatenate([_CUBIC[:_MIDDLE] @ values[:window], inner, _CUBIC[_MIDDLE + 1 :] @ values[-window:]])
     return values
 
 
 def smoothing_loss(raw: FloatArray, smoothed: FloatArray) -> FloatArray:
-    """Share of each signal's RMS removed by a filter, 1 - RMS(smoothed) / RMS(raw).
-
-    Args:
-        raw: (N, n) before.
-        smoothed: (N, n) after.
-
-    Returns:
-        (n,) between 0 and 1; 0 for a zero signal.
-    """
+    """(n,) share of the RMS of (N, n) removed by a filter, 1 - RMS(smoothed) / RMS(raw); 0 for a zero signal."""
     before = np.sqrt(np.mean(raw**2, axis=0))
     after = np.sqrt(np.mean(smoothed**2, axis=0))
     return np.asarray(1.0 - np.divide(after, before, out=np.ones_like(before), where=before > 0.0))
@@ -79,10 +65,10 @@ def low_pass(values: FloatArray, interval_s: float, cutoff_hz: float) -> FloatAr
         (N, n) filtered along the first axis, without delay.
     """
     rows = values.shape[0]
-    pad = min(rows - 1, int(3.0 / (cutoff_hz * interval_s)))
+    pad = min(rows - 1, int(LowPass.padding / (cutoff_hz * interval_s)))
     extended = rows + 2 * pad
     ratio = np.tan(np.pi * np.fft.rfftfreq(extended)) / np.tan(np.pi * cutoff_hz * interval_s)
-    gain = 1.0 / (1.0 + ratio ** (2 * _LOW_PASS_ORDER))
+    gain = 1.0 / (1.0 + ratio ** (2 * LowPass.order))
     filtered = np.empty(values.shape)
     for column, out in zip(values.T, filtered.T, strict=True):
         ends = 2.0 * column[0] - column[pad:0:-1], 2.0 * column[-1] - column[-2 : -pad - 2 : -1]
@@ -93,17 +79,12 @@ def low_pass(values: FloatArray, interval_s: float, cutoff_hz: float) -> FloatAr
 
 
 def low_pass_cutoff(velocity: FloatArray, interval_s: float) -> float:
-    """Cutoff frequency in Hz of the low-pass for a motion: a multiple of the band containing nearly all of its power.
-
-    Args:
-        velocity: (K, n) equidistant velocities in rad/s.
-        interval_s: Time between samples.
-    """
+    """Cutoff in Hz of the low-pass for (K, n) rad/s: a multiple of the band with nearly all of their power."""
     power = np.sum(np.abs(np.fft.rfft(velocity * np.hanning(velocity.shape[0])[:, None], axis=0)) ** 2, axis=1)
     total = np.cumsum(power)
-    index = int(np.searchsorted(total, _BAND_POWER * total[-1]))
+    index = int(np.searchsorted(total, LowPass.band_power * total[-1]))
     band_hz = float(np.fft.rfftfreq(velocity.shape[0], interval_s)[index])
-    return min(max(_LOW_PASS_BANDS * band_hz, 2.0), 0.25 / interval_s)
+    return min(max(LowPass.bands * band_hz, LowPass.lowest_hz), LowPass.highest_of_rate / interval_s)
 
 
 def white_noise(values: FloatArray) -> FloatArray:
@@ -123,4 +104,4 @@ def white_noise(values: FloatArray) -> FloatArray:
     usual = deviation_by_median(difference)
     # A coarsely quantised signal has so many repeated values that the median is 0.
     spread = np.where(usual > 0.0, usual, np.sqrt(np.mean(difference**2, axis=0)))
-    return np.asarray(spread / np.sqrt(_THIRD_DIFFERENCE_GAIN))
+    return np.asarray(spread / np.sqrt(SampleNoise.third_difference_gain))

@@ -7,7 +7,6 @@ the power is the same on both sides, tau_joint = C^-T tau_axis.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +14,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.recording.recording import Recording
-
-NOMINAL_DEVIATION: Final = 0.02
-"""Assumed relative standard deviation of a gain before calibration. On the UR10e, gains from a regression of the
-controller's own signals cause errors of the mass of 0.2 to 3 %."""
+from armload_identification.signals.signal_constants import NominalGain
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +26,7 @@ class Transmission:
         coupling: (n, n) C with q_joint = C q_axis; the identity if no motors are coupled.
         calibrated: (n,) True if a gain was calibrated with a known load, False if nominal; all False if not given.
         deviation: (n,) relative standard deviation of each gain; if not given, that of the covariance, else 0 for
-            calibrated and `NOMINAL_DEVIATION` for nominal gains.
+            calibrated and `NominalGain.deviation` for nominal gains.
         covariance: (n, n) of the logarithms of the gains; diagonal if not given.
         torque_gain: (n,) axis torque per N m reported by a drive; 1 if not given.
         torque_calibrated: Whether deviation and covariance are those of `torque_gain`.
@@ -67,7 +63,7 @@ class Transmission:
         if covariance.size:
             deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         elif deviation.size == 0:
-            deviation = np.where(calibrated, 0.0, NOMINAL_DEVIATION)
+            deviation = np.where(calibrated, 0.0, NominalGain.deviation)
         if calibrated.shape != gain.shape or deviation.shape != gain.shape:
             raise ModelError(
                 f"{calibrated.size} calibration flags and {deviation.size} deviations for {gain.size} gains; "
@@ -191,13 +187,7 @@ class Transmission:
 
 
 def reported_effort(recording: Recording) -> FloatArray:
-    """The columns from which a recording's torque is computed: torques if reported, else currents.
-
-    Args:
-        recording: The run.
-
-    Returns:
-        (N, n) joint torques in N m or motor currents in A.
+    """(N, n) columns from which a run's torque is computed: joint torques in N m if reported, else motor currents in A.
 
     Raises:
         RecordingError: it contains neither.
@@ -209,14 +199,7 @@ def reported_effort(recording: Recording) -> FloatArray:
 
 
 def joint_torque(recording: Recording, transmission: Transmission) -> FloatArray:
-    """Measured joint torque of a recording: reported by the drives, else from the motor currents.
-
-    Args:
-        recording: The run.
-        transmission: Gains and coupling.
-
-    Returns:
-        (N, n) joint torques in N m.
+    """(N, n) measured joint torque in N m: reported by the drives, else from the motor currents.
 
     Raises:
         RecordingError: a constant signal, or neither torque nor current.

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,16 +32,7 @@ from armload_identification.signals.motion import (
     average_period,
     require_motion,
 )
-
-_SAME_PATH_RAD: Final = 0.01
-_SAME_PATH_SHARE: Final = 0.03
-"""Two runs have the same trajectory if every joint's RMS difference is below one of these."""
-_SAME_SPEED: Final = 0.02
-_ALIKE: Final = 5.0
-"""Greatest difference at any moment of the common part, in multiples of that limit."""
-_COMMON: Final = 0.3
-"""Least share of the motion that must be common to both runs."""
-_SHORTEST_S: Final = 1.0
+from armload_identification.signals.signal_constants import RunAlignment, SamePath
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,42 +122,21 @@ class LoadSignal:
         return replace(self.unloaded, valid=self.valid, averaged_noise_nm=self.averaged_noise_nm)
 
     def part(self, start_s: float, end_s: float) -> LoadSignal:
-        """The samples from one time up to, not including, another.
-
-        Args:
-            start_s: Time since the first sample.
-            end_s: Time since the first sample.
-        """
+        """The samples from one time since the first sample up to, not including, another."""
         return replace(self, loaded=self.loaded.part(start_s, end_s), unloaded=self.unloaded.part(start_s, end_s))
 
     def with_torque_times(self, matrix: FloatArray) -> LoadSignal:
-        """The same motion with every torque tau replaced by tau M; the noise is not changed.
-
-        Args:
-            matrix: (n, n) M, the effect of other gains.
-        """
+        """The same motion with every torque tau replaced by tau M, M (n, n); the noise is not changed."""
         loaded, unloaded = (run.with_torque_times(matrix) for run in (self.loaded, self.unloaded))
         return replace(self, loaded=loaded, unloaded=unloaded)
 
     def with_delay(self, delay_s: float) -> LoadSignal:
-        """The same torque with the motion to which it belongs.
-
-        Args:
-            delay_s: Delay of the reported torques relative to the positions.
-        """
+        """The same torque with the motion to which it belongs, for torques reported `delay_s` after the positions."""
         return replace(self, loaded=self.loaded.with_delay(delay_s), unloaded=self.unloaded.with_delay(delay_s))
 
 
 def load_signal(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal:
     """Difference of a loaded and an unloaded run of the same motion.
-
-    Args:
-        loaded: Run with the payload.
-        unloaded: Run without it.
-        transmission: Gains and coupling of the arm.
-
-    Returns:
-        The difference.
 
     Raises:
         RecordingError: runs without motion, of different trajectories or speeds, or of different arms.
@@ -185,15 +154,7 @@ def load_signal(loaded: Recording, unloaded: Recording, transmission: Transmissi
 
 
 def without_body(motion: Motion, body_nm: FloatArray) -> LoadSignal:
-    """The torque of a loaded run minus that of the empty arm.
-
-    Args:
-        motion: The loaded run.
-        body_nm: (K, n) torque of the empty arm on the same motion, friction included.
-
-    Returns:
-        The signal as from `load_signal`, with the noise of one run.
-    """
+    """Torque of a loaded run minus (K, n) N m of the empty arm with friction, with the noise of one run."""
     nothing = np.zeros(motion.n)
     predicted = replace(
         motion,
@@ -213,7 +174,7 @@ def _by_phase(loaded: Recording, unloaded: Recording, transmission: Transmission
     _require_same_excitation(loaded, unloaded)
     phases = phases_per_period(loaded)
     one, two = (average_period(run, transmission, phases) for run in (loaded, unloaded))
-    if abs(one.interval_s / two.interval_s - 1.0) > _SAME_SPEED:
+    if abs(one.interval_s / two.interval_s - 1.0) > SamePath.period_share:
         raise RecordingError(
             f"one period took {phases * one.interval_s:.4g} s in {loaded.source.path} and "
             f"{phases * two.interval_s:.4g} s in {unloaded.source.path}. Record both runs at the same speed."
@@ -245,14 +206,14 @@ def _shift_by_phase(one: Recording, two: Recording) -> float | None:
     if one.phase_s is None or two.phase_s is None or one.excitation is None or two.excitation is None:
         return None
     begin, end = max(one.phase_s[0], two.phase_s[0]), min(one.phase_s[-1], two.phase_s[-1])
-    if end - begin < _SHORTEST_S:
+    if end - begin < RunAlignment.shortest_s:
         short = min((one, two), key=lambda run: float(run.phase_s[-1]) if run.phase_s is not None else 0.0)
         cut = ": the file is truncated" if short.source.truncated else ""
         raise RecordingError(
             f"{one.source.path} and {two.source.path} share {max(end - begin, 0.0):.2g} s of their excitation, because "
             f"{short.source.path} ends there{cut}. Record that run again."
         )
-    phase = np.linspace(begin, end, 100)
+    phase = np.linspace(begin, end, RunAlignment.phases)
     later = np.interp(phase, two.phase_s, two.time_s - two.time_s[0])
     return float(np.median(later - np.interp(phase, one.phase_s, one.time_s - one.time_s[0])))
 
@@ -262,7 +223,7 @@ def _common_part(one: TimedRun, two: TimedRun, grid: Grid, shift_s: float) -> tu
     elapsed = grid.elapsed_s
     position = one.path.spline(elapsed)
     apart = np.abs(position - two.path.spline(elapsed + shift_s))
-    alike = (apart <= _ALIKE * _allowed_rad(position)).all(axis=1)
+    alike = (apart <= SamePath.peak_over_rms * _allowed_rad(position)).all(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], alike, [False]])))
     first, after = edges[::2], edges[1::2]
     end_s = float(elapsed[-1]) + grid.interval_s
@@ -270,14 +231,14 @@ def _common_part(one: TimedRun, two: TimedRun, grid: Grid, shift_s: float) -> tu
         return float(elapsed[0]), end_s
     longest = int(np.argmax(after - first))
     stretch = elapsed[first[longest] : after[longest]]
-    if stretch[-1] - stretch[0] < max(_SHORTEST_S, _COMMON * (elapsed[-1] - elapsed[0])):
+    if stretch[-1] - stretch[0] < max(RunAlignment.shortest_s, SamePath.common_share * (elapsed[-1] - elapsed[0])):
         return float(elapsed[0]), end_s
     return float(stretch[0]), float(stretch[-1]) + grid.interval_s
 
 
 def _allowed_rad(position: FloatArray) -> FloatArray:
     """(n,) greatest RMS difference of two runs of the same motion."""
-    return np.asarray(np.maximum(_SAME_PATH_RAD, _SAME_PATH_SHARE * position.std(axis=0)))
+    return np.asarray(np.maximum(SamePath.rms_rad, SamePath.rms_share * position.std(axis=0)))
 
 
 def _require_same_excitation(loaded: Recording, unloaded: Recording) -> None:
@@ -285,7 +246,7 @@ def _require_same_excitation(loaded: Recording, unloaded: Recording) -> None:
     if loaded.excitation is None or unloaded.excitation is None:
         return
     one, two = loaded.excitation.trajectory, unloaded.excitation.trajectory
-    if not _equal(one, two):
+    if not _same_series(one, two):
         raise RecordingError(
             f"{loaded.source.path} and {unloaded.source.path} followed different excitations ({one.harmonics} "
             f"harmonics of {one.base_frequency_hz:g} Hz and {two.harmonics} of "
@@ -294,7 +255,8 @@ def _require_same_excitation(loaded: Recording, unloaded: Recording) -> None:
         )
 
 
-def _equal(one: FourierTrajectory, two: FourierTrajectory) -> bool:
+def _same_series(one: FourierTrajectory, two: FourierTrajectory) -> bool:
+    """Whether two series agree to rounding."""
     return (
         one.sin_rad.shape == two.sin_rad.shape
         and bool(np.isclose(one.base_frequency_hz, two.base_frequency_hz))

@@ -21,17 +21,11 @@ from armload_identification.signals.alignment import MeasuredMotion, fit_motion
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.periods import fold
-from armload_identification.signals.reversals import MOVES_RAD, moving_joints
+from armload_identification.signals.reversals import moving_joints
+from armload_identification.signals.signal_constants import LowPass, Standstill
 
 SCATTER: Final = "scatter between periods"
 ABOVE_BAND: Final = "the signal above the motion's band"
-
-_STANDING: Final = 0.02
-"""The arm counts as moving from this share of its greatest speed; standstill is cut off at both ends."""
-_MOST_HOLES: Final = 10
-"""Greatest ratio of equidistant samples to samples of the run."""
-_HOLE: Final = 0.25
-"""A gap is a distance of samples above this share of the period of the low-pass's cutoff frequency."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,27 +76,15 @@ class Motion:
         return moving_joints(self.states.position_rad)
 
     def with_delay(self, delay_s: float) -> Motion:
-        """The same torque with the motion to which it belongs.
-
-        Args:
-            delay_s: Delay of the reported torques relative to the positions.
-        """
+        """The same torque with the motion to which it belongs, for torques reported `delay_s` after the positions."""
         return replace(self, states=self.states.earlier(delay_s, self.interval_s))
 
     def with_torque_times(self, matrix: FloatArray) -> Motion:
-        """The same motion with every torque tau replaced by tau M; the noise is not changed.
-
-        Args:
-            matrix: (n, n) M, the effect of other gains.
-        """
+        """The same motion with every torque tau replaced by tau M, M (n, n); the noise is not changed."""
         return replace(self, raw_nm=self.raw_nm @ matrix, torque_nm=self.torque_nm @ matrix)
 
     def every(self, step: int) -> Motion:
-        """Every `step`-th sample.
-
-        Args:
-            step: 1 keeps all of them.
-        """
+        """Every `step`-th sample."""
         if step == 1:
             return self
         return replace(
@@ -115,12 +97,7 @@ class Motion:
         )
 
     def part(self, start_s: float, end_s: float) -> Motion:
-        """The samples from one time up to, not including, another.
-
-        Args:
-            start_s: Time since the first sample.
-            end_s: Time since the first sample.
-        """
+        """The samples from one time since the first sample up to, not including, another."""
         rows = slice(*np.searchsorted(self.time_s, [start_s, end_s]))
         return replace(
             self,
@@ -134,14 +111,7 @@ class Motion:
 
 
 def motion_of(run: Recording, transmission: Transmission) -> Motion:
-    """Motion and torque of one run.
-
-    Args:
-        run: The run.
-        transmission: Gains and coupling.
-
-    Returns:
-        The average period of a run with whole periods of a known excitation, else the part in which the arm moves.
+    """Average period of a run with whole periods of a known excitation, else the part in which the arm moves.
 
     Raises:
         RecordingError: a run without motion, too short, or without torque.
@@ -155,10 +125,6 @@ def motion_of(run: Recording, transmission: Transmission) -> Motion:
 def motion_over_time(run: Recording, transmission: Transmission) -> Motion:
     """Motion and torque of one run from its first movement to its last, periodic or not.
 
-    Args:
-        run: The run.
-        transmission: Gains and coupling.
-
     Raises:
         RecordingError: a run without motion, too short, or without torque.
     """
@@ -168,15 +134,7 @@ def motion_over_time(run: Recording, transmission: Transmission) -> Motion:
 
 
 def average_period(run: Recording, transmission: Transmission, phases: int) -> Motion:
-    """The average period of a run.
-
-    Args:
-        run: A run with at least one whole period.
-        transmission: Gains and coupling.
-        phases: K, the number of equidistant phases to average at.
-
-    Returns:
-        One period; its motion passes through the same filter as its torque.
+    """The average period of a run at K equidistant phases; its motion passes through the same filter as its torque.
 
     Raises:
         RecordingError: no whole period, a phase that did not advance uniformly, or no torque.
@@ -221,11 +179,7 @@ class Grid:
     cutoff_hz: float
 
     def later(self, by_s: float) -> Grid:
-        """The same grid, every time later by `by_s`.
-
-        Args:
-            by_s: Time to add.
-        """
+        """The same grid, every time later by `by_s`."""
         return replace(self, elapsed_s=self.elapsed_s + by_s)
 
 
@@ -245,11 +199,7 @@ class TimedRun:
 
     @classmethod
     def of(cls, run: Recording, transmission: Transmission) -> TimedRun:
-        """Fit the motion of a run.
-
-        Args:
-            run: The run; approach and return are excluded if its phase marks them.
-            transmission: Gains and coupling.
+        """Fit the motion of a run; approach and return are excluded if its phase marks them.
 
         Raises:
             RecordingError: too short for a spline, or without torque.
@@ -258,17 +208,13 @@ class TimedRun:
         return cls(rows, fit_motion(rows.time_s, rows.position_rad), joint_torque(rows, transmission))
 
     def moving_grid(self, start_s: float, end_s: float) -> Grid:
-        """Times from the first to the last movement, spaced as the run's own samples.
-
-        Args:
-            start_s: Earliest time since the run's first sample.
-            end_s: Latest time since the run's first sample.
+        """Times from the first to the last movement in a part of the run, spaced as its samples.
 
         Raises:
             RecordingError: nearly all of the run is missing.
         """
         interval_s = float(np.median(np.diff(self.run.time_s)))
-        if (end_s - start_s) / interval_s > _MOST_HOLES * self.run.size:
+        if (end_s - start_s) / interval_s > Standstill.samples_over_rows * self.run.size:
             raise RecordingError(
                 f"{self.run.source.path}: {self.run.size} rows, mostly {interval_s:.3g} s apart, in "
                 f"{end_s - start_s:.3g} s: most of the motion is missing. "
@@ -277,16 +223,12 @@ class TimedRun:
         elapsed = start_s + np.arange(int((end_s - start_s) / interval_s), dtype=np.float64) * interval_s
         velocity = self.path.spline.derivative()(elapsed)
         speed = np.abs(velocity).max(axis=1)
-        moving = np.flatnonzero(speed > _STANDING * speed.max())
+        moving = np.flatnonzero(speed > Standstill.share_of_peak_speed * speed.max())
         rows = slice(moving[0], moving[-1] + 1)
         return Grid(elapsed[rows], interval_s, low_pass_cutoff(velocity[rows], interval_s))
 
     def sampled(self, grid: Grid) -> Motion:
-        """The run at given times.
-
-        Args:
-            grid: The times, within the run.
-        """
+        """The run at the times of a grid within it."""
         stamps_s, moment_s = self.run.time_s, grid.elapsed_s + self.run.time_s[0]
         noise = white_noise(self.torque_nm[(stamps_s >= moment_s[0]) & (stamps_s <= moment_s[-1])])
         raw = np.column_stack([np.interp(moment_s, stamps_s, column) for column in self.torque_nm.T])
@@ -301,7 +243,7 @@ class TimedRun:
             states=JointStates(*(spline(grid.elapsed_s, order) for order in range(3))),
             raw_nm=raw,
             torque_nm=smoothed,
-            valid=apart_s <= _HOLE / grid.cutoff_hz,
+            valid=apart_s <= LowPass.hole / grid.cutoff_hz,
             noise_nm=noise,
             # Interpolation averages two samples, which reduces their noise.
             averaged_noise_nm=noise * np.sqrt(np.mean((1.0 - share) ** 2 + share**2)),
@@ -313,17 +255,14 @@ class TimedRun:
 
 
 def require_motion(run: Recording) -> None:
-    """Raise if the arm does not move in a run.
-
-    Args:
-        run: The run.
+    """Raise if no joint moves in a run.
 
     Raises:
         RecordingError: no joint moves.
     """
     if not moving_joints(run.position_rad).any():
         raise RecordingError(
-            f"{run.source.path}: no joint moves more than {MOVES_RAD} rad, so nothing can be identified. "
+            f"{run.source.path}: no joint moves more than {Standstill.travel_rad} rad, so nothing can be identified. "
             "Record a run along an excitation, and check the position columns."
         )
 

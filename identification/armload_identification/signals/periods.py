@@ -7,7 +7,6 @@ its average period while it was read is processed in the same way, as a single p
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +17,7 @@ from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.period_average import ON_GRID
 from armload_identification.recording.reduction.phase_advance import PhaseAdvance
 from armload_identification.recording.reduction.place_in_period import SETTLING_S, periodic_phase
-
-_FITTED: Final = 0.25
-"""Greatest ratio of the fitted motion's coefficients to samples."""
-_FITTED_HZ: Final = 6.25
-_FITTED_SLOWLY: Final = 0.45
-"""The same ratio where few samples per second would end the series below that frequency: what an arm does up to there
-belongs to its motion."""
-_FILLINGS: Final = 20
-_NOTHING: Final = 1e-18
-"""Square of 1 nrad: no encoder resolves less."""
+from armload_identification.signals.signal_constants import PeriodSeries, SplineFit
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,9 +103,10 @@ def _on_grid(place: FloatArray, values: FloatArray, periods: int, phases: int) -
     else:
         wanted = first + np.arange(length, dtype=np.float64)
         after = np.clip(np.searchsorted(place, wanted), 1, place.size - 1)
-        # Requires neighbours on both sides at most 1.5 sampling intervals apart; otherwise the phase stays empty.
+        # Without near neighbours on both sides a phase stays empty.
         spacing = float(np.median(np.diff(place)))
-        near = (place[after] - place[after - 1] < 1.5 * spacing + 1e-9) & (wanted <= place[-1] + 0.5 * spacing)
+        near = place[after] - place[after - 1] < PeriodSeries.neighbours * spacing + PeriodSeries.rounding
+        near &= wanted <= place[-1] + PeriodSeries.beyond_the_last * spacing
         for column in range(values.shape[1]):
             table[near, column] = np.interp(wanted[near], place, values[:, column])
     folded = table.reshape(periods, phases, -1)
@@ -152,7 +143,7 @@ def _fit_motion(
     """
     phases = valid.size
     filled = _filled(position, valid)
-    for _ in range(1 if valid.all() else _FILLINGS):
+    for _ in range(1 if valid.all() else PeriodSeries.fillings):
         spectrum = np.fft.rfft(filled, axis=0) / phases
         harmonics = _supported_harmonics(spectrum, excitation.harmonics, phases, rate * excitation.period_s)
         spectrum[harmonics + 1 :] = 0.0
@@ -175,10 +166,13 @@ def _supported_harmonics(spectrum: NDArray[np.complex128], least: int, phases: i
     if phases % 2 == 0:
         twice[-1] = 1.0
     power = np.abs(spectrum) ** 2 * twice[:, None]
-    slowly = min(_FITTED_HZ * period_s, 0.5 * _FITTED_SLOWLY * phases)
-    harmonics = np.arange(least, max(int(max(0.5 * _FITTED * phases, slowly)), least + 1))
+    usually = 0.5 * PeriodSeries.coefficients_per_sample * phases
+    slowly = min(PeriodSeries.at_low_rates_hz * period_s, 0.5 * PeriodSeries.coefficients_at_low_rates * phases)
+    harmonics = np.arange(least, max(int(max(usually, slowly)), least + 1))
     left = power.sum(axis=0) - np.cumsum(power, axis=0)[harmonics]
     freedom = 1.0 - (2 * harmonics + 1) / phases
     # The sum of logarithms prevents joints with a large stroke from dominating.
-    score = np.sum(np.log(np.maximum(left, _NOTHING)), axis=1) - 2.0 * left.shape[1] * np.log(np.maximum(freedom, 0.01))
+    logarithms = np.log(np.maximum(left, SplineFit.negligible_rad**2))
+    penalty = 2.0 * left.shape[1] * np.log(np.maximum(freedom, PeriodSeries.least_freedom))
+    score = np.sum(logarithms, axis=1) - penalty
     return int(harmonics[np.argmin(score)])

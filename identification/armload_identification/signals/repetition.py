@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from armload_core.arrays import FloatArray
-
-_ALIKE: Final = 0.998
-"""Normalised square difference function (1 for equal motions) from which a motion counts as repeated."""
-_MOST_SAMPLES: Final = 2**15
-_MOVES_RAD: Final = 0.01
+from armload_identification.signals.signal_constants import Repetition, Standstill
 
 
 def repeated_after(elapsed_s: FloatArray, position_rad: FloatArray) -> float | None:
@@ -29,11 +23,11 @@ def repeated_after(elapsed_s: FloatArray, position_rad: FloatArray) -> float | N
     References:
         McLeod, Wyvill, A smarter way to find pitch, ICMC 2005, equation 8.
     """
-    samples = min(elapsed_s.size, _MOST_SAMPLES)
-    if samples < 16:
+    samples = min(elapsed_s.size, Repetition.most_samples)
+    if samples < Repetition.fewest_samples:
         return None
     times = np.linspace(elapsed_s[0], elapsed_s[-1], samples)
-    moving = np.flatnonzero(np.ptp(position_rad, axis=0) > _MOVES_RAD)
+    moving = np.flatnonzero(np.ptp(position_rad, axis=0) > Standstill.travel_rad)
     if not moving.size:
         return None
     motion = np.column_stack([np.interp(times, elapsed_s, position_rad[:, joint]) for joint in moving])
@@ -43,11 +37,12 @@ def repeated_after(elapsed_s: FloatArray, position_rad: FloatArray) -> float | N
     energy = np.concatenate([[0.0], np.cumsum(np.sum(motion**2, axis=1))])
     lags = np.arange(samples // 2 + 1)
     both = energy[samples - lags] + energy[samples] - energy[lags]
-    alike = 2.0 * product[lags] / np.maximum(both, 1e-300)
-    apart = np.flatnonzero(alike < 0.5)
+    alike = 2.0 * product[lags] / np.maximum(both, np.finfo(float).tiny)
+    apart = np.flatnonzero(alike < Repetition.unlike)
     if not apart.size:
         return None
-    peaks = np.flatnonzero((alike[1:-1] >= alike[:-2]) & (alike[1:-1] > alike[2:]) & (alike[1:-1] >= _ALIKE)) + 1
+    inner = alike[1:-1]
+    peaks = np.flatnonzero((inner >= alike[:-2]) & (inner > alike[2:]) & (inner >= Repetition.alike)) + 1
     peaks = peaks[peaks > apart[0]]
     if not peaks.size:
         return None

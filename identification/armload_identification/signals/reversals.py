@@ -8,27 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.signals.signal_constants import Reversal, Standstill
 
-TURN_OVER: Final = 0.01
-"""Speed that smooths the direction of motion, as a share of a joint's greatest speed."""
-REVERSAL: Final = 0.10
-"""Share of a joint's greatest speed at which a sample's weight is 0.7. A servo settles within 50 ms of a reversal; on
-er50's motions a tenth excludes this time, and rotors, mu and delay are identified within 2 %."""
-MOVES_RAD: Final = 0.01
-"""Travel of a joint that moves."""
-_SLOWEST_RAD_S: Final = 1e-4
+TURN_OVER: Final = Reversal.direction_share
+"""For the rooms above, as the next one."""
+REVERSAL: Final = Reversal.weight_share
 
 
 def moving_joints(position_rad: FloatArray) -> NDArray[np.bool_]:
-    """(n,) False for joints at rest.
+    """(n,) False for joints at rest, by their (N, n) positions.
 
     Static friction carries any part of their torque, and their servos' reaction to vibrations is no friction: on er50,
     whose wrist alone moved, 3 kg were found as 9.3 +- 0.2 kg from the joints at rest.
-
-    Args:
-        position_rad: (N, n).
     """
-    return np.asarray(np.ptp(position_rad, axis=0) > MOVES_RAD)
+    return np.asarray(np.ptp(position_rad, axis=0) > Standstill.travel_rad)
 
 
 def reversal_weights(position_rad: FloatArray, velocity_rad_s: FloatArray, share: float = REVERSAL) -> FloatArray:
@@ -44,28 +37,16 @@ def reversal_weights(position_rad: FloatArray, velocity_rad_s: FloatArray, share
     Returns:
         (N, n) factors on the rows of the whitened system, 0 to 1.
     """
-    peak = np.maximum(np.abs(velocity_rad_s).max(axis=0), _SLOWEST_RAD_S)
+    peak = np.maximum(np.abs(velocity_rad_s).max(axis=0), Standstill.slowest_rad_s)
     return np.asarray(np.where(moving_joints(position_rad), moving_weights(velocity_rad_s, share * peak), 0.0))
 
 
 def moving_weights(velocity_rad_s: FloatArray, slow_rad_s: FloatArray) -> FloatArray:
-    """Weights that exclude reversals and standstill: x / sqrt(1 + x^2), x = (dq / v)^2.
-
-    Args:
-        velocity_rad_s: (N, n).
-        slow_rad_s: (n,) v, the speed at which the weight is 0.7.
-
-    Returns:
-        (N, n) 0 to 1.
-    """
+    """(N, n) weights that exclude reversals and standstill: x / sqrt(1 + x^2), x = (dq / v)^2, v (n,) rad/s."""
     ratio = (velocity_rad_s / slow_rad_s) ** 2
     return np.asarray(ratio / np.sqrt(1.0 + ratio**2), dtype=np.float64)
 
 
 def reversal_speed(velocity_rad_s: FloatArray) -> FloatArray:
-    """(n,) speed in rad/s that smooths the direction of motion, from the greatest speed of each joint.
-
-    Args:
-        velocity_rad_s: (N, n).
-    """
-    return np.asarray(np.maximum(TURN_OVER * np.abs(velocity_rad_s).max(axis=0), _SLOWEST_RAD_S))
+    """(n,) speed in rad/s that smooths the direction of motion, from each joint's greatest speed in (N, n) rad/s."""
+    return np.asarray(np.maximum(TURN_OVER * np.abs(velocity_rad_s).max(axis=0), Standstill.slowest_rad_s))

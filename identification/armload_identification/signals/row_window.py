@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.signals.signal_constants import RowMean
 
-HALF_S: Final = 0.16
-_ONWARD: Final = 0.95
-"""Mean direction over the window from which a joint's row has a weight."""
+HALF_S: Final = RowMean.half_s
+"""For the rooms above."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,31 +42,16 @@ class RowWindow:
 
     @classmethod
     def of(cls, length: int, interval_s: float, step: int, *, periodic: bool = False) -> RowWindow:
-        """Rows about every `step`-th sample.
-
-        Args:
-            length: K.
-            interval_s: Time between samples.
-            step: Samples from row to row.
-            periodic: Whether the last sample is followed by the first.
-        """
+        """Rows about every `step`-th of `length` samples; in a periodic run the last is followed by the first."""
         reach = int(HALF_S / interval_s)
         return cls(np.arange(0, length, step), np.arange(-reach, reach + 1), interval_s, length, periodic)
 
     def only(self, rows: NDArray[np.bool_]) -> RowWindow:
-        """Some of the rows.
-
-        Args:
-            rows: (R,) True for these.
-        """
+        """The rows for which (R,) is True."""
         return replace(self, middle=self.middle[rows])
 
     def every(self, step: int) -> RowWindow:
-        """The same rows of fewer samples.
-
-        Args:
-            step: Every step-th sample of a window is kept, counted from its middle.
-        """
+        """The same rows of every `step`-th sample of their windows, counted from the middle."""
         reach = int(self.offset[-1]) // step
         return replace(self, offset=step * np.arange(-reach, reach + 1))
 
@@ -104,46 +89,24 @@ class RowWindow:
         return np.asarray(inside | self.periodic)
 
     def mean(self, values: FloatArray) -> FloatArray:
-        """(R, ...) weighted means.
-
-        Args:
-            values: (K, ...).
-        """
+        """(R, ...) weighted means of (K, ...) values."""
         return weighted_sums(values, self.samples, self.weight)
 
     def slope(self, values: FloatArray) -> FloatArray:
-        """(R, ...) derivatives of the weighted means, per s.
-
-        Args:
-            values: (K, ...).
-        """
+        """(R, ...) derivatives of the weighted means of (K, ...) values, per s."""
         return weighted_sums(values, self.samples, self.slope_weight)
 
     def usable(self, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(R,) True for rows with a complete window of valid samples.
-
-        Args:
-            valid: (K,) False for invalid samples.
-        """
+        """(R,) True for rows with a complete window of samples that are all True in (K,)."""
         return np.asarray(self.whole & (self.mean(np.asarray(~valid, dtype=np.float64)) == 0.0))
 
     def onward(self, direction: FloatArray) -> FloatArray:
-        """(R, n) weight: 1 if a joint keeps its direction in the row's window, 0 if it reverses or stands still.
-
-        Args:
-            direction: (K, n) direction of motion, -1 to 1.
-        """
-        return np.asarray(np.maximum((np.abs(self.mean(direction)) - _ONWARD) / (1.0 - _ONWARD), 0.0))
+        """(R, n) weights by (K, n) directions, -1 to 1: 1 if a joint keeps its own, 0 if it reverses or stands."""
+        return np.asarray(np.maximum((np.abs(self.mean(direction)) - RowMean.onward) / (1.0 - RowMean.onward), 0.0))
 
 
 def weighted_sums(values: FloatArray, samples: NDArray[np.intp], weights: FloatArray) -> FloatArray:
-    """(R, ...) weighted sums over the samples of each row.
-
-    Args:
-        values: (K, ...).
-        samples: (R, w) indices of each row's samples.
-        weights: (w,).
-    """
+    """(R, ...) sums over the (R, w) samples of each row of (K, ...) values, with (w,) weights."""
     found = np.zeros((len(samples), *values.shape[1:]))
     for places, weight in zip(samples.T, weights, strict=True):
         found += weight * values[places]

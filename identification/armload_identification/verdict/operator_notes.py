@@ -16,7 +16,7 @@ from armload_identification.estimation.physical_consistency import PhysicalEstim
 from armload_identification.estimation.uncertainty import Uncertainty
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phase_advance import interruptions
-from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
+from armload_identification.signals.signal_constants import Smoothing
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import ABOVE_BAND
@@ -171,11 +171,11 @@ def _gains(count: int) -> str:
 
 def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
     notes = []
-    lossy = np.flatnonzero(signal.smoothing_loss > SMOOTHING_LOSS_LIMIT)
+    lossy = np.flatnonzero(signal.smoothing_loss > Smoothing.loss_limit)
     if lossy.size:
         listed = named_joints([f"{joint + 1} ({100.0 * signal.smoothing_loss[joint]:.0f} %)" for joint in lossy])
         notes.append(
-            f"Smoothing removed more than {100.0 * SMOOTHING_LOSS_LIMIT:.0f} % of the signal of {listed}: it is mostly "
+            f"Smoothing removed more than {100.0 * Smoothing.loss_limit:.0f} % of the signal of {listed}: it is mostly "
             "noise, or sampled too slowly."
         )
     gaps = np.count_nonzero(~signal.valid & ~struck)
