@@ -31,7 +31,8 @@ from scipy.stats import norm, t
 from armload_core.arrays import FloatArray
 from armload_identification.many_arms.arm_runs import PER_PAYLOAD, UNITS, ArmRun, Quantity
 from armload_identification.signals.robust_scale import deviation_by_median
-from armload_identification.verdict.control_limits import FALSE_ALARM, ControlChart, control_chart
+from armload_identification.verdict.control_limits import ControlChart, control_chart
+from armload_identification.verdict.decision_levels import FalseAlarms
 
 FIRST_RUNS: Final = 7
 """Runs whose median is the centre of a chart."""
@@ -337,7 +338,7 @@ def _against_twins(
             freedom = _FREEDOM_PER_TWIN * (others.size - 1)
             log_chance = float(t.logsf(abs(level[i] - middle) / expected, freedom)) + np.log(2.0)
             suspicion = None
-            if log_chance < np.log(FALSE_ALARM / tests):
+            if log_chance < np.log(FalseAlarms.probability / tests):
                 mine, theirs = _amounts(quantity, float(level[i]), middle)
                 text = f"{quantity} is {mine}, that of {others.size} twins {theirs}"
                 size = min(float(-norm.ppf(np.exp(log_chance) / 2.0)), _MOST_DEVIATIONS)

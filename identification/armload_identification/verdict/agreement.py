@@ -34,16 +34,12 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import student_half_width
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
+from armload_identification.verdict.decision_levels import AgreementLevels, FalseAlarms
 from armload_identification.verdict.tolerance import Tolerance
 
-FLOOR: Final = np.array([0.005, 0.001, 0.001, 0.001])
-"""Standard deviation in kg and m of errors that no covariance contains: the servo's sag under load, remounting."""
-FALSE_ALARM: Final = 0.01
-POWER: Final = 0.95
-_SIZE: Final = 4
-_LEAST_FREEDOM: Final = 5.0
-"""Least degrees of freedom for F: with fewer, limit and noticeable error are practically unbounded."""
-_LONGEST: Final = 1000.0
+FLOOR: Final = np.array([AgreementLevels.floor_kg, *3 * [AgreementLevels.floor_m]])
+"""(4,) standard deviation in kg and m of errors that no covariance contains."""
+_SIZE: Final = FLOOR.size
 
 
 class Outcome(StrEnum):
@@ -133,22 +129,13 @@ class LengthNeeded:
 
 
 def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agreement:
-    """Judge a payload by an independent measurement of it.
-
-    Args:
-        judged: The payload in question.
-        measured: The measured payload.
-        tolerance: Tolerated error of the payload.
-
-    Returns:
-        Outcome and statistics.
-    """
+    """Outcome and statistics of a payload judged by an independent measurement of it."""
     difference = measured.values - judged.values
-    gains = _from_gains(judged.covariance, measured.covariance)
-    covariance, freedom = _combined(judged.covariance, measured.covariance, gains)
-    statistic = _statistic(difference, covariance, freedom)
-    critical = _limits(freedom)[0]
-    noticeable_kg, noticeable_m, weakest = _noticeable(covariance, freedom)
+    gains = _gain_covariance(judged.covariance, measured.covariance)
+    covariance, freedom = _difference_covariance(judged.covariance, measured.covariance, gains)
+    statistic = _f_statistic(difference, covariance, freedom)
+    critical = _critical_and_detectable(freedom)[0]
+    noticeable_kg, noticeable_m, weakest = _noticeable_errors(covariance, freedom)
     tolerance_kg = tolerance.mass_share * judged.parameters.mass_kg
     quantile = float(student_half_width(freedom))
     width = quantile * np.sqrt(np.diag(covariance))
@@ -178,33 +165,28 @@ def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agree
 
 
 def length_needed(judged: Known, measured: Known, tolerance: Tolerance) -> LengthNeeded:
-    """Length of the runs that is required to detect an error equal to the tolerance.
-
-    Args:
-        judged: The payload in question.
-        measured: The measured payload.
-        tolerance: The error to be detected.
-    """
+    """Length of the runs that is required to detect an error equal to the tolerance."""
     from scipy.optimize import brentq
 
     tolerance_kg = tolerance.mass_share * judged.parameters.mass_kg
-    gains = _from_gains(judged.covariance, measured.covariance)
+    gains = _gain_covariance(judged.covariance, measured.covariance)
 
     def excess(log_factor: float, of_gains: FloatArray) -> float:
         """Relative excess over its tolerance of the worse of the two noticeable errors."""
         longer = float(np.exp(log_factor))
-        kg, m, _ = _noticeable(*_combined(judged.covariance, measured.covariance, of_gains, longer))
+        kg, m, _ = _noticeable_errors(*_difference_covariance(judged.covariance, measured.covariance, of_gains, longer))
         return float(max(kg / tolerance_kg, m / tolerance.center_m) - 1.0)
 
-    longest = float(np.log(_LONGEST))
+    longest = float(np.log(AgreementLevels.longest_factor))
     if excess(0.0, gains) <= 0.0:
         return LengthNeeded(1.0, gains_limit=False)
     if excess(longest, gains) > 0.0:
         return LengthNeeded(float("inf"), gains_limit=excess(longest, np.zeros_like(gains)) <= 0.0)
-    return LengthNeeded(float(np.exp(brentq(excess, 0.0, longest, args=(gains,), xtol=1e-3))), gains_limit=False)
+    log_factor = brentq(excess, 0.0, longest, args=(gains,), xtol=AgreementLevels.factor_accuracy)
+    return LengthNeeded(float(np.exp(log_factor)), gains_limit=False)
 
 
-def _from_gains(one: MassCenterCovariance, other: MassCenterCovariance) -> FloatArray:
+def _gain_covariance(one: MassCenterCovariance, other: MassCenterCovariance) -> FloatArray:
     """(4, 4) the gains' share of the covariance of the difference."""
     if not one.same_gains_as(other):
         return one.from_gains + other.from_gains
@@ -213,7 +195,7 @@ def _from_gains(one: MassCenterCovariance, other: MassCenterCovariance) -> Float
     return np.asarray(unshared @ covariance @ unshared.T)
 
 
-def _combined(
+def _difference_covariance(
     one: MassCenterCovariance, other: MassCenterCovariance, of_gains: FloatArray, longer: float = 1.0
 ) -> tuple[FloatArray, float]:
     """Covariance of the difference and its degrees of freedom for runs `longer` times as long."""
@@ -223,35 +205,35 @@ def _combined(
     for part, freedom in parts:
         share = np.linalg.solve(total, part)
         scatter += float(np.trace(share @ share) + np.trace(share) ** 2) / freedom
-    freedom = (_SIZE + _SIZE**2) / max(scatter, 1e-9)
+    freedom = (_SIZE + _SIZE**2) / max(scatter, AgreementLevels.least_scatter)
     return total, freedom
 
 
-def _statistic(difference: FloatArray, covariance: FloatArray, freedom: float) -> float:
+def _f_statistic(difference: FloatArray, covariance: FloatArray, freedom: float) -> float:
     """F of a difference."""
     square = float(difference @ np.linalg.solve(covariance, difference))
-    free = _denominator(freedom)
+    free = _denominator_freedom(freedom)
     return square / _SIZE * free / (free + _SIZE - 1.0)
 
 
-def _denominator(freedom: float) -> float:
+def _denominator_freedom(freedom: float) -> float:
     """Degrees of freedom of the denominator of F."""
-    return max(freedom, _LEAST_FREEDOM) - _SIZE + 1.0
+    return max(freedom, AgreementLevels.fewest_freedom) - _SIZE + 1.0
 
 
-def _noticeable(covariance: FloatArray, freedom: float) -> tuple[float, float, FloatArray]:
-    """Smallest errors detected with the probability `POWER`: of mass and centre, and the latter's weakest direction."""
-    size = _limits(freedom)[1]
+def _noticeable_errors(covariance: FloatArray, freedom: float) -> tuple[float, float, FloatArray]:
+    """Smallest errors detected with `FalseAlarms.power`: of mass and centre, and the latter's weakest direction."""
+    size = _critical_and_detectable(freedom)[1]
     precision = np.linalg.inv(covariance)
     power, axes = np.linalg.eigh(precision[1:, 1:])
     return size / np.sqrt(precision[0, 0]), size / np.sqrt(power[0]), np.asarray(axes[:, 0])
 
 
 @lru_cache(maxsize=64)
-def _limits(freedom: float) -> tuple[float, float]:
-    """The critical F, and the length of a difference, in standard deviations, that exceeds it with `POWER`."""
+def _critical_and_detectable(freedom: float) -> tuple[float, float]:
+    """The critical F, and the length in standard deviations of a difference that exceeds it with `power`."""
     from scipy.special import fdtri, ncfdtrinc
 
-    free = _denominator(freedom)
-    critical = float(fdtri(_SIZE, free, 1.0 - FALSE_ALARM))
-    return critical, float(np.sqrt(ncfdtrinc(_SIZE, free, 1.0 - POWER, critical)))
+    free = _denominator_freedom(freedom)
+    critical = float(fdtri(_SIZE, free, 1.0 - FalseAlarms.probability))
+    return critical, float(np.sqrt(ncfdtrinc(_SIZE, free, 1.0 - FalseAlarms.power, critical)))

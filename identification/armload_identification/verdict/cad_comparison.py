@@ -36,14 +36,7 @@ class RelativeErrors:
 
 
 def compare(payload: PayloadResult, cad: PayloadResult) -> RelativeErrors:
-    """Relative errors of an identified payload.
-
-    Args:
-        payload: The identified payload.
-        cad: The reference.
-
-    Returns:
-        Values and errors, inertia about the origin of the frame.
+    """Relative errors of an identified payload against CAD, inertia about the origin of the frame.
 
     Raises:
         PayloadFileError: the two are in different frames.
@@ -68,10 +61,7 @@ def compare(payload: PayloadResult, cad: PayloadResult) -> RelativeErrors:
 
 
 def in_papers_convention(body: InertialParameters) -> FloatArray:
-    """(10,) mass, centre of mass, inertia about the origin with products +int xy dm.
-
-    Args:
-        body: The body.
+    """(10,) mass, centre of mass, inertia about the origin with products +int xy dm: Chen 2016, Table 2.
 
     References:
         Chen 2016, Table 2.

@@ -14,27 +14,14 @@ References:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri, stdtrit
+from scipy.special import stdtrit
 
 from armload_core.arrays import FloatArray
-
-LIMIT: Final = 3.0
-"""Standard deviations of the control limits."""
-FALSE_ALARM: Final = 0.01
-"""Probability that a report of an unchanged arm names a change."""
-_EXPECTED_RUNS: Final = 5.0
-"""Weight of the expected spread, in differences of runs."""
-_OF_DIFFERENCES: Final = 2.0 / 3.0
-"""Degrees of freedom of a mean square successive difference, per run."""
-_HALF: Final = float(chdtri(1.0, 0.5))
-_CLIPPED: Final = 9.0
-"""A squared difference is limited to this multiple of the variance from the median one: it may be a change."""
-_LEAST_LEVEL: Final = 2
-"""Least number of runs of a level; a single deviating run is not a change."""
+from armload_identification.signals.signal_constants import SampleNoise
+from armload_identification.verdict.decision_levels import ChartLevels, FalseAlarms
 
 
 @dataclass(frozen=True)
@@ -94,17 +81,17 @@ def control_chart(values: FloatArray, noise: FloatArray, doubt: FloatArray, usua
     """
     shown: NDArray[np.intp] = np.flatnonzero(np.isfinite(values))
     v, own, known = values[shown], noise[shown], doubt[shown]
-    spread = _spread(v, own, usual)
+    spread = _deviation_between_runs(v, own, usual)
     deviation = np.hypot(own, spread)
     # Change of level or outlier, upwards or downwards, at every run of every chart.
-    tests = 4.0 * charts * max(shown.size, 1)
-    freedom = _EXPECTED_RUNS + _OF_DIFFERENCES * max(shown.size - 1, 0)
-    bound = -float(stdtrit(freedom, FALSE_ALARM / tests))
-    alone = _alone(v, deviation, bound)
+    tests = ChartLevels.tests_per_run * charts * max(shown.size, 1)
+    freedom = ChartLevels.expected_runs + ChartLevels.freedom_per_difference * max(shown.size - 1, 0)
+    bound = -float(stdtrit(freedom, FalseAlarms.probability / tests))
+    alone = _isolated_runs(v, deviation, bound)
     kept: NDArray[np.intp] = np.flatnonzero(~alone)
     level, changes = np.full(shown.size, np.nan), []
     before, before_variance = 0.0, None
-    for start, end in _levels(v[kept], deviation[kept] ** -2.0, bound**2):
+    for start, end in _level_segments(v[kept], deviation[kept] ** -2.0, bound**2):
         part = kept[start:end]
         weight = deviation[part] ** -2.0
         mean, variance = float(np.average(v[part], weights=weight)), 1.0 / float(weight.sum())
@@ -115,9 +102,10 @@ def control_chart(values: FloatArray, noise: FloatArray, doubt: FloatArray, usua
             changes.append(LevelChange(int(shown[part[0]]), before, mean, size))
         level[part[0] : kept[end] if end < kept.size else shown.size] = mean
         before, before_variance = mean, variance
-    limit = LIMIT * np.hypot(deviation, known)
+    limit = ChartLevels.limit_deviations * np.hypot(deviation, known)
 
     def whole(part: FloatArray) -> FloatArray:
+        """(r,) values at all runs, NaN where the quantity is not shown."""
         full = np.full(values.size, np.nan)
         full[shown] = part
         return full
@@ -129,20 +117,22 @@ def control_chart(values: FloatArray, noise: FloatArray, doubt: FloatArray, usua
     )
 
 
-def _spread(values: FloatArray, noise: FloatArray, usual: float) -> float:
+def _deviation_between_runs(values: FloatArray, noise: FloatArray, usual: float) -> float:
     """Standard deviation between runs, from the mean square of successive differences."""
     count = values.size - 1
     if count < 1:
         return usual
     ranges = np.diff(values) ** 2
-    ranges = np.minimum(ranges, _CLIPPED * float(np.median(ranges)) / _HALF)
+    usual_range = float(np.median(ranges)) / SampleNoise.median_of_normal**2
+    ranges = np.minimum(ranges, ChartLevels.clipped * usual_range)
     seen = 0.5 * float(np.mean(ranges) - np.mean(noise[1:] ** 2 + noise[:-1] ** 2))
-    return float(np.sqrt((_EXPECTED_RUNS * usual**2 + count * max(seen, 0.0)) / (_EXPECTED_RUNS + count)))
+    expected = ChartLevels.expected_runs
+    return float(np.sqrt((expected * usual**2 + count * max(seen, 0.0)) / (expected + count)))
 
 
-def _alone(values: FloatArray, deviation: FloatArray, bound: float) -> NDArray[np.bool_]:
+def _isolated_runs(values: FloatArray, deviation: FloatArray, bound: float) -> NDArray[np.bool_]:
     """Runs that differ from their neighbours."""
-    if values.size < _LEAST_LEVEL + 1:
+    if values.size < ChartLevels.runs_of_level + 1:
         return np.zeros(values.size, dtype=bool)
     # Away from both neighbours, in the same direction; the first and the last run have only one.
     step = np.diff(values) / (bound * np.hypot(deviation[1:], deviation[:-1]))
@@ -150,7 +140,7 @@ def _alone(values: FloatArray, deviation: FloatArray, bound: float) -> NDArray[n
     return np.asarray((np.minimum(before, behind) > 1.0) | (np.maximum(before, behind) < -1.0))
 
 
-def _levels(values: FloatArray, weight: FloatArray, price: float) -> list[tuple[int, int]]:
+def _level_segments(values: FloatArray, weight: FloatArray, price: float) -> list[tuple[int, int]]:
     """Start and end of every level: weighted least squares with a penalty for each level after the first."""
     count = values.size
     if count == 0:
@@ -159,8 +149,8 @@ def _levels(values: FloatArray, weight: FloatArray, price: float) -> list[tuple[
     best, begin = np.full(count + 1, np.inf), np.zeros(count + 1, dtype=np.intp)
     best[0] = -price
     # No level ends after fewer runs, unless there are no more.
-    for end in range(min(_LEAST_LEVEL, count), count + 1):
-        starts = np.arange(0, max(end - _LEAST_LEVEL, 0) + 1)
+    for end in range(min(ChartLevels.runs_of_level, count), count + 1):
+        starts = np.arange(0, max(end - ChartLevels.runs_of_level, 0) + 1)
         part = sums[end] - sums[starts]
         cost = best[starts] + price + part[:, 2] - part[:, 1] ** 2 / part[:, 0]
         chosen = int(np.argmin(cost))

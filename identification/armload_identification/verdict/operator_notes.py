@@ -13,30 +13,17 @@ from armload_identification.estimation.friction_columns import FrictionDifferenc
 from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.physical_consistency import PhysicalEstimate
-from armload_identification.estimation.uncertainty import Uncertainty
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, Uncertainty
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phase_advance import interruptions
-from armload_identification.signals.signal_constants import Smoothing
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import ABOVE_BAND
+from armload_identification.signals.signal_constants import Smoothing
+from armload_identification.verdict.decision_levels import ArmFit, PayloadFit
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
 
-_POOR_FIT: Final = 0.5
-_FEW_PERIODS: Final = 2
-_LOUD: Final = 5.0
-"""Multiple of its noise from which a joint's torque is evidence about the arm."""
-_STRANGE: Final = 0.3
-"""Share of a joint's torque that the residual of an arm's own model does not reach; at most 0.24 on the UR10e, at a
-wrist."""
-_DEVIATIONS_95: Final = 2.0
-_UNJUDGED: Final = 0.08
-"""Error of a gain that a pair should detect; a note is given if it may not."""
-_UNLIMITED: Final = 0.5
-"""Detectable error from which a pair detects practically none: no gain is expected to be that wrong."""
 _CHECKED_BY: Final = "Several runs with a weighed payload can: `armload calibrate`."
-_PUSHES: Final = 0.02
-"""Share of the torque from which negative friction is reported."""
 
 
 def notes_on(
@@ -70,7 +57,7 @@ def notes_on(
         *misfit_notes(signal, fit),
         *_on_recordings(runs),
         *_on_interruptions(runs, signal),
-        *_on_gains(runs[0], transmission),
+        *_on_nominal_gains(runs[0], transmission),
         *_on_contradictions(gains),
         *_on_signal(signal, struck),
         *_on_result(fit, friction, physical, uncertainty),
@@ -78,6 +65,7 @@ def notes_on(
 
 
 def _on_recordings(runs: Sequence[Recording]) -> list[str]:
+    """Rows and joints that were left out, and truncated files."""
     notes = []
     for name, run in zip(("loaded", "unloaded"), runs, strict=False):
         source = run.source
@@ -107,11 +95,12 @@ def _on_interruptions(runs: Sequence[Recording], signal: LoadSignal) -> list[str
     return notes
 
 
-def _on_gains(loaded: Recording, transmission: Transmission) -> list[str]:
+def _on_nominal_gains(loaded: Recording, transmission: Transmission) -> list[str]:
+    """Gains that were not calibrated."""
     if loaded.torque_nm is not None or transmission.calibrated.all():
         return []
     if not transmission.calibrated.any():
-        allowed = _DEVIATIONS_95 * transmission.deviation.max()
+        allowed = NORMAL_HALF_WIDTH * transmission.deviation.max()
         return [
             "Drive gains are nominal: a common relative error of the gains gives the same relative error of the mass. "
             f"The intervals allow for errors of up to {100.0 * allowed:.0f} % on each joint, in 95 % of cases. "
@@ -132,7 +121,7 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
         size, half_width = gains.log_gain[joint], gains.half_width_95[joint]
         low, high = (f"{100.0 * np.expm1(value):+.1f} %" for value in (size - half_width, size + half_width))
         off = f"{100.0 * abs(np.expm1(size)):.1f} % {'higher' if size > 0.0 else 'lower'}"
-        allowed = _DEVIATIONS_95 * gains.assumed_deviation[joint]
+        allowed = NORMAL_HALF_WIDTH * gains.assumed_deviation[joint]
         notes.append(
             f"The data contradict the drive gain of joint {joint + 1}: according to the other joints it is {off} "
             f"than assumed (95 %: {low} to {high}), and the intervals allow for {100.0 * allowed:.1f} %. "
@@ -146,30 +135,31 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
             "is not clear which of them are right: mass and centre of mass may lie outside their intervals. Check "
             "torque constants and gear ratios, or calibrate the arm: `armload calibrate`."
         )
-    hidden = ~gains.contradicted & ~gains.beyond & (gains.noticeable > _UNJUDGED)
-    unnoticed = np.expm1(np.minimum(gains.noticeable, 1.0))
-    limited = np.flatnonzero(hidden & (unnoticed < _UNLIMITED))
+    hidden = ~gains.contradicted & ~gains.beyond & (gains.noticeable > PayloadFit.unjudged_gain)
+    unnoticed = np.expm1(np.minimum(gains.noticeable, PayloadFit.largest_logarithm))
+    limited = np.flatnonzero(hidden & (unnoticed < PayloadFit.unlimited_gain))
     if limited.size:
         listed = named_joints([f"{joint + 1} (up to {100.0 * unnoticed[joint]:.0f} %)" for joint in limited])
         notes.append(
-            f"These runs cannot check the drive {_gains(limited.size)} of {listed}: only a larger error is reported "
-            f"with a probability of at least 90 %. {_CHECKED_BY}"
+            f"These runs cannot check the drive {_gain_word(limited.size)} of {listed}: only a larger error is "
+            f"reported with a probability of at least 90 %. {_CHECKED_BY}"
         )
-    unlimited = hidden & (unnoticed >= _UNLIMITED)
+    unlimited = hidden & (unnoticed >= PayloadFit.unlimited_gain)
     if unlimited.any():
         notes.append(
-            f"These runs cannot check the drive {_gains(int(unlimited.sum()))} of {numbered_joints(unlimited)} "
-            f"at all: even an error of {100.0 * _UNLIMITED:.0f} % may go unreported. {_CHECKED_BY}"
+            f"These runs cannot check the drive {_gain_word(int(unlimited.sum()))} of {numbered_joints(unlimited)} "
+            f"at all: even an error of {100.0 * PayloadFit.unlimited_gain:.0f} % may go unreported. {_CHECKED_BY}"
         )
     return notes
 
 
-def _gains(count: int) -> str:
+def _gain_word(count: int) -> str:
     """'gain' or 'gains'."""
     return "gain" if count == 1 else "gains"
 
 
 def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
+    """Losses by smoothing, gaps, and a single period; (K,) struck samples are no gaps."""
     notes = []
     lossy = np.flatnonzero(signal.smoothing_loss > Smoothing.loss_limit)
     if lossy.size:
@@ -181,7 +171,7 @@ def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
     gaps = np.count_nonzero(~signal.valid & ~struck)
     if gaps:
         notes.append(f"{gaps} of {signal.valid.size} samples are in gaps and were not used.")
-    few = signal.periodic and 0 < min(count for count in signal.periods if count) < _FEW_PERIODS
+    few = signal.periodic and 0 < min(count for count in signal.periods if count) < PayloadFit.fewest_periods
     if few and signal.noise_source == ABOVE_BAND:
         notes.append(
             "A run contains only one period, so its noise was taken from the signal above the motion's band, and the "
@@ -193,6 +183,7 @@ def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
 def _on_result(
     fit: Estimate, friction: FrictionDifference | None, physical: PhysicalEstimate, uncertainty: Uncertainty
 ) -> list[str]:
+    """Friction that was compensated, directions and values that are not determined, and impossible estimates."""
     notes = []
     if friction is not None and friction.load_joints.any():
         listed = named_joints([f"{j + 1} ({friction.load[j]:.3f})" for j in np.flatnonzero(friction.load_joints)])
@@ -223,10 +214,10 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
     """Joints of the unloaded run whose torque is not explained by the arm's links and positive friction."""
     if arm is None:
         return []
-    loud = signal.unloaded.moves & (arm.torque_rms_nm > _LOUD * signal.averaged_noise_nm)
+    loud = signal.unloaded.moves & (arm.torque_rms_nm > PayloadFit.loud * signal.averaged_noise_nm)
     speed = np.sqrt(np.mean(signal.states.velocity_rad_s**2, axis=0))
-    pushes = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed < -_PUSHES * arm.torque_rms_nm
-    strange = loud & ((arm.residual_rms_nm > _STRANGE * arm.torque_rms_nm) | pushes)
+    pushes = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed < -ArmFit.driven_share_noted * arm.torque_rms_nm
+    strange = loud & ((arm.residual_rms_nm > ArmFit.residual_share * arm.torque_rms_nm) | pushes)
     if not strange.any():
         return []
     return [
@@ -236,24 +227,19 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
 
 
 def misfit_notes(signal: LoadSignal, fit: Estimate) -> list[str]:
-    """Joints whose torque difference is not explained by a payload, or all of them together.
-
-    Args:
-        signal: The torque difference.
-        fit: The plain estimate.
-    """
+    """Joints whose torque difference is not explained by a payload, or all of them together."""
     # A joint at rest was not fitted: its static friction can take any value.
     moves = signal.loaded.moves
     torque, left = (np.where(moves, values[signal.valid], 0.0) for values in (signal.torque_nm, fit.residual_nm))
     measured = np.mean((torque * fit.weight_1_nm) ** 2)
     misfit = np.mean((left * fit.weight_1_nm) ** 2)
-    if misfit > _POOR_FIT * measured:
+    if misfit > PayloadFit.poor_share * measured:
         return [
             f"A payload explains only {100.0 * (1.0 - misfit / measured):.0f} % of the torque difference: it is very "
             "light, or columns, joint order or configuration do not belong to this arm."
         ]
     size, rest = np.sqrt(np.mean(torque**2, axis=0)), np.sqrt(np.mean(left**2, axis=0))
-    strange = (size > _LOUD * signal.averaged_noise_nm) & (rest > _POOR_FIT * size)
+    strange = (size > PayloadFit.loud * signal.averaged_noise_nm) & (rest > PayloadFit.poor_share * size)
     if not strange.any():
         return []
     return [

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -15,9 +14,8 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, PayloadResult
 from armload_identification.verdict.agreement import Agreement, Known, LengthNeeded, Outcome
+from armload_identification.verdict.decision_levels import ArmFit
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
-
-_POSES: Final = 200
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -67,11 +65,7 @@ class PayloadVerdict:
 
 
 def known_payload(result: PayloadResult) -> Known:
-    """A payload file's mass and centre of mass; the covariance from its intervals if the file has none.
-
-    Args:
-        result: Content of the file.
-    """
+    """Mass and centre of mass of a payload file; the covariance from its intervals if the file has none."""
     covariance = result.mass_center
     if covariance is None:
         covariance = MassCenterCovariance.from_intervals(result.interval_95[:4], result.model.mass_kg)
@@ -79,14 +73,9 @@ def known_payload(result: PayloadResult) -> Known:
 
 
 def with_gains(known: Known, gain: FloatArray, covariance: FloatArray) -> Known:
-    """The same payload as if it had been identified with other gains.
+    """The same payload with other gains, (n,) N m/A, and the (n, n) covariance of their logarithms.
 
     Mass and centre of mass change along the slopes of the payload's file; the inertia about the centre of mass is kept.
-
-    Args:
-        known: The identified payload.
-        gain: (n,) the other gains.
-        covariance: (n, n) of their logarithms.
 
     Raises:
         ModelError: no gains were used, or those of another number of axes.
@@ -113,16 +102,7 @@ def remedy_for(
     chain: Chain,
     position_rad: FloatArray,
 ) -> Remedy:
-    """How an error equal to the tolerance could be detected.
-
-    Args:
-        agreement: The comparison.
-        length: Required length of all runs.
-        fit: The fit to the runs of the validation.
-        parameters: Its parameters.
-        chain: The arm.
-        position_rad: (K, n) the motion.
-    """
+    """How an error equal to the tolerance could be detected; fit and (K, n) motion are the validation's."""
     slope = derived(parameters)[1]
     mass, center = np.zeros(10), np.zeros(10)
     mass[0], center[1:4] = 1.0, agreement.weakest
@@ -131,7 +111,7 @@ def remedy_for(
     errors[:10] = np.linalg.solve(slope, np.column_stack([mass, center]))
     seen = np.sum(fit.whitened(errors) ** 2, axis=0)
     down = chain.gravity_m_s2 / np.linalg.norm(chain.gravity_m_s2)
-    poses = position_rad[:: max(1, len(position_rad) // _POSES)]
+    poses = position_rad[:: max(1, len(position_rad) // ArmFit.rows)]
     along = [down @ chain.forward(q)[-1][:3, :3] @ agreement.weakest for q in poses]
     return Remedy(
         length=length,

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from armload_identification.identification_errors import ModelError
+from armload_identification.verdict.decision_levels import DefaultTolerance
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +26,8 @@ class Tolerance:
         Tolerance(mass_share=0.05, center_m=0.01)
     """
 
-    mass_share: float = 0.02
-    center_m: float = 0.010
+    mass_share: float = DefaultTolerance.mass_share
+    center_m: float = DefaultTolerance.center_m
 
     def __post_init__(self) -> None:
         for name, value in (("share of the mass", self.mass_share), ("distance of the centre of mass", self.center_m)):

@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_identification.verdict.agreement import FLOOR, Agreement, Outcome
+from armload_identification.verdict.agreement import Agreement, Outcome
+from armload_identification.verdict.decision_levels import AgreementLevels, VerdictText
 from armload_identification.verdict.payload_verdict import PayloadVerdict, Remedy
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
 
@@ -22,19 +23,10 @@ _OWN_RUN: Final = (
     "runs of another motion."
 )
 _AXES: Final = ("x", "y", "z")
-_ALONG: Final = 0.9
-"""Cosine from which a direction is named after an axis."""
-_LEVEL: Final = 0.5
-"""Mean square sine of the angle to gravity below which poses with that direction horizontal are recommended."""
 
 
 def sentences(verdict: PayloadVerdict, joint_names: Sequence[str]) -> list[str]:
-    """Result of a validation in sentences, the outcome first.
-
-    Args:
-        verdict: The verdict.
-        joint_names: Names of the joints, from the base.
-    """
+    """Result of a validation in sentences, the outcome first; `joint_names` from the base."""
     text = agreement_sentences(verdict.agreement, "The second pair of runs gives")
     if verdict.own_run and verdict.outcome is Outcome.CANNOT_TELL:
         return [text[0], _OWN_RUN]
@@ -42,19 +34,14 @@ def sentences(verdict: PayloadVerdict, joint_names: Sequence[str]) -> list[str]:
         case Outcome.RIGHT:
             return text
         case Outcome.WRONG:
-            return [*text, *_remounted(verdict.agreement), *_joints(verdict, joint_names)]
+            return [*text, *_remounting_sentences(verdict.agreement), *_joint_sentences(verdict, joint_names)]
         case Outcome.CANNOT_TELL:
-            return [*text, *_remedy(verdict.remedy, verdict.agreement, joint_names)]
+            return [*text, *_remedy_sentences(verdict.remedy, verdict.agreement, joint_names)]
 
 
 def agreement_sentences(agreement: Agreement, source: str) -> list[str]:
-    """Result of a comparison in sentences, the outcome first.
-
-    Args:
-        agreement: The comparison.
-        source: Subject and verb of the first sentence, such as "CAD gives".
-    """
-    found = f"{source} {_off(agreement)}; {_allowed(agreement)}."
+    """Result of a comparison in sentences, the outcome first; `source` is such as "CAD gives"."""
+    found = f"{source} {_difference_text(agreement)}; {_tolerance_text(agreement)}."
     match agreement.outcome:
         case Outcome.RIGHT:
             if agreement.differs:
@@ -62,7 +49,7 @@ def agreement_sentences(agreement: Agreement, source: str) -> list[str]:
             return [found]
         case Outcome.WRONG:
             return [
-                _what_is_off(agreement),
+                _error_text(agreement),
                 found,
                 "A difference this large occurs by chance in fewer than 1 of 100 comparisons "
                 f"(F {agreement.statistic:.1f}, limit {agreement.critical:.1f}).",
@@ -73,11 +60,11 @@ def agreement_sentences(agreement: Agreement, source: str) -> list[str]:
                 found,
                 "This does not contradict the payload, but is too uncertain to confirm it: the smallest error that "
                 f"would be detected is {agreement.noticeable_kg:.2g} kg ({100.0 * share:.1f} %) of mass or "
-                f"{1e3 * agreement.noticeable_m:.2g} mm of the centre of mass, {_direction(agreement)}.",
+                f"{1e3 * agreement.noticeable_m:.2g} mm of the centre of mass, {_weakest_direction(agreement)}.",
             ]
 
 
-def _what_is_off(agreement: Agreement) -> str:
+def _error_text(agreement: Agreement) -> str:
     """Values that differ by more than their own interval, as errors of the payload in question."""
     difference, beyond = agreement.difference, np.abs(agreement.difference) > agreement.half_width_95
     off = []
@@ -93,7 +80,7 @@ def _what_is_off(agreement: Agreement) -> str:
     return f"{text[0].upper()}{text[1:]}."
 
 
-def _remounted(agreement: Agreement) -> list[str]:
+def _remounting_sentences(agreement: Agreement) -> list[str]:
     """A payload of the same mass with another centre of mass: the same one, mounted differently."""
     if abs(agreement.difference[0]) > max(agreement.half_width_95[0], agreement.tolerance_kg):
         return []
@@ -110,7 +97,7 @@ def _remounted(agreement: Agreement) -> list[str]:
     ]
 
 
-def _off(agreement: Agreement) -> str:
+def _difference_text(agreement: Agreement) -> str:
     """Differences with their intervals."""
     mass, *center = agreement.difference
     width = agreement.half_width_95
@@ -126,7 +113,8 @@ def _off(agreement: Agreement) -> str:
     )
 
 
-def _allowed(agreement: Agreement) -> str:
+def _tolerance_text(agreement: Agreement) -> str:
+    """The tolerance of mass and centre of mass."""
     share = agreement.tolerance_kg / agreement.judged_kg
     return (
         f"the tolerance is {100.0 * share:.3g} % of the mass ({agreement.tolerance_kg:.3f} kg) and "
@@ -134,31 +122,32 @@ def _allowed(agreement: Agreement) -> str:
     )
 
 
-def _direction(agreement: Agreement) -> str:
+def _weakest_direction(agreement: Agreement) -> str:
     """The direction in which the centre of mass is least certain."""
     axis = int(np.argmax(np.abs(agreement.weakest)))
-    if abs(agreement.weakest[axis]) >= _ALONG:
+    if abs(agreement.weakest[axis]) >= VerdictText.along:
         return f"along the flange's {_AXES[axis]} axis"
     vector = agreement.weakest * np.sign(agreement.weakest[axis])
     return "along [" + ", ".join(f"{value:.2f}" for value in vector) + "] in the flange frame"
 
 
-def _joints(verdict: PayloadVerdict, names: Sequence[str]) -> list[str]:
+def _joint_sentences(verdict: PayloadVerdict, names: Sequence[str]) -> list[str]:
     """Joints that disagree with the payload, and joints that disagree with each other."""
     text = []
     wrong = verdict.of_payload.disagree
     if wrong.any():
-        text.append(f"Measured over predicted torque: {_listed(verdict.of_payload, wrong, names)}.")
+        text.append(f"Measured over predicted torque: {_scales_text(verdict.of_payload, wrong, names)}.")
     odd = verdict.of_measured.disagree
     if odd.any():
         text.append(
             "The joints also contradict each other, whatever the payload. Measured torque relative to the best fit of "
-            f"all joints: {_listed(verdict.of_measured, odd, names)}. Check the drive gain there."
+            f"all joints: {_scales_text(verdict.of_measured, odd, names)}. Check the drive gain there."
         )
     return text
 
 
-def _listed(scales: JointScales, which: NDArray[np.bool_], names: Sequence[str]) -> str:
+def _scales_text(scales: JointScales, which: NDArray[np.bool_], names: Sequence[str]) -> str:
+    """Scales with intervals of the joints for which (n,) is True."""
     return ", ".join(
         f"{name} {scales.scale[joint]:.3f} +- {scales.half_width_95[joint]:.3f}"
         for joint, name in enumerate(names)
@@ -166,19 +155,22 @@ def _listed(scales: JointScales, which: NDArray[np.bool_], names: Sequence[str])
     )
 
 
-def _remedy(remedy: Remedy, agreement: Agreement, names: Sequence[str]) -> list[str]:
+def _remedy_sentences(remedy: Remedy, agreement: Agreement, names: Sequence[str]) -> list[str]:
+    """How an error equal to the tolerance could be detected."""
     text = []
     if np.isfinite(remedy.length.factor):
+        longer = max(remedy.length.factor, VerdictText.least_longer)
         text.append(
-            f"Identification and validation runs of {max(remedy.length.factor, 1.1):.1f} times the length would detect "
+            f"Identification and validation runs of {longer:.1f} times the length would detect "
             "an error equal to the tolerance."
         )
     elif remedy.length.gains_limit:
         return ["Longer runs would not detect it, because the drive gains are too uncertain: calibrate them."]
     else:
         return [
-            f"No run would detect it: the variation between mountings and the servos' sag, {1e3 * FLOOR[0]:.0f} g and "
-            f"{1e3 * FLOOR[1]:.0f} mm (one standard deviation), is too large for this tolerance."
+            "No run would detect it: the variation between mountings and the servos' sag, "
+            f"{1e3 * AgreementLevels.floor_kg:.0f} g and {1e3 * AgreementLevels.floor_m:.0f} mm (one standard "
+            "deviation), is too large for this tolerance."
         ]
     if remedy.mass_limits:
         text.append(
@@ -186,8 +178,8 @@ def _remedy(remedy: Remedy, agreement: Agreement, names: Sequence[str]) -> list[
             "from that axis, perpendicular to gravity, needs less time."
         )
     if remedy.center_limits:
-        direction = _direction(agreement).removeprefix("along ")
-        if remedy.level_share < _LEVEL:
+        direction = _weakest_direction(agreement).removeprefix("along ")
+        if remedy.level_share < VerdictText.level_share:
             text.append(
                 f"The motion hardly ever brings {direction} to the horizontal, where gravity has the greatest "
                 "effect: add such poses."

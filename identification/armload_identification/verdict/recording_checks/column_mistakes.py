@@ -38,98 +38,63 @@ from armload_identification.recording.recording import Recording
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import Motion
 from armload_identification.signals.reversals import reversal_speed, reversal_weights
+from armload_identification.verdict.decision_levels import ArmFit
 from armload_identification.verdict.joint_words import named_joints
 
-_ROWS: Final = 400
-_WIDE: Final = 1e-4
-"""Prior on the normalised parameters, against directions that the motion does not determine."""
-_LEAST_SHARE: Final = 0.01
-"""Residuals below this share of the torque are equally good."""
-_FITS: Final = 0.3
-"""Greatest residual, as a share of the torque, that a correct run leaves on any joint; 0.05 on the UR10e."""
-_DRIVES: Final = 0.05
-"""Share of the torque from which friction that drives the arm is significant, if it also exceeds the residual."""
-_MUCH: Final = 1.5
-"""Decrease of the sum of the logarithms of the residuals from which a mistake is evident without friction."""
-_NO_WORSE: Final = 0.5
-_STRANGE: Final = 0.3
-"""Share of a joint's torque that the residual of the arm's own model does not reach; at most 0.24 on the UR10e."""
-_ALIKE: Final = 0.2
-"""Least slope of a joint's loaded on its unloaded torque, of which the arm itself causes the greater part."""
 _TORQUES: Final = "the currents or torques"
-_ALL_SIGNS: Final = 8
-"""Up to this many joints every combination of signs is tried, otherwise one and two."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Trial:
-    """How the arm fits a run after a correction.
-
-    Attributes:
-        cost: Sum of the logarithms of the joints' residuals, as shares of their torque.
-        share: (n,) residual of each joint, as a share of its torque.
-        friction: (n,) mean friction while moving, as a share of the torque; negative where it drives the arm, 0 for
-            joints at rest: what their servos do to tiny vibrations is no friction.
-    """
+class _Correction:
+    """How the arm fits a run after a correction."""
 
     cost: float
+    """Sum of the logarithms of the joints' residuals, as shares of their torque."""
     share: FloatArray
+    """(n,) residual of each joint, as a share of its torque."""
     friction: FloatArray
+    """(n,) mean friction while moving, as a share of the torque; negative where it drives the arm, 0 for joints at
+    rest: what their servos do to tiny vibrations is no friction."""
 
     @property
     def driven(self) -> bool:
         """Whether the friction of a joint drives the arm."""
-        return bool((self.friction < -np.maximum(self.share, _DRIVES)).any())
+        return bool((self.friction < -np.maximum(self.share, ArmFit.driven_share)).any())
 
     @property
     def possible(self) -> bool:
         """Whether the run could be like this."""
-        return bool((self.share < _FITS).all()) and not self.driven
+        return bool((self.share < ArmFit.residual_share).all()) and not self.driven
 
 
 @dataclass(frozen=True)
 class _Exchange:
-    """Joints whose columns are exchanged: two, or the currents or torques of three in a cycle.
-
-    Attributes:
-        joints: Their indices.
-        what: Which of their columns: positions, currents or torques, or all.
-    """
+    """Joints whose columns are exchanged: two, or the currents or torques of three in a cycle."""
 
     joints: tuple[int, ...]
     what: str
+    """Which of their columns: positions, currents or torques, or all."""
 
 
 def looks_wrong(signal: LoadSignal, arm: BodyFit | None) -> bool:
-    """Whether a pair gives cause to look for mistakes in its columns; costs nothing compared with that search.
-
-    Args:
-        signal: The pair.
-        arm: The body fitted to the unloaded run; None if the arm was calibrated.
-    """
+    """Whether a pair gives cause to search for mistakes in its columns; `arm` is None if it was calibrated."""
     moves = signal.unloaded.moves
-    if (moves & (_slope(signal) < _ALIKE)).any():
+    if (moves & (_loaded_over_unloaded(signal) < ArmFit.loaded_over_unloaded)).any():
         return True
     if arm is None:
         return False
     speed = np.mean(np.abs(signal.unloaded.states.velocity_rad_s), axis=0)
     friction = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed
     loud = moves & (arm.torque_rms_nm > signal.averaged_noise_nm)
-    odd = (arm.residual_rms_nm > _STRANGE * arm.torque_rms_nm) | (friction < -_DRIVES * arm.torque_rms_nm)
-    return bool((loud & odd).any())
+    unexplained = arm.residual_rms_nm > ArmFit.residual_share * arm.torque_rms_nm
+    driven = friction < -ArmFit.driven_share * arm.torque_rms_nm
+    return bool((loud & (unexplained | driven)).any())
 
 
 def refuse_wrong_columns(
     signal: LoadSignal, loaded: Recording, unloaded: Recording, chain: Chain, coupling: FloatArray
 ) -> None:
-    """Raise for a pair that links and friction of the arm explain only with other columns.
-
-    Args:
-        signal: The pair.
-        loaded: Its run with the payload.
-        unloaded: Its run without it.
-        chain: The arm.
-        coupling: (n, n) C of its motors.
+    """Raise for a pair that links and friction explain only with other columns; `coupling` is (n, n) C of the motors.
 
     Raises:
         RecordingError: naming file, joint and remedy.
@@ -138,7 +103,7 @@ def refuse_wrong_columns(
     found = [set(flipped_signs(run, chain, coupling)) for run in (signal.loaded, signal.unloaded)]
     both = found[0] & found[1]
     # The sign of one run only, against the other run's evidence, shows in their comparison.
-    opposed = set(map(int, np.flatnonzero(_slope(signal) < 0.0)))
+    opposed = set(map(int, np.flatnonzero(_loaded_over_unloaded(signal) < 0.0)))
     for joints, files in (
         (both, both_files),
         ((found[0] - both) & opposed, str(loaded.source.path)),
@@ -169,7 +134,7 @@ def _flipped_text(joints: list[int]) -> str:
     )
 
 
-def _slope(signal: LoadSignal) -> FloatArray:
+def _loaded_over_unloaded(signal: LoadSignal) -> FloatArray:
     """(n,) slope of each joint's loaded on its unloaded torque, without their means; 1 for a joint without torque."""
     one, other = (run.torque_nm[signal.valid] for run in (signal.loaded, signal.unloaded))
     one, other = one - one.mean(axis=0), other - other.mean(axis=0)
@@ -178,22 +143,13 @@ def _slope(signal: LoadSignal) -> FloatArray:
 
 
 def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int, ...]:
-    """Motors whose current or torque has the wrong sign, of those whose joints move.
-
-    Args:
-        run: A run, with or without a payload.
-        chain: The arm.
-        coupling: (n, n) C of its motors.
-
-    Returns:
-        Their indices; none if the run is right as it is, or if no signs explain it.
-    """
+    """Moving motors, from 0, with current or torque of the wrong sign; none if no other signs explain the run."""
     n, moving = chain.n, np.flatnonzero(run.moves).tolist()
-    system = _System(run, chain, coupling, base_columns(chain, coupling))
+    system = _LinksAndFriction(run, chain, coupling, base_columns(chain, coupling))
     as_it_is = system.trial(np.eye(n))
-    best = as_it_is.cost + _NO_WORSE
+    best = as_it_is.cost + ArmFit.no_worse
     flipped: tuple[int, ...] = ()
-    for count in range(1, (len(moving) if n <= _ALL_SIGNS else 2) + 1):
+    for count in range(1, (len(moving) if n <= ArmFit.all_signs_joints else 2) + 1):
         for joints in combinations(moving, count):
             sign = np.ones(n)
             sign[list(joints)] = -1.0
@@ -204,26 +160,17 @@ def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int,
 
 
 def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Exchange | None:
-    """Joints whose columns are exchanged, of those that move: two, or the currents or torques of three in a cycle.
-
-    Args:
-        run: A run, with or without a payload.
-        chain: The arm.
-        coupling: (n, n) C of its motors.
-
-    Returns:
-        The exchange; None if the run is right as it is, or if none explains it.
-    """
+    """Moving joints whose columns are exchanged; None if the run is right as it is, or nothing explains it."""
     n = chain.n
     base = base_columns(chain, coupling)
-    system = _System(run, chain, coupling, base)
+    system = _LinksAndFriction(run, chain, coupling, base)
     as_it_is = system.trial(np.eye(n))
-    best, found = as_it_is.cost - _MUCH, None
+    best, found = as_it_is.cost - ArmFit.evident_gain, None
     moving = np.flatnonzero(run.moves).tolist()
     for joints in combinations(moving, 2):
         order = np.arange(n)
         order[list(joints)] = joints[::-1]
-        moved = _System(run, chain, coupling, base, order)
+        moved = _LinksAndFriction(run, chain, coupling, base, order)
         for what, trial in (
             (_TORQUES, system.trial(np.eye(n)[order])),
             ("the positions", moved.trial(np.eye(n))),
@@ -241,24 +188,16 @@ def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Excha
     return found
 
 
-def _explains(trial: _Trial, as_it_is: _Trial) -> bool:
+def _explains(trial: _Correction, as_it_is: _Correction) -> bool:
     """Whether a correction is needed, and is right."""
     if not trial.possible:
         return False
     gained = as_it_is.cost - trial.cost
-    return gained > _MUCH or (as_it_is.driven and gained > -_NO_WORSE)
+    return gained > ArmFit.evident_gain or (as_it_is.driven and gained > -ArmFit.no_worse)
 
 
-class _System:
-    """Links and friction, linear in their parameters, and the residuals of every motor's column.
-
-    Args:
-        run: The run.
-        chain: The arm.
-        coupling: (n, n) C of its motors.
-        base: (11 n,) base parameters of links and rotors.
-        order: (n,) the joint whose position is taken for each joint; as recorded if not given.
-    """
+class _LinksAndFriction:
+    """Residuals of every motor's column by (11 n,) base parameters; `order`: whose positions each joint takes."""
 
     def __init__(
         self,
@@ -270,7 +209,7 @@ class _System:
     ) -> None:
         n = chain.n
         usable = np.flatnonzero(run.valid)
-        rows = usable[:: max(1, usable.size // _ROWS)]
+        rows = usable[:: max(1, usable.size // ArmFit.rows)]
         states = run.states if order is None else tuple(state[:, order] for state in run.states)
         q, dq, ddq = (state[rows] for state in states)
         speed = states[1]
@@ -292,7 +231,7 @@ class _System:
         whole = (columns * weight[:, :, None]).reshape(-1, columns.shape[2])
         length = np.sqrt(np.sum(whole**2, axis=0))
         length[length == 0.0] = 1.0
-        orthogonal, triangle = np.linalg.qr(np.vstack([whole / length, _WIDE * np.eye(length.size)]))
+        orthogonal, triangle = np.linalg.qr(np.vstack([whole / length, ArmFit.ridge * np.eye(length.size)]))
         orthogonal = orthogonal[: len(whole)]
         # Torque of each of the recording's columns at each motor, tau = C^-T tau_axis.
         at_motor = (torque @ coupling).T[None, :, :, None] * np.linalg.inv(coupling)[:, None, None, :]
@@ -309,12 +248,8 @@ class _System:
         friction = coulomb[:, None] * coefficient[-3 * n : -2 * n] + viscous[:, None] * coefficient[-2 * n : -n]
         self._friction = friction / np.where(level > 0.0, level, np.inf)[:, None]
 
-    def trial(self, columns: FloatArray) -> _Trial:
-        """The fit of a correction.
-
-        Args:
-            columns: (n, n) sign with which each column of the recording is taken as each motor's; 0 where it is not.
-        """
+    def trial(self, columns: FloatArray) -> _Correction:
+        """The fit with (n, n) signs: how each recorded column is taken as each motor's, 0 where it is not."""
         chosen = columns.ravel()
         taken = np.flatnonzero(chosen)
         left, size = (
@@ -323,5 +258,5 @@ class _System:
         )
         relative = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
         share = left * relative
-        cost = float(np.sum(np.log(np.hypot(share, _LEAST_SHARE))))
-        return _Trial(cost, share, (self._friction @ chosen) * relative)
+        cost = float(np.sum(np.log(np.hypot(share, ArmFit.equally_good))))
+        return _Correction(cost, share, (self._friction @ chosen) * relative)

@@ -19,10 +19,6 @@ _SELECT: Final = "`--columns` for a table, `--effort` for ROS messages"
 def require_effort(run: Recording, effort: Effort) -> None:
     """Raise if the torque of a run would be computed from another quantity than the one an arm was calibrated with.
 
-    Args:
-        run: The run.
-        effort: The quantity to which the gains of the calibration refer.
-
     Raises:
         RecordingError: naming the file, its content and the remedy; or it contains neither.
     """
@@ -37,10 +33,6 @@ def require_effort(run: Recording, effort: Effort) -> None:
 def require_same_effort(loaded: Recording, unloaded: Recording) -> None:
     """Raise if the torque of two runs would be computed from different quantities.
 
-    Args:
-        loaded: Run with the payload.
-        unloaded: Run without it.
-
     Raises:
         RecordingError: naming both files, their content and the remedy; or one contains neither.
     """
@@ -54,9 +46,6 @@ def require_same_effort(loaded: Recording, unloaded: Recording) -> None:
 
 def effort_used(run: Recording) -> Effort:
     """The quantity from which a run's torque is computed.
-
-    Args:
-        run: The run.
 
     Raises:
         RecordingError: it contains neither.

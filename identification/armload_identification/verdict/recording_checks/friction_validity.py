@@ -24,12 +24,11 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.signals.reversals import REVERSAL
+from armload_identification.verdict.decision_levels import ColdArm
 from armload_identification.verdict.joint_words import named_joints
 
-FAR: Final = 5.0
-"""Threshold in standard deviations of drift between runs and fit together."""
-_INDEPENDENT_HZ: Final = 2.0
-"""Residuals of moving joints are correlated over about half a second."""
+FAR: Final = ColdArm.far_deviations
+"""For the rooms above."""
 
 
 def friction_change(
@@ -49,7 +48,7 @@ def friction_change(
     """
     direction = smooth_sign(velocity_rad_s, arm.fit.model.reversal_speed_rad_s)
     moving = np.abs(velocity_rad_s) > REVERSAL * np.abs(velocity_rad_s).max(axis=0)
-    weight = _INDEPENDENT_HZ * interval_s / np.maximum(arm.fit.residual_rms_nm, np.finfo(float).tiny) ** 2
+    weight = ColdArm.independent_hz * interval_s / np.maximum(arm.fit.residual_rms_nm, np.finfo(float).tiny) ** 2
     n = left_nm.shape[1]
     found, covariance = np.zeros((2, n)), np.zeros((n, 2, 2))
     for joint in range(n):
@@ -80,11 +79,7 @@ def standard_deviations(change: FloatArray, covariance: FloatArray, drift: Float
 
 
 def friction_notes(change: FloatArray) -> tuple[str, ...]:
-    """Notes to the operator about changed friction.
-
-    Args:
-        change: (n,) from `standard_deviations`.
-    """
+    """Notes to the operator about (n,) changes of friction from `standard_deviations`."""
     far = np.flatnonzero(change > FAR)
     if not far.size:
         return ()

@@ -7,7 +7,6 @@ the links' weight is then known within tens of per cent, and wrong units cause f
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -16,31 +15,7 @@ from armload_identification.identification_errors import EstimationError, Record
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
 from armload_identification.recording.recording import Recording
-
-_ROWS: Final = 500
-_DEGREE: Final = 180.0 / np.pi
-_TOO_STRONG: Final = 20.0
-"""Multiple of a joint's greatest torque that no drive reaches even briefly; wrong units cause a factor of 1000."""
-_WIDE: Final = 3.0
-"""Multiple of a joint's range that no motion reaches: the angles are in another unit."""
-_OUTSIDE_RAD: Final = 0.2
-_TOO_FAST: Final = 3.0
-"""Multiple of a joint's greatest speed that it does not reach while all other joints keep to theirs; at most 0.88 on
-er50, prbt and the UR10e. Degrees cause a factor of 57."""
-_WITHIN: Final = 1.2
-_SPEED_OVER_S: Final = 0.1
-"""Encoder noise does not count as speed over this time."""
-_HEAVY: Final = 0.02
-"""Share of the greatest torque from which the links' weight is visible in a joint's torque."""
-_FOLLOWS: Final = 0.6
-"""Correlation from which a torque is due to the links, whatever its scale."""
-_FOLLOWS_CLOSELY: Final = 0.9
-"""The same for all but the most loaded joint: friction of a wrist can resemble a weight in a short run."""
-_WEAK, _STRONG = 0.1, 10.0
-"""Ratios of measured to expected torque beyond which the unit, or the side of the gear, is wrong."""
-_MILLI: Final = (300.0, 3000.0)
-_TOO_HEAVY, _TOO_LIGHT = 3.0, 1e-3
-"""Multiples of the rated payload beyond which a mass is not one that the arm carries, or that its torques show."""
+from armload_identification.verdict.decision_levels import ArmFit, Correlations, Magnitudes
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +51,7 @@ def require_possible(run: Recording, chain: Chain, torque_nm: FloatArray | None,
     Raises:
         RecordingError: naming joint, value, the arm's limit, and the likely unit.
     """
-    every = slice(None, None, max(1, run.size // _ROWS))
+    every = slice(None, None, max(1, run.size // ArmFit.rows))
     position = run.position_rad[every]
     _refuse_positions(run, position, arm)
     _refuse_speeds(run, arm)
@@ -96,9 +71,10 @@ def _refuse_positions(run: Recording, position: FloatArray, arm: ArmMagnitudes) 
         width = arm.position_max_rad - arm.position_min_rad
         reach = np.maximum(np.abs(low), np.abs(high))
         bound = np.maximum(np.abs(arm.position_min_rad), np.abs(arm.position_max_rad))
-        wide = (reach > _WIDE * bound) | (high - low > _WIDE * width)
-        degrees = wide & (reach / _DEGREE < bound + _OUTSIDE_RAD)
-    for joint in np.flatnonzero(degrees | (beyond > np.maximum(_OUTSIDE_RAD, 0.1 * np.nan_to_num(width, posinf=0.0)))):
+        wide = (reach > Magnitudes.beyond * bound) | (high - low > Magnitudes.beyond * width)
+        degrees = wide & (np.radians(reach) < bound + Magnitudes.outside_rad)
+    allowed = np.maximum(Magnitudes.outside_rad, Magnitudes.outside_share * np.nan_to_num(width, posinf=0.0))
+    for joint in np.flatnonzero(degrees | (beyond > allowed)):
         question = (
             "The positions look like degrees: convert them, or add the unit to the column names of a table (q1_deg)."
             if degrees[joint]
@@ -116,15 +92,17 @@ def _refuse_positions(run: Recording, position: FloatArray, arm: ArmMagnitudes) 
 def _refuse_speeds(run: Recording, arm: ArmMagnitudes) -> None:
     """Raise for joints in degrees whose angles are so small that they could be radians."""
     interval_s = float(np.median(np.diff(run.time_s)))
-    window = max(round(_SPEED_OVER_S / interval_s), 1)
+    window = max(round(Magnitudes.speed_over_s / interval_s), 1)
     if run.size <= window:
         return
     moved = np.abs(run.position_rad[window:] - run.position_rad[:-window])
-    speed = np.percentile(moved / (run.time_s[window:] - run.time_s[:-window])[:, None], 99.0, axis=0)
+    speed = np.percentile(moved / (run.time_s[window:] - run.time_s[:-window])[:, None], Magnitudes.percentile, axis=0)
     times = speed / arm.velocity_max_rad_s
-    fast = times > _TOO_FAST
+    fast = times > Magnitudes.beyond
     # Where the others exceed them too, the limits are those of a slow test, not of the arm.
-    if not fast.any() or not (times[~fast] <= _WITHIN).any() or (times[~fast] > _WITHIN).any():
+    others = times[~fast]
+    limits_hold = (others <= Magnitudes.other_speeds).any() and not (others > Magnitudes.other_speeds).any()
+    if not fast.any() or not limits_hold:
         return
     joint = int(np.flatnonzero(fast)[0])
     raise RecordingError(
@@ -138,8 +116,8 @@ def _refuse_speeds(run: Recording, arm: ArmMagnitudes) -> None:
 def _refuse_strength(run: Recording, torque: FloatArray, arm: ArmMagnitudes) -> None:
     """Raise for torques that no joint can provide."""
     with np.errstate(invalid="ignore"):
-        times = np.nanpercentile(np.abs(torque), 99.0, axis=0) / arm.torque_max_nm
-    if not (times > _TOO_STRONG).any():
+        times = np.nanpercentile(np.abs(torque), Magnitudes.percentile, axis=0) / arm.torque_max_nm
+    if not (times > Magnitudes.strongest).any():
         return
     joint = int(np.nanargmax(times))
     raise RecordingError(
@@ -157,27 +135,28 @@ def _refuse_scale(
     expected = ArmDynamics(chain, body).torque(np.nan_to_num(position), still, still)
     swing, measured = expected - expected.mean(axis=0), torque - np.nanmean(torque, axis=0)
     size = np.sqrt(np.mean(swing**2, axis=0))
-    visible = (size > _HEAVY * np.nan_to_num(arm.torque_max_nm, nan=0.0)) & (size > _HEAVY * size.max())
+    greatest = np.maximum(np.nan_to_num(arm.torque_max_nm, nan=0.0), size.max())
+    visible = size > Magnitudes.weight_share * greatest
     for place, joint in enumerate(np.argsort(-size)):
         good = np.isfinite(measured[:, joint])
         one, other = measured[good, joint], swing[good, joint]
-        along, least = float(one @ other), _FOLLOWS if place == 0 else _FOLLOWS_CLOSELY
+        along, least = float(one @ other), Correlations.weight if place == 0 else Correlations.same
         if not visible[joint] or not along > least * float(np.sqrt((one @ one) * (other @ other))):
             continue
         scale = along / float(other @ other)
-        if not _WEAK <= scale <= _STRONG:
+        if abs(np.log(scale)) > np.log(Magnitudes.wrong_scale):
             raise _wrong_scale(run, arm.joint_names[joint], scale)
 
 
 def _wrong_scale(run: Recording, joint: str, scale: float) -> RecordingError:
     """The error for a torque that is proportional to the links' weight at a wrong scale."""
     guess = "Is this a recording of this arm, in N m or A?"
-    if scale < _WEAK:
+    if scale < 1.0:
         guess = (
             "The torques look like those of the motors, on the input side of the gears: multiply them by the gear "
             "ratio, or correct gear_ratio and torque_constant_nm_a."
         )
-    elif _MILLI[0] <= scale <= _MILLI[1]:
+    elif 1.0 / Magnitudes.milli_within <= scale / 1000.0 <= Magnitudes.milli_within:
         guess = "Torques look like N mm, or currents like milliampere: convert them to N m or A."
     return RecordingError(
         f"{run.source.path}: the torque of {joint} is {scale:.2g} times the torque of the links' weight. {guess}"
@@ -197,9 +176,9 @@ def require_possible_mass(mass_kg: float, interval_kg: FloatArray, rated_kg: flo
         EstimationError: naming the mass, the rated payload and the likely causes.
     """
     low_kg, high_kg = interval_kg
-    if low_kg > _TOO_HEAVY * rated_kg:
+    if low_kg > Magnitudes.beyond * rated_kg:
         size, units = f"{mass_kg / rated_kg:.2g} times", "N mm or milliampere, gear ratios applied twice"
-    elif high_kg < _TOO_LIGHT * rated_kg:
+    elif high_kg < Magnitudes.lightest_share * rated_kg:
         size, units = f"{100.0 * mass_kg / rated_kg:.1g} % of", "torques of the motors, gear ratios not applied"
     else:
         return

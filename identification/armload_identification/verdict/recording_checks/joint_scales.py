@@ -10,7 +10,6 @@ on one joint.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +20,7 @@ from armload_identification.estimation.uncertainty import ResidualSpectrum, stud
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.reversals import reversal_speed
-
-_DETERMINED_WITHIN: Final = 0.05
-"""Greatest 95 % half width of a determined scale."""
-_MATTERS: Final = 0.01
-"""The UR10e's joints 2 to 6 agree within this with calibrated gains."""
-_RANK: Final = 1e-9
+from armload_identification.verdict.decision_levels import JointScaleLevels
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -44,25 +38,17 @@ class JointScales:
     @property
     def determined(self) -> NDArray[np.bool_]:
         """(n,) True for joints whose scale is known within 5 %."""
-        return np.asarray(self.half_width_95 <= _DETERMINED_WITHIN)
+        return np.asarray(self.half_width_95 <= JointScaleLevels.determined_within)
 
     @property
     def disagree(self) -> NDArray[np.bool_]:
         """(n,) True for joints that deviate by more than 1 % and by more than their interval."""
-        return np.asarray(self.determined & (np.abs(self.scale - 1.0) > np.maximum(self.half_width_95, _MATTERS)))
+        off = np.abs(self.scale - 1.0) > np.maximum(self.half_width_95, JointScaleLevels.matters)
+        return np.asarray(self.determined & off)
 
 
 def joint_scales(signal: LoadSignal, predicted_nm: FloatArray, friction_nm: FloatArray) -> JointScales:
-    """The scale of every joint.
-
-    Args:
-        signal: The measured torque difference.
-        predicted_nm: (K, n) torque of the payload in question.
-        friction_nm: (K, n) friction that the load adds.
-
-    Returns:
-        Scales with intervals.
-    """
+    """The scale of every joint, by the payload's (K, n) torque and the friction that it adds, (K, n), in N m."""
     n = predicted_nm.shape[1]
     weight = steadiness(signal) * signal.valid[:, None]
     direction = smooth_sign(signal.states.velocity_rad_s, reversal_speed(signal.states.velocity_rad_s))
@@ -78,13 +64,13 @@ def joint_scales(signal: LoadSignal, predicted_nm: FloatArray, friction_nm: Floa
         rows = np.column_stack(columns) * weight[:, joint, None]
         wanted = target[:, joint] * weight[:, joint]
         length = np.linalg.norm(rows, axis=0)
-        moved = length > _RANK * max(length.max(), 1.0)
+        moved = length > JointScaleLevels.rank * max(length.max(), 1.0)
         if not moved[0]:
             continue
         rows = rows[:, moved] / length[moved]
         left, size, right = np.linalg.svd(rows, full_matrices=False)
         # At rest, the payload's torque cannot be separated from an offset.
-        if size[-1] < _RANK * size[0]:
+        if size[-1] < JointScaleLevels.rank * size[0]:
             continue
         half = right.T / size
         coefficient = half @ (left.T @ wanted)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -12,15 +11,8 @@ from armload_identification.estimation.empty_arm.known_arm_fit import MOVING
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.model.body_model import BodyModel
 from armload_identification.signals.motion import Motion
+from armload_identification.verdict.decision_levels import EnoughMotion
 from armload_identification.verdict.joint_words import numbered_joints
-
-_COUNTS_S: Final = 1.0
-"""Shortest time of motion for which a joint counts as moving."""
-_LEAST_JOINTS: Final = 2
-_ENOUGH_S: Final = 5.0
-_BRISK_RAD_S: Final = 0.3
-_OF_PEAK: Final = 0.5
-_LONG_S: Final = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,41 +29,37 @@ class MotionQuality:
 
     @classmethod
     def of(cls, motion: Motion, body: BodyModel) -> MotionQuality:
-        """The quality of a motion.
-
-        Args:
-            motion: The measured motion.
-            body: The calibrated arm.
-        """
+        """The quality of a motion, by the speeds that are usual in the arm's calibration."""
         slowest = MOVING * body.reversal_speed_rad_s
         fast = np.abs(motion.states.velocity_rad_s[motion.valid]) > slowest
         peak = MOVING * slowest
-        return cls(motion.interval_s * np.count_nonzero(fast, axis=0), np.minimum(_BRISK_RAD_S, _OF_PEAK * peak))
+        return cls(
+            motion.interval_s * np.count_nonzero(fast, axis=0),
+            np.minimum(EnoughMotion.brisk_rad_s, EnoughMotion.brisk_share * peak),
+        )
 
     @property
     def share(self) -> float:
         """Share of the joints that move long enough, 0 to 1."""
-        return float(np.mean(np.minimum(self.moving_s / _ENOUGH_S, 1.0)))
+        return float(np.mean(np.minimum(self.moving_s / EnoughMotion.enough_s, 1.0)))
 
     @property
     def missing(self) -> str:
         """Motion for a better estimate: 'move joints 4 to 6 at 0.3 rad/s for 10 s'; empty if all joints move."""
-        lazy = self.moving_s < _ENOUGH_S
+        lazy = self.moving_s < EnoughMotion.enough_s
         if not lazy.any():
             return ""
-        return f"move {numbered_joints(lazy)} at {self.brisk_rad_s[lazy].min():.2g} rad/s for {_LONG_S:g} s"
+        speed = f"{self.brisk_rad_s[lazy].min():.2g} rad/s"
+        return f"move {numbered_joints(lazy)} at {speed} for {EnoughMotion.recommended_s:g} s"
 
     def require_enough(self, name: str) -> None:
-        """Raise for standstill, and for motion of a single joint of several.
-
-        Args:
-            name: Name of the run in messages.
+        """Raise for standstill, and for motion of a single joint of several, naming the run.
 
         Raises:
             EstimationError: naming the missing motion.
         """
-        moves = self.moving_s >= _COUNTS_S
-        if np.count_nonzero(moves) >= min(_LEAST_JOINTS, moves.size):
+        moves = self.moving_s >= EnoughMotion.joint_counts_s
+        if np.count_nonzero(moves) >= min(EnoughMotion.fewest_joints, moves.size):
             return
         seen = f"only {numbered_joints(moves)} moves" if moves.any() else "the arm is at rest, or nearly so"
         raise EstimationError(
@@ -79,13 +67,7 @@ class MotionQuality:
         )
 
     def undetermined(self, name: str, mass_kg: float, half_width_kg: float) -> NoPayloadMass:
-        """The error for a mass that the motion does not determine, or that is negative.
-
-        Args:
-            name: Name of the run in messages.
-            mass_kg: The estimated mass.
-            half_width_kg: Half width of its 95 % interval.
-        """
+        """The error for a mass that the motion does not determine, or that is negative, with the half width of 95 %."""
         if mass_kg < -half_width_kg:
             return NoPayloadMass(
                 f"{name}: the mass is negative, {mass_kg:.3g} kg +- {half_width_kg:.2g} kg: the torque is not that "

@@ -14,14 +14,6 @@ from armload_identification.signals.load_signal import LoadSignal
 
 
 def raw_residual_rms(signal: LoadSignal, predicted_nm: FloatArray) -> FloatArray:
-    """RMS of single-sample differences minus prediction, from the averages and the noise that averaging removed.
-
-    Args:
-        signal: The measured difference.
-        predicted_nm: (K, n) predicted difference.
-
-    Returns:
-        (n,) in N m.
-    """
+    """(n,) RMS in N m of single samples minus (K, n) prediction, by averages and the noise that they removed."""
     averaged = np.mean((signal.raw_nm - predicted_nm)[signal.valid] ** 2, axis=0)
     return np.asarray(np.sqrt(averaged + signal.noise_nm**2 - signal.averaged_noise_nm**2))

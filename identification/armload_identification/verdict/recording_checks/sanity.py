@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,46 +16,10 @@ from armload_identification.recording.reduction.place_in_period import whole_per
 from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
 from armload_identification.signals.joint_torque import Transmission, joint_torque, reported_effort
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.verdict.decision_levels import Correlations, JointContradiction, RunLevels
 from armload_identification.verdict.joint_words import numbered_joints
 from armload_identification.verdict.recording_checks.effort_mismatch import require_same_effort
 from armload_identification.verdict.recording_checks.joint_scales import JointScales, joint_scales
-
-_MOVES_RAD: Final = 0.05
-_LOST_TO_MEANS: Final = 0.01
-"""Share of the motion's amplitude."""
-_FEEDS_ENERGY: Final = -0.03
-"""Least ratio of the work of all joints to their total energy exchange: friction makes the work positive."""
-_EXPLAINED: Final = 0.9
-_OPPOSED: Final = -0.8
-_CLEAR: Final = 5.0
-_FACTOR: Final = 3.0
-_IMPLAUSIBLE: Final = float(np.log(_FACTOR))
-"""Logarithm of the greatest error of a nominal gain, either way: beyond it, no payload can be trusted."""
-_CERTAINLY: Final = 2.0
-"""Half widths of the 95 % interval by which a joint's scale must be beyond that factor."""
-_EVIDENT: Final = 0.1
-"""Share of a joint's friction from which the payload's torque is evidence about its gain."""
-_IMPLIED: Final = 20.0
-"""Standard deviations, for white noise, of a joint's torque as implied by the others, from which it is evidence. Sound
-joints of er50, prbt and the UR10e measure 0.89 to 1.06 of what the others imply."""
-_EXACT: Final = 1e-6
-_SHARE: Final = 0.75
-"""Share of the implied torque from which a joint whose gain is not fitted is accepted."""
-_PARTS: Final = 200
-_GAP: Final = 5.0
-"""Multiple of the usual interval from which the velocity between two samples is unknown."""
-_DERIVATIVE: Final = 0.5
-"""Least correlation of a change of position with the integral of its velocity; 0.9999 on the UR10e."""
-_FOLLOWS: Final = 0.9
-_ABOUT: Final = 0.2
-"""Logarithm of the ratio of position to velocity within which it is that of a degree to a radian."""
-_FAR: Final = 0.1
-"""Share of its range of motion that no joint moves back and forth with the same torque: at most 1e-4 on er50, prbt and
-the UR10e with torques in steps of 1 % of the greatest possible one, and 0.025 in steps of a fifth of the run's."""
-_STAYS: Final = 7
-"""A signal with noise does not repeat its greatest value this often in succession by chance."""
-_RATHER_THAN_CHANCE: Final = 3
-"""The repetition must also be longer by this factor than that of any other value, for signals of coarse resolution."""
 
 
 def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmission) -> None:
@@ -64,11 +27,6 @@ def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmissio
 
     Over a run that ends where it began, friction dissipates energy, so that the motors' total work is positive;
     otherwise a sign is wrong.
-
-    Args:
-        loaded: Run with the payload.
-        unloaded: Run without it.
-        transmission: Gains and coupling.
 
     Raises:
         RecordingError: the same file twice, exchanged labels, torque in one and current in the other, a constant, stuck
@@ -93,10 +51,6 @@ def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmissio
 def check_run(run: Recording, transmission: Transmission) -> None:
     """Raise for a run with a torque column that is constant, stuck for a part of it, saturated, or of the wrong sign.
 
-    Args:
-        run: The run.
-        transmission: Gains and coupling.
-
     Raises:
         RecordingError: naming the joint and the remedy.
     """
@@ -104,7 +58,7 @@ def check_run(run: Recording, transmission: Transmission) -> None:
     _refuse_velocity(run)
     torque = joint_torque(run, transmission)
     measured = reported_effort(run)
-    moves = np.ptp(run.position_rad, axis=0) > _MOVES_RAD
+    moves = np.ptp(run.position_rad, axis=0) > RunLevels.evident_travel_rad
     still = np.flatnonzero(moves & (np.ptp(measured, axis=0) == 0.0))
     if still.size:
         raise RecordingError(
@@ -119,7 +73,7 @@ def check_run(run: Recording, transmission: Transmission) -> None:
     work = 0.5 * (torque[rows][1:] + torque[rows][:-1]) * step
     turned_over = np.sum(np.abs(work), axis=0)
     # Only their sum: a single joint can receive any amount of energy from the others over a cycle.
-    if moves.any() and work.sum() < _FEEDS_ENERGY * turned_over.sum():
+    if moves.any() and work.sum() < RunLevels.fed_energy * turned_over.sum():
         joints = numbered_joints(moves & (work.sum(axis=0) < 0.0))
         raise RecordingError(
             f"{run.source.path}: the motors of {joints} absorb energy overall, although friction should "
@@ -134,8 +88,8 @@ def _refuse_long_means(run: Recording) -> None:
     mean_s = float(np.median(np.diff(run.time_s)))
     velocity = np.diff(run.position_rad, axis=0) / mean_s
     change = np.mean(np.diff(velocity, axis=0) ** 2)
-    lost = float(change / max(float(np.mean(velocity**2)), 1e-300)) / 24.0
-    if lost > _LOST_TO_MEANS:
+    lost = float(change / max(float(np.mean(velocity**2)), np.finfo(float).tiny)) / 24.0
+    if lost > RunLevels.lost_to_means:
         hours = (run.time_s[-1] - run.time_s[0]) / 3600.0
         raise RecordingError(
             f"{run.source.path}: {hours:.1f} h without a known excitation were reduced to means over "
@@ -153,14 +107,14 @@ def _refuse_velocity(run: Recording) -> None:
         return
     velocity = np.nan_to_num(run.velocity_rad_s)
     step_s = np.diff(run.time_s)[:, None]
-    whole = step_s < _GAP * np.median(step_s)
+    whole = step_s < RunLevels.gap * np.median(step_s)
     steps = np.diff(run.position_rad, axis=0), 0.5 * (velocity[1:] + velocity[:-1]) * step_s
-    starts = np.arange(0, len(step_s), max(len(step_s) // _PARTS, 1))
+    starts = np.arange(0, len(step_s), max(len(step_s) // RunLevels.velocity_parts, 1))
     change, expected = (np.add.reduceat(whole * step, starts, axis=0) for step in steps)
     change, expected = change - change.mean(axis=0), expected - expected.mean(axis=0)
     size = np.sqrt(np.sum(change**2, axis=0) * np.sum(expected**2, axis=0))
-    moves = (np.ptp(run.position_rad, axis=0) > _MOVES_RAD) & (size > 0.0)
-    strange = moves & (np.sum(change * expected, axis=0) < _DERIVATIVE * size)
+    moves = (np.ptp(run.position_rad, axis=0) > RunLevels.evident_travel_rad) & (size > 0.0)
+    strange = moves & (np.sum(change * expected, axis=0) < Correlations.derivative * size)
     if strange.any():
         raise RecordingError(
             f"{run.source.path}: the velocity of {numbered_joints(strange)} is not the derivative "
@@ -169,9 +123,9 @@ def _refuse_velocity(run: Recording) -> None:
         )
     with np.errstate(divide="ignore", invalid="ignore"):
         times = np.sum(change**2, axis=0) / np.sum(change * expected, axis=0)
-    follows = moves & (np.sum(change * expected, axis=0) > _FOLLOWS * size)
+    follows = moves & (np.sum(change * expected, axis=0) > Correlations.same * size)
     for what, factor in (("positions", 180.0 / np.pi), ("velocities", np.pi / 180.0)):
-        degrees = follows & (np.abs(np.log(np.where(follows, times, 1.0) / factor)) < _ABOUT)
+        degrees = follows & (np.abs(np.log(np.where(follows, times, 1.0) / factor)) < RunLevels.degree_within)
         if degrees.any():
             joint = int(np.flatnonzero(degrees)[0])
             raise RecordingError(
@@ -182,7 +136,8 @@ def _refuse_velocity(run: Recording) -> None:
 
 def _refuse_stuck(run: Recording, repeats: RepeatedValues, moves: NDArray[np.bool_]) -> None:
     """Raise for a run in which a joint moves back and forth while its torque stays the same: friction would change."""
-    stuck = moves & (repeats.turned_rad > np.maximum(_MOVES_RAD, _FAR * np.ptp(run.position_rad, axis=0)))
+    range_rad = np.ptp(run.position_rad, axis=0)
+    stuck = moves & (repeats.turned_rad > np.maximum(RunLevels.evident_travel_rad, RunLevels.stuck_share * range_rad))
     for joint in np.flatnonzero(stuck):
         raise RecordingError(
             f"{run.source.path}: joint {joint + 1} moves back and forth by {repeats.turned_rad[joint]:.2g} rad, but "
@@ -194,7 +149,8 @@ def _refuse_stuck(run: Recording, repeats: RepeatedValues, moves: NDArray[np.boo
 
 def _refuse_saturation(run: Recording, repeats: RepeatedValues, moves: NDArray[np.bool_]) -> None:
     """Raise for a run in which a moving joint's torque stays at its greatest value, longer than at any other."""
-    stays = (repeats.at_bound >= _STAYS) & (repeats.at_bound >= _RATHER_THAN_CHANCE * repeats.elsewhere)
+    by_chance = np.maximum(RunLevels.saturated_repeats, RunLevels.saturated_over_others * repeats.elsewhere)
+    stays = repeats.at_bound >= by_chance
     for joint in np.flatnonzero(moves & stays):
         raise RecordingError(
             f"{run.source.path}: joint {joint + 1} stays at its maximum of {repeats.bound[joint]:.4g} for "
@@ -209,7 +165,7 @@ def _closed_part(run: Recording) -> NDArray[np.intp]:
         inside = np.flatnonzero(np.isfinite(run.phase_s))
         length_s = whole_periods(run) * run.excitation.trajectory.period_s
         return inside[run.phase_s[inside] <= run.phase_s[inside[:1]] + length_s] if length_s else inside[:0]
-    if (np.abs(run.position_rad[-1] - run.position_rad[0]) < _MOVES_RAD).all():
+    if (np.abs(run.position_rad[-1] - run.position_rad[0]) < RunLevels.evident_travel_rad).all():
         return np.arange(run.time_s.size)
     return np.empty(0, dtype=np.intp)
 
@@ -236,9 +192,10 @@ def check_against_others(
             three quarters.
     """
     measured = signal.torque_nm[signal.valid]
-    loud = np.sqrt(np.mean(measured**2, axis=0)) > _CLEAR * signal.averaged_noise_nm / np.sqrt(len(measured))
-    left = np.mean(fit.residual_nm[signal.valid] ** 2, axis=0) > (1.0 - _EXPLAINED) * np.mean(measured**2, axis=0)
-    suspect = signal.loaded.moves & loud & left
+    power, left = (np.mean(torque**2, axis=0) for torque in (measured, fit.residual_nm[signal.valid]))
+    noise_nm = signal.averaged_noise_nm / np.sqrt(len(measured))
+    loud = np.sqrt(power) > JointContradiction.clear_deviations * noise_nm
+    suspect = signal.loaded.moves & loud & (left > JointContradiction.unexplained * power)
     if gains_fitted and not suspect.any():
         return
     shares = []
@@ -257,14 +214,8 @@ def check_against_others(
 
 
 @dataclass(frozen=True)
-class _Share:
-    """Ratio of the payload torque that a joint measures to the one that the other joints imply.
-
-    Attributes:
-        joint: The joint, from 0.
-        scale: The ratio.
-        half_width_95: Half width of its 95 % interval.
-    """
+class _ImpliedShare:
+    """Ratio of the payload torque that a joint, from 0, measures to the one that the other joints imply."""
 
     joint: int
     scale: float
@@ -273,7 +224,7 @@ class _Share:
     @property
     def off(self) -> float:
         """Deviation from 1 in half widths."""
-        return abs(self.scale - 1.0) / max(self.half_width_95, _EXACT)
+        return abs(self.scale - 1.0) / max(self.half_width_95, JointContradiction.exact)
 
 
 def _fit_without(signal: LoadSignal, regressor: FloatArray, joint: int) -> Estimate:
@@ -288,7 +239,7 @@ def _refuse_opposite(signal: LoadSignal, regressor: FloatArray, others: Estimate
     """Raise if a joint measures about the opposite of what the others imply."""
     implied, measured = regressor[signal.valid][:, joint] @ others.theta, signal.torque_nm[signal.valid][:, joint]
     size = np.sqrt(np.mean(implied**2)) * np.sqrt(np.mean(measured**2))
-    if size > 0.0 and np.mean(implied * measured) < _OPPOSED * size:
+    if size > 0.0 and np.mean(implied * measured) < Correlations.opposed * size:
         raise RecordingError(
             f"joint {joint + 1} measures the opposite of the payload torque that the other joints imply. "
             "The sign of its current or torque is flipped: correct it in the configuration or the log."
@@ -297,24 +248,25 @@ def _refuse_opposite(signal: LoadSignal, regressor: FloatArray, others: Estimate
 
 def _share_of_implied(
     signal: LoadSignal, regressor: FloatArray, others: Estimate, joint: int, friction_nm: float
-) -> _Share | None:
+) -> _ImpliedShare | None:
     """The share that a joint measures of what the others imply; None if that is too small or too uncertain."""
     own = regressor[signal.valid][:, joint]
     implied_nm = np.sqrt(np.mean((own @ others.theta) ** 2))
     doubt_nm = np.sqrt(np.mean(np.einsum("ki,ij,kj->k", own, others.covariance, own)))
-    if implied_nm <= max(_IMPLIED * doubt_nm, _EVIDENT * friction_nm):
+    least_nm = max(JointContradiction.implied_deviations * doubt_nm, JointContradiction.of_friction * friction_nm)
+    if implied_nm <= least_nm:
         return None
     only = np.arange(regressor.shape[1]) == joint
     scales = joint_scales(signal, np.where(only, regressor @ others.theta, 0.0), np.zeros_like(signal.torque_nm))
-    return _Share(joint, float(scales.scale[joint]), float(scales.half_width_95[joint]))
+    return _ImpliedShare(joint, float(scales.scale[joint]), float(scales.half_width_95[joint]))
 
 
-def _refuse_small(share: _Share, n: int, *, gains_fitted: bool) -> None:
+def _refuse_small(share: _ImpliedShare, n: int, *, gains_fitted: bool) -> None:
     """Raise if a joint of n certainly measures too small a share; a fitted gain corrects a share above a third."""
-    greatest = share.scale + _CERTAINLY * share.half_width_95
-    if greatest < 1.0 / _FACTOR:
-        raise _contradiction(np.arange(n) == share.joint)
-    if greatest < _SHARE and not gains_fitted:
+    greatest = share.scale + JointContradiction.certain_half_widths * share.half_width_95
+    if greatest < 1.0 / JointContradiction.gain_factor:
+        raise _contradiction_error(np.arange(n) == share.joint)
+    if greatest < JointContradiction.least_share and not gains_fitted:
         raise EstimationError(
             f"joint {share.joint + 1} measures {share.scale:.2f} +- {share.half_width_95:.2f} of the payload torque "
             "that the other joints imply, so that mass and centre of mass would be wrong: its rated torque, torque "
@@ -323,10 +275,7 @@ def _refuse_small(share: _Share, n: int, *, gains_fitted: bool) -> None:
 
 
 def check_gains(gains: GainFit | None) -> None:
-    """Raise if the other joints imply a gain that no nominal gain is wrong by.
-
-    Args:
-        gains: The gains as fitted; None if they were not.
+    """Raise if the other joints imply a gain that no nominal gain is wrong by; None if gains were not fitted.
 
     Raises:
         EstimationError: naming the joint and the possible causes.
@@ -335,8 +284,8 @@ def check_gains(gains: GainFit | None) -> None:
         return
     size = np.where(gains.contradicted, np.abs(gains.log_gain), 0.0)
     joint = int(np.argmax(size))
-    if size[joint] > _IMPLAUSIBLE:
-        raise _contradiction(np.arange(size.size) == joint)
+    if size[joint] > np.log(JointContradiction.gain_factor):
+        raise _contradiction_error(np.arange(size.size) == joint)
 
 
 def check_scales(
@@ -357,35 +306,31 @@ def check_scales(
     Raises:
         EstimationError: naming the joints and the possible causes.
     """
-    certain = _CERTAINLY * scales.half_width_95
+    greatest, certain = JointContradiction.gain_factor, JointContradiction.certain_half_widths * scales.half_width_95
     with np.errstate(invalid="ignore"):
-        evident = np.maximum(np.abs(scales.scale), 1.0) * payload_nm > _EVIDENT * friction_nm
-        beyond = moves & evident & ((scales.scale - certain > _FACTOR) | (scales.scale + certain < 1.0 / _FACTOR))
+        evident = np.maximum(np.abs(scales.scale), 1.0) * payload_nm > JointContradiction.of_friction * friction_nm
+        beyond = moves & evident & ((scales.scale - certain > greatest) | (scales.scale + certain < 1.0 / greatest))
     if beyond.any():
-        within = np.abs(scales.scale - 1.0) + certain < _FACTOR - 1.0
+        within = np.abs(scales.scale - 1.0) + certain < greatest - 1.0
         # A joint almost free of noise determines the payload alone: then it is the others that seem wrong.
         alone = within.any() and np.count_nonzero(beyond) > np.count_nonzero(within)
-        raise _contradiction(within if alone else beyond)
+        raise _contradiction_error(within if alone else beyond)
 
 
-def _contradiction(joints: NDArray[np.bool_]) -> EstimationError:
+def _contradiction_error(joints: NDArray[np.bool_]) -> EstimationError:
     """The error for joints whose torque is not that of the payload by far."""
     one = np.count_nonzero(joints) == 1
+    factor = JointContradiction.gain_factor
     its, columns = ("its", "its column is") if one else ("their", "their columns are")
     return EstimationError(
         f"the torque of {numbered_joints(joints)} contradicts the payload that the other joints imply by more than a "
-        f"factor of {_FACTOR:.0f}: the sign of {its} current or torque is flipped, {its} torque constant, gear ratio "
+        f"factor of {factor:.0f}: the sign of {its} current or torque is flipped, {its} torque constant, gear ratio "
         f"or unit is wrong, or {columns} another joint's. Correct the configuration or the log."
     )
 
 
 def explain_negative_mass(mass_kg: float, half_width_kg: float) -> NoPayloadMass:
-    """The error for a mass that is not positive.
-
-    Args:
-        mass_kg: Plain estimate, not above 0.
-        half_width_kg: Half width of its 95 % interval.
-    """
+    """The error for a mass in kg that is not positive, with the half width of its 95 % interval."""
     if abs(mass_kg) <= half_width_kg:
         return NoPayloadMass(
             f"the two runs do not differ by a payload: the estimated mass is {mass_kg:.3g} kg +- "
