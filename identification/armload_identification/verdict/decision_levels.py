@@ -35,6 +35,17 @@ class FalseAlarms:
         missing to 1, twice makes noticeable errors 8 % smaller, half 7 % greater.
     """
 
+    @classmethod
+    def deviations(cls, tests: int) -> float:
+        """Standard deviations that the greatest of `tests` sound normal values exceeds with `probability` (Bonferroni).
+
+        Args:
+            tests: Number of values judged at once.
+        """
+        from statistics import NormalDist
+
+        return NormalDist().inv_cdf(1.0 - 0.5 * cls.probability / max(tests, 1))
+
 
 class AgreementLevels:
     """Comparison of a payload with an independent measurement (`agreement`)."""

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.estimators import steadiness
-from armload_identification.estimation.uncertainty import ResidualSpectrum, student_half_width
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, ResidualSpectrum, student_half_width
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.reversals import reversal_speed
-from armload_identification.verdict.decision_levels import JointScaleLevels
+from armload_identification.verdict.decision_levels import FalseAlarms, JointScaleLevels
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -42,8 +42,9 @@ class JointScales:
 
     @property
     def disagree(self) -> NDArray[np.bool_]:
-        """(n,) True for joints that deviate by more than 1 % and by more than their interval."""
-        off = np.abs(self.scale - 1.0) > np.maximum(self.half_width_95, JointScaleLevels.matters)
+        """(n,) True for joints that deviate by more than 1 % and by more than any of n sound joints does by chance."""
+        by_chance = FalseAlarms.deviations(self.scale.size) / NORMAL_HALF_WIDTH * self.half_width_95
+        off = np.abs(self.scale - 1.0) > np.maximum(by_chance, JointScaleLevels.matters)
         return np.asarray(self.determined & off)
 
 
