@@ -28,6 +28,13 @@ STATES: Final = 10_000
 _SEED: Final = 21
 _MARGIN: Final = 2.0
 """Factor from the greatest measured error to the stated bound, for other states and other math libraries."""
+_OPERATIONS: Final = {
+    Kind.COSINE: np.cos,
+    Kind.SINE: np.sin,
+    Kind.SUM: np.add,
+    Kind.DIFFERENCE: np.subtract,
+    Kind.PRODUCT: np.multiply,
+}
 
 
 @dataclass(frozen=True)
@@ -99,16 +106,8 @@ def _evaluated(function: Function, inputs: Mapping[str, FloatArray], precision: 
                 values[number] = np.full(1, node.value, dtype)
             case Kind.INPUT:
                 values[number] = variables[node.name]
-            case Kind.COSINE:
-                values[number] = np.cos(operands[0])
-            case Kind.SINE:
-                values[number] = np.sin(operands[0])
-            case Kind.SUM:
-                values[number] = operands[0] + operands[1]
-            case Kind.DIFFERENCE:
-                values[number] = operands[0] - operands[1]
-            case Kind.PRODUCT:
-                values[number] = operands[0] * operands[1]
+            case _:
+                values[number] = _OPERATIONS[node.kind](*operands)
     zero = np.zeros(1, dtype)
     outputs = [zero if e.is_zero else e.sign * values[e.number] for e in function.elements]
     return np.array(np.broadcast_arrays(*outputs), dtype=np.float64)

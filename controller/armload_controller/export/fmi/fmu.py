@@ -12,17 +12,16 @@ from xml.etree import ElementTree
 
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.fmi.fmu_parts import (
-    about_model,
     documentation,
     log_and_experiment,
     model_name,
     packed,
+    roots,
     sources,
     units,
     variables,
     xml_text,
 )
-from armload_controller.export.text_format import printable
 
 
 def export_fmu(subject: ExportSubject) -> dict[str, bytes]:
@@ -60,41 +59,15 @@ def fmu_texts(subject: ExportSubject) -> dict[str, str]:
 
 def _model_description(subject: ExportSubject, token: str) -> str:
     """Variables, units and dependencies."""
-    name = model_name(subject)
-    root = ElementTree.Element(
-        "fmiModelDescription",
-        fmiVersion="3.0",
-        modelName=name,
-        instantiationToken=token,
-        description=about_model(subject),
-        generationTool=printable(f"armload {subject.armload_version}"),
-        variableNamingConvention="structured",
-    )
-    ElementTree.SubElement(
-        root,
-        "CoSimulation",
-        modelIdentifier=name,
-        canGetAndSetFMUState="true",
-        canSerializeFMUState="true",
-        canHandleVariableCommunicationStepSize="true",
-    )
+    root, _ = roots(subject, "3.0", {"instantiationToken": token}, "FMUState")
     units(root)
     log_and_experiment(root)
     listed = ElementTree.SubElement(root, "ModelVariables")
     structure = ElementTree.SubElement(root, "ModelStructure")
     every = variables(subject)
     for reference, variable in enumerate(every):
-        ElementTree.SubElement(
-            listed,
-            "Float64",
-            variable.start_attribute,
-            name=variable.name,
-            valueReference=str(reference),
-            description=variable.description,
-            causality=variable.causality,
-            variability=variable.variability,
-            unit=variable.unit,
-        )
+        attributes = variable.start_attribute | variable.attributes(reference)
+        ElementTree.SubElement(listed, "Float64", attributes, unit=variable.unit)
     for kind in ("Output", "InitialUnknown"):
         for reference, variable in enumerate(every):
             if variable.causality == "output":

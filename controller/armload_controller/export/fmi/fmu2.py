@@ -12,17 +12,16 @@ from xml.etree import ElementTree
 
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.fmi.fmu_parts import (
-    about_model,
     documentation,
     log_and_experiment,
     model_name,
     packed,
+    roots,
     sources,
     units,
     variables,
     xml_text,
 )
-from armload_controller.export.text_format import printable
 
 
 def export_fmu2(subject: ExportSubject) -> dict[str, bytes]:
@@ -60,26 +59,9 @@ def fmu2_texts(subject: ExportSubject) -> dict[str, str]:
 
 def _model_description(subject: ExportSubject, token: str) -> str:
     """Variables, units and dependencies."""
-    name = model_name(subject)
-    root = ElementTree.Element(
-        "fmiModelDescription",
-        fmiVersion="2.0",
-        modelName=name,
-        guid=token,
-        description=about_model(subject),
-        generationTool=printable(f"armload {subject.armload_version}"),
-        variableNamingConvention="structured",
-    )
-    slave = ElementTree.SubElement(
-        root,
-        "CoSimulation",
-        modelIdentifier=name,
-        canGetAndSetFMUstate="true",
-        canSerializeFMUstate="true",
-        canHandleVariableCommunicationStepSize="true",
-    )
+    root, slave = roots(subject, "2.0", {"guid": token}, "FMUstate")
     files = ElementTree.SubElement(slave, "SourceFiles")
-    for file in ("fmi2.c", f"{name}.c"):
+    for file in ("fmi2.c", f"{model_name(subject)}.c"):
         ElementTree.SubElement(files, "File", name=file)
     units(root)
     log_and_experiment(root)
@@ -87,15 +69,7 @@ def _model_description(subject: ExportSubject, token: str) -> str:
     structure = ElementTree.SubElement(root, "ModelStructure")
     unknown = [ElementTree.SubElement(structure, kind) for kind in ("Outputs", "InitialUnknowns")]
     for reference, variable in enumerate(variables(subject)):
-        scalar = ElementTree.SubElement(
-            listed,
-            "ScalarVariable",
-            name=variable.name,
-            valueReference=str(reference),
-            description=variable.description,
-            causality=variable.causality,
-            variability=variable.variability,
-        )
+        scalar = ElementTree.SubElement(listed, "ScalarVariable", variable.attributes(reference))
         ElementTree.SubElement(scalar, "Real", variable.start_attribute, unit=variable.unit)
         if variable.causality == "output":
             for parent in unknown:

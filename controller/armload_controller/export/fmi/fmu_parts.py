@@ -71,15 +71,40 @@ class FmuVariable:
         """Its start value as an XML attribute; empty if it has none."""
         return {} if self.start is None else {"start": exact(self.start)}
 
+    def attributes(self, reference: int) -> dict[str, str]:
+        """Its XML attributes in both versions of the standard, with its value reference."""
+        names = ("description", "causality", "variability")
+        return {"name": self.name, "valueReference": str(reference)} | {name: getattr(self, name) for name in names}
+
 
 def model_name(subject: ExportSubject) -> str:
     """The model's name and identifier."""
     return f"armload_{subject.identifier}"
 
 
-def about_model(subject: ExportSubject) -> str:
-    """A line for the model's description."""
-    return printable(f"Torque that the payload requires of the joints. {provenance(subject)}")
+def roots(
+    subject: ExportSubject, fmi_version: str, token: Mapping[str, str], state: str
+) -> tuple[ElementTree.Element, ElementTree.Element]:
+    """The model description's root and its element CoSimulation.
+
+    Args:
+        subject: The payload and the arm.
+        fmi_version: Version of the standard.
+        token: The token of the sources, by the attribute's name in that version.
+        state: The FMU's state as that version spells it in attributes' names.
+    """
+    name = model_name(subject)
+    about = {
+        "fmiVersion": fmi_version,
+        "modelName": name,
+        **token,
+        "description": printable(f"Torque that the payload requires of the joints. {provenance(subject)}"),
+        "generationTool": printable(f"armload {subject.armload_version}"),
+        "variableNamingConvention": "structured",
+    }
+    root = ElementTree.Element("fmiModelDescription", about)
+    able = (f"canGetAndSet{state}", f"canSerialize{state}", "canHandleVariableCommunicationStepSize")
+    return root, ElementTree.SubElement(root, "CoSimulation", {"modelIdentifier": name} | dict.fromkeys(able, "true"))
 
 
 def variables(subject: ExportSubject) -> list[FmuVariable]:

@@ -29,16 +29,10 @@ def c_statements(function: Function, precision: Precision = Precision.DOUBLE) ->
                 continue
             case Kind.INPUT:
                 text = node.name
-            case Kind.COSINE:
-                text = f"cos{precision.suffix}({operands[0]})"
-            case Kind.SINE:
-                text = f"sin{precision.suffix}({operands[0]})"
-            case Kind.SUM:
-                text = f"{operands[0]} + {operands[1]}"
-            case Kind.DIFFERENCE:
-                text = f"{operands[0]} - {operands[1]}"
-            case Kind.PRODUCT:
-                text = f"{operands[0]} * {operands[1]}"
+            case Kind.COSINE | Kind.SINE:
+                text = f"{node.kind.value}{precision.suffix}({operands[0]})"
+            case _:
+                text = f"{operands[0]} {node.kind.value} {operands[1]}"
         texts[number] = f"t{len(lines)}"
         lines.append(f"    const {precision} t{len(lines)} = {text};")
     unused = [f"    (void){name};" for name in function.inputs if not any(f" = {name}[" in line for line in lines)]

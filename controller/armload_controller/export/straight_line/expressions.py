@@ -14,17 +14,22 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+
 
 class Kind(Enum):
-    """Kind of a node."""
+    """Kind of a node; that of an operation is its function or operator in C."""
 
     CONSTANT = "constant"
     INPUT = "input"
-    COSINE = "cosine"
-    SINE = "sine"
-    SUM = "sum"
-    DIFFERENCE = "difference"
-    PRODUCT = "product"
+    COSINE = "cos"
+    SINE = "sin"
+    SUM = "+"
+    DIFFERENCE = "-"
+    PRODUCT = "*"
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,10 @@ class Graph:
         if value == 0.0:
             return Expression(self, -1, 1)
         return Expression(self, self._number(Node(Kind.CONSTANT, value=abs(value))), 1 if value > 0.0 else -1)
+
+    def constants(self, values: FloatArray) -> Vector:
+        """Numbers as an array of the same shape."""
+        return np.asarray(np.vectorize(self.constant, otypes=[object])(values))
 
     def input(self, name: str) -> Expression:
         """An input variable, by its text in C."""
@@ -208,14 +217,5 @@ class Expression:
     __rmul__ = __mul__
 
 
-Vector = tuple[Expression, Expression, Expression]
-
-
-def plus(a: Vector, b: Vector) -> Vector:
-    """The sum a + b."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def cross(a: Vector, b: Vector) -> Vector:
-    """The vector product a x b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+Vector = NDArray[np.object_]
+"""(3,) expressions, or a matrix of them; numpy adds and multiplies them like numbers."""
