@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
-from typing import TextIO
+from pathlib import Path
+from typing import Any, TextIO
 
 from rich.progress import (
     BarColumn,
@@ -28,6 +29,7 @@ from rich.text import Text
 
 from armload_controller.cli.console_text import fitted
 from armload_controller.cli.keyboard import HINT, Keyboard
+from armload_controller.cli.output.json_output import print_document
 from armload_controller.cli.printable_console import PrintableConsole, accepts_output
 from armload_controller.cli.printable_text import printable
 from armload_controller.control_errors import CommissioningError
@@ -57,10 +59,13 @@ class Screen:
         keyboard: Keyboard that is polled while something is tracked.
         as_json: The result is a document on standard output: steps, bars and questions go to standard error, and
             results as text are omitted.
+
+    Attributes:
+        as_json: The same.
     """
 
     def __init__(self, keyboard: Keyboard | None = None, *, as_json: bool = False) -> None:
-        self._as_json = as_json
+        self.as_json = as_json
         self._keyboard = keyboard
         self._hinted = False
         self.console = PrintableConsole(stderr=as_json, width=_width(sys.stderr if as_json else sys.stdout))
@@ -72,15 +77,27 @@ class Screen:
 
     def result(self, text: str) -> None:
         """Print a result as text."""
-        if not self._as_json:
+        if not self.as_json:
             self.step(text)
 
     def table(self, table: Table) -> None:
         """Print a result as a table, complete at any width."""
-        if self._as_json:
+        if self.as_json:
             return
         for part in fitted(table, self.console):
             self.console.print(part)
+
+    def document(self, make: Callable[[], dict[str, Any]], files: Mapping[str, Path | None] | None = None) -> None:
+        """Print a result as a document, if one is wanted.
+
+        Args:
+            make: Makes the document, without its files.
+            files: Files that were written, by their key in the document; None for one that was not requested.
+        """
+        if not self.as_json:
+            return
+        paths = {key: None if path is None else str(path) for key, path in (files or {}).items()}
+        print_document(make() | ({} if files is None else {"files": paths}))
 
     @contextmanager
     def track(self, text: str, total: int, *, rate: bool = False) -> Iterator[Callable[[int], None]]:

@@ -28,7 +28,7 @@ from armload_controller.cli.options import (
     YesOption,
 )
 from armload_controller.cli.output.findings_output import require_not_wrong
-from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import make_folder, require_writable
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
 from armload_controller.control_errors import CommissioningError
@@ -133,20 +133,19 @@ def commission(
         plan = _Plan(arm, directory, now, simulated_drives, yes, mass_kg, shown, calibration)
         _record(plan, screen, control, halves[runs], todo)
         if runs is Runs.UNLOADED:
-            _show_half(screen, directory, as_json=as_json)
+            _show_half(screen, directory)
             return
         truth = arm.simulation.payload(arm.simulation.payload_name) if arm.bus.interface == VIRTUAL else None
         findings = _evaluate(plan, screen, truth, allowed, calibration, known)
-    if as_json:
-        print_document(findings.to_dict() | {"files": _files(directory)})
+    screen.document(findings.to_dict, _files(directory))
     require_not_wrong(findings)
 
 
-def _files(directory: Path) -> dict[str, str]:
+def _files(directory: Path) -> dict[str, Path]:
     """The folder and the files written to it; a calibration only if the runs sufficed for one."""
     names = {"payload": PAYLOAD_NAME, "report": REPORT_NAME, "calibration": CALIBRATION_NAME}
     there = {key: directory / name for key, name in names.items() if (directory / name).exists()}
-    return {"directory": str(directory)} | {key: str(path) for key, path in there.items()}
+    return {"directory": directory} | there
 
 
 @dataclass(frozen=True)
@@ -215,13 +214,12 @@ def mounting_question(arm: Robot) -> str:
     return f"{state} Is the payload mounted and the workspace clear?"
 
 
-def _show_half(screen: Screen, directory: Path, *, as_json: bool) -> None:
+def _show_half(screen: Screen, directory: Path) -> None:
     """Report that the unloaded half is recorded, and how to continue."""
     from armload_controller.cli.output.result_documents import half_document
 
     screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
-    if as_json:
-        print_document(half_document(directory))
+    screen.document(half_document, {"directory": directory})
 
 
 def _account(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:

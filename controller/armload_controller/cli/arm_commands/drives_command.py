@@ -11,13 +11,14 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from armload_controller.cli.command_group import CommandGroup
 from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOption, InterfaceOption, RobotArgument
-from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.control_errors import CommissioningError, ConfigurationError, UnsafeBus
 from armload_controller.motion.motion_control import MotionControl
 
@@ -51,8 +52,7 @@ def scan_command(
     screen = Screen(as_json=as_json)
     with open_bus(interface, channel, bitrate) as bus:
         found = find_nodes(bus)
-    if as_json:
-        print_document(nodes_document(interface, channel, found))
+    screen.document(partial(nodes_document, interface, channel, found))
     if not found:
         screen.step(f"no node answers on {interface}:{channel} at {bitrate} bit/s")
         sys.exit(EXIT_WRONG)
@@ -87,8 +87,7 @@ def check_command(
         screen.table(safety_table(found.safety))
     wrong = sum(row.verdict in {Verdict.WRONG, Verdict.NOT_DONE} for row in rows)
     missing = sum(row.verdict is Verdict.MISSING for row in rows)
-    if as_json:
-        print_document(checks_document(arm.name, found))
+    screen.document(partial(checks_document, arm.name, found))
     screen.result(f"{len(rows) - wrong - missing} ok, {missing} missing, {wrong} wrong or not done")
     if wrong:
         sys.exit(EXIT_WRONG)
@@ -119,8 +118,7 @@ def show_command(
             status = show(arm.drives.settings, bus, LISTEN_S)
             screen.table(status_table(status))
             screen.result(bus_line(status))
-            if as_json:
-                print_document(status_document(arm.name, status))
+            screen.document(partial(status_document, arm.name, status))
             if once:
                 return
 
@@ -150,8 +148,7 @@ def reset_command(
         state = reset(arm.drives.settings, joint, bus, lambda question: yes or screen.confirm(question))
     if state is None:
         raise CommissioningError("not confirmed: nothing was reset")
-    if as_json:
-        print_document(reset_document(arm.name, joint, node_id, state))
+    screen.document(partial(reset_document, arm.name, joint, node_id, state))
     screen.result(f"{joint}: {state.title}")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,7 +26,7 @@ from armload_controller.cli.options import (
     YesOption,
 )
 from armload_controller.cli.output.feedforward_output import offset_account, show_comparisons
-from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_folder
 from armload_controller.motion.motion_control import MotionControl
 
@@ -138,12 +139,8 @@ def feedforward(
         show_comparisons(screen, outcome.comparisons, arm.name, picture)
     else:
         screen.result(offset_account(outcome.verdict))
-    if as_json:
-        print_document(
-            feedforward_document(
-                arm.name, outcome.verdict, outcome.comparisons, picture if compare else None, outcome.decisions
-            )
-        )
+    document = partial(feedforward_document, arm.name, outcome.verdict, outcome.comparisons, outcome.decisions)
+    screen.document(document, {"picture": picture if compare else None})
 
 
 @dataclass(frozen=True)

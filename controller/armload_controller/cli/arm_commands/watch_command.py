@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -63,7 +64,6 @@ def watch(
     from importlib.metadata import version
 
     from armload_controller.analysis.payload_watch import PayloadWatch
-    from armload_controller.cli.output.json_output import print_document
     from armload_controller.cli.output.output_files import require_drawable
     from armload_controller.cli.output.watch_output import shown_moments
     from armload_controller.cli.screen import Screen
@@ -93,13 +93,12 @@ def watch(
         moments = _on_bus(screen, arm, payload, every_s, record, _load(load), duration_s)
     diary = None if report is None else _diary(arm, payload, watched)
     try:
-        with shown_moments(screen, arm.name, arm.joint_names, as_json=as_json) as show:
+        with shown_moments(screen, arm.name, arm.joint_names) as show:
             for moment in moments:
                 show(moment)
                 if diary is not None:
                     diary.add(moment)
-                if as_json:
-                    print_document(moment.to_dict(arm.name, version("armload")))
+                screen.document(partial(moment.to_dict, arm.name, version("armload")))
     except KeyboardInterrupt:
         screen.step("stopped watching")
     except DriverError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,7 @@ import typer
 
 from armload_controller.cli.options import RobotArgument
 from armload_controller.cli.output.findings_output import ReportOption
-from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_drawable, require_folder
 
 
@@ -60,5 +61,5 @@ def calibrate(
 
         write_calibration_report(report, result, arm.description, arm.joint_names)
         screen.step(f"written: {report}")
-    if as_json:
-        print_document(calibration_document(arm.name, arm.joint_names, result, output, report))
+    document = partial(calibration_document, arm.name, arm.joint_names, result)
+    screen.document(document, {"calibration": output, "report": report})

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.verdict_output import (
     TOLERANCE,
     ToleranceOption,
@@ -64,6 +65,5 @@ def compare(
         screen.result(corrected)
     agreement = compare_known(judged, known_payload(truth), allowed)
     show_verdict(screen, agreement.outcome, agreement_sentences(agreement, "CAD gives"))
-    if as_json:
-        print_document(comparison_document(result, agreement))
+    screen.document(partial(comparison_document, result, agreement))
     raise typer.Exit(exit_status(agreement.outcome))

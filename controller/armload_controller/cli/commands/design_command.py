@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from armload_controller.cli.options import CalibrationOption, RobotArgument
-from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_drawable
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def design(
                 seed=seed,
                 progress=lambda count, total: done(_PARTS * count // total),
             )
-        _finish(screen, wiggle, output, as_json=as_json)
+        _finish(screen, wiggle, output)
         return
     with screen.track("designing", restarts) as done:
         try:
@@ -149,16 +149,15 @@ def design(
             )
         except UnstreamablePeriod as error:
             raise typer.BadParameter(str(error)) from error
-    _finish(screen, designed, output, as_json=as_json)
+    _finish(screen, designed, output)
 
 
-def _finish(screen: Screen, designed: DesignedExcitation | DesignedWiggle, output: Path, *, as_json: bool) -> None:
+def _finish(screen: Screen, designed: DesignedExcitation | DesignedWiggle, output: Path) -> None:
     """Write the excitation and its picture, and show its figures."""
     picture = output.with_suffix(".png")
     designed.save(output)
     designed.picture(picture)
-    if as_json:
-        print_document(designed.to_dict() | {"files": {"excitation": str(output), "picture": str(picture)}})
+    screen.document(designed.to_dict, {"excitation": output, "picture": picture})
     screen.result(f"{output}: {designed}")
     screen.step(f"picture: {picture}")
 

@@ -51,4 +51,4 @@ def drift(
         history = drift_of(
             arm, runs, calibration=calibration, progress=lambda count, total: done(_PARTS * count // total)
         )
-    show_drift(screen, history, report=report, picture=picture, as_json=as_json)
+    show_drift(screen, history, report=report, picture=picture)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armload_controller.cli.options import CalibrationOption
-from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.export.format_registry import ExportFormat, exporter
 
 if TYPE_CHECKING:
@@ -53,7 +54,6 @@ def export(
     if single and export_format is not ExportFormat.C:
         raise typer.BadParameter(f"can only be used with --format c, not with {export_format}", param_hint="--float")
     from armload_controller.analysis.arm_in_use import arm_in_use
-    from armload_controller.cli.output.result_documents import export_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.export.c99 import export_c
@@ -69,7 +69,7 @@ def export(
     if is_calibration(payload):
         if export_format is not ExportFormat.URDF:
             raise typer.BadParameter(f"{payload} is an arm's calibration: expected urdf", param_hint="--format")
-        _export_arm(arm, payload, output, screen, as_json=as_json)
+        _export_arm(screen, arm, payload, output)
         return
     result = read_payload(payload)
     used = arm_in_use(arm, calibration)
@@ -77,24 +77,18 @@ def export(
     subject = ExportSubject.of(arm, result, str(payload), sha256, used.calibration, used.calibration_sha256)
     contents = export_c(subject, Precision.SINGLE) if single else exporter(export_format)(subject)
     files = write_files(contents, output)
-    for path, written in files.items():
-        screen.result(f"{'written' if written else 'unchanged'}: {path}")
     notes = [single_precision_error(subject).statement] if single else []
     unknown = [name for name, known in zip(PARAMETER_NAMES, result.determined, strict=True) if not known]
     if unknown:
         notes.append(f"not determined: {', '.join(unknown)}; the exported file states what is written for them")
     if result.provenance.configuration_sha256 != arm.sha256:
         notes.append(f"{payload} was identified with a configuration other than that of {arm.name}")
-    for note in notes:
-        screen.step(f"note: {note}")
-    if as_json:
-        print_document(export_document(arm.name, export_format, files, notes))
+    _show(screen, arm, export_format, files, notes)
 
 
-def _export_arm(arm: Robot, file: Path, output: Path, screen: Screen, *, as_json: bool) -> None:
+def _export_arm(screen: Screen, arm: Robot, file: Path, output: Path) -> None:
     """Write a calibrated arm as URDF."""
     from armload_controller.analysis.arm_in_use import calibration_of
-    from armload_controller.cli.output.result_documents import export_document
     from armload_controller.export.calibrated_urdf import arm_urdf
     from armload_controller.export.export_files import write_files
     from armload_identification.calibration.possible_links import possible_links
@@ -104,16 +98,22 @@ def _export_arm(arm: Robot, file: Path, output: Path, screen: Screen, *, as_json
     sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
     made_from = f"armload {version('armload')} from {file.name}, sha256 {sha256}"
     files = write_files(arm_urdf(arm, calibration, possible, made_from), output)
-    for path, written in files.items():
-        screen.result(f"{'written' if written else 'unchanged'}: {path}")
     notes = ["URDF cannot describe rotors and load-dependent friction; the comment in the file contains them"]
     if not possible.exact:
-        off = ", ".join(f"{value:.2g}" for value in possible.left_nm)
+        residual = ", ".join(f"{value:.2g}" for value in possible.left_nm)
         notes.append(
             "no physically possible links have the identified parameters; those written differ by "
-            f"{possible.off:.2f} standard deviations, {off} N m RMS"
+            f"{possible.off:.2f} standard deviations, {residual} N m RMS"
         )
+    _show(screen, arm, ExportFormat.URDF, files, notes)
+
+
+def _show(screen: Screen, arm: Robot, export_format: ExportFormat, files: dict[Path, bool], notes: list[str]) -> None:
+    """Show the files, whether each was written, and notes."""
+    from armload_controller.cli.output.result_documents import export_document
+
+    for path, written in files.items():
+        screen.result(f"{'written' if written else 'unchanged'}: {path}")
     for note in notes:
         screen.step(f"note: {note}")
-    if as_json:
-        print_document(export_document(arm.name, ExportFormat.URDF, files, notes))
+    screen.document(partial(export_document, arm.name, export_format, files, notes))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from armload_controller.cli.command_group import CommandGroup
-from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import make_folder, require_drawable, require_writable
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def identify_command(
             except KeyboardInterrupt:
                 screen.step("stopped: finished rows are kept, and the same command processes the rest")
                 raise
-    _show(screen, tally, output, as_json=as_json)
+    _show(screen, tally, output)
     if tally.done and not tally.outcomes[RowOutcome.IDENTIFIED.value]:
         raise typer.Exit(1)
 
@@ -122,7 +123,7 @@ def watch_command(
             )
             for found in looks(table, store, force.rows, sleep, every_s):
                 if isinstance(found, FleetTally):
-                    _show(screen, found, output, as_json=as_json)
+                    _show(screen, found, output)
                 elif isinstance(found, JobListing):
                     _warn(screen, found)
                 else:
@@ -161,8 +162,7 @@ def report_command(
     for line in suspicion_lines(review):
         screen.result(line)
     screen.step(f"written: {page}")
-    if as_json:
-        print_document(fleet_report_document(review, page))
+    screen.document(partial(fleet_report_document, review), {"report": page})
 
 
 def _require_one(scheduler: str | None, workers: int | None) -> None:
@@ -179,12 +179,11 @@ def _warn(screen: Screen, listing: JobListing) -> None:
         screen.step(f"warning: {remark}")
 
 
-def _show(screen: Screen, tally: FleetTally, output: Path, *, as_json: bool) -> None:
+def _show(screen: Screen, tally: FleetTally, output: Path) -> None:
     """Show the counts of a run over the jobs."""
     from armload_controller.cli.output.fleet_output import fleet_document, problem_lines, tally_text
 
     screen.result(tally_text(tally))
     for line in problem_lines(tally, output):
         screen.result(line)
-    if as_json:
-        print_document(fleet_document(tally, output))
+    screen.document(partial(fleet_document, tally), {"directory": output})

@@ -139,7 +139,7 @@ def identify(
     runs = [read_of(arm, file, choice) for file, choice in zip(files, choices, strict=True)]
     if every_s is not None:
         history = robot_identification.identify_over_time(arm, runs[0], every_s, calibration=calibration)
-        show_windows(Screen(as_json=as_json), history, picture=picture, as_json=as_json)
+        show_windows(Screen(as_json=as_json), history, picture=picture)
         return
     findings = robot_identification.identify(
         arm,
@@ -153,7 +153,7 @@ def identify(
     )
     if output is not None and not force:
         require_replaceable(output, findings.payload)
-    finish(Screen(as_json=as_json), findings, payload=output, report=report, as_json=as_json)
+    finish(Screen(as_json=as_json), findings, payload=output, report=report)
     require_not_wrong(findings)
 
 

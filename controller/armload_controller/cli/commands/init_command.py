@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,7 @@ import typer
 
 from armload_controller.cli.attendance import attended
 from armload_controller.cli.options import BaseOption, FlangeOption
-from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_folder
 
 if TYPE_CHECKING:
@@ -100,9 +101,9 @@ def init(
     else:
         following = _next_step(output, drafted, has_bus=bus is not None, designed=designed.names is not None)
     screen.step(f"next: {following}")
-    if as_json:
-        files = [output, *(output.with_name(name) for name in designed.names or ())]
-        print_document(init_document(arm, drafted, files, designed.problem, following))
+    written = [output, *(output.with_name(name) for name in designed.names or ())]
+    files = dict.fromkeys(("robot", *_ROLES)) | dict(zip(("robot", *_ROLES), written, strict=False))
+    screen.document(partial(init_document, arm, drafted, designed.problem, following), files)
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from armload_controller.cli.command_group import CommandGroup
-from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.recording_options import (
     BetweenOption,
     ColumnsOption,
@@ -67,10 +68,8 @@ def show_command(
     ]
     surveys = [survey(run) for run in runs]
     problem = pair_problem(*runs) if len(runs) == 2 else None
-    if as_json:
-        print_document(recording_document(surveys, problem))
-        return
-    screen = Screen()
+    screen = Screen(as_json=as_json)
+    screen.document(partial(recording_document, surveys, problem))
     for facts in surveys:
         screen.result(survey_text(facts))
         screen.table(joint_table(facts))

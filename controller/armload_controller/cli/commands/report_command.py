@@ -40,5 +40,5 @@ def report(
         calibration=calibration,
         tolerance=tolerance_of(tolerance),
     )
-    finish(Screen(as_json=as_json), findings, payload=None, report=output, as_json=as_json)
+    finish(Screen(as_json=as_json), findings, payload=None, report=output)
     require_not_wrong(findings)

@@ -71,6 +71,6 @@ def validate(
     choices = recording_choices(columns, effort, between, joints, episode, count=2)
     runs = [read_of(arm, file, choice) for file, choice in zip((loaded, unloaded), choices, strict=True)]
     findings = robot_identification.validate(arm, judged, *runs, calibration=calibration, tolerance=allowed)
-    finish(Screen(as_json=as_json), findings, payload=None, report=report, as_json=as_json)
+    finish(Screen(as_json=as_json), findings, payload=None, report=report)
     if findings.outcome is not None:
         raise typer.Exit(exit_status(findings.outcome))

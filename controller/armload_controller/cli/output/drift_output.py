@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armload_controller.cli.output.json_output import print_document
 from armload_controller.cli.output.windows_output import write_picture
 
 if TYPE_CHECKING:
@@ -13,9 +12,7 @@ if TYPE_CHECKING:
     from armload_identification.results.arm_history import ArmHistory
 
 
-def show_drift(
-    screen: Screen, history: ArmHistory, *, report: Path | None, picture: Path | None, as_json: bool
-) -> None:
+def show_drift(screen: Screen, history: ArmHistory, *, report: Path | None, picture: Path | None) -> None:
     """Show levels and changes, and write the requested files."""
     from rich.table import Table
 
@@ -43,9 +40,4 @@ def show_drift(
         screen.step(f"written: {report}")
     if picture is not None:
         write_picture(screen, history.picture, picture)
-    if as_json:
-        files = {
-            "report": None if report is None else str(report),
-            "picture": None if picture is None else str(picture),
-        }
-        print_document(history.to_dict() | {"files": files})
+    screen.document(history.to_dict, {"report": report, "picture": picture})

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.output.json_output import print_document
 from armload_controller.cli.output.verdict_output import EXIT_WRONG, show_verdict
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ def show_findings(screen: Screen, findings: Findings) -> None:
         screen.step(f"note: {note}")
 
 
-def finish(screen: Screen, findings: Findings, *, payload: Path | None, report: Path | None, as_json: bool) -> None:
+def finish(screen: Screen, findings: Findings, *, payload: Path | None, report: Path | None) -> None:
     """Write the requested files and show the findings."""
     show_findings(screen, findings)
     written = {"payload": payload, "report": report}
@@ -49,9 +48,7 @@ def finish(screen: Screen, findings: Findings, *, payload: Path | None, report: 
     for path in written.values():
         if path is not None:
             screen.step(f"written: {path}")
-    if as_json:
-        files = {key: None if path is None else str(path) for key, path in written.items()}
-        print_document(findings.to_dict() | {"files": files})
+    screen.document(findings.to_dict, written)
 
 
 def require_not_wrong(findings: Findings) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from armload_controller.cli.output.json_output import json_document
 from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
-from armload_identification.many_arms.fleet_review import FleetReview
+from armload_identification.many_arms.fleet_review import AbsentArm, ArmReview, FleetReview, Suspicion
 from armload_identification.report.numerals import counted
 
 _MOST_LINES = 10
@@ -49,19 +49,9 @@ def problem_lines(tally: FleetTally, output: Path) -> list[str]:
     return lines
 
 
-def fleet_document(tally: FleetTally, output: Path) -> dict[str, Any]:
-    """The same for `--json`.
-
-    Args:
-        tally: The counts of the run.
-        output: Folder of the rows.
-    """
-    return {
-        "schema": "armload/fleet/1",
-        "armload_version": version("armload"),
-        **tally.to_dict(),
-        "files": {"directory": str(output)},
-    }
+def fleet_document(tally: FleetTally) -> dict[str, Any]:
+    """The same for `--json`."""
+    return json_document("fleet", tally.to_dict())
 
 
 def suspicion_lines(review: FleetReview) -> list[str]:
@@ -90,39 +80,20 @@ def _absent_lines(review: FleetReview) -> list[str]:
     return [f"no recent recording, not assessed: {listed}; removed, or their recordings no longer arrive"]
 
 
-def fleet_report_document(review: FleetReview, page: Path) -> dict[str, Any]:
-    """All arms for `--json`, the most suspicious first.
+def fleet_report_document(review: FleetReview) -> dict[str, Any]:
+    """All arms for `--json`, the most suspicious first."""
 
-    Args:
-        review: The fleet.
-        page: The report.
-    """
-    return {
-        "schema": "armload/fleet-report/1",
-        "armload_version": version("armload"),
-        "arms": [
-            {
-                "name": arm.arm,
-                "model": arm.model,
-                "runs": arm.runs,
-                "without_result": arm.without_result,
-                "latest": arm.latest.isoformat(),
-                "suspicions": [
-                    {
-                        "cause": found.cause.value,
-                        "figure": None if found.quantity is None else found.quantity.kind.value,
-                        "of": None if found.quantity is None else found.quantity.of,
-                        "deviations": found.deviations,
-                        "text": found.text,
-                    }
-                    for found in arm.suspicions
-                ],
-            }
-            for arm in review.arms
-        ],
-        "absent": [
-            {"name": arm.arm, "model": arm.model, "runs": arm.runs, "latest": arm.latest.isoformat()}
-            for arm in review.absent
-        ],
-        "files": {"report": str(page)},
-    }
+    def identity(arm: ArmReview | AbsentArm) -> dict[str, Any]:
+        return {"name": arm.arm, "model": arm.model, "runs": arm.runs, "latest": arm.latest.isoformat()}
+
+    def suspicion(found: Suspicion) -> dict[str, Any]:
+        of = found.quantity
+        figure = {"figure": None if of is None else of.kind.value, "of": None if of is None else of.of}
+        return {"cause": found.cause.value, **figure, "deviations": found.deviations, "text": found.text}
+
+    arms = [
+        identity(arm)
+        | {"without_result": arm.without_result, "suspicions": [suspicion(found) for found in arm.suspicions]}
+        for arm in review.arms
+    ]
+    return json_document("fleet-report", {"arms": arms, "absent": [identity(arm) for arm in review.absent]})

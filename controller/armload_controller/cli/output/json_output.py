@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+from importlib.metadata import version
 from typing import Annotated, Any
 
 import typer
@@ -16,6 +17,11 @@ JsonOption = Annotated[
     bool,
     typer.Option("--json", help="Print the result as JSON (controller/JSON.md), everything else to standard error."),
 ]
+
+
+def json_document(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
+    """A document of the schema `armload/KIND/1`."""
+    return {"schema": f"armload/{kind}/1", "armload_version": version("armload"), **fields}
 
 
 def print_document(document: dict[str, Any]) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import version
 from typing import Any
 
 from rich.table import Table
 
+from armload_controller.cli.output.json_output import json_document
 from armload_identification.pipeline.recording_survey import RecordingSurvey
 from armload_identification.results.findings_document import numbers
 
@@ -63,12 +63,8 @@ def pair_text(surveys: Sequence[RecordingSurvey], problem: str | None) -> str:
 
 def recording_document(surveys: Sequence[RecordingSurvey], problem: str | None) -> dict[str, Any]:
     """The same for `--json`; controller/JSON.md describes it."""
-    return {
-        "schema": "armload/recordings/1",
-        "armload_version": version("armload"),
-        "recordings": [_fields(facts) for facts in surveys],
-        "pair": None if len(surveys) == 1 else {"fits": problem is None, "problem": problem},
-    }
+    pair = None if len(surveys) == 1 else {"fits": problem is None, "problem": problem}
+    return json_document("recordings", {"recordings": [_fields(facts) for facts in surveys], "pair": pair})
 
 
 def _fields(facts: RecordingSurvey) -> dict[str, Any]:

@@ -6,10 +6,10 @@ A missing number is None, and so is one that is not finite.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from armload_controller.cli.output.json_output import json_document
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.reading_options import Effort
 from armload_identification.results.findings_document import agreement_fields, number, numbers
@@ -29,18 +29,12 @@ if TYPE_CHECKING:
     from armload_identification.verdict.cad_comparison import RelativeErrors
 
 
-def _document(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
-    return {"schema": f"armload/{kind}/1", "armload_version": version("armload"), **fields}
-
-
-def half_document(directory: Path) -> dict[str, Any]:
+def half_document() -> dict[str, Any]:
     """The unloaded half of a commissioning: recordings without an identification."""
-    return _document("commission-half", {"files": {"directory": str(directory)}})
+    return json_document("commission-half", {})
 
 
-def calibration_document(
-    robot: str, joint_names: Sequence[str], result: ArmCalibration, output: Path, report: Path | None
-) -> dict[str, Any]:
+def calibration_document(robot: str, joint_names: Sequence[str], result: ArmCalibration) -> dict[str, Any]:
     """An arm calibrated from all its runs."""
     rows = zip(
         joint_names,
@@ -62,7 +56,7 @@ def calibration_document(
         }
         for name, nominal, gain, width, friction, known in rows
     ]
-    return _document(
+    return json_document(
         "calibration",
         {
             "robot": robot,
@@ -71,7 +65,6 @@ def calibration_document(
             "runs": [{"name": run.name, "mounting": run.mounting or None, "off": run.off} for run in result.runs],
             "left_out": [{"name": name, "reason": reason} for name, reason in result.left_out],
             "warnings": list(result.warnings),
-            "files": {"calibration": str(output), "report": None if report is None else str(report)},
         },
     )
 
@@ -90,7 +83,7 @@ def comparison_document(result: RelativeErrors, agreement: Agreement) -> dict[st
         name: {"cad": cad, "estimate": estimate if known else None, "error": error if known else None}
         for name, cad, estimate, error, known in rows
     }
-    return _document("comparison", {"frame": result.frame, "parameters": parameters, **agreement_fields(agreement)})
+    return json_document("comparison", {"frame": result.frame, "parameters": parameters, **agreement_fields(agreement)})
 
 
 def nodes_document(interface: str, channel: str, found: Sequence[FoundNode]) -> dict[str, Any]:
@@ -109,7 +102,7 @@ def nodes_document(interface: str, channel: str, found: Sequence[FoundNode]) -> 
         }
         for node in found
     ]
-    return _document("nodes", {"interface": interface, "channel": channel, "nodes": nodes})
+    return json_document("nodes", {"interface": interface, "channel": channel, "nodes": nodes})
 
 
 def checks_document(robot: str, found: ArmCheck) -> dict[str, Any]:
@@ -145,7 +138,7 @@ def checks_document(robot: str, found: ArmCheck) -> dict[str, Any]:
         }
         for drive in found.safety
     ]
-    return _document("checks", {"robot": robot, "checks": checks, "safety": safety})
+    return json_document("checks", {"robot": robot, "checks": checks, "safety": safety})
 
 
 def status_document(robot: str, status: ArmStatus) -> dict[str, Any]:
@@ -164,7 +157,7 @@ def status_document(robot: str, status: ArmStatus) -> dict[str, Any]:
         }
         for drive in status.drives
     ]
-    return _document(
+    return json_document(
         "status",
         {
             "robot": robot,
@@ -178,14 +171,13 @@ def status_document(robot: str, status: ArmStatus) -> dict[str, Any]:
 
 def reset_document(robot: str, joint: str, node_id: int, state: State) -> dict[str, Any]:
     """The state of a drive after its fault was reset."""
-    return _document("reset", {"robot": robot, "joint": joint, "node_id": node_id, "state": state.title})
+    return json_document("reset", {"robot": robot, "joint": joint, "node_id": node_id, "state": state.title})
 
 
 def feedforward_document(
     robot: str,
     verdict: OffsetVerdict,
     comparisons: Sequence[FollowingComparison],
-    picture: Path | None,
     decisions: Sequence[Decision] = (),
 ) -> dict[str, Any]:
     """The drives' response to a torque offset, the following errors without and with it, and the decisions."""
@@ -209,18 +201,13 @@ def feedforward_document(
         }
         for comparison in comparisons
     ]
-    files = {"picture": None if picture is None else str(picture)}
-    content = {"robot": robot, "offset": offset, "comparisons": compared, "files": files}
-    return _document("feedforward", content | {"decisions": [decision.to_dict() for decision in decisions]})
+    made = [decision.to_dict() for decision in decisions]
+    return json_document("feedforward", {"robot": robot, "offset": offset, "comparisons": compared, "decisions": made})
 
 
-def init_document(
-    arm: ArmDraft, drafted: DraftedFile, files: Sequence[Path], problem: str | None, following: str
-) -> dict[str, Any]:
+def init_document(arm: ArmDraft, drafted: DraftedFile, problem: str | None, following: str) -> dict[str, Any]:
     """A first robot file, with its missing and assumed values."""
-    roles = ("robot", "identification", "validation")
-    written = dict.fromkeys(roles) | {role: str(path) for role, path in zip(roles, files, strict=False)}
-    return _document(
+    return json_document(
         "init",
         {
             "robot": arm.name,
@@ -230,7 +217,6 @@ def init_document(
             "assumed": list(drafted.unchecked),
             "no_excitation": problem,
             "next": following,
-            "files": written,
         },
     )
 
@@ -238,4 +224,4 @@ def init_document(
 def export_document(robot: str, export_format: str, written: dict[Path, bool], notes: Sequence[str]) -> dict[str, Any]:
     """The files of an export."""
     files = [{"path": str(path), "written": new} for path, new in written.items()]
-    return _document("export", {"robot": robot, "format": export_format, "files": files, "notes": list(notes)})
+    return json_document("export", {"robot": robot, "format": export_format, "files": files, "notes": list(notes)})

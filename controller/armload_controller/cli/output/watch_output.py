@@ -24,16 +24,13 @@ _BAR = 20
 
 
 @contextmanager
-def shown_moments(
-    screen: Screen, robot: str, joint_names: Sequence[str], *, as_json: bool
-) -> Iterator[Callable[[WatchedMoment], None]]:
-    """Show moments as they come.
+def shown_moments(screen: Screen, robot: str, joint_names: Sequence[str]) -> Iterator[Callable[[WatchedMoment], None]]:
+    """Show moments as they come; if they are printed as documents, only their events.
 
     Args:
         screen: The screen.
         robot: Name of the arm.
         joint_names: Names of its joints.
-        as_json: Show only events, because the moments are printed as documents.
 
     Yields:
         A function to call with each moment.
@@ -43,7 +40,7 @@ def shown_moments(
         for event in moment.events:
             screen.step(f"{event.time_s:10.1f} s  {event}")
 
-    if as_json or not screen.console.is_terminal:
+    if screen.as_json or not screen.console.is_terminal:
 
         def line(moment: WatchedMoment) -> None:
             events(moment)

@@ -6,14 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armload_controller.cli.output.json_output import print_document
-
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_identification.results.payload_over_time import PayloadOverTime
 
 
-def show_windows(screen: Screen, history: PayloadOverTime, *, picture: Path | None, as_json: bool) -> None:
+def show_windows(screen: Screen, history: PayloadOverTime, *, picture: Path | None) -> None:
     """Show the windows as a table, and write the picture if requested."""
     from rich.table import Table
 
@@ -27,8 +25,7 @@ def show_windows(screen: Screen, history: PayloadOverTime, *, picture: Path | No
     screen.table(table)
     if picture is not None:
         write_picture(screen, history.picture, picture)
-    if as_json:
-        print_document(history.to_dict() | {"files": {"picture": None if picture is None else str(picture)}})
+    screen.document(history.to_dict, {"picture": picture})
 
 
 def write_picture(screen: Screen, draw: Callable[[Path], None], picture: Path) -> None:

@@ -121,7 +121,7 @@ def test_on_a_terminal_there_is_one_table_and_events_above_it(robot, calibration
     shown = Console(width=120, force_terminal=True, file=StringIO(), color_system=None)
     screen = Screen()
     screen.console = shown
-    with shown_moments(screen, "six", robot.joint_names, as_json=False) as show:
+    with shown_moments(screen, "six", robot.joint_names) as show:
         for moment in moments:
             show(moment)
     text = shown.file.getvalue()
@@ -130,7 +130,7 @@ def test_on_a_terminal_there_is_one_table_and_events_above_it(robot, calibration
     assert text.count("feedback frames missing") >= len(moments), "the table is drawn anew"
     lines = Console(width=200, file=StringIO())
     screen.console = lines
-    with shown_moments(screen, "six", robot.joint_names, as_json=False) as show:
+    with shown_moments(screen, "six", robot.joint_names) as show:
         for moment in moments:
             show(moment)
     assert [line for line in lines.file.getvalue().splitlines() if line == moment_text(moments[-1])]

@@ -3,8 +3,10 @@
 import json
 import re
 from collections import defaultdict
+from contextlib import redirect_stdout
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, partial
+from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -24,6 +26,7 @@ from armload_controller.cli.output.result_documents import (
     init_document,
     nodes_document,
 )
+from armload_controller.cli.screen import Screen
 from armload_controller.config.robot import load_robot
 from armload_controller.feedforward.adaptation import Decision, DecisionKind
 from armload_controller.feedforward.offset_check import OffsetVerdict
@@ -182,28 +185,43 @@ def made():
         history.to_dict() | {"files": {"picture": None}},
         wiggle.to_dict() | {"files": {"excitation": "wiggle.toml", "picture": "wiggle.png"}},
         weeks.to_dict() | {"files": {"report": None, "picture": None}},
-        calibration_document("arm", joints, arm, Path("arm.toml"), Path("arm.html")),
-        feedforward_document("arm", offset, [compared], Path("picture.svg"), [decision]),
+        printed(partial(calibration_document, "arm", joints, arm), calibration="arm.toml", report="arm.html"),
+        printed(partial(feedforward_document, "arm", offset, [compared], [decision]), picture="picture.svg"),
         nodes_document("socketcan", "can0", [node]),
-        half_document(Path("runs/today")),
-        fleet_report_document(fleet_review(), Path("report.html")),
-        fleet_document(
-            FleetTally(
-                2,
-                1,
-                problems=[FleetProblem("cell-17", "a.mcap", RowOutcome.REFUSED, "a.mcap: truncated")],
-                remarks=("line 2: no file",),
+        printed(half_document, directory="runs/today"),
+        printed(partial(fleet_report_document, fleet_review()), report="report.html"),
+        printed(
+            partial(
+                fleet_document,
+                FleetTally(
+                    2,
+                    1,
+                    problems=[FleetProblem("cell-17", "a.mcap", RowOutcome.REFUSED, "a.mcap: truncated")],
+                    remarks=("line 2: no file",),
+                ),
             ),
-            Path("fleet"),
+            directory="fleet",
         ),
-        init_document(
-            SimpleNamespace(name="arm", joint_names=joints, other_joints=("finger",)),
-            SimpleNamespace(holes=["joints[1].torque_max_nm"], unchecked=["gravity"]),
-            [Path("arm.toml")],
-            "values are missing",
-            "fill these in",
+        printed(
+            partial(
+                init_document,
+                SimpleNamespace(name="arm", joint_names=joints, other_joints=("finger",)),
+                SimpleNamespace(holes=["joints[1].torque_max_nm"], unchecked=["gravity"]),
+                "values are missing",
+                "fill these in",
+            ),
+            robot="arm.toml",
+            identification=None,
+            validation=None,
         ),
     ]
+
+
+def printed(make, **files):
+    """A document with its files, as a screen prints it."""
+    with redirect_stdout(StringIO()) as out:
+        Screen(as_json=True).document(make, {key: name and Path(name) for key, name in files.items()})
+    return json.loads(out.getvalue())
 
 
 def test_what_is_not_determined_has_no_number():
@@ -226,7 +244,7 @@ def test_a_joint_that_never_left_its_setpoint_has_no_reduction():
     offset = OffsetVerdict(joints, ones, ones, np.full(2, 0.01), 4)
     errors = np.tile([0.01, 0.0], (5, 1))
     compared = Comparison(Measure.ADDED, joints, np.arange(5.0), errors, {"fed": 0.1 * errors}, 9.0 * ones)
-    fed = feedforward_document("arm", offset, [compared], None)
+    fed = feedforward_document("arm", offset, [compared])
     reductions = [joint["reduction"]["fed"] for joint in fed["comparisons"][0]["joints"]]
     assert reductions == [pytest.approx(0.9), None]
     assert [compared.less("fed", joint, 1) for joint in (0, 1)] == ["90.0 % less", "no error without it"]
