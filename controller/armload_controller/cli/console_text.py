@@ -16,6 +16,11 @@ _BORDER = 1
 _PADDING = 2
 
 
+def right(*headings: str, no_wrap: bool = False) -> list[Column]:
+    """Columns of numbers, by their headings."""
+    return [Column(heading, justify="right", no_wrap=no_wrap) for heading in headings]
+
+
 def fitted(table: Table, console: Console) -> list[Table]:
     """Fit a table to a console.
 

@@ -127,12 +127,8 @@ class Screen:
         times = [TimeElapsedColumn(table_column=_TIME), TimeRemainingColumn(table_column=_TIME)]
         room = self.console.width - len(f"{text}  100% 0:00:00 0:00:00")
         bar = [BarColumn(bar_width=min(room, _GREATEST_BAR))] if room >= _LEAST_BAR else []
-        return [
-            TextColumn("{task.description}", markup=False, table_column=Column()),
-            *bar,
-            TaskProgressColumn(),
-            *times,
-        ]
+        text_column = TextColumn("{task.description}", markup=False, table_column=Column())
+        return [text_column, *bar, TaskProgressColumn(), *times]
 
     def ask(self, question: str) -> str:
         """Ask for a text.

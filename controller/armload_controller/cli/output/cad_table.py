@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rich.table import Table
 
+from armload_controller.cli.console_text import right
 from armload_identification.results.payload_text import NOT_DETERMINED
 from armload_identification.verdict.cad_comparison import RelativeErrors
 
@@ -13,11 +14,8 @@ PAPERS_UNITS = ("kg", "m", "m", "m", *["kg m2"] * 6)
 
 def comparison_table(result: RelativeErrors) -> Table:
     """The paper's Table 2 for one payload."""
-    table = Table(title=f"Payload in the {result.frame} frame against CAD, as Chen 2016, Table 2", title_justify="left")
-    table.add_column("parameter")
-    for column in ("CAD", "estimate", "error"):
-        table.add_column(column, justify="right")
-    table.add_column("unit")
+    title = f"Payload in the {result.frame} frame against CAD, as Chen 2016, Table 2"
+    table = Table("parameter", *right("CAD", "estimate", "error"), "unit", title=title, title_justify="left")
     rows = zip(PAPERS_NAMES, PAPERS_UNITS, result.truth, result.estimate, result.error, result.determined, strict=True)
     for name, unit, truth, estimate, error, determined in rows:
         if determined:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from rich.table import Table
 
+from armload_controller.cli.console_text import right
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.recording.reading_options import Effort
@@ -17,12 +18,9 @@ def gains_table(result: ArmCalibration, joint_names: Sequence[str]) -> Table:
     current = result.effort is Effort.CURRENT
     title = "Torque per ampere of motor current" if current else "Torque per N m that the drive reports"
     unit = "N m/A" if current else ""
-    table = Table(
-        title=f"{title}, output side of the gear, and friction per transmitted torque (mu)", title_justify="left"
-    )
-    table.add_column("joint")
-    for column in (f"nominal {unit}".strip(), "calibrated", "95 % +-", "change", "mu", "95 % +-", "unexplained"):
-        table.add_column(column, justify="right")
+    headings = (f"nominal {unit}".strip(), "calibrated", "95 % +-", "change", "mu", "95 % +-", "unexplained")
+    title = f"{title}, output side of the gear, and friction per transmitted torque (mu)"
+    table = Table("joint", *right(*headings), title=title, title_justify="left")
     width = NORMAL_HALF_WIDTH
     load = width * result.deviation("load")
     left = result.noise_nm / np.maximum(result.level_nm, np.finfo(float).tiny)
@@ -46,11 +44,9 @@ def gains_table(result: ArmCalibration, joint_names: Sequence[str]) -> Table:
 
 def runs_table(result: ArmCalibration) -> Table:
     """Fit of every run."""
-    table = Table(title="Runs used; off: residual relative to that of all runs, 1 is usual", title_justify="left")
-    for column in ("run", "carried"):
-        table.add_column(column)
-    for column in ("off", "worst joint", "greatest influence", "impacts left out"):
-        table.add_column(column, justify="right")
+    title = "Runs used; off: residual relative to that of all runs, 1 is usual"
+    headings = right("off", "worst joint", "greatest influence", "impacts left out")
+    table = Table("run", "carried", *headings, title=title, title_justify="left")
     found = {payload.mounting: payload for payload in result.payloads}
     for run in result.runs:
         ratio = run.residual_rms_nm / np.maximum(result.noise_nm, np.finfo(float).tiny)
@@ -58,12 +54,9 @@ def runs_table(result: ArmCalibration) -> Table:
         carried = "nothing"
         if run.mounting:
             payload = found[run.mounting]
-            weighed = (
-                ", weighed"
-                if np.isfinite(payload.weighed_kg)
-                else f" +- {NORMAL_HALF_WIDTH * payload.deviation[0]:.3f}"
-            )
-            carried = f"{run.mounting}: {payload.theta[0]:z.3f} kg{weighed}"
+            interval = f" +- {NORMAL_HALF_WIDTH * payload.deviation[0]:.3f}"
+            known = ", weighed" if np.isfinite(payload.weighed_kg) else interval
+            carried = f"{run.mounting}: {payload.theta[0]:z.3f} kg{known}"
         table.add_row(
             run.name,
             carried,

@@ -16,15 +16,13 @@ def show_drift(screen: Screen, history: ArmHistory, *, report: Path | None, pict
     """Show levels and changes, and write the requested files."""
     from rich.table import Table
 
+    from armload_controller.cli.console_text import right
+    from armload_identification.report.numerals import counted
     from armload_identification.results.arm_history import HEADINGS
 
-    count = len(history.drift.runs)
-    counted = f"{count} run{'' if count == 1 else 's'}"
-    table = Table(
-        title=f"{history.robot}: {counted} against {history.calibration_name}, present levels", title_justify="left"
-    )
-    for number, heading in enumerate(HEADINGS):
-        table.add_column(heading, justify="right" if number else "left")
+    runs = counted(len(history.drift.runs), "run")
+    title = f"{history.robot}: {runs} against {history.calibration_name}, present levels"
+    table = Table(HEADINGS[0], *right(*HEADINGS[1:]), title=title, title_justify="left")
     for row in history.rows():
         table.add_row(*row)
     screen.table(table)

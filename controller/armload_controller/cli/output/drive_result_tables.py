@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from armload_drivers.bring_up.drive_check import Check, DriveSafety, Verdict
@@ -18,9 +18,8 @@ _COLOURS = {Verdict.OK: "green", Verdict.MISSING: "yellow", Verdict.WRONG: "red"
 
 def found_table(found: list[FoundNode]) -> Table:
     """One row per node."""
-    table = Table(title="nodes on the bus")
-    for heading in ("node", "device", "vendor", "product", "revision", "modes", "missing safety properties"):
-        table.add_column(heading)
+    headings = ("node", "device", "vendor", "product", "revision", "modes", "missing safety properties")
+    table = Table(*headings, title="nodes on the bus")
     for node in found:
         kind = node.name or "CiA 402 drive"
         if not node.is_drive:
@@ -40,11 +39,14 @@ def _hexadecimal(number: int | None) -> str:
     return "-" if number is None else f"0x{number:08X}"
 
 
+def _folded(*headings: str) -> list[Column]:
+    """Columns of texts that may contain long words."""
+    return [Column(heading, overflow="fold") for heading in headings]
+
+
 def check_table(rows: Sequence[Check]) -> Table:
     """One row per step and joint."""
-    table = Table(title="bring-up short of enabling")
-    for heading in ("joint", "node", "step", "", "what"):
-        table.add_column(heading, overflow="fold")
+    table = Table(*_folded("joint", "node", "step", "", "what"), title="bring-up short of enabling")
     for row in rows:
         verdict = Text(row.verdict.value, style=_COLOURS[row.verdict])
         table.add_row(row.joint, str(row.node_id), row.step, verdict, row.detail)
@@ -53,9 +55,7 @@ def check_table(rows: Sequence[Check]) -> Table:
 
 def safety_table(drives: Sequence[DriveSafety]) -> Table:
     """One row per property and joint: how it is provided, or the consequence of its absence and the remedy."""
-    table = Table(title="safety properties of the drives")
-    for heading in ("joint", "the drive ...", "", "by"):
-        table.add_column(heading, overflow="fold")
+    table = Table(*_folded("joint", "the drive ...", "", "by"), title="safety properties of the drives")
     for drive in drives:
         for number, finding in enumerate(drive.findings):
             joint = f"{drive.joint} ({drive.node_id})" if not number else ""
@@ -76,10 +76,9 @@ def _safety_cells(finding: SafetyFinding) -> tuple[Text, str]:
 
 def status_table(status: ArmStatus) -> Table:
     """One row per joint."""
-    table = Table()
     warm = any(drive.temperature_celsius is not None for drive in status.drives)
-    for heading in ("joint", "node", "state", "axis position rad", "effort", *["°C"] * warm, "error"):
-        table.add_column(heading, no_wrap=heading == "joint")
+    headings = ("node", "state", "axis position rad", "effort", *["°C"] * warm, "error")
+    table = Table(Column("joint", no_wrap=True), *headings)
     for drive in status.drives:
         if drive.state is None:
             table.add_row(drive.joint, str(drive.node_id), "?", "", "", *[""] * warm, drive.trouble)

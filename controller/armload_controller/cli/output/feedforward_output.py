@@ -41,13 +41,12 @@ def following_error_table(comparison: Comparison) -> Table:
     """RMS of the error per joint, and its reduction by feed-forward."""
     from rich.table import Table
 
+    from armload_controller.cli.console_text import right
     from armload_controller.session.feedforward_comparison import Measure
 
     what = comparison.measure
-    table = Table(title=f"{what[0].upper()}{what[1:]}, RMS over time", title_justify="left")
-    table.add_column("joint")
-    for column in ("weight N m", "without mrad", *comparison.with_rad):
-        table.add_column(column, justify="right")
+    headings = right("weight N m", "without mrad", *comparison.with_rad)
+    table = Table("joint", *headings, title=f"{what[0].upper()}{what[1:]}, RMS over time", title_justify="left")
     for i, name in enumerate(comparison.joint_names):
         shares = [comparison.less(label, i, 1) for label in comparison.with_rad]
         mark = " *" if i in comparison.gravity_loaded else ""

@@ -7,8 +7,10 @@ from typing import Any
 
 from rich.table import Table
 
+from armload_controller.cli.console_text import right
 from armload_controller.cli.output.json_output import json_document
 from armload_identification.pipeline.recording_survey import RecordingSurvey
+from armload_identification.report.numerals import counted
 from armload_identification.results.findings_document import numbers
 
 _RUN_KEYS = ("robot", "load", "role", "created")
@@ -35,10 +37,8 @@ def survey_text(facts: RecordingSurvey) -> str:
 def joint_table(facts: RecordingSurvey) -> Table:
     """A row for each joint."""
     unit = {"joint torque": "N m", "motor current": "A"}.get(facts.effort_kind or "", "")
-    table = Table()
-    table.add_column("joint")
-    for heading in ("position, rad", "speed to, rad/s", *([f"{facts.effort_kind}, {unit}"] if unit else [])):
-        table.add_column(heading, justify="right")
+    effort = [f"{facts.effort_kind}, {unit}"] if unit else []
+    table = Table("joint", *right("position, rad", "speed to, rad/s", *effort))
     for joint in range(facts.recording.n):
         name = facts.recording.joint_names[joint] if facts.recording.joint_names else str(joint + 1)
         low, high = facts.position_rad[joint]
@@ -106,7 +106,7 @@ def _fields(facts: RecordingSurvey) -> dict[str, Any]:
 def _holes(facts: RecordingSurvey) -> str:
     if not facts.holes:
         return ", no gaps"
-    return f", {facts.holes} gap{'s' if facts.holes > 1 else ''}, the longest {facts.longest_hole_s:.3g} s"
+    return f", {counted(facts.holes, 'gap')}, the longest {facts.longest_hole_s:.3g} s"
 
 
 def _motion(facts: RecordingSurvey) -> str:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.table import Table
+from rich.table import Column, Table
 
+from armload_controller.cli.console_text import right
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
@@ -17,14 +18,14 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
 
     For a parameter that is not determined, the table states this instead of a number.
     """
-    table = Table(title=f"Payload in the {payload.frame} frame, inertia about its centre of mass", title_justify="left")
-    table.add_column("parameter", no_wrap=True)
-    for column in ("estimate", "95 % interval"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("unit")
-    if truth is not None:
-        for column in ("truth", "error"):
-            table.add_column(column, justify="right")
+    table = Table(
+        Column("parameter", no_wrap=True),
+        *right("estimate", "95 % interval", no_wrap=True),
+        "unit",
+        *(() if truth is None else right("truth", "error")),
+        title=f"Payload in the {payload.frame} frame, inertia about its centre of mass",
+        title_justify="left",
+    )
     true_values = None if truth is None else truth.values
     for i, text in enumerate(value_texts(payload)):
         row = [text.name, text.estimate, text.interval, text.unit]
@@ -37,10 +38,9 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
 
 def validation_table(validation: Validation, joint_names: Sequence[str]) -> Table:
     """Residual in the motion's band, and ratio of measured to predicted torque, per joint."""
-    table = Table(title="The payload's torque in the motion's band, friction predicted", title_justify="left")
-    table.add_column("joint")
-    for column in ("measured N m", "residual N m", "share", "measured / predicted"):
-        table.add_column(column, justify="right")
+    headings = right("measured N m", "residual N m", "share", "measured / predicted")
+    title = "The payload's torque in the motion's band, friction predicted"
+    table = Table("joint", *headings, title=title, title_justify="left")
     scales = validation.verdict.of_payload
     for i, name in enumerate(joint_names):
         measured, left = validation.torque_in_band_nm[i], validation.left_in_band_nm[i]

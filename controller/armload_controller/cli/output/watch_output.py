@@ -63,15 +63,15 @@ def moment_table(moment: WatchedMoment, robot: str, joint_names: Sequence[str]) 
     """A moment as a table: the line of `moment_text`, and the time in motion of each joint."""
     from rich.table import Table
 
-    table = Table(title=f"{robot}: {moment_text(moment).strip()}", title_justify="left")
-    table.add_column("joint")
-    table.add_column("moved s", justify="right")
-    table.add_column("")
-    table.add_column("feedback frames missing", justify="right")
+    from armload_controller.cli.console_text import right
+
+    moved, missing = right("moved s", "feedback frames missing")
+    title = f"{robot}: {moment_text(moment).strip()}"
+    table = Table("joint", moved, "", missing, title=title, title_justify="left")
     found, bus = moment.payload, moment.bus
     moving_s = np.zeros(len(joint_names)) if found is None else found.moving_s
-    missing = (0,) * len(joint_names) if bus is None else bus.missing
-    for name, moved_s, lost in zip(joint_names, moving_s.tolist(), missing, strict=True):
+    lost_frames = (0,) * len(joint_names) if bus is None else bus.missing
+    for name, moved_s, lost in zip(joint_names, moving_s.tolist(), lost_frames, strict=True):
         bar = "#" * round(_BAR * min(moved_s / _LONG_S, 1.0))
         table.add_row(name, f"{moved_s:.1f}", bar.ljust(_BAR, "."), str(lost))
     return table

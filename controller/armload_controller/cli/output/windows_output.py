@@ -17,9 +17,8 @@ def show_windows(screen: Screen, history: PayloadOverTime, *, picture: Path | No
 
     from armload_identification.results.payload_over_time import HEADINGS
 
-    table = Table(title=f"What {history.robot} carried, 95 % intervals, flange frame", title_justify="left")
-    for heading in HEADINGS:
-        table.add_column(heading)
+    title = f"What {history.robot} carried, 95 % intervals, flange frame"
+    table = Table(*HEADINGS, title=title, title_justify="left")
     for row in history.rows():
         table.add_row(*row)
     screen.table(table)
