@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -57,10 +57,6 @@ class PayloadEvent:
         """One line of text."""
         text = self.kind if self.mass_kg is None else f"{self.kind} ({self.mass_kg:+.2f} kg)"
         return text if self.joint is None else f"{text}: {self.joint}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """As in the schema `armload/watch/1`."""
-        return {"time_s": self.time_s, "kind": self.kind, "mass_kg": self.mass_kg, "joint": self.joint}
 
 
 class PayloadEvents:

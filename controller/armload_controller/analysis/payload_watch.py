@@ -63,41 +63,32 @@ class WatchedMoment:
 
     def to_dict(self, robot: str, version: str) -> dict[str, Any]:
         """Numbers, texts, lists and dictionaries: the schema `armload/watch/1`."""
-        document: dict[str, Any] = {
+        return {
             "schema": "armload/watch/1",
             "armload_version": version,
             "robot": robot,
             "time_s": self.time_s,
+            **_payload_fields(self.payload),
+            "events": [asdict(event) for event in self.events],
+            "bus": self.bus and asdict(self.bus) | {"missing": list(self.bus.missing)},
         }
-        found, bus = self.payload, self.bus
-        if found is None:
-            document |= dict.fromkeys(_OF_PAYLOAD)
-        else:
-            center = zip(found.values[1:], found.determined[1:], strict=True)
-            values = (
-                found.mass_kg,
-                float(found.half_width_95[0]),
-                [float(value) if sure else None for value, sure in center],
-                found.moving_s.tolist(),
-                found.changes,
-                found.contact,
-                found.refused,
-            )
-            document |= dict(zip(_OF_PAYLOAD, values, strict=True))
-        document["events"] = [event.to_dict() for event in self.events]
-        document["bus"] = None if bus is None else asdict(bus) | {"missing": list(bus.missing)}
-        return document
 
 
-_OF_PAYLOAD: Final = (
-    "mass_kg",
-    "half_width_95_kg",
-    "center_of_mass_m",
-    "moving_s",
-    "changes",
-    "contact",
-    "refused",
-)
+def _payload_fields(found: LivePayload | None) -> dict[str, Any]:
+    """The estimate in a document; None in every field if there is no estimate."""
+    if found is None:
+        keys = ("mass_kg", "half_width_95_kg", "center_of_mass_m", "moving_s", "changes", "contact", "refused")
+        return dict.fromkeys(keys)
+    center = zip(found.values[1:], found.determined[1:], strict=True)
+    return {
+        "mass_kg": found.mass_kg,
+        "half_width_95_kg": float(found.half_width_95[0]),
+        "center_of_mass_m": [float(value) if sure else None for value, sure in center],
+        "moving_s": found.moving_s.tolist(),
+        "changes": found.changes,
+        "contact": found.contact,
+        "refused": found.refused,
+    }
 
 
 class PayloadWatch:

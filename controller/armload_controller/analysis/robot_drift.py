@@ -9,11 +9,10 @@ from pathlib import Path
 from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_recordings import read_of
-from armload_controller.config.robot_runs import UNLOADED, is_run_table
+from armload_controller.config.robot_runs import UNLOADED, listed_runs
 from armload_controller.control_errors import CommissioningError
 from armload_identification.calibration.run_health import RunHealth, run_health
-from armload_identification.files.run_table import TableRow, read_run_table
-from armload_identification.identification_errors import EstimationError, IdentificationError, RunTableError
+from armload_identification.identification_errors import EstimationError, IdentificationError
 from armload_identification.pipeline.arm_drift import arm_drift
 from armload_identification.results.arm_history import ArmHistory
 
@@ -40,26 +39,19 @@ def drift(
     """
     used = arm_in_use(robot, calibration)
     known, _ = used.calibrated("comparing runs requires the arm's calibration")
-    rows = _rows(paths)
+    rows, from_table = listed_runs(paths)
     health: list[RunHealth] = []
     left_out: list[tuple[str, str]] = []
-    for done, (row, said) in enumerate(rows, 1):
+    for done, row in enumerate(rows, 1):
+        name = row.recording.name
         try:
             run = read_of(robot, row.recording)
-            mounting = "" if said is None and run.source.run().get("load") == UNLOADED else said
-            health.append(
-                run_health(
-                    run,
-                    known,
-                    robot.chain,
-                    robot.transmission,
-                    name=row.recording.name,
-                    mounting=mounting,
-                    recorded=row.recorded,
-                )
-            )
+            unloaded = run.source.run().get("load") == UNLOADED
+            mounting = row.mounting if from_table else "" if unloaded else None
+            arm = (known, robot.chain, robot.transmission)
+            health.append(run_health(run, *arm, name=name, mounting=mounting, recorded=row.recorded))
         except (IdentificationError, CommissioningError) as problem:
-            left_out.append((row.recording.name, str(problem).removeprefix(f"{row.recording}: ")))
+            left_out.append((name, str(problem).removeprefix(f"{row.recording}: ")))
         if progress is not None:
             progress(done, len(rows))
     if not health:
@@ -75,18 +67,3 @@ def drift(
         left_out=tuple(left_out),
         armload_version=version("armload"),
     )
-
-
-def _rows(paths: Sequence[Path]) -> list[tuple[TableRow, str | None]]:
-    """The recordings, each with its mounting as stated by the table; None without a table."""
-    tables = [path for path in paths if is_run_table(path)]
-    if not tables:
-        return [(TableRow(path, "", None, None), None) for path in paths]
-    if len(paths) > 1:
-        raise RunTableError(
-            str(tables[0]),
-            "",
-            None,
-            "a table of runs cannot be combined with recordings; add the recordings to the table",
-        )
-    return [(row, row.mounting) for row in read_run_table(tables[0])]

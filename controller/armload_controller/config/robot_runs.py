@@ -45,6 +45,24 @@ def is_run_table(path: Path) -> bool:
         return False
 
 
+def listed_runs(paths: Sequence[Path]) -> tuple[tuple[TableRow, ...], bool]:
+    """The recordings, and whether they are from a table, which states their mountings.
+
+    Args:
+        paths: One table of runs, or recordings.
+
+    Raises:
+        RunTableError: the table is invalid, or is given together with recordings.
+    """
+    tables = [path for path in paths if is_run_table(path)]
+    if not tables:
+        return tuple(TableRow(path, "", None, None) for path in paths), False
+    if len(paths) > 1:
+        expected = "a table of runs cannot be combined with recordings; add the recordings to the table"
+        raise RunTableError(str(tables[0]), "", None, expected)
+    return read_run_table(tables[0]), True
+
+
 def read_runs(robot: Robot, paths: Sequence[Path], progress: Callable[[int, int], None] | None = None) -> ArmRuns:
     """Read all runs of an arm.
 
@@ -60,26 +78,18 @@ def read_runs(robot: Robot, paths: Sequence[Path], progress: Callable[[int, int]
         RunTableError: the table is invalid, is given together with recordings, or a recording states no payload.
         FileError: a payload file cannot be used.
     """
-    tables = [path for path in paths if is_run_table(path)]
-    if tables and len(paths) > 1:
-        raise RunTableError(
-            str(tables[0]),
-            "",
-            None,
-            "a table of runs cannot be combined with recordings; add the recordings to the table",
-        )
-    rows = read_run_table(tables[0]) if tables else tuple(TableRow(path, "", None, None) for path in paths)
+    rows, from_table = listed_runs(paths)
     runs, left_out = [], []
     for done, row in enumerate(rows, 1):
         try:
             recording = read_of(robot, row.recording)
-            mounting = row.mounting if tables else _mounting_of(recording)
+            mounting = row.mounting if from_table else _mounting_of(recording)
             runs.append(MountedRun(recording, mounting, row.recorded))
         except (IdentificationError, CommissioningError) as problem:
             left_out.append((row.recording.name, str(problem).removeprefix(f"{row.recording}: ")))
         if progress is not None:
             progress(done, len(rows))
-    weighed = _weighed(rows) if tables else _weighed_as_recorded(runs)
+    weighed = _weighed(rows) if from_table else _weighed_as_recorded(runs)
     return ArmRuns(tuple(runs), weighed, tuple(left_out))
 
 

@@ -14,6 +14,11 @@ from armload_identification.report.numerals import counted
 from armload_identification.results.findings_document import numbers
 
 _RUN_KEYS = ("robot", "load", "role", "created")
+_SOURCE_KEYS = ("sha256", "truncated", "rows_read", "rows_dropped")
+_SURVEY_KEYS = (
+    *("duration_s", "rate_hz", "holes", "longest_hole_s"),
+    *("moving_s", "period_s", "periods", "interruptions"),
+)
 
 
 def survey_text(facts: RecordingSurvey) -> str:
@@ -76,20 +81,10 @@ def _fields(facts: RecordingSurvey) -> dict[str, Any]:
     return {
         "file": str(source.path),
         "format": source.kind,
-        "sha256": source.sha256,
-        "truncated": source.truncated,
+        **{key: getattr(source, key) for key in _SOURCE_KEYS},
         **{key: described.get(key) for key in _RUN_KEYS},
-        "rows_read": source.rows_read,
-        "rows_dropped": source.rows_dropped,
-        "duration_s": facts.duration_s,
-        "rate_hz": facts.rate_hz,
-        "holes": facts.holes,
-        "longest_hole_s": facts.longest_hole_s,
+        **{key: getattr(facts, key) for key in _SURVEY_KEYS},
         "effort": facts.effort_kind,
-        "moving_s": None if facts.moving_s is None else list(facts.moving_s),
-        "period_s": facts.period_s,
-        "periods": facts.periods,
-        "interruptions": facts.interruptions,
         "joints": [
             {
                 "name": names[joint],

@@ -6,6 +6,7 @@ A missing number is None, and so is one that is not finite.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from armload_controller.new_robot.drafted_file import DraftedFile
     from armload_controller.session.feedforward_comparison import Comparison as FollowingComparison
     from armload_drivers.bring_up.drive_check import ArmCheck
-    from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
+    from armload_drivers.bring_up.inspection import ArmStatus, DriveStatus, FoundNode
     from armload_drivers.cia402.state_machine import State
     from armload_identification.calibration.calibration_result import ArmCalibration
     from armload_identification.verdict.agreement import Agreement
@@ -36,25 +37,16 @@ def half_document() -> dict[str, Any]:
 
 def calibration_document(robot: str, joint_names: Sequence[str], result: ArmCalibration) -> dict[str, Any]:
     """An arm calibrated from all its runs."""
-    rows = zip(
-        joint_names,
-        numbers(result.nominal),
-        numbers(result.gain_nm_a),
-        numbers(result.gain_half_width_95),
-        numbers(result.body.load_friction),
-        result.determined.tolist(),
-        strict=True,
-    )
     joints = [
         {
             "name": name,
-            "nominal": nominal,
-            "gain": gain if known else None,
-            "half_width_95": width if known else None,
-            "load_friction": friction,
-            "determined": known,
+            "nominal": number(result.nominal[j]),
+            "gain": number(result.gain_nm_a[j]) if result.determined[j] else None,
+            "half_width_95": number(result.gain_half_width_95[j]) if result.determined[j] else None,
+            "load_friction": number(result.body.load_friction[j]),
+            "determined": bool(result.determined[j]),
         }
-        for name, nominal, gain, width, friction, known in rows
+        for j, name in enumerate(joint_names)
     ]
     return json_document(
         "calibration",
@@ -71,14 +63,8 @@ def calibration_document(robot: str, joint_names: Sequence[str], result: ArmCali
 
 def comparison_document(result: RelativeErrors, agreement: Agreement) -> dict[str, Any]:
     """A payload against CAD in the paper's convention."""
-    rows = zip(
-        PARAMETER_NAMES,
-        numbers(result.truth),
-        numbers(result.estimate),
-        numbers(result.error),
-        result.determined.tolist(),
-        strict=True,
-    )
+    values = (numbers(each) for each in (result.truth, result.estimate, result.error))
+    rows = zip(PARAMETER_NAMES, *values, result.determined.tolist(), strict=True)
     parameters = {
         name: {"cad": cad, "estimate": estimate if known else None, "error": error if known else None}
         for name, cad, estimate, error, known in rows
@@ -88,35 +74,18 @@ def comparison_document(result: RelativeErrors, agreement: Agreement) -> dict[st
 
 def nodes_document(interface: str, channel: str, found: Sequence[FoundNode]) -> dict[str, Any]:
     """Nodes that answer on a bus."""
-    nodes = [
-        {
-            "node_id": node.node_id,
-            "name": node.name,
-            "is_drive": node.is_drive,
-            "vendor_id": node.identity.vendor_id,
-            "product_code": node.identity.product_code,
-            "revision": node.identity.revision,
-            "modes": list(node.modes),
-            "missing": list(node.missing),
-            "twins": node.twins,
-        }
-        for node in found
-    ]
+
+    def node_fields(node: FoundNode) -> dict[str, Any]:
+        fields = asdict(node) | asdict(node.identity) | {"is_drive": node.is_drive}
+        return {key: value for key, value in fields.items() if key not in {"identity", "device_type"}}
+
+    nodes = [node_fields(node) for node in found]
     return json_document("nodes", {"interface": interface, "channel": channel, "nodes": nodes})
 
 
 def checks_document(robot: str, found: ArmCheck) -> dict[str, Any]:
     """The steps of a bring-up short of enabling, and the safety properties."""
-    checks = [
-        {
-            "joint": row.joint,
-            "node_id": row.node_id,
-            "step": row.step,
-            "verdict": row.verdict.value,
-            "detail": row.detail,
-        }
-        for row in found.steps
-    ]
+    checks = [asdict(row) | {"verdict": row.verdict.value} for row in found.steps]
     safety = [
         {
             "joint": drive.joint,
@@ -125,8 +94,8 @@ def checks_document(robot: str, found: ArmCheck) -> dict[str, Any]:
                 {
                     "property": finding.of.key,
                     "title": finding.of.value.title,
-                    "way": None if finding.way is None else finding.way.text,
-                    "verified": None if finding.way is None else finding.way.verified,
+                    "way": finding.way and finding.way.text,
+                    "verified": finding.way and finding.way.verified,
                     "accepted": finding.accepted,
                     "refused": finding.refused,
                     "obstacles": [{"way": way, "reason": reason} for way, reason in finding.obstacles],
@@ -143,30 +112,14 @@ def checks_document(robot: str, found: ArmCheck) -> dict[str, Any]:
 
 def status_document(robot: str, status: ArmStatus) -> dict[str, Any]:
     """The state of an arm's drives."""
-    drives = [
-        {
-            "joint": drive.joint,
-            "node_id": drive.node_id,
-            "state": None if drive.state is None else drive.state.title,
-            "axis_position_rad": drive.position_rad,
-            "effort": drive.effort,
-            "effort_unit": drive.effort_unit,
-            "temperature_celsius": drive.temperature_celsius,
-            "error_code": drive.error_code,
-            "trouble": drive.trouble,
-        }
-        for drive in status.drives
-    ]
-    return json_document(
-        "status",
-        {
-            "robot": robot,
-            "drives": drives,
-            "bus_load": status.bus_load,
-            "error_frames": status.error_frames,
-            "error_passive": status.error_passive,
-        },
-    )
+
+    def drive_fields(drive: DriveStatus) -> dict[str, Any]:
+        fields = asdict(drive)
+        state = None if drive.state is None else drive.state.title
+        return {"axis_position_rad": fields.pop("position_rad"), **fields, "state": state}
+
+    bus = {"bus_load": status.bus_load, "error_frames": status.error_frames, "error_passive": status.error_passive}
+    return json_document("status", {"robot": robot, "drives": [drive_fields(each) for each in status.drives], **bus})
 
 
 def reset_document(robot: str, joint: str, node_id: int, state: State) -> dict[str, Any]:
