@@ -282,7 +282,7 @@ def moved(robot: Robot, path: CheckedPath, leg: str, servos: JointServos, plugin
 
 def encoder_fault(fault: str, robot: Robot, joint: int) -> EncoderFault:
     """A fault by its name."""
-    gear = robot.source.tables.joints[joint].gear_ratio
+    gear = robot.tables.joints[joint].gear_ratio
     turn_rad = 2.0 * math.pi * (MOTOR_TURN if gear is None else 1.0 / gear)
     return {"reversed": REVERSED, "frozen": FROZEN, "jump": EncoderFault(jump_rad=turn_rad)}[fault]
 

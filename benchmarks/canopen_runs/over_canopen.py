@@ -39,10 +39,9 @@ def _record(robot_name: str, load: Load, directory: str, seed: int) -> None:
     """One half; the validation run, which is not needed here, is a single period."""
     robot = load_robot(robot_name)
     short = Excitation(robot.excitations["validation"].trajectory, 1)
-    tables = robot.source.tables
-    noisy = robot.source.simulation.model_copy(update={"seed": robot.source.simulation.seed + len(Load) * seed})
-    source = replace(robot.source, tables=tables.model_copy(update={"simulation": noisy}))
-    robot = replace(robot, excitations=robot.excitations | {"validation": short}, source=source)
+    simulation = robot.simulation_table
+    noisy = simulation.model_copy(update={"seed": simulation.seed + len(Load) * seed})
+    robot = replace(robot, excitations=robot.excitations | {"validation": short}).with_tables(simulation=noisy)
     # Both halves run in parallel, each in its own process with its own virtual bus.
     record_half(robot, load, lambda which: simulated_arm(robot, which), Path(directory), no_operator())
 

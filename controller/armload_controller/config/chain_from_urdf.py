@@ -26,7 +26,6 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armload_controller.config.urdf_tree import UrdfJoint, UrdfTree, read_urdf_tree
-from armload_controller.control_errors import ConfigurationError
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.model.chain import Chain
@@ -43,34 +42,26 @@ STANDARD_FLANGES = ("tool0", "flange")
 STANDARD_GRAVITY_M_S2 = (0.0, 0.0, -9.81)
 
 
-@dataclass(frozen=True, eq=False)
-class UrdfArm:
-    """An arm of n joints described by a URDF; values that the URDF does not give are NaN.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DescribedArm:
+    """What a URDF, or an operator's answers, say about an arm of n joints; values that are not given are NaN.
 
     Attributes:
-        file: The file's name, for messages.
-        sha256: Hash of the file and of the choice of base and flange.
         name: Name of the robot.
-        base: First link of the chain.
-        flange: Last link of the chain.
-        chain: Kinematics; gravity along -z of the root, with the joints between root and base at zero.
+        chain: Kinematics; gravity along -z of the URDF's root, with the joints between root and base at zero.
         joint_names: Names from the base to the flange.
         position_min_rad: (n,) lower limit; -inf for a continuous joint.
         position_max_rad: (n,) upper limit; inf for a continuous joint.
-        velocity_max_rad_s: (n,) from `<limit>`.
-        torque_max_nm: (n,) effort of `<limit>`.
-        viscous_nm_s_rad: (n,) damping of `<dynamics>`.
-        coulomb_nm: (n,) friction of `<dynamics>`.
+        velocity_max_rad_s: (n,) greatest speed.
+        torque_max_nm: (n,) greatest torque.
+        viscous_nm_s_rad: (n,) viscous friction.
+        coulomb_nm: (n,) Coulomb friction.
         links: Per joint, the body between it and the next joint, in its frame, with all joints outside the chain at
             zero; None if no mass is given.
-        other_joints: Movable joints of the file outside the chain.
+        other_joints: Movable joints of the URDF outside the chain, taken as fixed.
     """
 
-    file: str
-    sha256: str
     name: str
-    base: str
-    flange: str
     chain: Chain
     joint_names: tuple[str, ...]
     position_min_rad: FloatArray
@@ -86,6 +77,23 @@ class UrdfArm:
     def n(self) -> int:
         """Number of joints."""
         return len(self.joint_names)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class UrdfArm(DescribedArm):
+    """An arm described by a URDF; limits and friction are those of `<limit>` and `<dynamics>`.
+
+    Attributes:
+        file: The file's name, for messages.
+        sha256: Hash of the file and of the choice of base and flange.
+        base: First link of the chain.
+        flange: Last link of the chain.
+    """
+
+    file: str
+    sha256: str
+    base: str
+    flange: str
 
     @property
     def description(self) -> str:
@@ -172,7 +180,7 @@ def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: st
     end = _flange(tree, flange, start)
     way = _way(tree, start, end)
     moving = [joint for joint in way if joint.kind != "fixed"]
-    _require_supported(tree.path, moving, start, end)
+    _require_supported(tree, moving, start, end)
     limits = np.array([_limits(tree, joint) for joint in moving])
     named = {joint.name for joint in moving}
     return UrdfArm(
@@ -200,16 +208,14 @@ def _base(tree: UrdfTree, base: str | None) -> str:
         return _known(tree, "--base", base)
     roots = [link for link in tree.links if link not in tree.above]
     if len(roots) != 1:
-        raise ConfigurationError(
-            str(tree.path), "root link", roots, "exactly one link without a parent; or name one with --base"
-        )
+        raise tree.refused("root link", roots, "exactly one link without a parent; or name one with --base")
     return roots[0]
 
 
 def _known(tree: UrdfTree, option: str, link: str) -> str:
     """A requested link, after checking that it exists."""
     if link not in tree.links:
-        raise ConfigurationError(str(tree.path), option, link, f"one of its links: {', '.join(tree.links)}")
+        raise tree.refused(option, link, f"one of its links: {', '.join(tree.links)}")
     return link
 
 
@@ -226,20 +232,14 @@ def _flange(tree: UrdfTree, flange: str | None, base: str) -> str:
         names: at for names, at in ends.items() if not any(n != names and n[: len(names)] == names for n in ends)
     }
     if not longest:
-        raise ConfigurationError(
-            str(tree.path),
-            "chain",
-            None,
-            f"at least {FEWEST_JOINTS} revolute joints in a row from {base!r}; choose another start with --base",
-        )
+        expected = f"at least {FEWEST_JOINTS} revolute joints in a row from {base!r}; choose another start with --base"
+        raise tree.refused("chain", None, expected)
     candidates = [link for at in longest.values() for link in at]
     if len(longest) == 1:
         standard = [link for name in STANDARD_FLANGES for link in candidates if link == name]
         if len(candidates) == 1 or standard:
             return standard[0] if standard else candidates[0]
-    raise ConfigurationError(
-        str(tree.path), "--flange", None, f"required, because several links are possible: {', '.join(candidates)}"
-    )
+    raise tree.refused("--flange", None, f"required, because several links are possible: {', '.join(candidates)}")
 
 
 def _turning_names(tree: UrdfTree, link: str, base: str) -> tuple[str, ...] | None:
@@ -266,40 +266,23 @@ def _way(tree: UrdfTree, base: str, flange: str) -> list[UrdfJoint]:
         way.append(joint)
         link = joint.parent
     if link != base:
-        raise ConfigurationError(
-            str(tree.path),
-            "--flange",
-            flange,
-            f"a link below {base!r}; above it are {', '.join(j.parent for j in way)}",
-        )
+        above = ", ".join(joint.parent for joint in way)
+        raise tree.refused("--flange", flange, f"a link below {base!r}; above it are {above}")
     return way[::-1]
 
 
-def _require_supported(path: Path, moving: Sequence[UrdfJoint], base: str, flange: str) -> None:
+def _require_supported(tree: UrdfTree, moving: Sequence[UrdfJoint], base: str, flange: str) -> None:
     """Refuse a chain that does not consist of 4 to 16 independent revolute joints."""
+    remedy = "choose another chain with --base and --flange"
     for joint in moving:
         if joint.mimics is not None:
-            raise ConfigurationError(
-                str(path),
-                f"joint {joint.name}, mimic",
-                joint.mimics,
-                "a joint with its own motor; choose another chain with --base and --flange",
-            )
+            raise tree.refused(f"joint {joint.name}, mimic", joint.mimics, f"a joint with its own motor; {remedy}")
         if not joint.turns:
-            raise ConfigurationError(
-                str(path),
-                f"joint {joint.name}, type",
-                joint.kind,
-                "revolute, continuous or fixed between base and flange; choose another chain with --base and --flange",
-            )
+            expected = f"revolute, continuous or fixed between base and flange; {remedy}"
+            raise tree.refused(f"joint {joint.name}, type", joint.kind, expected)
     if not FEWEST_JOINTS <= len(moving) <= MOST_JOINTS:
         names = ", ".join(joint.name for joint in moving) or "none"
-        raise ConfigurationError(
-            str(path),
-            f"joints from {base} to {flange}",
-            names,
-            f"{FEWEST_JOINTS} to {MOST_JOINTS}; choose another chain with --base and --flange",
-        )
+        raise tree.refused(f"joints from {base} to {flange}", names, f"{FEWEST_JOINTS} to {MOST_JOINTS}; {remedy}")
 
 
 def _chain(tree: UrdfTree, way: Sequence[UrdfJoint], moving: Sequence[UrdfJoint], gravity: FloatArray) -> Chain:
@@ -317,7 +300,7 @@ def _chain(tree: UrdfTree, way: Sequence[UrdfJoint], moving: Sequence[UrdfJoint]
     try:
         return Chain(np.array(placements), np.array(axes), pose, gravity)
     except ModelError as error:
-        raise ConfigurationError(str(tree.path), "joints", [joint.name for joint in moving], str(error)) from error
+        raise tree.refused("joints", [joint.name for joint in moving], str(error)) from error
 
 
 def _gravity(tree: UrdfTree, base: str) -> FloatArray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import resources
 from os import PathLike, fspath
@@ -33,7 +33,6 @@ from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, CarriedSphere
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.identification_errors import IdentificationError, ModelError
-from armload_identification.model.chain import Chain
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
@@ -43,26 +42,14 @@ from armload_identification.verdict.recording_checks.impossible_magnitudes impor
 
 
 @dataclass(frozen=True, eq=False)
-class Robot:
+class Robot(RobotSource):
     """One robot's configuration, checked.
 
     Attributes:
-        source: The file it comes from.
         excitations: Excitation by role ("identification", "validation"); empty if the file names none.
     """
 
-    source: RobotSource
-    excitations: dict[str, Excitation]
-
-    @property
-    def file(self) -> str:
-        """The file it was read from, for messages."""
-        return self.source.file
-
-    @property
-    def text(self) -> str:
-        """The file's text, which is stored in recordings."""
-        return self.source.text
+    excitations: dict[str, Excitation] = field(default_factory=dict)
 
     @property
     def sha256(self) -> str:
@@ -72,27 +59,12 @@ class Robot:
     @property
     def name(self) -> str:
         """Name of the robot."""
-        return self.source.tables.robot.name
+        return self.tables.robot.name
 
     @property
     def description(self) -> str:
         """One line that describes the robot."""
-        return self.source.tables.robot.description
-
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-        return self.source.n
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, from the base to the flange."""
-        return self.source.joint_names
-
-    @property
-    def chain(self) -> Chain:
-        """Kinematics up to the flange, and gravity."""
-        return self.source.chain
+        return self.tables.robot.description
 
     @property
     def rated_payload_kg(self) -> float:
@@ -106,14 +78,14 @@ class Robot:
         Raises:
             ConfigurationError: the calibration does not exist, or is not a file.
         """
-        name = self.source.tables.robot.calibration
+        name = self.tables.robot.calibration
         if name is None:
             return None
-        path = self.source.folder / name
+        path = self.folder / name
         try:
             require_regular(path)
         except OSError as problem:
-            raise self.source.refused(
+            raise self.refused(
                 "robot.calibration",
                 name,
                 f"cannot be read beside {self.file} ({problem.strerror}); create it with `armload calibrate`, or "
@@ -124,26 +96,17 @@ class Robot:
     @property
     def plugins(self) -> Mapping[str, Mapping[str, object]]:
         """Settings of the cycle's plug-ins by name; each plug-in defines and checks its own."""
-        return self.source.tables.plugins
+        return self.tables.plugins
 
     @property
     def has_bus(self) -> bool:
         """Whether the file has a `[bus]`; without one the robot is known only from logs."""
-        return self.source.tables.bus is not None
-
-    @property
-    def bus(self) -> BusTable:
-        """The bus.
-
-        Raises:
-            ConfigurationError: the robot has none.
-        """
-        return self.source.bus
+        return self.tables.bus is not None
 
     @property
     def csv_columns(self) -> CsvColumns | None:
         """Columns of other programs' logs; None if the file has no `[log]`."""
-        log = self.source.tables.log
+        log = self.tables.log
         return None if log is None else log.csv_columns()
 
     @property
@@ -172,7 +135,7 @@ class Robot:
     def _magnitudes(self) -> ArmMagnitudes:
         """Ranges, speeds and torques that the joints can physically have."""
         limits = self.limits.motion
-        body = None if self.source.tables.body is None else self.strength.arm_body
+        body = None if self.tables.body is None else self.strength.arm_body
         return ArmMagnitudes(
             self.joint_names,
             limits.position_min_rad,
@@ -185,32 +148,32 @@ class Robot:
     @cached_property
     def drives(self) -> RobotDrives:
         """Settings of the drives, and how currents become torque."""
-        return RobotDrives(self.source)
+        return RobotDrives(self)
 
     @cached_property
     def limits(self) -> RobotLimits:
         """Limits and noise of the joints."""
-        return RobotLimits(self.source)
+        return RobotLimits(self)
 
     @cached_property
     def payloads(self) -> RobotPayloads:
         """The payloads that the file names."""
-        return RobotPayloads(self.source)
+        return RobotPayloads(self)
 
     @cached_property
     def strength(self) -> RobotStrength:
         """Torque available to the joints for a motion with a payload."""
-        return RobotStrength(self.source, self.payloads, self.drives.coupling)
+        return RobotStrength(self, self.payloads, self.drives.coupling)
 
     @cached_property
     def simulation(self) -> RobotSimulation:
         """The simulated twin."""
-        return RobotSimulation(self.source, self.drives.coupling)
+        return RobotSimulation(self, self.drives.coupling)
 
     @property
     def has_workspace(self) -> bool:
         """Whether the file has a `[workspace]`."""
-        return self.source.tables.workspace is not None
+        return self.tables.workspace is not None
 
     @cached_property
     def workspace(self) -> Workspace:
@@ -219,13 +182,13 @@ class Robot:
         Raises:
             ConfigurationError: the obstacles are invalid.
         """
-        table = self.source.tables.workspace
+        table = self.tables.workspace
         if table is None:
             return Workspace(self.chain)
         try:
             return table.workspace(self.chain)
         except ModelError as error:
-            raise self.source.refused("workspace", {}, str(error)) from error
+            raise self.refused("workspace", {}, str(error)) from error
 
     @cached_property
     def obstacles(self) -> Obstacles:
@@ -234,11 +197,11 @@ class Robot:
         Raises:
             ConfigurationError: the URDF that the file names cannot be used.
         """
-        table = self.source.tables.workspace
+        table = self.tables.workspace
         try:
-            meshes = None if table is None else table.meshes(self.source.folder, self.chain, self.joint_names)
+            meshes = None if table is None else table.meshes(self.folder, self.chain, self.joint_names)
         except ModelError as error:
-            raise self.source.refused("workspace.urdf", table and table.urdf, str(error)) from error
+            raise self.refused("workspace.urdf", table and table.urdf, str(error)) from error
         return Obstacles(self.workspace, meshes)
 
     @property
@@ -299,9 +262,7 @@ class Robot:
         self.drives.require_identities()
         self.strength.require_stated()
         if not self.has_workspace:
-            raise self.source.refused(
-                "workspace", None, "a real arm is moved only if the file states what it must not touch"
-            )
+            raise self.refused("workspace", None, "a real arm is moved only if the file states what it must not touch")
 
     def with_bus(
         self,
@@ -318,9 +279,9 @@ class Robot:
         given = {"interface": interface, "channel": channel, "bitrate": bitrate, "cycle_hz": cycle_hz}
         values = self.bus.model_dump() | {key: value for key, value in given.items() if value is not None}
         bus = validated(values, "command line", BusTable, ConfigurationError, within="bus")
-        source = self.source.with_tables(bus=bus)
-        RobotDrives(replace(source, file="command line")).require_bus_load()
-        return replace(self, source=source)
+        robot = self.with_tables(bus=bus)
+        RobotDrives(replace(robot, file="command line")).require_bus_load()
+        return robot
 
     def with_simulated_payload(self, name: str) -> Robot:
         """The same robot, with another of its payloads mounted in simulation.
@@ -338,8 +299,7 @@ class Robot:
                 f"{self.bus.interface!r}; for simulated drives on a bus see `armload simulate --payload`",
             )
         self.simulation.payload(name)
-        table = self.source.simulation.model_copy(update={"payload": name})
-        return replace(self, source=self.source.with_tables(simulation=table))
+        return self.with_tables(simulation=self.simulation_table.model_copy(update={"payload": name}))
 
 
 def shipped_robots() -> tuple[str, ...]:
@@ -382,8 +342,8 @@ def load_robot(name_or_path: str | PathLike[str]) -> Robot:
             "of it with `armload init`",
         )
     text = read_text(path, ConfigurationError)
-    source = RobotSource(file, text, path.parent, _tables(text, path.parent, file))
-    robot = Robot(source, _read_excitations(source))
+    robot = Robot(file, text, path.parent, _tables(text, path.parent, file))
+    robot = replace(robot, excitations=_read_excitations(robot))
     _ = robot.drives.descriptions, robot.drives.transmission, robot.workspace
     robot.payloads.require_carried()
     if robot.has_bus:

@@ -50,7 +50,7 @@ class RobotSimulation:
         Raises:
             ConfigurationError: the file has no simulation.
         """
-        return self.source.simulation.payload
+        return self.source.simulation_table.payload
 
     def payload(self, name: str) -> InertialParameters:
         """One of the payloads of `[simulation.payloads]`, in the flange frame.
@@ -72,7 +72,7 @@ class RobotSimulation:
         """
         if name == NO_PAYLOAD:
             return None
-        payloads = self.source.simulation.payloads
+        payloads = self.source.simulation_table.payloads
         if name in payloads:
             return payloads[name].rigid_body()
         if name.endswith(PAYLOAD_FILE):
@@ -93,7 +93,7 @@ class RobotSimulation:
             ConfigurationError: the file has no simulation, or no payload of that name.
             PayloadFileError: the payload file cannot be used.
         """
-        table, chain = self.source.simulation, self.source.chain
+        table, chain = self.source.simulation_table, self.source.chain
         variant = PlantVariant(table.variant)
         harsh = variant is PlantVariant.HARSH
         gains = np.random.default_rng(table.seed)
@@ -116,7 +116,7 @@ class RobotSimulation:
         )
 
     def _table(self, name: str) -> PayloadTable:
-        payloads = self.source.simulation.payloads
+        payloads = self.source.simulation_table.payloads
         if name not in payloads:
             raise self.source.refused("simulation.payloads", name, f"expected one of {', '.join(sorted(payloads))}")
         return payloads[name]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -63,7 +64,7 @@ class RobotSource:
         return self.tables.bus
 
     @property
-    def simulation(self) -> SimulationTable:
+    def simulation_table(self) -> SimulationTable:
         """`[simulation]`.
 
         Raises:
@@ -73,7 +74,7 @@ class RobotSource:
             raise self.refused("simulation", None, "this robot has no simulated twin")
         return self.tables.simulation
 
-    def with_tables(self, **tables: object) -> RobotSource:
+    def with_tables(self, **tables: object) -> Self:
         """A copy with some of the tables replaced.
 
         Args:

@@ -68,6 +68,10 @@ class UrdfTree:
     joints: tuple[UrdfJoint, ...]
     above: Mapping[str, UrdfJoint]
 
+    def refused(self, key: str, found: object, expected: str) -> ConfigurationError:
+        """An error that names this file; see `ConfigurationError`."""
+        return ConfigurationError(str(self.path), key, found, expected)
+
     def upwards(self, link: str) -> Iterator[UrdfJoint]:
         """The joints above a link, nearest first; stops if the links form a ring."""
         seen = set()
@@ -125,7 +129,7 @@ class UrdfTree:
             values = ()
         if len(values) != count or not all(math.isfinite(value) for value in values):
             what = "a finite number" if count == 1 else f"{count} finite numbers"
-            raise ConfigurationError(str(self.path), f"{owner}, {tag} {key}", text, what)
+            raise self.refused(f"{owner}, {tag} {key}", text, what)
         return values
 
 
@@ -145,8 +149,10 @@ def read_urdf_tree(path: Path) -> UrdfTree:
     root = _parsed(path, data)
     joints = tuple(_joint(path, i, element) for i, element in enumerate(root.findall("joint")))
     links = {str(element.get("name")): element for element in root.findall("link")}
-    above = _above(path, joints, links)
-    return UrdfTree(path, hashlib.sha256(data).hexdigest(), root.get("name") or path.stem, links, joints, above)
+    above = {joint.child: joint for joint in reversed(joints)}
+    tree = UrdfTree(path, hashlib.sha256(data).hexdigest(), root.get("name") or path.stem, links, joints, above)
+    _require_tree(tree)
+    return tree
 
 
 def _parsed(path: Path, data: bytes) -> ElementTree.Element:
@@ -154,16 +160,14 @@ def _parsed(path: Path, data: bytes) -> ElementTree.Element:
     try:
         root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, LookupError, ValueError) as error:
-        raise ConfigurationError(
-            str(path), "XML", str(error), "a URDF; expand a xacro file first: `xacro arm.urdf.xacro > arm.urdf`"
-        ) from error
+        expected = "a URDF; expand a xacro file first: `xacro arm.urdf.xacro > arm.urdf`"
+        raise ConfigurationError(str(path), "XML", str(error), expected) from error
     if root.tag != "robot":
         raise ConfigurationError(str(path), "root element", root.tag, "<robot>, as in every URDF")
     macros = [element.tag for element in root.iter() if "ros.org/wiki/xacro" in element.tag]
     if macros:
-        raise ConfigurationError(
-            str(path), "xacro", macros[0].split("}")[-1], "no macros; expand them: `xacro arm.urdf.xacro > arm.urdf`"
-        )
+        expected = "no macros; expand them: `xacro arm.urdf.xacro > arm.urdf`"
+        raise ConfigurationError(str(path), "xacro", macros[0].split("}")[-1], expected)
     return root
 
 
@@ -184,21 +188,13 @@ def _joint(path: Path, index: int, element: ElementTree.Element) -> UrdfJoint:
     return UrdfJoint(name, element.get("type") or "", ends[0], ends[1], mimics, element)
 
 
-def _above(path: Path, joints: tuple[UrdfJoint, ...], links: Mapping[str, ElementTree.Element]) -> dict[str, UrdfJoint]:
-    """The joint above each link."""
-    above: dict[str, UrdfJoint] = {}
-    for joint in joints:
-        if joint.child in above:
-            raise ConfigurationError(
-                str(path),
-                f"joint {joint.name}, child",
-                joint.child,
-                f"a link without a parent; {above[joint.child].name} is already its parent: a chain has no loops",
-            )
+def _require_tree(tree: UrdfTree) -> None:
+    """Refuse a link with two joints above it, and a joint to a link that the file does not contain."""
+    for joint in tree.joints:
+        first = tree.above[joint.child]
+        if first is not joint:
+            expected = f"a link without a parent; {first.name} is already its parent: a chain has no loops"
+            raise tree.refused(f"joint {joint.name}, child", joint.child, expected)
         for link in (joint.parent, joint.child):
-            if link not in links:
-                raise ConfigurationError(
-                    str(path), f"joint {joint.name}, link", link, "one of the <link> elements in the file"
-                )
-        above[joint.child] = joint
-    return above
+            if link not in tree.links:
+                raise tree.refused(f"joint {joint.name}, link", link, "one of the <link> elements in the file")

@@ -33,7 +33,7 @@ def unloaded_doubts(robot: Robot, arm: ArmInUse, rows: SlowRoundRows) -> list[st
         rows: Its slow round.
     """
     found = rows.fitted(robot.joint_names, arm.chain, arm.transmission)
-    if found is None or (arm.known is None and robot.source.tables.body is None):
+    if found is None or (arm.known is None and robot.tables.body is None):
         return []
     model = ArmDynamics(arm.chain, robot.strength.arm_body if arm.known is None else arm.known.fit.model)
     deviation = np.hypot(arm.transmission.deviation, BODY_DEVIATION if arm.known is None else 0.0)
@@ -60,7 +60,7 @@ def loaded_doubts(robot: Robot, arm: ArmInUse, unloaded: Path, rows: SlowRoundRo
     before, now = (each.fitted(robot.joint_names, arm.chain, arm.transmission) for each in both)
     if before is None or now is None:
         return []
-    added, expected = now.added_since(before), robot.source.tables.expected_payload
+    added, expected = now.added_since(before), robot.tables.expected_payload
     if added.kg > SURE * added.error_kg or (expected is not None and expected.mass_kg < added.greatest_kg):
         return []
     return [

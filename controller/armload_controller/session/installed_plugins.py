@@ -147,11 +147,11 @@ def _installed(robot: Robot, name: str) -> EntryPoint:
         return found[0]
     if found:
         packages = " and ".join(sorted(_package(entry) for entry in found))
-        raise robot.source.refused(_key(name), {}, f"{packages} both provide a plug-in with this name: uninstall one")
+        raise robot.refused(_key(name), {}, f"{packages} both provide a plug-in with this name: uninstall one")
     close = difflib.get_close_matches(name, {entry.name for entry in entries}, n=1)
     meant = f" Did you mean {close[0]}?" if close else ""
     names = ", ".join(sorted(f"{entry.name} ({_package(entry)})" for entry in entries)) or "none"
-    raise robot.source.refused(
+    raise robot.refused(
         _key(name),
         {},
         f"no plug-in with this name is installed.{meant} Installed are: {names}. Install its package in armload's "
@@ -170,20 +170,20 @@ def _made(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, obj
         table = entry.load()
     except Exception as problem:
         why = f"{type(problem).__name__}: {problem}"
-        raise robot.source.refused(key, {}, f"{whose} cannot be loaded: {why}. Reinstall that package") from problem
+        raise robot.refused(key, {}, f"{whose} cannot be loaded: {why}. Reinstall that package") from problem
     if not (isinstance(table, type) and issubclass(table, PluginTable)):
-        raise robot.source.refused(key, {}, f"{whose} is {table!r}, expected a class derived from armload.PluginTable")
+        raise robot.refused(key, {}, f"{whose} is {table!r}, expected a class derived from armload.PluginTable")
     try:
         watcher = validated(settings, robot.file, table, ConfigurationError, within=key).plugin(robot)
     except BadValue as problem:
-        raise robot.source.refused(f"{key}.{problem.key}", problem.found, problem.expected) from problem
+        raise robot.refused(f"{key}.{problem.key}", problem.found, problem.expected) from problem
     except ControlError:
         raise
     except Exception as problem:
         why = f"{type(problem).__name__}: {problem}"
-        raise robot.source.refused(key, {}, f"{whose} could not create its plug-in: {why}") from problem
+        raise robot.refused(key, {}, f"{whose} could not create its plug-in: {why}") from problem
     if not callable(getattr(watcher, "on_cycle", None)):
-        raise robot.source.refused(key, {}, f"{whose} returned {watcher!r}, expected an object with on_cycle(step)")
+        raise robot.refused(key, {}, f"{whose} returned {watcher!r}, expected an object with on_cycle(step)")
     return watcher
 
 

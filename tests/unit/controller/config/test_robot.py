@@ -2,7 +2,6 @@
 
 import re
 import tomllib
-from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -195,7 +194,7 @@ def test_a_file_that_is_no_utf_8_is_one_sentence(tmp_path):
 
 def test_a_real_arm_needs_to_know_what_it_may_carry():
     robot = load_robot("prbt")
-    unloaded = replace(robot, source=robot.source.with_tables(heaviest_payload=None, expected_payload=None))
+    unloaded = robot.with_tables(heaviest_payload=None, expected_payload=None)
     with pytest.raises(ConfigurationError, match="real arm may have to carry") as caught:
         unloaded.strength.require_stated()
     assert caught.value.key == "heaviest_payload"

@@ -71,8 +71,8 @@ def test_an_arm_that_meets_something_is_stopped_before_it_is_behind(force_n):
 @pytest.mark.parametrize("variant", ["harsh", pytest.param("normative", marks=pytest.mark.long)])
 @pytest.mark.parametrize(("payload", "load"), [("block", Load.LOADED), (None, Load.UNLOADED), (None, Load.LOADED)])
 def test_an_arm_that_meets_nothing_is_not_stopped(payload, load, variant):
-    simulation = ROBOT.source.tables.simulation.model_copy(update={"variant": variant})
-    robot = replace(ROBOT, source=ROBOT.source.with_tables(simulation=simulation))
+    simulation = ROBOT.tables.simulation.model_copy(update={"variant": variant})
+    robot = ROBOT.with_tables(simulation=simulation)
     assert run((0.0, 0.0, 0.0), payload=payload, load=load, robot=robot)[1] is None
 
 
@@ -111,6 +111,6 @@ def test_an_arm_known_by_its_shares_alone_gets_a_wider_window_than_one_with_a_bo
 
 
 def test_without_a_payload_in_the_file_the_limits_are_the_window():
-    untold = replace(ROBOT, source=ROBOT.source.with_tables(heaviest_payload=None, expected_payload=None))
+    untold = ROBOT.with_tables(heaviest_payload=None, expected_payload=None)
     assert untold.strength.expected_torque(loaded=True) is None
     assert untold.strength.expected_torque(loaded=False) is not None

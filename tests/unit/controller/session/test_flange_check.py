@@ -66,7 +66,7 @@ def test_a_calibration_is_preferred_to_a_body(calibration, pinocchio_arm):
 
 
 def test_without_body_and_calibration_nothing_is_compared():
-    bodiless = replace(PRBT, source=replace(PRBT.source, tables=PRBT.source.tables.model_copy(update={"body": None})))
+    bodiless = PRBT.with_tables(body=None)
     assert unloaded_doubts(bodiless, ARM, slow_round(PAYLOAD)) == []
 
 
@@ -81,9 +81,8 @@ def test_a_loaded_run_with_nothing_added_is_reported(monkeypatch, tmp_path, befo
 
 def test_an_expected_payload_too_light_to_be_noticed_is_not_asked_for(monkeypatch, tmp_path):
     monkeypatch.setattr(flange_check, "recorded_slow_round", lambda path, cycle_s: slow_round(None, seed=2))
-    tables = PRBT.source.tables
-    light = tables.expected_payload.model_copy(update={"mass_kg": LIGHT.mass_kg})
-    robot = replace(PRBT, source=replace(PRBT.source, tables=tables.model_copy(update={"expected_payload": light})))
+    light = PRBT.tables.expected_payload.model_copy(update={"mass_kg": LIGHT.mass_kg})
+    robot = PRBT.with_tables(expected_payload=light)
     assert loaded_doubts(robot, ARM, tmp_path, slow_round(LIGHT)) == []
 
 

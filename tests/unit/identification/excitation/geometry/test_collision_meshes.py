@@ -42,7 +42,7 @@ def write_urdf(folder, more=NOTHING, tool_m=0.03, names=PRBT.joint_names, lift_m
     points = write_stl(folder / "tool.stl", tool_m)
     text = """<robot name="prbt"><link name="base"><collision><origin xyz="0 0 0.08"/><geometry>
 <cylinder radius="0.08" length="0.16"/></geometry></collision></link>"""
-    origins = PRBT.source.tables.kinematics.origins
+    origins = PRBT.tables.kinematics.origins
     for i, (origin, name) in enumerate(zip(origins, names, strict=True)):
         parent = f"link_{i}" if i else "base"
         xyz = np.add(origin.xyz_m, [0.0, 0.0, 0.0 if i else lift_m])
