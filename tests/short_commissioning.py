@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from armload_controller.config.robot import load_robot
-from armload_controller.session.commissioning import ROLES, record_half, recording_path
+from armload_controller.session.commissioning import ROLES, CommissioningPlan, record_half, recording_path
 from armload_controller.session.run_session import Load, no_operator
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
@@ -43,7 +43,7 @@ def record(robot, folder, make_servos, loads=tuple(Load)):
         yield make_servos()
 
     for load in loads:
-        record_half(robot, load, open_servos, folder, no_operator())
+        record_half(robot, load, open_servos, no_operator(), CommissioningPlan(folder))
 
 
 def write_short_robot(folder):

@@ -294,8 +294,6 @@ def with_adaptation(
         EstimatorPlugin(estimator, calibration.effort),
         AdaptationRules(declared, calibration, robot.joint_names),
         added,
-        robot=robot.name,
-        n=robot.n,
     )
     return follow(robot, rows, payload, adaptation, seed=23), adaptation
 

@@ -25,7 +25,7 @@ from armload_controller.config.robot import Robot, load_robot
 from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction, held_torque
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.arm_access import simulated_arm
-from armload_controller.session.commissioning import read_pair, record_half
+from armload_controller.session.commissioning import CommissioningPlan, read_pair, record_half
 from armload_controller.session.feedforward_comparison import ComparisonRuns
 from armload_controller.session.run_session import Load, no_operator, run_session
 from armload_drivers.servos import JointServos
@@ -60,7 +60,9 @@ def _identify(robot: Robot) -> tuple[PayloadResult, BodyModel]:
     """The payload identified by a commissioning, and the body from its empty half."""
     with tempfile.TemporaryDirectory() as folder:
         for load in Load:
-            record_half(robot, load, lambda which: simulated_arm(robot, which), Path(folder), no_operator())
+            record_half(
+                robot, load, lambda which: simulated_arm(robot, which), no_operator(), CommissioningPlan(Path(folder))
+            )
         pair = read_pair(robot, Path(folder), "identification")
         found = identify(pair.loaded, pair.unloaded, robot.chain, robot.drives.transmission)
         arm = calibrated([MountedRun(pair.unloaded, "")], {}, robot.chain, robot.drives.transmission)

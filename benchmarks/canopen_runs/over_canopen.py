@@ -9,7 +9,7 @@ from pathlib import Path
 
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.session.arm_access import simulated_arm
-from armload_controller.session.commissioning import read_pair, record_half
+from armload_controller.session.commissioning import CommissioningPlan, read_pair, record_half
 from armload_controller.session.run_session import Load, no_operator
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.pipeline.identification_result import Identification
@@ -43,7 +43,9 @@ def _record(robot_name: str, load: Load, directory: str, seed: int) -> None:
     noisy = simulation.model_copy(update={"seed": simulation.seed + len(Load) * seed})
     robot = replace(robot, excitations=robot.excitations | {"validation": short}).with_tables(simulation=noisy)
     # Both halves run in parallel, each in its own process with its own virtual bus.
-    record_half(robot, load, lambda which: simulated_arm(robot, which), Path(directory), no_operator())
+    record_half(
+        robot, load, lambda which: simulated_arm(robot, which), no_operator(), CommissioningPlan(Path(directory))
+    )
 
 
 def motion_seconds(robot: Robot) -> float:

@@ -222,14 +222,12 @@ class PayloadAdaptation:
         rules: AdaptationRules,
         feedforward: FeedforwardPlugin,
         *,
-        robot: str,
-        n: int,
         beside: Beside = at_once,
         report: Callable[[Decision], None] = lambda decision: None,
     ) -> None:
         self.decisions: list[Decision] = []
         self._estimated, self._rules, self._feedforward = estimated, rules, feedforward
-        self._robot, self._n, self._beside, self._report = robot, n, beside, report
+        self._beside, self._report = beside, report
         self._pending: Future[Look] | None = None
         self._looked_s = -np.inf
         self._changes = 0
@@ -308,7 +306,7 @@ class PayloadAdaptation:
 
     def _feed(self, time_s: float, kind: DecisionKind, candidate: Candidate) -> None:
         """Pass a body to the injection, which checks it like any payload."""
-        self._feedforward.set_payload(_result(candidate.body, self._robot, self._n), FEED_S)
+        self._feedforward.set_payload(_result(candidate.body, self._feedforward), FEED_S)
         self._fed, self._refused = candidate, ""
         self._note(time_s, kind, candidate.found, "")
 
@@ -325,9 +323,9 @@ class PayloadAdaptation:
         self._report(decision)
 
 
-def _result(body: InertialParameters, robot: str, n: int) -> PayloadResult:
+def _result(body: InertialParameters, feedforward: FeedforwardPlugin) -> PayloadResult:
     """A body as a payload for the injection; only mass and centre of mass count as determined."""
     values = np.stack([body.values, body.values], axis=1)
-    nothing = np.zeros(n)
-    provenance = Provenance("", "", {}, robot=robot)
+    nothing = np.zeros(feedforward.chain.n)
+    provenance = Provenance("", "", {}, robot=feedforward.robot)
     return PayloadResult(FLANGE, body, _MASS_AND_CENTER, values, nothing, nothing, provenance)

@@ -88,6 +88,10 @@ class FeedforwardPlugin:
         commanded: (n, n) matrix that the row of torques is multiplied with to compensate for gain errors of the
             drives; identity if not given.
 
+    Attributes:
+        chain: The arm.
+        robot: Its name.
+
     Raises:
         PayloadRefused: the payload's mass or centre of mass is not determined, or it belongs to another arm.
     """
@@ -104,7 +108,7 @@ class FeedforwardPlugin:
         commanded: FloatArray | None = None,
     ) -> None:
         self._commanded = np.eye(chain.n) if commanded is None else commanded
-        self._chain, self._robot, self._cycle_s, self._beside = chain, robot, cycle_s, beside
+        self.chain, self.robot, self._cycle_s, self._beside = chain, robot, cycle_s, beside
         self._beside_share = 0.0
         if payload is not None:
             self._require(payload)
@@ -179,7 +183,7 @@ class FeedforwardPlugin:
             self._feedforward.set_payload(payload, transition_s, self._cycle_s)
 
     def _require(self, payload: PayloadResult) -> None:
-        problem = why_not_usable(payload, self._chain, self._robot, "fed forward")
+        problem = why_not_usable(payload, self.chain, self.robot, "fed forward")
         if problem is not None:
             raise PayloadRefused(f"payload: {problem}")
 

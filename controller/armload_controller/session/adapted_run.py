@@ -14,7 +14,7 @@ from armload_controller.feedforward.adaptation_rules import AdaptationRules, Dec
 from armload_controller.feedforward.feedforward_plugin import CheckedFeedforward, FeedforwardPlugin
 from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict
 from armload_controller.motion.checked_path import CheckedPath
-from armload_controller.session.run_session import RunSession
+from armload_controller.session.run_session import AddedTorque, RunSession
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_estimator import PayloadEstimator
@@ -34,7 +34,6 @@ class AdaptedRun:
 
 
 def adapted_run(
-    robot: Robot,
     path: CheckedPath,
     calibration: ArmCalibration,
     declared: DeclaredMass,
@@ -45,7 +44,6 @@ def adapted_run(
     """Run a path; the torque offset is tried first, as before any feed-forward.
 
     Args:
-        robot: The arm.
         path: The path.
         calibration: The arm's calibration.
         declared: The expected range of mass.
@@ -57,6 +55,7 @@ def adapted_run(
         CommissioningError: the operator does not agree.
         MotionError: the motion was stopped, for example because of a wrong torque offset.
     """
+    robot = session.robot
     added = FeedforwardPlugin(
         robot.chain, robot.name, None, path.cycle_s, commanded=calibration.commanded(robot.drives.coupling)
     )
@@ -64,8 +63,6 @@ def adapted_run(
         EstimatorPlugin(PayloadEstimator(calibration, robot.chain, robot.drives.transmission), calibration.effort),
         AdaptationRules(declared, calibration, robot.joint_names),
         added,
-        robot=robot.name,
-        n=robot.n,
         beside=beside,
         report=report,
     )
@@ -77,14 +74,11 @@ def adapted_run(
         verdicts.append(checked.try_offset(hold))
         checked.fade_in(hold, verdicts[0])
 
-    session.run(
-        path,
-        "adaptive payload torque",
-        plugins=[checked],
-        before=before,
-        warning=f"Torque for up to {declared.most_kg:g} kg will be added while the arm moves, following the estimated "
-        "payload, and removed again. ",
+    warning = (
+        f"Torque for up to {declared.most_kg:g} kg will be added while the arm moves, following the estimated payload, "
+        "and removed again. "
     )
+    session.run(path, "adaptive payload torque", plugins=[checked], added=AddedTorque(before, warning))
     return AdaptedRun(verdicts[0], tuple(adaptation.decisions))
 
 

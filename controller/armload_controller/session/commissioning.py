@@ -46,6 +46,21 @@ class Pair:
     loaded: Recording
 
 
+@dataclass(frozen=True)
+class CommissioningPlan:
+    """Where the recordings of a commissioning are, and what is known before them.
+
+    Attributes:
+        directory: Folder of the recordings.
+        mass_kg: The payload's mass for the loaded recordings; None if it was not weighed.
+        calibration: Calibration of the arm; None for the one that its file names, if any.
+    """
+
+    directory: Path
+    mass_kg: float | None = None
+    calibration: FilePath | None = None
+
+
 def recording_path(directory: Path, load: Load, role: str) -> Path:
     """File of a run."""
     return directory / f"{load}_{role}.mcap"
@@ -55,10 +70,8 @@ def record_half(
     robot: Robot,
     load: Load,
     open_servos: ServosFactory,
-    directory: Path,
     operator: Operator,
-    mass_kg: float | None = None,
-    calibration: FilePath | None = None,
+    plan: CommissioningPlan,
 ) -> list[CycleSummary]:
     """Run and record the excitations that have not yet been recorded with one load.
 
@@ -66,10 +79,8 @@ def record_half(
         robot: The arm.
         load: Present load on its flange.
         open_servos: Opens the arm.
-        directory: Directory of the recordings.
         operator: The person at the arm.
-        mass_kg: The payload's mass for the loaded recordings; None if it was not weighed.
-        calibration: Calibration of the arm; None for the one that its file names, if any.
+        plan: Where to record, and what is known of arm and payload.
 
     Raises:
         CommissioningError: the robot has no excitations, or the operator does not agree: nothing is switched on;
@@ -80,23 +91,16 @@ def record_half(
         MotionError: the motion was stopped, or a stop was requested before anything was switched on.
         DriverError: the arm could not be brought up.
     """
-    paths = checked_excitations(robot, missing_roles(directory, load))
-    arm = arm_in_use(robot, calibration)
+    paths = checked_excitations(robot, missing_roles(plan.directory, load))
+    arm = arm_in_use(robot, plan.calibration)
     with run_session(robot, load, open_servos, operator) as session:
-        weighed = {"mass_kg": mass_kg} if load is Load.LOADED and mass_kg is not None else {}
-        return [_record(robot, arm, session, role, path, directory, weighed) for role, path in paths.items()]
+        return [_record(session, arm, role, path, plan) for role, path in paths.items()]
 
 
-def _record(
-    robot: Robot,
-    arm: ArmInUse,
-    session: RunSession,
-    role: str,
-    path: CheckedPath,
-    directory: Path,
-    weighed: dict[str, float],
-) -> CycleSummary:
+def _record(session: RunSession, arm: ArmInUse, role: str, path: CheckedPath, plan: CommissioningPlan) -> CycleSummary:
     """Record one run, including its slow round."""
+    robot, directory = session.robot, plan.directory
+    weighed = {"mass_kg": plan.mass_kg} if session.load is Load.LOADED and plan.mass_kg is not None else {}
     run = {
         "armload_version": version("armload"),
         "robot": robot.name,

@@ -26,7 +26,7 @@ from armload_controller.feedforward.feedforward_plugin import CheckedFeedforward
 from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, positions_along
 from armload_controller.motion.checked_path import CheckedPath
 from armload_controller.motion.phase import Segment
-from armload_controller.session.run_session import RunSession
+from armload_controller.session.run_session import AddedTorque, RunSession
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.payload import PayloadResult
@@ -232,7 +232,7 @@ class ComparisonRuns:
                 verdicts.append(added.try_offset(hold))
             added.fade_in(hold, verdicts[0])
 
-        session.run(self._path, text, plugins=[kept, added], before=before)
+        session.run(self._path, text, plugins=[kept, added], added=AddedTorque(before))
         return kept.run(), verdicts[0]
 
     def try_offset(self, session: RunSession, payload: PayloadResult) -> OffsetVerdict:

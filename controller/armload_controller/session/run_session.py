@@ -170,6 +170,20 @@ def _show_remarks(servos: JointServos, display: Display) -> None:
         display.step(text)
 
 
+@dataclass(frozen=True)
+class AddedTorque:
+    """Torque that plug-ins add during a run.
+
+    Attributes:
+        begin: Called with the arm standing at the start of the measured leg, to try and fade in the torque; it can only
+            hold the arm there.
+        warning: Warning for the operator, added to the question; consent given in advance does not cover it.
+    """
+
+    begin: Callable[[Hold], None]
+    warning: str = ""
+
+
 class RunSession:
     """Runs on one connected arm; created by `run_session`.
 
@@ -181,6 +195,7 @@ class RunSession:
         plugins: Plug-ins that the robot's file names; called in every motion.
 
     Attributes:
+        robot: The arm.
         load: Load on the flange.
         simulated: Whether no real arm can move.
         display: Shows progress to the operator.
@@ -189,7 +204,7 @@ class RunSession:
     def __init__(
         self, robot: Robot, load: Load, servos: JointServos, operator: Operator, plugins: Sequence[CyclePlugin]
     ) -> None:
-        self._robot, self._operator, self._plugins = robot, operator, plugins
+        self.robot, self._operator, self._plugins = robot, operator, plugins
         self.load, self.simulated, self._servos = load, servos.simulated, servos
         self.display = operator.display
         self._moved = False
@@ -202,8 +217,7 @@ class RunSession:
         *,
         recorder: Recorder | None = None,
         plugins: Sequence[CyclePlugin] = (),
-        before: Callable[[Hold], None] | None = None,
-        warning: str = "",
+        added: AddedTorque | None = None,
         look: Callable[[SlowRoundRows], list[str]] = lambda rows: [],
     ) -> CycleSummary:
         """Run a path at full speed, preceded by its slow round unless this session has already done that.
@@ -213,9 +227,7 @@ class RunSession:
             name: Name of the run.
             recorder: Records all rows, including the slow round and the row for which a monitor stops the arm.
             plugins: Further plug-ins, called after the monitors.
-            before: Called with the arm standing at the start of the measured leg, to add torque during the run; it
-                can only hold the arm there.
-            warning: Warning for the operator, added to the question; consent given in advance does not cover it.
+            added: Torque that the plug-ins add during the run; None for none.
             look: Returns further warnings, after the slow round.
 
         Returns:
@@ -231,6 +243,7 @@ class RunSession:
         monitors: list[CyclePlugin] = [monitor, self._feedback_truth(), self._window(), rows]
         cycle = self._cycle([*([] if recorder is None else [recorder]), *monitors, *plugins])
         display, consent = self._operator.display, self._operator.consent
+        warning = "" if added is None else added.warning
 
         def go_round(via_points_rad: FloatArray) -> None:
             points = "1 point" if len(via_points_rad) == 1 else f"{len(via_points_rad)} points"
@@ -256,14 +269,14 @@ class RunSession:
                 display.step(f"warning: {text}")
                 warning = f"{text}. {warning}"
             self._rounded.add(path)
-        added = "" if before is None else " with added torque"
+        addition = "" if added is None else " with added torque"
         consent.require(
             self._servos,
-            f"{name}: the slow round is complete, the drives are off. {warning}Run it at full speed{added}?",
+            f"{name}: the slow round is complete, the drives are off. {warning}Run it at full speed{addition}?",
             always=bool(warning),
         )
         with display.track(f"{name}, run", BAR) as progress:
-            run_leg(cycle, path, path.measured, progress, before, go_round)
+            run_leg(cycle, path, path.measured, progress, None if added is None else added.begin, go_round)
         _show_remarks(self._servos, display)
         return monitor.summary()
 
@@ -293,9 +306,9 @@ class RunSession:
         Raises:
             CommissioningError: the path was checked for another one.
         """
-        if path.constraints.robot_sha256 != self._robot.sha256:
+        if path.constraints.robot_sha256 != self.robot.sha256:
             raise CommissioningError(
-                f"this path was not checked for {self._robot.name} as configured in {self._robot.file}: check it again"
+                f"this path was not checked for {self.robot.name} as configured in {self.robot.file}: check it again"
             )
         if path.cycle_s != self._servos.cycle_s:
             raise CommissioningError(
@@ -305,7 +318,7 @@ class RunSession:
 
     def _cycle(self, plugins: Sequence[CyclePlugin]) -> Cycle:
         """A cycle of this arm, with the given plug-ins and those of its file."""
-        robot = self._robot
+        robot = self.robot
         gate = TorqueGate(robot.limits.added_torque_max_nm, self._servos.cycle_s)
         every = [*plugins, *self._plugins, *self._operator.watching]
         # In virtual time a slow plug-in delays nothing; CPU time keeps a busy computer from being blamed on it.
@@ -314,11 +327,11 @@ class RunSession:
 
     def _monitor(self) -> FollowingMonitor:
         """The monitor of following error, feedback and cycles."""
-        return FollowingMonitor(self._robot.limits.motion, self._robot.bus.max_missing_cycles)
+        return FollowingMonitor(self.robot.limits.motion, self.robot.bus.max_missing_cycles)
 
     def _feedback_truth(self) -> FeedbackTruth:
         """The plausibility check of the drives' feedback."""
-        return feedback_truth(self._robot, self._servos.cycle_s)
+        return feedback_truth(self.robot, self._servos.cycle_s)
 
     def _doubts(self, rows: SlowRoundRows, look: Callable[[SlowRoundRows], list[str]]) -> list[str]:
         """Warnings for the operator after a slow round.
@@ -326,7 +339,7 @@ class RunSession:
         Raises:
             MotionError: a joint's torque is missing or reversed.
         """
-        robot = self._robot
+        robot = self.robot
         try:
             found = rows.fitted(robot.joint_names, robot.chain, robot.drives.transmission)
         except FeedbackError as error:
@@ -335,7 +348,7 @@ class RunSession:
 
     def _window(self) -> TorqueWindow:
         """The torque window for this load."""
-        return torque_window(self._robot, self.load, self._servos.cycle_s)
+        return torque_window(self.robot, self.load, self._servos.cycle_s)
 
 
 def run_leg(

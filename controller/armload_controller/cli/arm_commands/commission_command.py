@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
@@ -38,10 +38,9 @@ if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.cycle.monitors import CycleSummary
-    from armload_controller.session.live.live_view import LiveAddress
-    from armload_controller.session.run_session import Consent, Load
+    from armload_controller.session.commissioning import CommissioningPlan
+    from armload_controller.session.run_session import Consent, Load, Operator
     from armload_identification.estimation.prior_knowledge import KnownPayload
-    from armload_identification.model.payload import InertialParameters
     from armload_identification.recording.recording import Recording
     from armload_identification.results.findings import Findings
     from armload_identification.verdict.tolerance import Tolerance
@@ -91,11 +90,11 @@ def commission(
     """
     from armload_controller.analysis.arm_in_use import arm_in_use
     from armload_controller.cli.keyboard import Keyboard
+    from armload_controller.cli.output.result_documents import half_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
-    from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.session.arm_access import require_rules
-    from armload_controller.session.commissioning import missing_roles, require_recordings
+    from armload_controller.session.commissioning import CommissioningPlan, missing_roles, require_recordings
     from armload_controller.session.folder_claim import claimed
     from armload_controller.session.live.live_view import live_at
     from armload_controller.session.run_session import Load
@@ -125,18 +124,19 @@ def commission(
     control = MotionControl()
     screen = Screen(Keyboard.of_this_process(control), as_json=as_json)
     with claimed(directory):
-        todo = [load for load in halves[runs] if missing_roles(directory, load)]
-        if not todo and (runs is Runs.UNLOADED or all((directory / n).exists() for n in (PAYLOAD_NAME, REPORT_NAME))):
+        done = not any(missing_roles(directory, load) for load in halves[runs])
+        if done and (runs is Runs.UNLOADED or all((directory / n).exists() for n in (PAYLOAD_NAME, REPORT_NAME))):
             raise CommissioningError(
                 f"{directory} already contains these recordings, which are never overwritten: choose another --output"
             )
-        plan = _Plan(arm, directory, now, simulated_drives, yes, mass_kg, shown, calibration)
-        _record(plan, screen, control, halves[runs], todo)
+        plan = CommissioningPlan(directory, mass_kg, calibration)
+        with operator_at(arm, screen, control, agreed=yes, live=shown) as operator:
+            _record(arm, plan, screen, operator, halves[runs], simulated_drives=simulated_drives)
         if runs is Runs.UNLOADED:
-            _show_half(screen, directory)
+            screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
+            screen.document(half_document, {"directory": directory})
             return
-        truth = arm.simulation.payload(arm.simulation.payload_name) if arm.bus.interface == VIRTUAL else None
-        findings = _evaluate(plan, screen, truth, allowed, calibration, known)
+        findings = _evaluate(arm, plan, screen, now, known, allowed)
     screen.document(findings.to_dict, _files(directory))
     require_not_wrong(findings)
 
@@ -148,59 +148,38 @@ def _files(directory: Path) -> dict[str, Path]:
     return {"directory": directory} | there
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """What to record, and how.
-
-    Attributes:
-        arm: The arm.
-        directory: Folder of the recordings.
-        now: Date and time of the commissioning.
-        simulated_drives: Whether only drives with the simulation's identity may be driven.
-        yes: Whether the operator has agreed in advance to everything that allows it.
-        mass_kg: Mass of the payload; None if it was not weighed.
-        live: Address of the live view; None for none.
-        calibration: Calibration of the arm; None for the one that its file names, if any.
-    """
-
-    arm: Robot
-    directory: Path
-    now: datetime
-    simulated_drives: bool
-    yes: bool
-    mass_kg: float | None
-    live: LiveAddress | None
-    calibration: Path | None
-
-
-def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequence[Load], todo: Sequence[Load]) -> None:
+def _record(
+    arm: Robot,
+    plan: CommissioningPlan,
+    screen: Screen,
+    operator: Operator,
+    halves: Sequence[Load],
+    *,
+    simulated_drives: bool,
+) -> None:
     """Record the halves that do not exist yet."""
-    from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.session.arm_access import open_arm
-    from armload_controller.session.commissioning import record_half
+    from armload_controller.session.commissioning import missing_roles, record_half
     from armload_controller.session.run_session import Load
     from armload_drivers.servos import JointServos
 
-    arm, directory = plan.arm, plan.directory
-
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
-        return open_arm(arm, load, screen.step, simulated_drives=plan.simulated_drives, attended=attended())
+        return open_arm(arm, load, screen.step, simulated_drives=simulated_drives, attended=attended())
 
-    with operator_at(arm, screen, control, agreed=plan.yes, live=plan.live) as operator:
-        for load in halves:
-            if load not in todo:
-                screen.step(f"{load}: already recorded in {directory}, not repeated")
-                continue
-            if load is Load.LOADED and len(halves) > 1:
-                _mount(arm, screen, operator.consent, arm.bus.interface == VIRTUAL)
-            begun_s = time.monotonic()
-            summaries = record_half(arm, load, open_servos, directory, operator, plan.mass_kg, plan.calibration)
-            screen.step(_account(load, summaries, time.monotonic() - begun_s))
+    for load in halves:
+        if not missing_roles(plan.directory, load):
+            screen.step(f"{load}: already recorded in {plan.directory}, not repeated")
+            continue
+        if load is Load.LOADED and len(halves) > 1:
+            _mount(arm, screen, operator.consent)
+        begun_s = time.monotonic()
+        summaries = record_half(arm, load, open_servos, operator, plan)
+        screen.step(_account(load, summaries, time.monotonic() - begun_s))
 
 
-def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) -> None:
+def _mount(arm: Robot, screen: Screen, consent: Consent) -> None:
     """Have the payload mounted while the drives are off."""
-    if in_this_process:
+    if arm.bus.in_virtual_time:
         screen.step(f"payload {arm.simulation.payload_name!r} mounted on the simulated flange")
         return
     if not consent.given and not consent.ask(mounting_question(arm)):
@@ -212,14 +191,6 @@ def mounting_question(arm: Robot) -> str:
     braked = all(drive.has_brake for drive in arm.drives.settings.drives)
     state = "The drives are off, the brakes are on." if braked else "The drives are off."
     return f"{state} Is the payload mounted and the workspace clear?"
-
-
-def _show_half(screen: Screen, directory: Path) -> None:
-    """Report that the unloaded half is recorded, and how to continue."""
-    from armload_controller.cli.output.result_documents import half_document
-
-    screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
-    screen.document(half_document, {"directory": directory})
 
 
 def _account(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
@@ -234,12 +205,12 @@ def _account(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
 
 
 def _evaluate(
-    plan: _Plan,
+    arm: Robot,
+    plan: CommissioningPlan,
     screen: Screen,
-    truth: InertialParameters | None,
-    tolerance: Tolerance,
-    calibration: Path | None,
+    now: datetime,
     known: KnownPayload | None,
+    tolerance: Tolerance,
 ) -> Findings:
     """Identify from the first pair, validate on the second, calibrate from all; write the results and show them.
 
@@ -249,17 +220,23 @@ def _evaluate(
     from armload_controller.cli.output.findings_output import show_findings
     from armload_controller.session.commissioning import ROLES, read_pair
 
-    arm, directory = plan.arm, plan.directory
+    directory = plan.directory
     first, second = (read_pair(arm, directory, role) for role in ROLES)
-    pair = (second.loaded, second.unloaded)
     findings = identify(
-        arm, first.loaded, first.unloaded, validation=pair, calibration=calibration, known=known, tolerance=tolerance
+        arm,
+        first.loaded,
+        first.unloaded,
+        validation=(second.loaded, second.unloaded),
+        calibration=plan.calibration,
+        known=known,
+        tolerance=tolerance,
     )
+    truth = arm.simulation.payload(arm.simulation.payload_name) if arm.bus.in_virtual_time else None
     findings = replace(findings, truth=truth).with_validation_in_provenance()
     findings.save(directory / PAYLOAD_NAME)
     runs = (first.unloaded, first.loaded, second.unloaded, second.loaded)
     calibrated = _calibrate(arm, directory, runs, plan.mass_kg)
-    findings.report(directory / REPORT_NAME, plan.now)
+    findings.report(directory / REPORT_NAME, now)
     show_findings(screen, findings)
     screen.step(f"payload: {directory / PAYLOAD_NAME}")
     screen.step(f"report:  {directory / REPORT_NAME}")

@@ -268,7 +268,7 @@ def _adapt(bench: _Bench, declared: DeclaredMass, decisions: Path) -> _Outcome:
     with DecisionLog(decisions, arm.name, display) as log, running_worker("estimate") as executor:
         beside = at_once if arm.bus.interface == VIRTUAL else executor.submit
         with bench.session(Load.LOADED) as session:
-            adapted = adapted_run(arm, bench.path, calibration, declared, session, beside, log.report)
+            adapted = adapted_run(bench.path, calibration, declared, session, beside, log.report)
     display.step(f"written: {decisions}, {len(adapted.decisions)} decisions")
     return _Outcome(adapted.verdict, decisions=adapted.decisions)
 

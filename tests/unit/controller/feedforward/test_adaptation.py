@@ -230,8 +230,6 @@ class Arm:
             EstimatorPlugin(self.estimator, Effort.TORQUE),
             AdaptationRules(DECLARED, CALIBRATION, ROBOT.joint_names),
             self.plugin,
-            robot=ROBOT.name,
-            n=N,
             report=self.said.append,
             **more,
         )

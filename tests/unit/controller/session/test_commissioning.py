@@ -14,7 +14,7 @@ from armload_controller.control_errors import CommissioningError, MotionError
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_controller.motion.phase import Segment
 from armload_controller.session import commissioning
-from armload_controller.session.commissioning import record_half
+from armload_controller.session.commissioning import CommissioningPlan, record_half
 from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.recording.file_reading import read_recording
@@ -69,7 +69,7 @@ def half(robot, ideal_servos, tmp_path):
             display.step = shown.append
         operator = Operator(display, control or MotionControl(), Consent(person, given), watching)
         try:
-            record_half(robot, load, open_servos, tmp_path, operator)
+            record_half(robot, load, open_servos, operator, CommissioningPlan(tmp_path))
         except (CommissioningError, MotionError) as error:
             return person.asked, servos, error
         return person.asked, servos, None

@@ -13,7 +13,7 @@ from armload_controller.analysis.arm_in_use import arm_in_use
 from armload_controller.config.robot import load_robot
 from armload_controller.cycle.slow_round_torque import AVERAGED_S, SlowRoundRows
 from armload_controller.session import flange_check
-from armload_controller.session.commissioning import record_half, recording_path
+from armload_controller.session.commissioning import CommissioningPlan, record_half, recording_path
 from armload_controller.session.flange_check import loaded_doubts, recorded_slow_round, unloaded_doubts
 from armload_controller.session.run_session import Load, NoDisplay, no_operator
 from armload_drivers.simulation.fake_servos import FakeServos
@@ -123,5 +123,5 @@ def test_a_whole_session_with_the_payload_left_on_the_flange(tmp_path):
     display = NoDisplay()
     display.step = shown.append
     for load, text in ((Load.UNLOADED, "warning: the arm carries 3."), (Load.LOADED, f"warning: {SAME}")):
-        record_half(robot, load, open_servos, tmp_path, replace(no_operator(), display=display))
+        record_half(robot, load, open_servos, replace(no_operator(), display=display), CommissioningPlan(tmp_path))
         assert len([each for each in shown if each.startswith(text)]) == 2, "after each slow round"

@@ -18,7 +18,15 @@ from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_controller.motion.obstacles import Obstacles
 from armload_controller.motion.phase import Segment
-from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator, no_operator, run_session
+from armload_controller.session.run_session import (
+    AddedTorque,
+    Consent,
+    Load,
+    NoDisplay,
+    Operator,
+    no_operator,
+    run_session,
+)
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace
@@ -338,7 +346,7 @@ def test_what_is_handed_out_of_an_enabled_arm_can_only_hold_it(opened):
     given = []
     with opened() as (session, _):
         session.hold([], given.append)
-        session.run(checked(), "added", before=given.append)
+        session.run(checked(), "added", added=AddedTorque(given.append))
     assert [hold.__name__ for hold in given] == ["hold"] * 2
     assert not any(hasattr(hold, "follow") for hold in given)
 
@@ -349,7 +357,7 @@ def test_added_torque_is_named_in_the_question(opened):
     path = checked()
     with opened(Load.LOADED, operator, simulated=False) as (session, _):
         session.run(path, "plain")
-        session.run(path, "added", before=lambda hold: None)
+        session.run(path, "added", added=AddedTorque(lambda hold: None))
     assert "with added torque" not in person.asked[1]
     assert "with added torque?" in person.asked[2]
 
@@ -360,10 +368,10 @@ def test_a_run_with_a_warning_is_asked_for_whatever_was_consented_to_beforehand(
     operator = Operator(NoDisplay(), MotionControl(), Consent(person, given=True))
     with opened(Load.LOADED, operator, simulated=False) as (session, servos):
         try:
-            session.run(checked(), "adapting", warning="Torque will follow an estimate. ")
+            session.run(checked(), "adapting", added=AddedTorque(lambda hold: None, "Torque will follow an estimate. "))
         except CommissioningError:
             assert not answer
-    assert "Torque will follow an estimate. Run it at full speed?" in person.asked[1]
+    assert "Torque will follow an estimate. Run it at full speed with added torque?" in person.asked[1]
     assert servos.log.count("enable") == runs
 
 
