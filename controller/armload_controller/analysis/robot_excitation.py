@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
@@ -52,8 +53,51 @@ class UnstreamablePeriod(ControlError):
     """A period that is not a positive duration, or that setpoints at the bus's rate cannot follow."""
 
 
+class DesignedMotion(ABC):
+    """A designed motion of an arm, to save and draw.
+
+    Attributes:
+        arm: The arm it was designed for.
+        envelope: The limits it was designed within.
+    """
+
+    arm: Robot
+    envelope: Envelope
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the excitation file, which a robot's `[excitation]` may name; an existing file is replaced."""
+        write_excitation(Path(path), self._excitation(Path(path).name))
+
+    def picture(self, path: str | PathLike[str]) -> None:
+        """Draw the motion, its limits and its design on one page, .png, .svg or .pdf.
+
+        Raises:
+            ReportError: the file cannot be written.
+        """
+        require_extra(Extra.REPORT, "the picture of an excitation")
+        from armload_identification.report.figures.figure_file import write_figure
+        from armload_identification.report.figures.path_figure import path_figure
+
+        excitation = self._excitation(Path(path).name)
+        write_figure(Path(path), path_figure(excitation, self.envelope, self.arm.joint_names), _PICTURE_DPI)
+
+    @property
+    def robot_argument(self) -> str:
+        """The arm as an argument of `armload`: a shipped robot's name, or the path of its file."""
+        name = self.arm.file.removesuffix(".toml")
+        return name if name in shipped_robots() else self.arm.file
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """The figures as numbers, texts, lists and dictionaries."""
+
+    @abstractmethod
+    def _excitation(self, output: str) -> Excitation:
+        """The motion with its design, for a file of that name."""
+
+
 @dataclass(frozen=True, eq=False)
-class DesignedExcitation:
+class DesignedExcitation(DesignedMotion):
     """A designed excitation and its figures; prints as three lines.
 
     Attributes:
@@ -69,18 +113,6 @@ class DesignedExcitation:
     envelope: Envelope
     periods: int
     options: str
-
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the excitation file that a robot's `[excitation]` names; an existing file is replaced."""
-        write_excitation(Path(path), self._excitation(Path(path).name))
-
-    def picture(self, path: str | PathLike[str]) -> None:
-        """Draw the motion, its limits and the design on one page, .png, .svg or .pdf.
-
-        Raises:
-            ReportError: the file cannot be written.
-        """
-        draw_excitation(Path(path), self._excitation(Path(path).name), self.envelope, self.arm.joint_names)
 
     def nearest(self) -> dict[str, tuple[str, float]]:
         """The smallest margin to every kind of limit: joint or pair of bodies, and the margin in the key's unit."""
@@ -106,10 +138,8 @@ class DesignedExcitation:
     def slow_round_s(self) -> float:
         """Duration of the preceding slow round, at reduced speed."""
         path = self.result.trajectory
-        paced, _ = reduced_pace(
-            path, bound_phase(path, self.arm.limits.motion), self.arm.motion_constraints.reduced_speed
-        )
-        return paced.pace.lasts_s
+        bounds = bound_phase(path, self.arm.limits.motion)
+        return reduced_pace(path, bounds, self.arm.motion_constraints.reduced_speed)[0].pace.lasts_s
 
     def to_dict(self) -> dict[str, Any]:
         """The figures as numbers, texts, lists and dictionaries: the schema `armload/design/1`."""
@@ -153,9 +183,7 @@ class DesignedExcitation:
         return "\n".join((text, *self.arm.payloads.assumed_envelopes))
 
     def _excitation(self, output: str) -> Excitation:
-        name = self.arm.file.removesuffix(".toml")
-        robot = name if name in shipped_robots() else self.arm.file
-        command = f"armload design {robot} --output {output} {self.options}"
+        command = f"armload design {self.robot_argument} --output {output} {self.options}"
         return self.result.excitation(self.periods, command, version("armload"))
 
 
@@ -222,25 +250,6 @@ def design(
         f"--criterion {criterion}"
     )
     return DesignedExcitation(arm, result, envelope, driven, options)
-
-
-def draw_excitation(path: Path, excitation: Excitation, envelope: Envelope, joint_names: tuple[str, ...]) -> None:
-    """Draw an excitation, its limits and its design on one page.
-
-    Args:
-        path: Where to: .png, .svg or .pdf.
-        excitation: What to draw.
-        envelope: The limits that it was designed within.
-        joint_names: Names of the joints.
-
-    Raises:
-        ReportError: the file cannot be written.
-    """
-    require_extra(Extra.REPORT, "the picture of an excitation")
-    from armload_identification.report.figures.figure_file import write_figure
-    from armload_identification.report.figures.path_figure import path_figure
-
-    write_figure(path, path_figure(excitation, envelope, joint_names), _PICTURE_DPI)
 
 
 def design_envelope(robot: Robot) -> Envelope:

@@ -5,29 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
-from os import PathLike
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
-from armload_controller.analysis.robot_excitation import (
-    POSITION_MARGIN_RAD,
-    RATE_SHARE,
-    TORQUE_SHARE,
-    draw_excitation,
-)
-from armload_controller.config.robot import Robot, shipped_robots
+from armload_controller.analysis.robot_excitation import POSITION_MARGIN_RAD, DesignedMotion, design_envelope
+from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.paths import PLANNED_SPEED_M_S
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
-from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
-from armload_identification.excitation.excitation_file import write_excitation
-from armload_identification.excitation.fourier import MASS_CRITERION, Excitation, FourierTrajectory
+from armload_identification.excitation.design_envelope import Envelope
+from armload_identification.excitation.fourier import MASS_CRITERION, Excitation
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 from armload_identification.excitation.information import condition_number
 from armload_identification.identification_errors import ExcitationError
@@ -39,7 +31,7 @@ _WITHOUT_BUS_S: Final = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class DesignedWiggle:
+class DesignedWiggle(DesignedMotion):
     """A short motion that determines a mass, with its figures; prints as a few lines.
 
     Attributes:
@@ -48,7 +40,7 @@ class DesignedWiggle:
         wiggle: The motion and its predicted accuracy.
         envelope: The limits it was designed within.
         path: The motion, checked for execution.
-        command: The command that reproduces it, without the output.
+        options: Options of `armload design` that reproduce it, without the output.
     """
 
     arm: Robot
@@ -56,7 +48,7 @@ class DesignedWiggle:
     wiggle: Wiggle
     envelope: Envelope
     path: CheckedPath
-    command: str
+    options: str
 
     @property
     def share(self) -> float:
@@ -80,14 +72,6 @@ class DesignedWiggle:
         """Greatest speed of any point of the arm."""
         return float(self.arm.limits.points.greatest_on(self.wiggle.trajectory).max())
 
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the excitation file; an existing file is replaced."""
-        write_excitation(Path(path), self._excitation(Path(path).name))
-
-    def picture(self, path: str | PathLike[str]) -> None:
-        """Draw the motion and its limits on one page, .png, .svg or .pdf."""
-        draw_excitation(Path(path), self._excitation(Path(path).name), self.envelope, self.arm.joint_names)
-
     def _excitation(self, output: str) -> Excitation:
         trajectory = self.wiggle.trajectory
         at = trajectory.evaluate(np.linspace(0.0, trajectory.period_s, 200, endpoint=False))
@@ -98,7 +82,7 @@ class DesignedWiggle:
             "condition_number": condition_number(self.arm.chain).cost(*motion, trajectory.period_s),
             "seed": self.wiggle.seed,
             "restarts": self.wiggle.tried,
-            "command": f"{self.command} --output {output}",
+            "command": f"armload design {self.robot_argument} {self.options} --output {output}",
             "armload_version": version("armload"),
         }
         return Excitation(trajectory, self.wiggle.periods, design, (), self.envelope.margins(trajectory))
@@ -138,13 +122,27 @@ class DesignedWiggle:
         return "\n".join((text, *self.arm.payloads.assumed_envelopes))
 
 
+@dataclass(frozen=True)
+class WiggleRequest:
+    """What a short motion must determine, and where.
+
+    Attributes:
+        within_rad: Greatest distance of any joint from the pose.
+        mass_share: Required half width of the mass's 95 % interval, divided by the mass.
+        at_rad: (n,) the pose; if empty, the middle of the robot's excitation.
+        speed_m_s: Speed that no point of the arm exceeds; if not given, the limit in the robot's file.
+    """
+
+    within_rad: float
+    mass_share: float
+    at_rad: tuple[float, ...] = ()
+    speed_m_s: float | None = None
+
+
 def design_wiggle(
     robot: Robot,
+    request: WiggleRequest,
     *,
-    at_rad: Sequence[float] = (),
-    within_rad: float,
-    mass_share: float,
-    speed_m_s: float | None = None,
     calibration: FilePath | None = None,
     seed: int = 1,
     progress: Callable[[int, int], None],
@@ -153,10 +151,7 @@ def design_wiggle(
 
     Args:
         robot: The arm.
-        at_rad: (n,) the pose; if not given, the middle of the robot's excitation.
-        within_rad: Greatest distance of any joint from the pose.
-        mass_share: Required half width of the mass's 95 % interval, divided by the mass.
-        speed_m_s: Speed that no point of the arm exceeds; if not given, the limit in the robot's file.
+        request: What the motion must determine, and where.
         calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
         seed: Seed of the random starts; the same seed gives the same motion.
         progress: Called with the steps done and their total.
@@ -169,34 +164,29 @@ def design_wiggle(
     """
     used = arm_in_use(robot, calibration)
     found, known = used.calibrated("predicting what a motion will determine requires the arm's calibration")
-    at = _place(robot, at_rad)
-    envelope = _about(robot, at, within_rad, speed_m_s)
+    at = _place(robot, request.at_rad)
+    envelope = _about(robot, at, request)
     cycle_s = 1.0 / robot.bus.cycle_hz if robot.has_bus else _WITHOUT_BUS_S
 
-    def checked(trajectory: FourierTrajectory, periods: int = 1) -> CheckedPath:
-        excitation = Excitation(trajectory, periods)
-        path = check_path(excitation, robot.motion_constraints, cycle_s, file="the design", key="any-motion")
-        path.approach_from(at)
-        return path
-
-    _require_gains(found, mass_share)
+    _require_gains(found, request.mass_share)
     prospect = MassProspect(used.chain, known, robot.payloads.expected)
     wiggle = shortest_wiggle(
         prospect,
         envelope,
         at,
-        mass_share * prospect.payload.mass_kg,
+        request.mass_share * prospect.payload.mass_kg,
         step_s=cycle_s,
         seed=seed,
         objection=robot.obstacles.objection,
         progress=progress,
     )
-    name = robot.file.removesuffix(".toml")
-    options = [f"--for any-motion --within-deg {np.degrees(within_rad):g} --mass-within {mass_share:g}"]
-    options += [f"--at-rad '{' '.join(f'{value:.6g}' for value in at)}'", f"--seed {seed}"]
-    options += [] if speed_m_s is None else [f"--speed-m-s {speed_m_s:g}"]
-    command = f"armload design {name if name in shipped_robots() else robot.file} {' '.join(options)}"
-    return DesignedWiggle(robot, at, wiggle, envelope, checked(wiggle.trajectory, wiggle.periods), command)
+    excitation = Excitation(wiggle.trajectory, wiggle.periods)
+    path = check_path(excitation, robot.motion_constraints, cycle_s, file="the design", key="any-motion")
+    path.approach_from(at)
+    options = f"--for any-motion --within-deg {np.degrees(request.within_rad):g} --mass-within {request.mass_share:g}"
+    options += f" --at-rad '{' '.join(f'{value:.6g}' for value in at)}' --seed {seed}"
+    options += "" if request.speed_m_s is None else f" --speed-m-s {request.speed_m_s:g}"
+    return DesignedWiggle(robot, at, wiggle, envelope, path, options)
 
 
 def _require_gains(calibration: ArmCalibration, mass_share: float) -> None:
@@ -226,24 +216,19 @@ def _place(robot: Robot, at_rad: Sequence[float]) -> FloatArray:
     if len(at_rad):
         at = np.asarray(at_rad, dtype=np.float64)
         if at.shape != (robot.n,) or not np.isfinite(at).all():
-            raise ConfigurationError(
-                "the command line", "--at-rad", list(at_rad), f"expected {robot.n} positions in rad"
-            )
+            expected = f"expected {robot.n} positions in rad"
+            raise ConfigurationError("the command line", "--at-rad", list(at_rad), expected)
         return at
     excitation = robot.excitations.get("identification")
     if excitation is None:
-        raise ConfigurationError(
-            "the command line",
-            "--at-rad",
-            None,
-            f"expected {robot.n} positions in rad, as {robot.file} has no excitation",
-        )
+        expected = f"expected {robot.n} positions in rad, as {robot.file} has no excitation"
+        raise ConfigurationError("the command line", "--at-rad", None, expected)
     return excitation.trajectory.offset_rad
 
 
-def _about(robot: Robot, at: FloatArray, within_rad: float, speed_m_s: float | None) -> Envelope:
+def _about(robot: Robot, at: FloatArray, request: WiggleRequest) -> Envelope:
     """The robot's limits, restricted to a box about the pose."""
-    whole = robot.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)
+    whole = design_envelope(robot)
     joints = whole.joints
     low, high = joints.position_min_rad, joints.position_max_rad
     outside = np.flatnonzero((at <= low) | (at >= high))
@@ -253,14 +238,12 @@ def _about(robot: Robot, at: FloatArray, within_rad: float, speed_m_s: float | N
             f"{robot.joint_names[joint]} is at {at[joint]:.3f} rad; expected between {low[joint]:.3f} and "
             f"{high[joint]:.3f}, {POSITION_MARGIN_RAD} rad from its limits, the margin that motions keep"
         )
-    about = ExcitationLimits(
-        np.maximum(low, at - within_rad),
-        np.minimum(high, at + within_rad),
-        joints.velocity_max_rad_s,
-        joints.acceleration_max_rad_s2,
-        joints.jerk_max_rad_s3,
+    about = replace(
+        joints,
+        position_min_rad=np.maximum(low, at - request.within_rad),
+        position_max_rad=np.minimum(high, at + request.within_rad),
     )
     speed = whole.speed
-    if speed_m_s is not None and (speed is None or speed_m_s < speed.speed_m_s):
-        speed = SpeedLimit(robot.limits.points, speed_m_s)
+    if request.speed_m_s is not None and (speed is None or request.speed_m_s < speed.speed_m_s):
+        speed = SpeedLimit(robot.limits.points, request.speed_m_s)
     return replace(whole, joints=about, speed=speed)

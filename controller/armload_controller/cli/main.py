@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+from collections.abc import Callable
 from importlib.metadata import version
 from typing import Annotated
 
@@ -22,16 +23,16 @@ from armload_controller.cli.arm_commands.watch_command import watch
 from armload_controller.cli.attendance import attended
 from armload_controller.cli.command_group import CommandGroup
 from armload_controller.cli.commands.calibrate_command import calibrate
-from armload_controller.cli.commands.compare_command import compare
-from armload_controller.cli.commands.design_command import design
-from armload_controller.cli.commands.drift_command import drift
+from armload_controller.cli.commands.compare_command import compare_with_cad
+from armload_controller.cli.commands.design_command import design_motion
+from armload_controller.cli.commands.drift_command import watch_drift
 from armload_controller.cli.commands.export_command import export
 from armload_controller.cli.commands.fleet_command import fleet
-from armload_controller.cli.commands.identify_command import identify
+from armload_controller.cli.commands.identify_command import identify_payload
 from armload_controller.cli.commands.init_command import init
 from armload_controller.cli.commands.recordings_command import recordings
 from armload_controller.cli.commands.report_command import report
-from armload_controller.cli.commands.validate_command import validate
+from armload_controller.cli.commands.validate_command import validate_payload
 
 EXIT_USAGE = 2
 
@@ -43,22 +44,23 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # its boxes cut off option names on narrow consoles
 )
-for command in (
-    commission,
-    identify,
-    validate,
-    report,
-    compare,
-    calibrate,
-    drift,
-    init,
-    simulate,
-    design,
-    export,
-    feedforward,
-    watch,
-):
-    app.command()(command)
+COMMANDS: dict[str, Callable[..., None]] = {
+    "commission": commission,
+    "identify": identify_payload,
+    "validate": validate_payload,
+    "report": report,
+    "compare": compare_with_cad,
+    "calibrate": calibrate,
+    "drift": watch_drift,
+    "init": init,
+    "simulate": simulate,
+    "design": design_motion,
+    "export": export,
+    "feedforward": feedforward,
+    "watch": watch,
+}
+for name, command in COMMANDS.items():
+    app.command(name)(command)
 
 app.add_typer(drives, name="drives")
 app.add_typer(recordings, name="recordings")

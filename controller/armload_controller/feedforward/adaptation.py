@@ -106,7 +106,7 @@ class DecisionKind(StrEnum):
 
 
 @dataclass(frozen=True)
-class Decision:
+class AdaptationDecision:
     """One decision.
 
     Attributes:
@@ -133,7 +133,7 @@ class Decision:
     @classmethod
     def of(
         cls, time_s: float, kind: DecisionKind, reason: str, found: LivePayload | None, body: InertialParameters | None
-    ) -> Decision:
+    ) -> AdaptationDecision:
         """A decision with the figures of its estimate.
 
         Args:
@@ -223,9 +223,9 @@ class PayloadAdaptation:
         feedforward: FeedforwardPlugin,
         *,
         beside: Beside = at_once,
-        report: Callable[[Decision], None] = lambda decision: None,
+        report: Callable[[AdaptationDecision], None] = lambda decision: None,
     ) -> None:
-        self.decisions: list[Decision] = []
+        self.decisions: list[AdaptationDecision] = []
         self._estimated, self._rules, self._feedforward = estimated, rules, feedforward
         self._beside, self._report = beside, report
         self._pending: Future[Look] | None = None
@@ -318,7 +318,7 @@ class PayloadAdaptation:
 
     def _note(self, time_s: float, kind: DecisionKind, found: LivePayload | None, why: str) -> None:
         """Record a decision."""
-        decision = Decision.of(time_s, kind, why, found, None if self._fed is None else self._fed.body)
+        decision = AdaptationDecision.of(time_s, kind, why, found, None if self._fed is None else self._fed.body)
         self.decisions.append(decision)
         self._report(decision)
 

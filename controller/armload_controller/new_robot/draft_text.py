@@ -36,7 +36,6 @@ def draft_file(
     arm: ArmDraft,
     payload_kg: float | None,
     workspace: WorkspaceDraft,
-    urdf: str | None,
     bus: BusDraft | None,
     excitations: tuple[str, str] | None = None,
     *,
@@ -48,7 +47,6 @@ def draft_file(
         arm: Kinematics, limits, links.
         payload_kg: The heaviest payload; None if unknown.
         workspace: The workspace.
-        urdf: Path of the URDF to write into the file if its meshes are checked.
         bus: Its drives; None writes a template.
         excitations: Files of the identification's and the validation's excitation.
         twin_start_rad: (n,) initial pose of a simulated arm; if given, drives and arm are simulated, in place of
@@ -65,7 +63,7 @@ def draft_file(
     _robot(file, arm, payload_kg)
     _kinematics(file, arm)
     _payload(file, payload_kg)
-    add_workspace(file, arm, workspace, urdf)
+    add_workspace(file, arm, workspace)
     whole = _whole_body(arm.links)
     if whole is not None:
         _body(file, arm, whole)

@@ -54,6 +54,7 @@ class WorkspaceDraft:
         meshes: Whether the URDF's meshes are checked as well.
         touching: Pairs of the URDF's links that may touch.
         why_no_meshes: Why the meshes are not checked; empty if they are.
+        urdf: Path of the URDF as the robot's file names it; None without one.
     """
 
     spheres: tuple[Sphere, ...]
@@ -65,6 +66,7 @@ class WorkspaceDraft:
     meshes: bool
     touching: tuple[tuple[str, str], ...]
     why_no_meshes: str
+    urdf: str | None = None
 
 
 def workspace_of_urdf(arm: UrdfArm, draft: ArmDraft, tool: Sphere) -> WorkspaceDraft:

@@ -12,21 +12,20 @@ from armload_controller.new_robot.workspace_draft import BARE_RADIUS_M, KEEP_M, 
 from armload_identification.storage.toml_text import array, inline, number, text
 
 
-def add_workspace(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, urdf: str | None) -> None:
+def add_workspace(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft) -> None:
     """Add `[workspace]`, and say what it does not contain.
 
     Args:
         file: The file.
         arm: The arm.
         workspace: Its workspace.
-        urdf: Path of the URDF to write into the file if its meshes are checked.
     """
     names = [str(index) for index in range(arm.n + 1)] + ['"tool"']
-    _add_table(file, arm, workspace, urdf, names)
+    _add_table(file, arm, workspace, names)
     file.unchecked += _unchecked(workspace, names)
 
 
-def _add_table(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, urdf: str | None, names: list[str]) -> None:
+def _add_table(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, names: list[str]) -> None:
     """The table; `names` of the links in TOML, from the base to the tool."""
     file.add(
         "# What the arm must not touch. Spheres in the joint frames (0: base); the tool's in the flange frame.",
@@ -51,8 +50,8 @@ def _add_table(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, urdf
     file.add("]")
     if workspace.apart:
         file.add("apart = [", *(f"    [{names[a]}, {names[b]}]," for a, b in workspace.apart), "]")
-    if urdf is not None and workspace.meshes:
-        file.add(f"urdf = {text(urdf)}  # its meshes are also checked")
+    if workspace.urdf is not None and workspace.meshes:
+        file.add(f"urdf = {text(workspace.urdf)}  # its meshes are also checked")
         if workspace.touching:
             file.add(
                 "urdf_touching = [  # neighbours whose shapes touch in nearly every pose",

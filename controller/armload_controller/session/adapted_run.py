@@ -9,7 +9,7 @@ import numpy as np
 
 from armload_controller.config.robot import Robot
 from armload_controller.cycle.control_cycle import Hold
-from armload_controller.feedforward.adaptation import Beside, Decision, EstimatorPlugin, PayloadAdaptation
+from armload_controller.feedforward.adaptation import AdaptationDecision, Beside, EstimatorPlugin, PayloadAdaptation
 from armload_controller.feedforward.adaptation_rules import AdaptationRules, DeclaredMass
 from armload_controller.feedforward.feedforward_plugin import CheckedFeedforward, FeedforwardPlugin
 from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict
@@ -30,7 +30,7 @@ class AdaptedRun:
     """
 
     verdict: OffsetVerdict
-    decisions: tuple[Decision, ...]
+    decisions: tuple[AdaptationDecision, ...]
 
 
 def adapted_run(
@@ -39,7 +39,7 @@ def adapted_run(
     declared: DeclaredMass,
     session: RunSession,
     beside: Beside,
-    report: Callable[[Decision], None],
+    report: Callable[[AdaptationDecision], None],
 ) -> AdaptedRun:
     """Run a path; the torque offset is tried first, as before any feed-forward.
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from armload_controller.control_errors import CommissioningError
-from armload_controller.session.feedforward_comparison import Comparison
+from armload_controller.session.feedforward_comparison import FollowingComparison
 from armload_identification.extras import Extra, require_extra
 from armload_identification.report.figures.figure_file import write_figure
 from armload_identification.report.figures.figure_style import BLUE, GREEN, VERMILION
@@ -25,7 +25,7 @@ def require_picture(path: Path) -> None:
         raise CommissioningError(f"{path}: pictures are written as .svg or .png")
 
 
-def draw(comparisons: Sequence[Comparison], robot: str, path: Path) -> None:
+def draw(comparisons: Sequence[FollowingComparison], robot: str, path: Path) -> None:
     """Draw the errors without and with feed-forward over the phase.
 
     Args:

@@ -11,7 +11,7 @@ from typing import Self
 
 from armload_controller.control_errors import CommissioningError, RecordingFailed
 from armload_controller.cycle.realtime import running_worker
-from armload_controller.feedforward.adaptation import Decision
+from armload_controller.feedforward.adaptation import AdaptationDecision
 from armload_controller.session.run_session import Display
 
 
@@ -53,7 +53,7 @@ class DecisionLog:
         if error is None and self._last is not None:
             self._last.result()
 
-    def report(self, decision: Decision) -> None:
+    def report(self, decision: AdaptationDecision) -> None:
         """Hand a decision over; returns at once.
 
         Raises:
@@ -63,7 +63,7 @@ class DecisionLog:
             self._last.result()
         self._last = self._executor.submit(self._keep, decision, self._last)
 
-    def _keep(self, decision: Decision, before: Future[None] | None) -> None:
+    def _keep(self, decision: AdaptationDecision, before: Future[None] | None) -> None:
         """Write and show a decision, unless an earlier one could not be written."""
         if before is not None:
             before.result()

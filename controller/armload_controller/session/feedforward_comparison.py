@@ -61,7 +61,7 @@ class FollowingRun:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class FollowingComparison:
     """The following error without and with feed-forward.
 
     Attributes:
@@ -258,7 +258,7 @@ class ComparisonRuns:
         with_feedforward: dict[str, FollowingRun],
         empty: FollowingRun | None,
         payload: PayloadResult,
-    ) -> Comparison:
+    ) -> FollowingComparison:
         """Compare runs at the phases that all of them contain.
 
         Args:
@@ -281,7 +281,7 @@ class ComparisonRuns:
         path_rad = positions_along(self._path)
         still = np.zeros_like(path_rad)
         weight = payload_torque(self._robot.chain, payload.model.theta, path_rad, still, still)
-        return Comparison(
+        return FollowingComparison(
             measure=Measure.TORQUES if empty is None else Measure.ADDED,
             joint_names=self._robot.joint_names,
             phase_s=phase_s,

@@ -33,11 +33,11 @@ from armload_controller.motion.motion_control import MotionControl
 if TYPE_CHECKING:
     from armload_controller.analysis.arm_in_use import ArmInUse
     from armload_controller.config.robot import Robot
-    from armload_controller.feedforward.adaptation import Decision
+    from armload_controller.feedforward.adaptation import AdaptationDecision
     from armload_controller.feedforward.adaptation_rules import DeclaredMass
     from armload_controller.feedforward.offset_check import OffsetVerdict
     from armload_controller.motion.checked_path import CheckedPath
-    from armload_controller.session.feedforward_comparison import Comparison, ComparisonRuns
+    from armload_controller.session.feedforward_comparison import ComparisonRuns, FollowingComparison
     from armload_controller.session.run_session import Load, Operator, RunSession, ServosFactory
     from armload_identification.model.payload import InertialParameters, PayloadResult
 
@@ -189,8 +189,8 @@ class _Outcome:
     """
 
     verdict: OffsetVerdict
-    comparisons: Sequence[Comparison] = ()
-    decisions: Sequence[Decision] = ()
+    comparisons: Sequence[FollowingComparison] = ()
+    decisions: Sequence[AdaptationDecision] = ()
 
 
 def _usable(arm: Robot, payload: Path) -> PayloadResult:

@@ -18,7 +18,7 @@ from armload_controller.cli.output.verdict_output import (
 )
 
 
-def compare(
+def compare_with_cad(
     payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file that was identified (TOML).")],
     cad: Annotated[Path, typer.Argument(metavar="CAD", help="Payload file with the true values (TOML).")],
     calibration: Annotated[
@@ -40,7 +40,7 @@ def compare(
     from armload_identification.files.payload_file import read_payload
     from armload_identification.identification_errors import PayloadFileError
     from armload_identification.verdict.agreement import compare_known
-    from armload_identification.verdict.cad_comparison import compare as compare_payloads
+    from armload_identification.verdict.cad_comparison import compare
     from armload_identification.verdict.payload_verdict import known_payload, with_gains
     from armload_identification.verdict.verdict_text import agreement_sentences
 
@@ -57,7 +57,7 @@ def compare(
         judged = with_gains(judged, arm.gain_nm_a, arm.covariance[: arm.n, : arm.n])
         center = " ".join(f"{value:.4f}" for value in judged.parameters.center_of_mass_m)
         corrected = f"with the gains of {calibration.name}: {judged.parameters.mass_kg:.4f} kg at {center} m"
-    result = compare_payloads(estimate, truth)
+    result = compare(estimate, truth)
     screen = Screen(as_json=as_json)
     screen.table(comparison_table(result))
     screen.result("inertia about the frame's origin, products as in the paper: ixy = +int xy dm")

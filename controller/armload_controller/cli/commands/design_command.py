@@ -14,8 +14,7 @@ from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_drawable
 
 if TYPE_CHECKING:
-    from armload_controller.analysis.robot_excitation import DesignedExcitation
-    from armload_controller.analysis.robot_wiggle import DesignedWiggle
+    from armload_controller.analysis.robot_excitation import DesignedMotion
     from armload_controller.cli.screen import Screen
 
 MOST_HARMONICS, MOST_RESTARTS, MOST_PERIODS = 50, 1000, 10_000
@@ -49,7 +48,7 @@ class CriterionName(StrEnum):
     CONDITION_NUMBER = "condition-number"
 
 
-def design(
+def design_motion(
     context: typer.Context,
     robot: RobotArgument,
     output: Annotated[
@@ -105,8 +104,7 @@ def design(
     With --for any-motion: the shortest motion, of a few degrees about the arm's position, that determines the payload
     of a calibrated arm.
     """
-    from armload_controller.analysis.robot_excitation import UnstreamablePeriod
-    from armload_controller.analysis.robot_excitation import design as design_excitation
+    from armload_controller.analysis.robot_excitation import UnstreamablePeriod, design
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
 
@@ -120,15 +118,12 @@ def design(
         )
     _require_fitting(context, purpose)
     if purpose is Purpose.ANY_MOTION:
-        from armload_controller.analysis.robot_wiggle import design_wiggle
+        from armload_controller.analysis.robot_wiggle import WiggleRequest, design_wiggle
 
         with screen.track("designing", _PARTS) as done:
             wiggle = design_wiggle(
                 arm,
-                at_rad=_positions(at_rad),
-                within_rad=_radians(within_deg),
-                mass_share=mass_within,
-                speed_m_s=speed_m_s,
+                WiggleRequest(_radians(within_deg), mass_within, _positions(at_rad), speed_m_s),
                 calibration=calibration,
                 seed=seed,
                 progress=lambda count, total: done(_PARTS * count // total),
@@ -137,7 +132,7 @@ def design(
         return
     with screen.track("designing", restarts) as done:
         try:
-            designed = design_excitation(
+            designed = design(
                 arm,
                 seed=seed,
                 restarts=restarts,
@@ -152,7 +147,7 @@ def design(
     _finish(screen, designed, output)
 
 
-def _finish(screen: Screen, designed: DesignedExcitation | DesignedWiggle, output: Path) -> None:
+def _finish(screen: Screen, designed: DesignedMotion, output: Path) -> None:
     """Write the excitation and its picture, and show its figures."""
     picture = output.with_suffix(".png")
     designed.save(output)

@@ -16,7 +16,7 @@ _PARTS = 100
 """Steps of the progress."""
 
 
-def drift(
+def watch_drift(
     robot: RobotArgument,
     runs: Annotated[
         list[Path],
@@ -37,7 +37,7 @@ def drift(
     Runs of any motion, empty or with any payload; an unknown payload is fitted. Recordings without a start time are
     used in the given order, or give a table with the column recorded.
     """
-    from armload_controller.analysis.robot_drift import drift as drift_of
+    from armload_controller.analysis.robot_drift import drift
     from armload_controller.cli.output.drift_output import show_drift
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
@@ -48,7 +48,5 @@ def drift(
         if file is not None:
             require_folder(file)
     with screen.track("reading", total=_PARTS) as done:
-        history = drift_of(
-            arm, runs, calibration=calibration, progress=lambda count, total: done(_PARTS * count // total)
-        )
+        history = drift(arm, runs, calibration=calibration, progress=lambda count, total: done(_PARTS * count // total))
     show_drift(screen, history, report=report, picture=picture)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from armload_identification.estimation.prior_knowledge import KnownPayload
 
 
-def identify(
+def identify_payload(
     loaded: LoadedOption,
     robot: MaybeRobotArgument = None,
     unloaded: Annotated[

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -69,28 +69,21 @@ def init(
         raise ConfigurationError("command line", "URDF", None, "required if there is no terminal to ask at")
     if payload_kg is None and attended():
         payload_kg = _asked_payload(screen)
-    arm, workspace, meshes = _arm(screen, urdf, base, flange, payload_kg, output)
+    arm, workspace = _arm(screen, urdf, base, flange, payload_kg, output)
     arm = named(arm, name)
     if simulated:
         _require_twin(arm, payload_kg, scan is not None or description is not None)
     bus = _bus(arm.n, scan, bitrate, description, output)
 
     def draft(ranges: ArmDraft) -> DraftedFile:
-        return draft_file(ranges, payload_kg, workspace, meshes, None)
+        return draft_file(ranges, payload_kg, workspace, None)
 
     if draft(arm).holes or payload_kg is None:
         designed = _Designed(None, "values are missing", None)
     else:
         designed = _designed(screen, output, arm, draft, restarts)
-    drafted = draft_file(
-        arm,
-        payload_kg,
-        workspace,
-        meshes,
-        bus,
-        designed.names,
-        twin_start_rad=designed.roomiest_rad if simulated else None,
-    )
+    start_rad = designed.roomiest_rad if simulated else None
+    drafted = draft_file(arm, payload_kg, workspace, bus, designed.names, twin_start_rad=start_rad)
     _write(output, drafted.text)
     if designed.names is None:
         screen.step(f"no excitation is designed: {designed.problem}")
@@ -159,8 +152,8 @@ def _asked_payload(screen: Screen) -> float | None:
 
 def _arm(
     screen: Screen, urdf: Path | None, base: str | None, flange: str | None, payload_kg: float | None, output: Path
-) -> tuple[ArmDraft, WorkspaceDraft, str | None]:
-    """The arm, its workspace, and the URDF's path relative to the robot file."""
+) -> tuple[ArmDraft, WorkspaceDraft]:
+    """The arm and its workspace."""
     from armload_controller.config.chain_from_urdf import read_urdf_arm
     from armload_controller.new_robot.arm_draft import draft_of_urdf
     from armload_controller.new_robot.arm_interview import interviewed
@@ -171,7 +164,7 @@ def _arm(
 
     if urdf is None:
         arm = interviewed(screen.ask, screen.step)
-        return arm, workspace_of_spheres(arm, [], tool_sphere(arm.n, payload_kg)), None
+        return arm, workspace_of_spheres(arm, [], tool_sphere(arm.n, payload_kg))
     found = read_urdf_arm(urdf, base, flange)
     arm = draft_of_urdf(found)
     screen.step(f"{urdf}: {arm.n} joints from {found.base} to {found.flange}: {', '.join(arm.joint_names)}")
@@ -179,9 +172,9 @@ def _arm(
         screen.step(f"not part of the arm, and assumed fixed: {', '.join(found.other_joints)}")
     tool = tool_sphere(arm.n, payload_kg)
     try:
-        return arm, workspace_of_urdf(found, arm, tool), path_beside(urdf, output)
+        return arm, replace(workspace_of_urdf(found, arm, tool), urdf=path_beside(urdf, output))
     except ModelError as error:
-        return arm, workspace_of_spheres(arm, [], tool, str(error).removeprefix(f"{urdf}: ")), None
+        return arm, workspace_of_spheres(arm, [], tool, str(error).removeprefix(f"{urdf}: "))
 
 
 def _bus(n: int, scan: str | None, bitrate: int, description: Path | None, output: Path) -> BusDraft | None:

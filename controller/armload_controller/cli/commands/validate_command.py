@@ -30,7 +30,7 @@ from armload_controller.cli.recording_options import (
 from armload_identification.recording.reading_options import Effort
 
 
-def validate(
+def validate_payload(
     arguments: Annotated[
         list[str],
         typer.Argument(

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
     from armload_controller.cli.screen import Screen
     from armload_controller.feedforward.offset_check import OffsetVerdict
-    from armload_controller.session.feedforward_comparison import Comparison
+    from armload_controller.session.feedforward_comparison import FollowingComparison
 
 
-def show_comparisons(screen: Screen, comparisons: Sequence[Comparison], robot: str, picture: Path) -> None:
+def show_comparisons(screen: Screen, comparisons: Sequence[FollowingComparison], robot: str, picture: Path) -> None:
     """Show comparisons as tables, and draw them."""
     from armload_controller.session.comparison_figure import draw
 
@@ -37,7 +37,7 @@ def offset_account(verdict: OffsetVerdict) -> str:
     return text + (f"; no torque can be added on {', '.join(left)}: {why}" if left else "")
 
 
-def following_error_table(comparison: Comparison) -> Table:
+def following_error_table(comparison: FollowingComparison) -> Table:
     """RMS of the error per joint, and its reduction by feed-forward."""
     from rich.table import Table
 

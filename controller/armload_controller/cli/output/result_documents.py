@@ -17,11 +17,11 @@ from armload_identification.results.findings_document import agreement_fields, n
 
 if TYPE_CHECKING:
     # a command does not load the modules of the other documents
-    from armload_controller.feedforward.adaptation import Decision
+    from armload_controller.feedforward.adaptation import AdaptationDecision
     from armload_controller.feedforward.offset_check import OffsetVerdict
     from armload_controller.new_robot.arm_draft import ArmDraft
     from armload_controller.new_robot.drafted_file import DraftedFile
-    from armload_controller.session.feedforward_comparison import Comparison as FollowingComparison
+    from armload_controller.session.feedforward_comparison import FollowingComparison
     from armload_drivers.bring_up.drive_check import ArmCheck
     from armload_drivers.bring_up.inspection import ArmStatus, DriveStatus, FoundNode
     from armload_drivers.cia402.state_machine import State
@@ -131,7 +131,7 @@ def feedforward_document(
     robot: str,
     verdict: OffsetVerdict,
     comparisons: Sequence[FollowingComparison],
-    decisions: Sequence[Decision] = (),
+    decisions: Sequence[AdaptationDecision] = (),
 ) -> dict[str, Any]:
     """The drives' response to a torque offset, the following errors without and with it, and the decisions."""
     offset = [

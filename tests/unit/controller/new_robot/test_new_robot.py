@@ -1,6 +1,7 @@
 """A first robot file: it contains the data of a URDF, a bus, a description and answers, and lists what is missing."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -74,7 +75,7 @@ def drafted(tmp_path):
         arm = read_urdf_arm(tmp_path / "five.urdf", flange="hand")
         draft = draft_of_urdf(arm)
         workspace = workspace_of_urdf(arm, draft, tool_sphere(arm.n, payload_kg))
-        file = draft_file(draft, payload_kg, workspace, "five.urdf", bus)
+        file = draft_file(draft, payload_kg, replace(workspace, urdf="five.urdf"), bus)
         (tmp_path / "five.toml").write_text(file.text)
         return arm, file, tmp_path / "five.toml"
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from armload_controller.control_errors import CommissioningError, RecordingFailed
-from armload_controller.feedforward.adaptation import Decision, DecisionKind
+from armload_controller.feedforward.adaptation import AdaptationDecision, DecisionKind
 from armload_controller.session.decision_log import DecisionLog
 from armload_controller.session.run_session import NoDisplay
 
 
 def decision(time_s):
-    return Decision.of(time_s, DecisionKind.REFUSED, "too light", None, None)
+    return AdaptationDecision.of(time_s, DecisionKind.REFUSED, "too light", None, None)
 
 
 class HaltedTerminal(NoDisplay):

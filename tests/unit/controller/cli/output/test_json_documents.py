@@ -28,11 +28,11 @@ from armload_controller.cli.output.result_documents import (
 )
 from armload_controller.cli.screen import Screen
 from armload_controller.config.robot import load_robot
-from armload_controller.feedforward.adaptation import Decision, DecisionKind
+from armload_controller.feedforward.adaptation import AdaptationDecision, DecisionKind
 from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.fleet.fleet_run import FleetProblem, FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
-from armload_controller.session.feedforward_comparison import Comparison, Measure
+from armload_controller.session.feedforward_comparison import FollowingComparison, Measure
 from armload_drivers.bring_up import drive_check, inspection
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
@@ -141,7 +141,9 @@ def made():
     joints, ones = ("a", "b"), np.ones(2)
     offset = OffsetVerdict(joints, ones, np.array([1.0, 0.2]), np.array([0.01, 9.0]), 4)
     errors = np.full((5, 2), 0.01)
-    compared = Comparison(Measure.ADDED, joints, np.arange(5.0), errors, {"fed": 0.1 * errors}, np.array([9.0, 0.1]))
+    compared = FollowingComparison(
+        Measure.ADDED, joints, np.arange(5.0), errors, {"fed": 0.1 * errors}, np.array([9.0, 0.1])
+    )
     node = FoundNode(3, 0x20192, "drive", Identity(1, 2, 3), (1, 8), ("1016",))
     arm = SimpleNamespace(
         effort=Effort.CURRENT,
@@ -173,7 +175,7 @@ def made():
     worn = arm_drift(SimpleNamespace(n=2, friction_nm=ones, usual_change_nm=noise), runs)
     weeks = ArmHistory("arm", "", joints, None, "arm.toml", worn, (("other.mcap", "too short"),), "0")
     wiggle = DesignedWiggle(load_robot("prbt"), np.zeros(6), *designed_wiggle(), "armload design")
-    decision = Decision(1.0, DecisionKind.FED, "", 1.0, 0.1, (0.0, 0.0, 0.1), 0.98, (0.0, 0.0, 0.1))
+    decision = AdaptationDecision(1.0, DecisionKind.FED, "", 1.0, 0.1, (0.0, 0.0, 0.1), 0.98, (0.0, 0.0, 0.1))
     four = np.ones(4)
     sure_of = np.array([True, True, False, False])
     states = {"contact": False, "refused": 0, "covariance": np.eye(10)}
@@ -243,7 +245,7 @@ def test_a_joint_that_never_left_its_setpoint_has_no_reduction():
     joints, ones = ("a", "b"), np.ones(2)
     offset = OffsetVerdict(joints, ones, ones, np.full(2, 0.01), 4)
     errors = np.tile([0.01, 0.0], (5, 1))
-    compared = Comparison(Measure.ADDED, joints, np.arange(5.0), errors, {"fed": 0.1 * errors}, 9.0 * ones)
+    compared = FollowingComparison(Measure.ADDED, joints, np.arange(5.0), errors, {"fed": 0.1 * errors}, 9.0 * ones)
     fed = feedforward_document("arm", offset, [compared])
     reductions = [joint["reduction"]["fed"] for joint in fed["comparisons"][0]["joints"]]
     assert reductions == [pytest.approx(0.9), None]
