@@ -16,7 +16,7 @@ from __future__ import annotations
 import errno
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import replace
 
 import can
@@ -28,7 +28,7 @@ from armload_controller.control_errors import UnsafeBus
 from armload_controller.cycle.realtime import tuned_for_cycles
 from armload_controller.session.run_session import Load
 from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
-from armload_drivers.bus.sync_sources import SyncSource, TimerSync
+from armload_drivers.bus.sync_sources import TimerSync
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
 from armload_drivers.cia402.device_description import DeviceDescription
@@ -104,12 +104,9 @@ def simulated_arm(robot: Robot, load: Load, described: Sequence[DeviceDescriptio
         LockstepBus(wire) as drives_bus,
         LockstepBus(wire) as bus,
         SimulatedDrives(arm, plant, drives_bus, clock, _traits(robot, described)),
+        closing(CanopenServos(arm, bus, LockstepSync(clock))) as servos,
     ):
-        servos = CanopenServos(arm, bus, LockstepSync(clock))
-        try:
-            yield servos
-        finally:
-            servos.close()
+        yield servos
 
 
 @contextmanager
@@ -134,27 +131,17 @@ def arm_on_bus(
     if simulated_drives:
         drives = tuple(replace(drive, identity=SIMULATION_IDENTITY) for drive in arm.drives)
         arm = replace(arm, drives=drives)
-    with _bus(robot) as bus, tuned_for_cycles(report):
-        servos = CanopenServos(arm, bus, sync_for(robot))
-        try:
+    with bus_of(robot) as bus, tuned_for_cycles(report):
+        # SYNC from the kernel if the bus is SocketCAN, otherwise from this process
+        kernel_sync = robot.bus.interface == SOCKETCAN
+        sync = BcmSync(BroadcastManager(robot.bus.channel)) if kernel_sync else TimerSync()
+        with closing(CanopenServos(arm, bus, sync)) as servos:
             yield servos
-        finally:
-            servos.close()
-
-
-def sync_for(robot: Robot) -> SyncSource:
-    """SYNC from the kernel if the bus is SocketCAN, otherwise from this process."""
-    if robot.bus.interface == SOCKETCAN:
-        return BcmSync(BroadcastManager(robot.bus.channel))
-    return TimerSync()
 
 
 @contextmanager
 def drives_alone(
-    robot: Robot,
-    payload: str,
-    changes: Sequence[PayloadChange] = (),
-    described: Sequence[DeviceDescription] = (),
+    robot: Robot, payload: str, changes: Sequence[PayloadChange] = (), described: Sequence[DeviceDescription] = ()
 ) -> Iterator[SimulatedDrives]:
     """Simulated drives on a bus, in real time, commanded by another process.
 
@@ -175,7 +162,7 @@ def drives_alone(
         )
     plant = ArmPlant(robot.simulation.plant_spec(payload, int(payload != NO_PAYLOAD), changes))
     traits = _traits(robot, described)
-    with _bus(robot) as bus, SimulatedDrives(robot.drives.settings, plant, bus, clock_from_now(), traits) as drives:
+    with bus_of(robot) as bus, SimulatedDrives(robot.drives.settings, plant, bus, clock_from_now(), traits) as drives:
         yield drives
 
 
@@ -192,8 +179,8 @@ def clock_from_now() -> Callable[[], float]:
     return lambda: time.monotonic() - begun_s
 
 
-def _bus(robot: Robot) -> AbstractContextManager[can.BusABC]:
-    """The robot's bus."""
+def bus_of(robot: Robot) -> AbstractContextManager[can.BusABC]:
+    """The robot's bus, shut down after the block; see `open_bus`."""
     return open_bus(robot.bus.interface, robot.bus.channel, robot.bus.bitrate)
 
 

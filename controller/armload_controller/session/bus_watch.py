@@ -18,7 +18,7 @@ from armload_controller.config.tables.drive_tables import VIRTUAL
 from armload_controller.control_errors import CommissioningError, UnsafeBus
 from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.run_recorder import Recorder
-from armload_controller.session.arm_access import open_bus
+from armload_controller.session.arm_access import bus_of
 from armload_controller.session.run_session import Load
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.listening.bus_listener import overheard
@@ -49,7 +49,7 @@ def heard_cycles(robot: Robot) -> Iterator[Iterator[OverheardCycle | None]]:
         )
     robot.drives.require_scales()
     arm = OverheardArm(robot.drives.settings)
-    with open_bus(robot.bus.interface, robot.bus.channel, robot.bus.bitrate) as bus:
+    with bus_of(robot) as bus:
         yield overheard(bus, arm)
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import reduce
 
 import numpy as np
 
@@ -116,15 +117,15 @@ def beyond_lag(error_rad: FloatArray, path: FourierTrajectory, phase_s: FloatArr
     state = path.evaluate(phase_s)
     jerk = [path.evaluate(phase_s + side * _STEP_S).jerk_rad_s3 for side in (1.0, -1.0)]
     fourth = (jerk[0] - jerk[1]) / (2.0 * _STEP_S)
-    left = np.empty_like(error_rad)
+    remaining = np.empty_like(error_rad)
     for joint in range(error_rad.shape[1]):
         derivatives = (state.velocity_rad_s, state.acceleration_rad_s2, state.jerk_rad_s3, fourth)
         columns = np.column_stack([derivative[:, joint] for derivative in derivatives])
         scale = np.abs(columns).max(axis=0)
         columns /= np.where(scale > 0.0, scale, 1.0)
         error = error_rad[:, joint]
-        left[:, joint] = error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
-    return left
+        remaining[:, joint] = error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
+    return remaining
 
 
 def rms(error_rad: FloatArray) -> FloatArray:
@@ -173,11 +174,7 @@ class ComparisonRuns:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        path: CheckedPath,
-        tried_nm: FloatArray | None = None,
-        commanded: FloatArray | None = None,
+        self, robot: Robot, path: CheckedPath, tried_nm: FloatArray | None = None, commanded: FloatArray | None = None
     ) -> None:
         self._robot, self._path = robot, path
         self._commanded = np.eye(robot.n) if commanded is None else commanded
@@ -269,15 +266,11 @@ class ComparisonRuns:
         """
         runs = [without, *with_feedforward.values(), *([] if empty is None else [empty])]
         keys = [np.round(run.phase_s * self._robot.bus.cycle_hz).astype(np.int64) for run in runs]
-        common = keys[0]
-        for key in keys[1:]:
-            common = np.intersect1d(common, key)
+        common = reduce(np.intersect1d, keys)
         rows = [run.error_rad[np.searchsorted(key, common)] for run, key in zip(runs, keys, strict=True)]
         phase_s = common / self._robot.bus.cycle_hz
-        if empty is None:
-            rows = [beyond_lag(row, self._path.excitation.trajectory, phase_s) for row in rows]
-        else:
-            rows = [row - rows[-1] for row in rows]
+        trajectory = self._path.excitation.trajectory
+        rows = [beyond_lag(row, trajectory, phase_s) if empty is None else row - rows[-1] for row in rows]
         path_rad = positions_along(self._path)
         still = np.zeros_like(path_rad)
         weight = payload_torque(self._robot.chain, payload.model.theta, path_rad, still, still)

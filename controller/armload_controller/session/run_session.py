@@ -238,10 +238,9 @@ class RunSession:
             MotionError: the motion was stopped.
         """
         self._require_own(path)
-        monitor = self._monitor()
+        monitors = self._monitors()
         rows = SlowRoundRows(self._servos.cycle_s)
-        monitors: list[CyclePlugin] = [monitor, self._feedback_truth(), self._window(), rows]
-        cycle = self._cycle([*([] if recorder is None else [recorder]), *monitors, *plugins])
+        cycle = self._cycle([*([] if recorder is None else [recorder]), *monitors, rows, *plugins])
         display, consent = self._operator.display, self._operator.consent
         warning = "" if added is None else added.warning
 
@@ -278,7 +277,7 @@ class RunSession:
         with display.track(f"{name}, run", BAR) as progress:
             run_leg(cycle, path, path.measured, progress, None if added is None else added.begin, go_round)
         _show_remarks(self._servos, display)
-        return monitor.summary()
+        return monitors[0].summary()
 
     def hold(self, plugins: Sequence[CyclePlugin], work: Callable[[Hold], T], *, warning: str = "") -> T:
         """Enable the arm and hold its present position during some work.
@@ -297,7 +296,7 @@ class RunSession:
         """
         question = f"The arm will hold its position with torque on. {warning}Is the workspace clear?"
         self._operator.consent.require(self._servos, question, always=True)
-        with self._cycle([self._monitor(), self._feedback_truth(), self._window(), *plugins]).powered() as arm:
+        with self._cycle([*self._monitors(), *plugins]).powered() as arm:
             return work(arm.hold)
 
     def _require_own(self, path: CheckedPath) -> None:
@@ -311,9 +310,10 @@ class RunSession:
                 f"this path was not checked for {self.robot.name} as configured in {self.robot.file}: check it again"
             )
         if path.cycle_s != self._servos.cycle_s:
+            checked_ms, present_ms = 1e3 * path.cycle_s, 1e3 * self._servos.cycle_s
             raise CommissioningError(
-                f"this path was checked for cycles of {path.cycle_s * 1e3:g} ms, the drives run at "
-                f"{self._servos.cycle_s * 1e3:g} ms: check it again"
+                f"this path was checked for cycles of {checked_ms:g} ms, the drives run at {present_ms:g} ms: check it "
+                "again"
             )
 
     def _cycle(self, plugins: Sequence[CyclePlugin]) -> Cycle:
@@ -325,13 +325,11 @@ class RunSession:
         stopwatch = time.thread_time if robot.bus.in_virtual_time else time.perf_counter
         return Cycle(self._servos, robot.limits.motion, gate, self._operator.control, every, stopwatch)
 
-    def _monitor(self) -> FollowingMonitor:
-        """The monitor of following error, feedback and cycles."""
-        return FollowingMonitor(self.robot.limits.motion, self.robot.bus.max_missing_cycles)
-
-    def _feedback_truth(self) -> FeedbackTruth:
-        """The plausibility check of the drives' feedback."""
-        return feedback_truth(self.robot, self._servos.cycle_s)
+    def _monitors(self) -> tuple[FollowingMonitor, FeedbackTruth, TorqueWindow]:
+        """Of following error, feedback and cycles; of the feedback's plausibility; of the torque for this load."""
+        robot, cycle_s = self.robot, self._servos.cycle_s
+        following = FollowingMonitor(robot.limits.motion, robot.bus.max_missing_cycles)
+        return following, feedback_truth(robot, cycle_s), torque_window(robot, self.load, cycle_s)
 
     def _doubts(self, rows: SlowRoundRows, look: Callable[[SlowRoundRows], list[str]]) -> list[str]:
         """Warnings for the operator after a slow round.
@@ -345,10 +343,6 @@ class RunSession:
         except FeedbackError as error:
             raise MotionError(stop_message(error), ()) from error
         return [] if found is None else [*found.doubts(robot.limits.torque_max_nm), *look(rows)]
-
-    def _window(self) -> TorqueWindow:
-        """The torque window for this load."""
-        return torque_window(self.robot, self.load, self._servos.cycle_s)
 
 
 def run_leg(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
@@ -155,19 +155,13 @@ def reset_command(
 @contextmanager
 def _bus_of(robot: Robot) -> Iterator[can.BusABC]:
     """The robot's bus; a virtual one with simulated drives on it."""
-    from armload_controller.config.tables.drive_tables import VIRTUAL
-    from armload_controller.session.arm_access import open_bus
+    from armload_controller.session.arm_access import bus_of
     from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
     from armload_drivers.simulation.plant_interface import IdealPlant
 
-    bus = robot.bus
-    with open_bus(bus.interface, bus.channel, bus.bitrate) as opened:
-        if bus.interface != VIRTUAL:
-            yield opened
-            return
-        plant = IdealPlant(robot.simulation.start_rad)
-        with (
-            open_bus(bus.interface, bus.channel, bus.bitrate) as drives_bus,
-            SimulatedDrives(robot.drives.settings, plant, drives_bus, time.monotonic),
-        ):
-            yield opened
+    with ExitStack() as stack:
+        opened = stack.enter_context(bus_of(robot))
+        if robot.bus.in_virtual_time:
+            drives_bus, plant = stack.enter_context(bus_of(robot)), IdealPlant(robot.simulation.start_rad)
+            stack.enter_context(SimulatedDrives(robot.drives.settings, plant, drives_bus, time.monotonic))
+        yield opened

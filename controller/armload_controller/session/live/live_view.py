@@ -179,10 +179,12 @@ def shown_live(operator: Operator, robot: Robot, address: LiveAddress | None) ->
     if address is None:
         yield operator
         return
+    frames = ArmFrames(robot.chain, robot.joint_names)
+    arm = LiveArm(frames, robot.limits.motion, robot.limits.torque_max_nm, robot.drives.transmission)
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours:
         process = get_context("spawn").Process(
-            target=serve, args=(theirs, address.host, address.port, _live_arm(robot)), name="live view", daemon=True
+            target=serve, args=(theirs, address.host, address.port, arm), name="live view", daemon=True
         )
         with theirs:
             process.start()
@@ -205,13 +207,6 @@ def shown_live(operator: Operator, robot: Robot, address: LiveAddress | None) ->
             process.kill()
             process.join()
             process.close()
-
-
-def _live_arm(robot: Robot) -> LiveArm:
-    """Data of an arm for the server."""
-    limits = robot.limits
-    frames = ArmFrames(robot.chain, robot.joint_names)
-    return LiveArm(frames, limits.motion, limits.torque_max_nm, robot.drives.transmission)
 
 
 def _port_of(link: socket.socket, address: LiveAddress) -> int:
