@@ -330,9 +330,8 @@ def load_robot(name_or_path: str | PathLike[str]) -> Robot:
     else:
         path, file = Path(given), given
         if not path.is_file():
-            raise ConfigurationError(
-                "command line", "ROBOT", file, f"no such file, and no shipped robot: {', '.join(shipped)}"
-            )
+            expected = f"no such file, and no shipped robot: {', '.join(shipped)}"
+            raise ConfigurationError("command line", "ROBOT", file, expected)
     if path.suffix.lower() == ".urdf":
         raise ConfigurationError(
             "command line",
@@ -342,19 +341,14 @@ def load_robot(name_or_path: str | PathLike[str]) -> Robot:
             "of it with `armload init`",
         )
     text = read_text(path, ConfigurationError)
-    robot = Robot(file, text, path.parent, _tables(text, path.parent, file))
+    values = with_profiles(toml_values(text, file, ConfigurationError), path.parent, file)
+    robot = Robot(file, text, path.parent, validated(values, file, RobotFile, ConfigurationError))
     robot = replace(robot, excitations=_read_excitations(robot))
     _ = robot.drives.descriptions, robot.drives.transmission, robot.workspace
     robot.payloads.require_carried()
     if robot.has_bus:
         robot.drives.require_bus_load()
     return robot
-
-
-def _tables(text: str, folder: Path, file: str) -> RobotFile:
-    """The checked tables of a robot's file, its drives completed from their profiles."""
-    values = with_profiles(toml_values(text, file, ConfigurationError), folder, file)
-    return validated(values, file, RobotFile, ConfigurationError)
 
 
 def _read_excitations(source: RobotSource) -> dict[str, Excitation]:
@@ -368,8 +362,7 @@ def _read_excitations(source: RobotSource) -> dict[str, Excitation]:
                 f"excitation.{role}", name, f"{error}. Create one with `armload design`, or leave [excitation] out"
             ) from error
         if excitation.trajectory.n != source.n:
-            raise source.refused(
-                f"excitation.{role}", excitation.trajectory.n, f"expected a trajectory of {source.n} joints"
-            )
+            expected = f"expected a trajectory of {source.n} joints"
+            raise source.refused(f"excitation.{role}", excitation.trajectory.n, expected)
         excitations[role] = excitation
     return excitations

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_controller.config.robot_source import RobotSource
-from armload_controller.config.tables.body_tables import CarriedPayloadTable
 from armload_identification.excitation.geometry.cartesian_speed import CarriedSphere
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque
@@ -69,13 +68,15 @@ class RobotPayloads:
     @property
     def envelopes(self) -> tuple[CarriedSphere, ...]:
         """Spheres around the expected and the heaviest payload, as far as the file names them."""
-        return tuple(table.envelope(key.replace("_", " ")) for key, table in self._carried().items())
+        return tuple(
+            table.envelope(key.replace("_", " ")) for key, table in self.source.tables.carried_payloads().items()
+        )
 
     @property
     def assumed_envelopes(self) -> tuple[str, ...]:
         """Notes for the operator on the payloads whose envelope the file does not state."""
         notes = []
-        for key, table in self._carried().items():
+        for key, table in self.source.tables.carried_payloads().items():
             radius_m, basis = table.assumed_radius
             if table.envelope_radius_m is None:
                 notes.append(
@@ -83,12 +84,6 @@ class RobotPayloads:
                     f"{radius_m:.3f} m of its centre of mass, from {basis}"
                 )
         return tuple(notes)
-
-    def _carried(self) -> dict[str, CarriedPayloadTable]:
-        """Tables of the payloads that every motion is planned for, by key."""
-        tables = self.source.tables
-        named = {"expected_payload": tables.expected_payload, "heaviest_payload": tables.heaviest_payload}
-        return {key: table for key, table in named.items() if table is not None}
 
     def require_carried(self) -> None:
         """Refuse payloads above the rated one, or that the joints cannot hold.
@@ -104,15 +99,11 @@ class RobotPayloads:
         still = np.zeros_like(q)
         for key, payload in tables.payloads().items():
             if payload.mass_kg > rated_kg:
-                raise self.source.refused(
-                    f"{key}.mass_kg", payload.mass_kg, f"expected at most robot.rated_payload_kg = {rated_kg:g}"
-                )
+                expected = f"expected at most robot.rated_payload_kg = {rated_kg:g}"
+                raise self.source.refused(f"{key}.mass_kg", payload.mass_kg, expected)
             torque = np.abs(payload_torque(chain, payload.inertial().theta, q, still, still)).max(axis=0)
             weakest = int(np.argmax(torque / torque_max_nm))
             if torque[weakest] > torque_max_nm[weakest]:
-                raise self.source.refused(
-                    key,
-                    f"{torque[weakest]:.0f} N m on {self.source.joint_names[weakest]}",
-                    "expected a payload that this joint can carry, "
-                    f"torque_max_nm = {torque_max_nm[weakest]:g}: less mass or a shorter lever",
-                )
+                found = f"{torque[weakest]:.0f} N m on {self.source.joint_names[weakest]}"
+                bound = f"torque_max_nm = {torque_max_nm[weakest]:g}: less mass or a shorter lever"
+                raise self.source.refused(key, found, f"expected a payload that this joint can carry, {bound}")

@@ -135,9 +135,8 @@ class RobotStrength:
             "a real arm is moved only if its joints are known to be strong enough: give it, or a [body]"
         )
         if self.payloads.heaviest_if_stated is None:
-            raise self.source.refused(
-                "heaviest_payload", None, "required: the payload that a real arm may have to carry"
-            )
+            expected = "required: the payload that a real arm may have to carry"
+            raise self.source.refused("heaviest_payload", None, expected)
 
     @property
     def _torque_max_nm(self) -> FloatArray:

@@ -39,15 +39,6 @@ class FleetProblem:
     outcome: RowOutcome
     error: str
 
-    @classmethod
-    def of(cls, row: Row) -> FleetProblem:
-        """The problem of a row.
-
-        Args:
-            row: A row whose outcome is not "identified".
-        """
-        return cls(row["arm"], row["loaded"], RowOutcome(row["outcome"]), row["error"] or row["outcome"])
-
 
 @dataclass
 class FleetTally:
@@ -86,22 +77,11 @@ class FleetTally:
         """Number of recordings processed in this run."""
         return sum(self.outcomes.values())
 
-    @property
-    def per_second(self) -> float:
-        """Recordings per second; 0 if none was processed."""
-        return self.done / self.wall_s if self.wall_s > 0.0 else 0.0
-
     def to_dict(self) -> dict[str, Any]:
         """Counts and times for `--json`."""
-        return {
-            "listed": self.listed,
-            "skipped": self.skipped,
-            "outcomes": {outcome.value: self.outcomes[outcome.value] for outcome in RowOutcome},
-            "problems": [asdict(problem) for problem in self.problems],
-            "cpu_s": self.cpu_s,
-            "wall_s": self.wall_s,
-            "remarks": list(self.remarks),
-        }
+        outcomes = {outcome.value: self.outcomes[outcome.value] for outcome in RowOutcome}
+        lists = {"problems": [asdict(problem) for problem in self.problems], "remarks": list(self.remarks)}
+        return vars(self) | {"outcomes": outcomes} | lists
 
 
 def new_jobs(table: Path, store: RowStore) -> tuple[JobListing, list[Job]]:
@@ -147,7 +127,8 @@ def do_jobs(
         store.add(row | {"identified_utc": datetime.now(UTC)})
         tally.outcomes[row["outcome"]] += 1
         if row["outcome"] != RowOutcome.IDENTIFIED.value:
-            tally.problems.append(FleetProblem.of(row))
+            outcome, error = RowOutcome(row["outcome"]), row["error"] or row["outcome"]
+            tally.problems.append(FleetProblem(row["arm"], row["loaded"], outcome, error))
         tally.cpu_s += row["cpu_s"] or 0.0
         tally.wall_s = time.monotonic() - started_s
         progress(tally.done)

@@ -67,12 +67,8 @@ def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
         missing: dict[str, list[str]] = {name: [] for name in entry.recordings if "*" in entry.recordings[name]}
         for loaded, stars in there:
             if lines.setdefault(loaded, entry.line) != entry.line:
-                raise ConfigurationError(
-                    str(table),
-                    f"line {entry.line}, loaded",
-                    loaded,
-                    f"line {lines[loaded]} already names it; remove one of the two, or restrict its *",
-                )
+                expected = f"line {lines[loaded]} already names it; remove one of the two, or restrict its *"
+                raise ConfigurationError(str(table), f"line {entry.line}, loaded", loaded, expected)
             files = {_LOADED: look(loaded)}
             for name in RECORDINGS[1:]:
                 if name in entry.recordings:
@@ -103,13 +99,9 @@ def _partner(entry: TableEntry, name: str, stars: tuple[str, ...], table: Path) 
     """The recording that belongs to a loaded one: its stars are replaced by the same texts."""
     filled = with_stars(entry.recordings[name], stars)
     if filled is None:
-        raise ConfigurationError(
-            str(table),
-            f"line {entry.line}, {name}",
-            entry.recordings[name],
-            f"expected at most as many * as in loaded, {entry.recordings[_LOADED]}: each stands for the text "
-            "matched by the * in loaded",
-        )
+        most = f"at most as many * as in loaded, {entry.recordings[_LOADED]}"
+        expected = f"expected {most}: each stands for the text matched by the * in loaded"
+        raise ConfigurationError(str(table), f"line {entry.line}, {name}", entry.recordings[name], expected)
     return _placed(filled, table)
 
 

@@ -73,28 +73,21 @@ def parse_job_table(text: str, source: str) -> tuple[TableEntry, ...]:
 
 def _entry(line: CsvLine, source: str) -> TableEntry:
     """One line."""
+
+    def refused(column: str, found: str | None, expected: str) -> ConfigurationError:
+        return ConfigurationError(source, f"line {line.number}, {column}", found, expected)
+
     for name in REQUIRED:
         if not line.text(name):
-            raise ConfigurationError(source, f"line {line.number}, {name}", None, "expected text")
+            raise refused(name, None, "expected text")
     robot, calibration = line.text("robot"), line.text("calibration")
     if is_url(robot):
-        raise ConfigurationError(
-            source,
-            f"line {line.number}, robot",
-            robot,
-            "expected a shipped robot, or a path that the workers can read; recordings and calibrations may be URLs",
-        )
+        expected = "a shipped robot, or a path that the workers can read; recordings and calibrations may be URLs"
+        raise refused("robot", robot, f"expected {expected}")
     if "*" in calibration:
-        raise ConfigurationError(
-            source, f"line {line.number}, calibration", calibration, "expected one file: a * has no meaning here"
-        )
+        raise refused("calibration", calibration, "expected one file: a * has no meaning here")
     if bool(line.text("validation_loaded")) != bool(line.text("validation_unloaded")):
-        raise ConfigurationError(
-            source,
-            f"line {line.number}, validation_loaded",
-            None,
-            "a validation requires a loaded and an unloaded run; give both",
-        )
+        raise refused("validation_loaded", None, "a validation requires a loaded and an unloaded run; give both")
     return TableEntry(
         line=line.number,
         arm=line.text("arm"),

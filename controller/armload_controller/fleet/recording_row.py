@@ -5,8 +5,7 @@ Units are in the names; a number that is not determined is null. Lists are by jo
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from typing import Any, Final
@@ -14,11 +13,11 @@ from typing import Any, Final
 import numpy as np
 
 from armload_controller.fleet.job import Job
-from armload_core.arrays import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start
 from armload_identification.results.findings import Findings
+from armload_identification.results.findings_document import number, numbers
 
 Row = dict[str, Any]
 
@@ -66,10 +65,8 @@ class RowOutcome(StrEnum):
 
 def value_columns() -> tuple[tuple[str, str, str], ...]:
     """Column names of value, lower and upper end of the 95 % interval, for each of the ten parameters."""
-    names = []
-    for name, unit in zip(PARAMETER_NAMES, PARAMETER_UNITS, strict=True):
-        names.append((f"{name}_{unit}", f"{name}_low_{unit}", f"{name}_high_{unit}"))
-    return tuple(names)
+    units = zip(PARAMETER_NAMES, PARAMETER_UNITS, strict=True)
+    return tuple((f"{name}_{unit}", f"{name}_low_{unit}", f"{name}_high_{unit}") for name, unit in units)
 
 
 def column_kinds() -> dict[str, str]:
@@ -127,9 +124,9 @@ def findings_fields(findings: Findings) -> Row:
     for i, names in enumerate(value_columns()):
         known = bool(payload.determined[i])
         values = (payload.values[i], *payload.interval_95[i])
-        row |= {name: _number(value) if known else None for name, value in zip(names, values, strict=True)}
+        row |= {name: number(value) if known else None for name, value in zip(names, values, strict=True)}
     row |= {"model": payload.model.values.tolist(), "feedforward_ready": bool(payload.feedforward_ready)}
-    row |= {"residual_rms_nm": _numbers(payload.residual_rms_nm), "noise_nm": _numbers(payload.noise_nm)}
+    row |= {"residual_rms_nm": numbers(payload.residual_rms_nm), "noise_nm": numbers(payload.noise_nm)}
     row |= {"validation_outcome": None if findings.outcome is None else findings.outcome.value}
     row |= {"verdict": findings.verdict.title, "robot_sha256": payload.provenance.configuration_sha256}
     row |= {"kinematics_sha256": payload.provenance.kinematics_sha256}
@@ -138,11 +135,11 @@ def findings_fields(findings: Findings) -> Row:
     if found is None:
         return row
     if found.gains is not None:
-        row |= {"gain_change": _numbers(np.expm1(found.gains.log_gain))}
-        row |= {"gain_half_width_95": _numbers(np.exp(found.gains.log_gain) * found.gains.half_width_95)}
-    row |= {"friction_nm": _numbers(found.arm_friction.torque_nm)}
-    row |= {"friction_speed_rad_s": _numbers(found.arm_friction.speed_rad_s)}
-    row |= {"condition_number": _number(found.plain.condition_number), "notes": list(found.notes)}
+        row |= {"gain_change": numbers(np.expm1(found.gains.log_gain))}
+        row |= {"gain_half_width_95": numbers(np.exp(found.gains.log_gain) * found.gains.half_width_95)}
+    row |= {"friction_nm": numbers(found.arm_friction.torque_nm)}
+    row |= {"friction_speed_rad_s": numbers(found.arm_friction.speed_rad_s)}
+    row |= {"condition_number": number(found.plain.condition_number), "notes": list(found.notes)}
     unloaded = found.sources[1:]
     return row | {"unloaded_sha256": unloaded[0].sha256 if unloaded else None}
 
@@ -151,11 +148,3 @@ def day_of(row: Mapping[str, Any]) -> str:
     """The day of the recording, UTC, by which rows are partitioned."""
     day: str = row["recorded_utc"].date().isoformat()
     return day
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def _numbers(values: FloatArray | Sequence[float]) -> list[float | None]:
-    return [_number(float(value)) for value in values]

@@ -72,7 +72,7 @@ class RemoteFile:
             info = files.info(path)
             if info.get("type") == "directory":
                 parts = [files.info(part) for part in sorted(files.find(path))]
-                stamp = ";".join(f"{_below(part['name'], path)} {_stamp(part)}" for part in parts)
+                stamp = ";".join(f"{part['name'].removeprefix(path).strip('/')} {_stamp(part)}" for part in parts)
                 dates = [date for part in parts if (date := _modified(part)) is not None]
                 return cls(url, stamp, max(dates, default=None))
         except FileNotFoundError:
@@ -116,9 +116,8 @@ def matches(pattern: str) -> Matches:
     try:
         found = _found(files, path, closed, to_the_end=pattern.endswith("*"))
     except Exception as problem:
-        raise ListingError(
-            f"{pattern}: cannot be listed ({problem}); check the table of jobs and the server"
-        ) from problem
+        reason = f"cannot be listed ({problem}); check the table of jobs and the server"
+        raise ListingError(f"{pattern}: {reason}") from problem
     there = sorted((files.unstrip_protocol(path) if is_url(pattern) else path, stars) for path, stars in found)
     return Matches(there, closed)
 
@@ -215,10 +214,6 @@ def _children(files: Any, folder: str) -> list[str]:
         return [str(path).rstrip("/") for path in files.ls(folder or "/", detail=False)]
     except (FileNotFoundError, NotADirectoryError):
         return []
-
-
-def _below(path: str, folder: str) -> str:
-    return path.removeprefix(folder).strip("/")
 
 
 def _stamp(info: dict[str, Any]) -> str:

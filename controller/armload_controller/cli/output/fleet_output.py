@@ -23,9 +23,10 @@ def tally_text(tally: FleetTally) -> str:
     """
     if not tally.done:
         return f"nothing new: {counted(tally.skipped, 'recording')} processed before"
+    rate = tally.done / tally.wall_s if tally.wall_s > 0.0 else 0.0
     counts = ", ".join(f"{tally.outcomes[outcome.value]} {outcome.value}" for outcome in RowOutcome)
     return (
-        f"{counted(tally.done, 'recording')} in {tally.wall_s:.1f} s, {tally.per_second:.2f}/s, "
+        f"{counted(tally.done, 'recording')} in {tally.wall_s:.1f} s, {rate:.2f}/s, "
         f"{tally.cpu_s / tally.done:.2f} s of CPU each: {counts}; {tally.skipped} processed before"
     )
 

@@ -27,7 +27,6 @@ from armload_drivers.cia402.object_dictionary import DataType, Entry
 from armload_identification.storage.strict_toml import BadValue, Table
 
 _OBJECT = re.compile("[0-9A-Fa-f]{4}")
-_EFFORT_TYPES = {"i16": DataType.I16, "i32": DataType.I32}
 _NUMBER_TYPES = {
     "i8": DataType.I8, "u8": DataType.U8, "i16": DataType.I16, "u16": DataType.U16, "i32": DataType.I32,
     "u32": DataType.U32, "f32": DataType.F32,
@@ -88,11 +87,16 @@ class IdentityTable(Table):
     revision: int | None = None
 
 
-class EffortObjectTable(Table):
-    """A vendor's object with the motor's current or torque, in place of 6078 or 6077."""
+class VendorObjectTable(Table):
+    """An object in a manufacturer's or a profile's own range."""
 
     index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
     subindex: Annotated[int, Field(ge=0, le=254)]
+
+
+class EffortObjectTable(VendorObjectTable):
+    """A vendor's object with the motor's current or torque, in place of 6078 or 6077."""
+
     type: Literal["i16", "i32"]
     a_per_unit: Positive | None = None
     nm_per_unit: Positive | None = None
@@ -106,21 +110,26 @@ class EffortObjectTable(Table):
             )
         return self
 
+    def effort(self) -> VendorEffort:
+        """Object for the driver layer."""
+        scale = float(self.a_per_unit or self.nm_per_unit or 0.0)
+        return VendorEffort(self.index, self.subindex, _NUMBER_TYPES[self.type], scale)
 
-class TemperatureObjectTable(Table):
+
+class TemperatureObjectTable(VendorObjectTable):
     """A vendor's object with a temperature of the drive or its motor, for `armload drives show`."""
 
-    index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
-    subindex: Annotated[int, Field(ge=0, le=254)]
     type: Literal["i8", "u8", "i16", "u16", "i32", "u32", "f32"]
     celsius_per_unit: Positive
 
+    def temperature(self) -> TemperatureObject:
+        """Object for the driver layer."""
+        return TemperatureObject(self.index, self.subindex, _NUMBER_TYPES[self.type], self.celsius_per_unit)
 
-class VendorSettingTable(Table):
+
+class VendorSettingTable(VendorObjectTable):
     """A vendor's object that provides a safety property of the drive; it is written and read back."""
 
-    index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
-    subindex: Annotated[int, Field(ge=0, le=254)]
     type: Literal["i8", "u8", "i16", "u16", "i32", "u32"]
     value: int
     meets: str
@@ -175,9 +184,8 @@ class DriveTable(ProductKeys):
     def _consistent(self) -> DriveTable:
         effort = self.effort_object
         if effort is not None:
-            scale = effort.a_per_unit if self.feedback == "current" else effort.nm_per_unit
-            if scale is None:
-                key = "a_per_unit" if self.feedback == "current" else "nm_per_unit"
+            key = "a_per_unit" if self.feedback == "current" else "nm_per_unit"
+            if getattr(effort, key) is None:
                 raise ValueError(f'feedback = "{self.feedback}" needs effort_object.{key}')
         for name in self.accept_missing:
             if name not in SAFETY_KEYS:
@@ -209,7 +217,8 @@ class DriveTable(ProductKeys):
             description: The vendor's device description.
         """
         csp = self.mode == "csp"
-        turn = self.counts_per_axis_turn
+        turn, named = self.counts_per_axis_turn, self.identity
+        effort, heat = self.effort_object, self.temperature_object
         return DriveSettings(
             joint=joint,
             node_id=self.node_id,
@@ -225,37 +234,16 @@ class DriveTable(ProductKeys):
             velocity_max_rad_s=rates[0],
             acceleration_max_rad_s2=rates[1],
             has_brake=self.has_brake,
-            identity=self._identity(),
+            identity=Identity(None, None) if named is None else Identity(**named.model_dump()),
             torque_offset=self.torque_offset,
             gear_ratio=gear_ratio,
-            vendor_effort=self._vendor_effort(),
+            vendor_effort=None if effort is None else effort.effort(),
             accept_missing=frozenset(self.accept_missing),
             description=description,
-            temperature=self._temperature(),
+            temperature=None if heat is None else heat.temperature(),
             torque_limit_in_drive=self.torque_limit_in_drive,
             vendor_settings=tuple(table.setting() for table in self.vendor_settings),
             torque_offset_bits=self.torque_offset_bits,
             pdo_objects_max=self.pdo_objects_max,
             rated_torque_unit_nm=self.rated_torque_unit_nm,
         )
-
-    def _identity(self) -> Identity:
-        """Expected content of 1018; unrestricted if the file does not state it."""
-        table = self.identity
-        return Identity(None, None) if table is None else Identity(table.vendor_id, table.product_code, table.revision)
-
-    def _vendor_effort(self) -> VendorEffort | None:
-        """The vendor's object for motor current or torque."""
-        table = self.effort_object
-        if table is None:
-            return None
-        return VendorEffort(
-            table.index, table.subindex, _EFFORT_TYPES[table.type], float(table.a_per_unit or table.nm_per_unit or 0.0)
-        )
-
-    def _temperature(self) -> TemperatureObject | None:
-        """The vendor's object for a temperature."""
-        table = self.temperature_object
-        if table is None:
-            return None
-        return TemperatureObject(table.index, table.subindex, _NUMBER_TYPES[table.type], table.celsius_per_unit)

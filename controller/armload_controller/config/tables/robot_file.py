@@ -107,13 +107,14 @@ class RobotFile(Table):
         """Number of joints."""
         return len(self.joints)
 
+    def carried_payloads(self) -> dict[str, CarriedPayloadTable]:
+        """The payloads that every motion is planned for, by key."""
+        named = {"expected_payload": self.expected_payload, "heaviest_payload": self.heaviest_payload}
+        return {key: table for key, table in named.items() if table is not None}
+
     def payloads(self) -> dict[str, PayloadTable]:
         """Every payload of the file by its dotted key."""
-        found: dict[str, PayloadTable] = {}
-        if self.expected_payload is not None:
-            found["expected_payload"] = self.expected_payload
-        if self.heaviest_payload is not None:
-            found["heaviest_payload"] = self.heaviest_payload
+        found: dict[str, PayloadTable] = dict(self.carried_payloads())
         found |= {f"payload_set.{name}": payload for name, payload in self.payload_set.items()}
         if self.simulation is not None:
             found |= {f"simulation.payloads.{name}": payload for name, payload in self.simulation.payloads.items()}
@@ -154,17 +155,11 @@ class RobotFile(Table):
             raise BadValue("body.links", len(self.body.links), f"expected one per joint, {self.n} in this file")
         for number, (link, joint) in enumerate(zip(self.body.links, self.joints, strict=True), start=1):
             if joint.arm_torque_share is not None:
-                raise BadValue(
-                    f"joints[{number}].arm_torque_share",
-                    joint.arm_torque_share,
-                    "give either [body] or the shares, not both",
-                )
+                key = f"joints[{number}].arm_torque_share"
+                raise BadValue(key, joint.arm_torque_share, "give either [body] or the shares, not both")
             if link.coulomb_nm >= joint.torque_max_nm:
-                raise BadValue(
-                    f"body.links[{number}].coulomb_nm",
-                    link.coulomb_nm,
-                    f"expected less than joints[{number}].torque_max_nm = {joint.torque_max_nm:g}",
-                )
+                expected = f"expected less than joints[{number}].torque_max_nm = {joint.torque_max_nm:g}"
+                raise BadValue(f"body.links[{number}].coulomb_nm", link.coulomb_nm, expected)
         return self
 
     @model_validator(mode="after")
@@ -172,10 +167,8 @@ class RobotFile(Table):
         if self.workspace is None:
             return self
         self.workspace.check(self.n)
-        if self.workspace.floor_height_m is not None and not any(self.robot.gravity_m_s2):
-            raise BadValue(
-                "workspace.floor_height_m",
-                self.workspace.floor_height_m,
-                "a floor requires gravity, which defines the vertical; or give a half-space instead",
-            )
+        floor_m = self.workspace.floor_height_m
+        if floor_m is not None and not any(self.robot.gravity_m_s2):
+            expected = "a floor requires gravity, which defines the vertical; or give a half-space instead"
+            raise BadValue("workspace.floor_height_m", floor_m, expected)
         return self
