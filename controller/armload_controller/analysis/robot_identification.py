@@ -145,24 +145,17 @@ def identify(
         if unnamed is None:
             raise
         raise RecordingError(f"{error} {unnamed}") from error
-    payload = payload_result(
-        identification,
-        version("armload"),
-        arm.sha256,
-        used.calibration_sha256,
-        robot=arm.name,
-        kinematics_sha256=arm.chain.kinematics_sha256,
-    )
+    origin = {"robot": arm.name, "kinematics_sha256": arm.chain.kinematics_sha256}
+    payload = payload_result(identification, version("armload"), arm.sha256, used.calibration_sha256, **origin)
     if arm.rated_payload_kg is not None:
         require_possible_mass(payload.model.mass_kg, payload.interval_95[0], arm.rated_payload_kg, arm.name)
+    notes = [] if unnamed is None else [unnamed]
     if used.calibration is not None:
-        name = next(iter(used.calibration_sha256))
-        taken = (
-            f"Gains, links, load-dependent friction and delay of the arm are from {name}: {used.calibration.origin}."
+        (file,) = used.calibration_sha256
+        notes.append(
+            f"Gains, links, load-dependent friction and delay of the arm are from {file}: {used.calibration.origin}."
         )
-        identification = replace(identification, notes=(taken, *identification.notes))
-    if unnamed is not None:
-        identification = replace(identification, notes=(unnamed, *identification.notes))
+    identification = replace(identification, notes=(*notes, *identification.notes))
     content = ReportContent.of_identification(identification)
     findings = Findings(arm, payload, content, version("armload"))
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
@@ -284,14 +277,12 @@ def _validated(
     judged = payload_validation.validate(
         loaded, unloaded, used.chain, used.transmission, findings.payload, tolerance, arm=used.known
     )
-    judged = replace(judged, verdict=replace(judged.verdict, own_run=_is_own(loaded, findings.payload)))
+    # a part of a recording that the payload was identified from may be one that was not used
+    used_files = findings.payload.provenance.recordings_sha256.values()
+    own_run = loaded.source.between_s is None and loaded.source.sha256 in used_files
+    judged = replace(judged, verdict=replace(judged.verdict, own_run=own_run))
     sources = (loaded.source, unloaded.source)
     return replace(findings, content=replace(findings.content, validation=judged, validation_sources=sources))
-
-
-def _is_own(loaded: Recording, payload: PayloadResult) -> bool:
-    """Whether the payload was identified from this recording; a part of it may be one that was not used."""
-    return loaded.source.between_s is None and loaded.source.sha256 in payload.provenance.recordings_sha256.values()
 
 
 def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:
@@ -317,15 +308,11 @@ def _run(arm: MeasuredArm, run: Recording | FilePath) -> Recording:
 def payload_of(payload: PayloadResult | FilePath, arm: MeasuredArm) -> PayloadResult:
     """A payload of an arm, in the flange frame."""
     result = payload if isinstance(payload, PayloadResult) else read_payload(Path(payload))
+    source = "payload" if result is payload else str(payload)
     problem = another_arms(result, arm.chain, arm.name)
     if problem is not None:
-        source = "payload" if isinstance(payload, PayloadResult) else str(payload)
         raise PayloadFileError(source, "provenance.robot", result.provenance.robot, problem)
     if result.frame != FLANGE:
-        raise PayloadFileError(
-            "payload" if isinstance(payload, PayloadResult) else str(payload),
-            "payload.frame",
-            result.frame,
-            f"expected {FLANGE!r}, the last frame of the robot's kinematics",
-        )
+        expected = f"expected {FLANGE!r}, the last frame of the robot's kinematics"
+        raise PayloadFileError(source, "payload.frame", result.frame, expected)
     return result

@@ -70,11 +70,7 @@ class Candidate:
     body: InertialParameters
 
     def agrees(self, before: Candidate) -> bool:
-        """Whether the bodies of two estimates can be the same payload.
-
-        Args:
-            before: The previous candidate.
-        """
+        """Whether the bodies of two estimates can be the same payload."""
         apart = np.abs(mass_and_center(self.body) - mass_and_center(before.body))
         return bool(np.all(apart <= np.maximum(self.found.half_width_95, before.found.half_width_95)))
 

@@ -161,9 +161,8 @@ class FeedforwardPlugin:
             error = step.sent.position_rad - step.feedback.position_rad
             self._lag.add(error, step.sent_reference.velocity_rad_s)
         reference = step.reference
-        self._states.appendleft(
-            np.array([reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2])
-        )
+        motion = (reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2)
+        self._states.appendleft(np.array(motion))
         # The error is sampled at SYNC; torque acts from then until the next one, on average half a cycle later.
         delay = max(self._lag.lag_s / self._cycle_s - 0.5, 0.0)
         last = len(self._states) - 1

@@ -134,9 +134,7 @@ class OffsetCheck:
     def __init__(
         self, joint_names: tuple[str, ...], transmission: Transmission, tried_nm: FloatArray, cycle_s: float
     ) -> None:
-        self._joint_names = joint_names
-        self._transmission = transmission
-        self.tried_nm = tried_nm
+        self._joint_names, self._transmission, self.tried_nm = joint_names, transmission, tried_nm
         self._tried_joints = tried_nm > SMALLEST_SHARE * tried_nm.max()
         self._fade = max(8, round(FADE_S / cycle_s))
         self._length = FADES * self._fade
@@ -185,9 +183,8 @@ class OffsetCheck:
         gain = np.median(gains, axis=0)
         spread = np.maximum(deviation_by_median(gains - gain), gains.std(axis=0))
         sigma = _MEDIAN_EFFICIENCY * spread / np.sqrt(len(gains))
-        return OffsetVerdict(
-            self._joint_names, self.tried_nm, gain, np.where(self._tried_joints, sigma, np.inf), len(gains)
-        )
+        sigma = np.where(self._tried_joints, sigma, np.inf)
+        return OffsetVerdict(self._joint_names, self.tried_nm, gain, sigma, len(gains))
 
     def _evaluate(self) -> None:
         """Gain of every joint from a few fades."""
@@ -214,9 +211,8 @@ def tried_torque(chain: Chain, payload: InertialParameters, position_rad: FloatA
         (n,) joint torques in N m, none below zero.
     """
     still = np.zeros_like(position_rad)
-    return np.asarray(
-        CHECK_SHARE * np.abs(payload_torque(chain, payload.theta, position_rad, still, still)).max(axis=0)
-    )
+    weight = payload_torque(chain, payload.theta, position_rad, still, still)
+    return np.asarray(CHECK_SHARE * np.abs(weight).max(axis=0))
 
 
 def positions_along(path: CheckedPath) -> FloatArray:

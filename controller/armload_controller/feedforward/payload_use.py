@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGIN, PayloadResult
 from armload_identification.pipeline.payload_identification import FLANGE
@@ -39,9 +41,7 @@ def why_not_usable(payload: PayloadResult, chain: Chain, robot: str, use: str) -
         use: The intended use, "exported" or "fed forward".
     """
     if not payload.feedforward_ready:
-        missing = ", ".join(
-            n for n, known in zip(PARAMETER_NAMES[:4], payload.determined[:4], strict=True) if not known
-        )
+        missing = ", ".join(PARAMETER_NAMES[i] for i in np.flatnonzero(~payload.determined[:4]))
         return (
             f"not determined: {missing}; a payload is {use} only with its mass and centre of mass. "
             "Identify it again on a longer or wider excitation (`armload design`)"

@@ -30,9 +30,10 @@ from armload_controller.cli.options import (
 from armload_controller.cli.output.findings_output import require_not_wrong
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import make_folder, require_writable
-from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
+from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption
 from armload_controller.control_errors import CommissioningError
 from armload_controller.motion.motion_control import MotionControl
+from armload_identification.verdict.tolerance import Tolerance
 
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
     from armload_identification.estimation.prior_knowledge import KnownPayload
     from armload_identification.recording.recording import Recording
     from armload_identification.results.findings import Findings
-    from armload_identification.verdict.tolerance import Tolerance
 
 
 PAYLOAD_NAME, REPORT_NAME, CALIBRATION_NAME = "payload.toml", "report.html", "arm.calibration.toml"
@@ -103,7 +103,7 @@ def commission(
 
     for extra in Extra:
         require_extra(extra, "commissioning")
-    allowed = tolerance_of(tolerance)
+    allowed = Tolerance(*tolerance)
     shown = live_at(live, live_address)
     known = None if mass_kg is None else KnownPayload(mass_kg=mass_kg)
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)

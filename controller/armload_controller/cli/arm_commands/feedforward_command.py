@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from armload_controller.motion.checked_path import CheckedPath
     from armload_controller.session.feedforward_comparison import ComparisonRuns, FollowingComparison
     from armload_controller.session.run_session import Load, Operator, RunSession, ServosFactory
-    from armload_identification.model.payload import InertialParameters, PayloadResult
+    from armload_identification.model.payload import PayloadResult
 
 IDENTIFIED, IDEAL = "identified payload", "true payload"
 FRICTION, ARM = "payload and its friction in the gears", "payload and arm"
@@ -108,6 +108,7 @@ def feedforward(
     from armload_controller.session.arm_access import open_arm, require_rules
     from armload_controller.session.comparison_figure import require_picture
     from armload_controller.session.live.live_view import live_at
+    from armload_controller.session.run_session import Load
     from armload_drivers.servos import JointServos
 
     require_one_kind(payload, expect, adapt=adapt, compare=compare)
@@ -134,7 +135,8 @@ def feedforward(
         elif compare:
             outcome = _compare(bench, given)
         else:
-            outcome = _try_offset(bench, given)
+            with bench.session(Load.LOADED) as session:
+                outcome = _Outcome(bench.runs().try_offset(session, given))
     if compare:
         show_comparisons(screen, outcome.comparisons, arm.name, picture)
     else:
@@ -210,14 +212,6 @@ def _usable(arm: Robot, payload: Path) -> PayloadResult:
     return result
 
 
-def _try_offset(bench: _Bench, payload: PayloadResult) -> _Outcome:
-    """Try the torque offset at the present position."""
-    from armload_controller.session.run_session import Load
-
-    with bench.session(Load.LOADED) as session:
-        return _Outcome(bench.runs().try_offset(session, payload))
-
-
 def require_one_kind(payload: Path | None, expect: str | None, *, adapt: bool, compare: bool) -> None:
     """Refuse options that contradict each other.
 
@@ -256,7 +250,6 @@ def declared_mass(arm: Robot, expect: str | None) -> DeclaredMass:
 
 def _adapt(bench: _Bench, declared: DeclaredMass, decisions: Path) -> _Outcome:
     """The run with torque adapted to the estimate; every decision is shown and logged immediately."""
-    from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.cycle.realtime import running_worker
     from armload_controller.feedforward.adaptation import at_once
     from armload_controller.session.adapted_run import adapted_run
@@ -266,7 +259,7 @@ def _adapt(bench: _Bench, declared: DeclaredMass, decisions: Path) -> _Outcome:
     arm, display = bench.arm, bench.operator.display
     calibration, _ = bench.used.calibrated("--adapt requires a calibrated arm")
     with DecisionLog(decisions, arm.name, display) as log, running_worker("estimate") as executor:
-        beside = at_once if arm.bus.interface == VIRTUAL else executor.submit
+        beside = at_once if arm.bus.in_virtual_time else executor.submit
         with bench.session(Load.LOADED) as session:
             adapted = adapted_run(bench.path, calibration, declared, session, beside, log.report)
     display.step(f"written: {decisions}, {len(adapted.decisions)} decisions")
@@ -290,13 +283,14 @@ def _checked_path(arm: Robot, excitation: Path | None, *, whole: bool) -> Checke
 
 def _compare(bench: _Bench, payload: PayloadResult) -> _Outcome:
     """All runs; in simulation also those of the empty arm and of the true payload. The smallest addition is first."""
-    from armload_controller.config.tables.drive_tables import VIRTUAL
+    import numpy as np
+
     from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction
     from armload_controller.session.feedforward_comparison import FollowingRun
     from armload_controller.session.run_session import Load
 
     arm, used, runs = bench.arm, bench.used, bench.runs()
-    in_this_process = arm.bus.interface == VIRTUAL
+    in_this_process = arm.bus.in_virtual_time
     body = None if used.calibration is None else used.calibration.body
     empty: FollowingRun | None = None
     if in_this_process:
@@ -312,7 +306,7 @@ def _compare(bench: _Bench, payload: PayloadResult) -> _Outcome:
                 results[label], _ = runs.with_feedforward(session, payload, f"loaded, {label}", verdict, term)
         if in_this_process:
             truth = arm.simulation.payload(arm.simulation.payload_name)
-            true = _as_result(payload, truth)
+            true = replace(payload, model=truth, determined=np.ones(10, dtype=np.bool_))
             results[IDEAL], _ = runs.with_feedforward(session, true, f"loaded, {IDEAL}", verdict)
 
     def chosen(*left_out: str) -> dict[str, FollowingRun]:
@@ -324,9 +318,3 @@ def _compare(bench: _Bench, payload: PayloadResult) -> _Outcome:
     if empty is None or body is not None:
         comparisons.append(runs.compare(without, chosen(IDEAL), None, payload))
     return _Outcome(verdict, comparisons)
-
-
-def _as_result(payload: PayloadResult, truth: InertialParameters) -> PayloadResult:
-    import numpy as np
-
-    return replace(payload, model=truth, determined=np.ones(10, dtype=np.bool_))

@@ -14,8 +14,8 @@ from armload_controller.cli.output.verdict_output import (
     ToleranceOption,
     exit_status,
     show_verdict,
-    tolerance_of,
 )
+from armload_identification.verdict.tolerance import Tolerance
 
 
 def compare_with_cad(
@@ -44,7 +44,7 @@ def compare_with_cad(
     from armload_identification.verdict.payload_verdict import known_payload, with_gains
     from armload_identification.verdict.verdict_text import agreement_sentences
 
-    allowed = tolerance_of(tolerance)
+    allowed = Tolerance(*tolerance)
     estimate, truth = read_payload(payload), read_payload(cad)
     judged, corrected = known_payload(estimate), ""
     if calibration is not None:

@@ -21,7 +21,7 @@ from armload_controller.cli.options import (
 from armload_controller.cli.output.findings_output import ReportOption, ValidationOption, finish, require_not_wrong
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_drawable, require_folder, require_replaceable
-from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
+from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption
 from armload_controller.cli.output.windows_output import show_windows
 from armload_controller.cli.recording_options import (
     BetweenOption,
@@ -33,6 +33,7 @@ from armload_controller.cli.recording_options import (
 )
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.recording.reading_options import Effort
+from armload_identification.verdict.tolerance import Tolerance
 
 if TYPE_CHECKING:
     from armload_identification.estimation.prior_knowledge import KnownPayload
@@ -146,7 +147,7 @@ def identify_payload(
         runs[0],
         None if unloaded is None else runs[1],
         validation=None if validation is None else (runs[-2], runs[-1]),
-        tolerance=tolerance_of(tolerance),
+        tolerance=Tolerance(*tolerance),
         calibration=calibration,
         known=known,
         estimator=estimator,

@@ -11,7 +11,8 @@ from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.findings_output import ValidationOption, finish, require_not_wrong
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_drawable
-from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
+from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption
+from armload_identification.verdict.tolerance import Tolerance
 
 
 def report(
@@ -38,7 +39,7 @@ def report(
         fitted=identified,
         validation=validation,
         calibration=calibration,
-        tolerance=tolerance_of(tolerance),
+        tolerance=Tolerance(*tolerance),
     )
     finish(Screen(as_json=as_json), findings, payload=None, report=output)
     require_not_wrong(findings)

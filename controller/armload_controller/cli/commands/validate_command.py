@@ -18,7 +18,7 @@ from armload_controller.cli.options import (
 from armload_controller.cli.output.findings_output import ReportOption, finish
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_drawable
-from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, exit_status, tolerance_of
+from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, exit_status
 from armload_controller.cli.recording_options import (
     BetweenOption,
     ColumnsOption,
@@ -28,6 +28,7 @@ from armload_controller.cli.recording_options import (
     recording_choices,
 )
 from armload_identification.recording.reading_options import Effort
+from armload_identification.verdict.tolerance import Tolerance
 
 
 def validate_payload(
@@ -66,7 +67,7 @@ def validate_payload(
     arm = given_arm(robots[0] if robots else None, urdf, base, flange)
     if report is not None:
         require_drawable(report)
-    allowed = tolerance_of(tolerance)
+    allowed = Tolerance(*tolerance)
     judged = robot_identification.payload_of(payload, arm)
     choices = recording_choices(columns, effort, between, joints, episode, count=2)
     runs = [read_of(arm, file, choice) for file, choice in zip((loaded, unloaded), choices, strict=True)]

@@ -28,15 +28,6 @@ ToleranceOption = Annotated[
 ]
 
 
-def tolerance_of(values: tuple[float, float]) -> Tolerance:
-    """The tolerance of the option's two numbers.
-
-    Raises:
-        ModelError: a number that is not positive.
-    """
-    return Tolerance(*values)
-
-
 def show_verdict(screen: Screen, outcome: Outcome, text: Sequence[str]) -> None:
     """Print a verdict, one sentence per line.
 
