@@ -71,11 +71,11 @@ class PayloadEvents:
         self._joint_names = tuple(joint_names)
         self._drift = calibration.drift[:2]
         self._changes = 0
-        self._weighed: LivePayload | None = None
-        self._before: LivePayload | None = None
-        self._touching = False
-        self._since: dict[tuple[str, str | None], float] = {}
-        self._said: set[tuple[str, str | None]] = set()
+        self._last_weighed: LivePayload | None = None
+        self._payload_before: LivePayload | None = None
+        self._in_contact = False
+        self._present_since_s: dict[tuple[str, str | None], float] = {}
+        self._reported: set[tuple[str, str | None]] = set()
 
     def of(self, found: LivePayload) -> tuple[PayloadEvent, ...]:
         """The events since the previous estimate.
@@ -90,30 +90,30 @@ class PayloadEvents:
         events = []
         if found.changes > self._changes:
             self._changes = found.changes
-            self._before = self._before or self._weighed
-            self._weighed = None
+            self._payload_before = self._payload_before or self._last_weighed
+            self._last_weighed = None
             events.append(PayloadEvent(found.changed_s, "changed"))
-        if self._before is not None:
-            kind = kind_of_change(self._before, found)
+        if self._payload_before is not None:
+            kind = kind_of_change(self._payload_before, found)
             if kind is not None:
-                change_kg = None if kind == "changed tool" else found.mass_kg - self._before.mass_kg
+                change_kg = None if kind == "changed tool" else found.mass_kg - self._payload_before.mass_kg
                 events.append(PayloadEvent(found.changed_s, kind, change_kg))
-                self._before = None
-        if self._before is None:
-            self._weighed = found
+                self._payload_before = None
+        if self._payload_before is None:
+            self._last_weighed = found
         return events
 
     def _contact(self, found: LivePayload) -> list[PayloadEvent]:
         """A push at rest begins or ends."""
-        if found.contact == self._touching:
+        if found.contact == self._in_contact:
             return []
-        self._touching = found.contact
+        self._in_contact = found.contact
         return [PayloadEvent(found.time_s, "contact" if found.contact else "contact over")]
 
     def _outdated(self, found: LivePayload) -> list[PayloadEvent]:
         """Signs that the calibration no longer holds, each reported once."""
         if found.moving_s.max() < MOVED_S:
-            self._since.clear()
+            self._present_since_s.clear()
             return []
         far = friction_size(found, self._drift)
         now: set[tuple[str, str | None]] = set()
@@ -121,10 +121,10 @@ class PayloadEvents:
             now |= {(kind, self._joint_names[joint]) for joint in np.flatnonzero(far > limit)}
         if found.mass_kg + found.half_width_95[0] < 0.0:
             now.add(("calibration out of date", None))
-        self._since = {what: self._since.get(what, found.time_s) for what in now}
-        held = {what for what, since_s in self._since.items() if found.time_s - since_s >= HELD_S}
-        fresh = sorted(held - self._said, key=str)
-        self._said |= held
+        self._present_since_s = {what: self._present_since_s.get(what, found.time_s) for what in now}
+        held = {what for what, since_s in self._present_since_s.items() if found.time_s - since_s >= HELD_S}
+        fresh = sorted(held - self._reported, key=str)
+        self._reported |= held
         return [PayloadEvent(found.time_s, kind, joint=joint) for kind, joint in fresh]
 
 

@@ -77,7 +77,7 @@ def read_run(
     known = parse_columns(columns) if isinstance(columns, str) else columns
     choice = RecordingChoice(known, Effort(effort), between_s, episode, tuple(joints))
     if robot is not None:
-        return read_of(_robot(robot), Path(path), choice)
+        return read_of(_loaded_robot(robot), Path(path), choice)
     options = ReadingOptions(known, choice.effort, episode=episode)
     recording = read_recording(Path(path), options, between_s=between_s)
     return chosen_joints(recording, choice.joints)
@@ -133,9 +133,9 @@ def identify(
     """
     require_extra(Extra.IDENTIFY, "identifying a payload")
     method = named_estimator(estimator)
-    arm = _robot(robot)
+    arm = _loaded_robot(robot)
     used = arm_in_use(arm, calibration)
-    run, empty = _run(arm, loaded), None if unloaded is None else _run(arm, unloaded)
+    run, empty = _own_recording(arm, loaded), None if unloaded is None else _own_recording(arm, unloaded)
     unnamed = _taken_in_order(arm, run)
     try:
         identification = payload_identification.identify(
@@ -180,7 +180,7 @@ def identify_over_time(
         RecordingError: the recording does not fit the arm or is implausible.
     """
     require_extra(Extra.IDENTIFY, "identifying a payload")
-    arm = _robot(robot)
+    arm = _loaded_robot(robot)
     used = arm_in_use(arm, calibration)
     _, arm_alone = used.calibrated("identification in windows requires the arm's calibration")
     if not every_s >= SHORTEST_WINDOW_S:
@@ -188,7 +188,7 @@ def identify_over_time(
             f"windows of {every_s:g} s: expected {SHORTEST_WINDOW_S:g} s or more; 10 to 20 s of fast motion are "
             "recommended."
         )
-    run = _run(arm, loaded)
+    run = _own_recording(arm, loaded)
     windows = identify_windows(run, used.chain, used.transmission, arm_alone, every_s)
     return PayloadOverTime(arm.name, windows, run.source, version("armload"))
 
@@ -227,7 +227,7 @@ def validate(
         'Right within the tolerance'
     """
     require_extra(Extra.IDENTIFY, "validating a payload")
-    arm = _robot(robot)
+    arm = _loaded_robot(robot)
     findings = Findings(arm, payload_of(payload, arm), ReportContent(), version("armload"))
     return _validated(findings, arm, arm_in_use(arm, calibration), (loaded, unloaded), tolerance)
 
@@ -256,12 +256,12 @@ def findings_from_files(
         RecordingError: recordings that do not fit the arm or each other.
     """
     require_extra(Extra.IDENTIFY, "validating a payload from recordings")
-    arm = _robot(robot)
+    arm = _loaded_robot(robot)
     used = arm_in_use(arm, calibration)
     result = payload_of(payload, arm)
     content = ReportContent()
     if fitted is not None:
-        loaded, unloaded = (_run(arm, run) for run in fitted)
+        loaded, unloaded = (_own_recording(arm, run) for run in fitted)
         shown = payload_validation.validate(loaded, unloaded, used.chain, used.transmission, result, arm=used.known)
         runs = ShownRuns(shown.signal, shown.predicted_nm, shown.residual_rms_nm, (loaded.source, unloaded.source))
         content = ReportContent(fitted=runs)
@@ -273,7 +273,7 @@ def _validated(
     findings: Findings, arm: MeasuredArm, used: ArmInUse, pair: RunPair, tolerance: Tolerance | None
 ) -> Findings:
     """The findings with the verdict of a pair of runs."""
-    loaded, unloaded = (_run(arm, run) for run in pair)
+    loaded, unloaded = (_own_recording(arm, run) for run in pair)
     judged = payload_validation.validate(
         loaded, unloaded, used.chain, used.transmission, findings.payload, tolerance, arm=used.known
     )
@@ -297,11 +297,11 @@ def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:
     )
 
 
-def _robot(robot: MeasuredArm | FilePath) -> MeasuredArm:
+def _loaded_robot(robot: MeasuredArm | FilePath) -> MeasuredArm:
     return load_robot(robot) if isinstance(robot, str | PathLike) else robot
 
 
-def _run(arm: MeasuredArm, run: Recording | FilePath) -> Recording:
+def _own_recording(arm: MeasuredArm, run: Recording | FilePath) -> Recording:
     return arm.own(run) if isinstance(run, Recording) else read_of(arm, Path(run))
 
 

@@ -164,8 +164,8 @@ def design_wiggle(
     """
     used = arm_in_use(robot, calibration)
     found, known = used.calibrated("predicting what a motion will determine requires the arm's calibration")
-    at = _place(robot, request.at_rad)
-    envelope = _about(robot, at, request)
+    at = _center_pose(robot, request.at_rad)
+    envelope = _limits_about(robot, at, request)
     cycle_s = 1.0 / robot.bus.cycle_hz if robot.has_bus else _WITHOUT_BUS_S
 
     _require_gains(found, request.mass_share)
@@ -211,7 +211,7 @@ def _require_gains(calibration: ArmCalibration, mass_share: float) -> None:
     )
 
 
-def _place(robot: Robot, at_rad: Sequence[float]) -> FloatArray:
+def _center_pose(robot: Robot, at_rad: Sequence[float]) -> FloatArray:
     """The pose that the motion is centred on."""
     if len(at_rad):
         at = np.asarray(at_rad, dtype=np.float64)
@@ -226,7 +226,7 @@ def _place(robot: Robot, at_rad: Sequence[float]) -> FloatArray:
     return excitation.trajectory.offset_rad
 
 
-def _about(robot: Robot, at: FloatArray, request: WiggleRequest) -> Envelope:
+def _limits_about(robot: Robot, at: FloatArray, request: WiggleRequest) -> Envelope:
     """The robot's limits, restricted to a box about the pose."""
     whole = design_envelope(robot)
     joints = whole.joints

@@ -11,7 +11,7 @@ from armload_controller.analysis.payload_watch import SHOWN_S, PayloadWatch, Wat
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_identification.report.watch_report import WatchedEvent, WatchedJoint, WatchHistory, write_watch_report
 
-_MARKED: Final = frozenset({"grasped", "dropped", "changed tool"})
+_MARKED_EVENTS: Final = frozenset({"grasped", "dropped", "changed tool"})
 
 
 class WatchDiary:
@@ -29,17 +29,17 @@ class WatchDiary:
         self._watched, self._version = watched, armload_version
         self._rows: list[tuple[float, float, float, bool]] = []
         self._events: list[WatchedEvent] = []
-        self._last: WatchedMoment | None = None
+        self._last_estimated: WatchedMoment | None = None
 
     def add(self, moment: WatchedMoment) -> None:
         """Add a moment."""
         found = moment.payload
-        self._events += [WatchedEvent(each.time_s, str(each), each.kind in _MARKED) for each in moment.events]
+        self._events += [WatchedEvent(each.time_s, str(each), each.kind in _MARKED_EVENTS) for each in moment.events]
         if found is None:
             return
         known = bool(found.moving_s.max() >= SHOWN_S)
         self._rows.append((moment.time_s, found.mass_kg, float(found.half_width_95[0]), known))
-        self._last = moment
+        self._last_estimated = moment
 
     @property
     def empty(self) -> bool:
@@ -72,9 +72,9 @@ class WatchDiary:
 
     def _joints(self) -> tuple[WatchedJoint, ...]:
         """Motion, friction change and lost feedback of every joint."""
-        if self._last is None or self._last.payload is None:
+        if self._last_estimated is None or self._last_estimated.payload is None:
             return ()
-        found, bus, arm = self._last.payload, self._last.bus, self._watching.calibration
+        found, bus, arm = self._last_estimated.payload, self._last_estimated.bus, self._watching.calibration
         change = found.friction[0] + found.friction[1] * arm.middle_speed_rad_s
         missing = (0,) * arm.n if bus is None else bus.missing
         rows = zip(self._robot.joint_names, found.moving_s, change, arm.usual_change_nm, missing, strict=True)

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from typer.core import TyperGroup
 
-_ENDED: Final = {
+_SUCCESSORS: Final = {
     "calibrate-gains": (
         "`armload calibrate ROBOT RUNS --output FILE` calibrates the gains from any runs, one of them with a weighed "
         "payload"
@@ -33,6 +33,6 @@ class CommandGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command by its name; for a removed one, an error that names its successor."""
-        if args and args[0] in _ENDED:
-            ctx.fail(f"{args[0]} has been removed: {_ENDED[args[0]]}.")
+        if args and args[0] in _SUCCESSORS:
+            ctx.fail(f"{args[0]} has been removed: {_SUCCESSORS[args[0]]}.")
         return super().resolve_command(ctx, args)

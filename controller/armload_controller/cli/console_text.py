@@ -32,15 +32,17 @@ def fitted(table: Table, console: Console) -> list[Table]:
         The table unchanged, or with reduced widths, or several tables with its columns.
     """
     most = [_width(console, column, table.columns[0])[1] for column in table.columns]
-    if _total(most) <= console.width:
+    if _table_width(most) <= console.width:
         return [table]
     least = [_width(console, column, table.columns[0])[0] for column in table.columns]
     parts: list[list[int]] = [[0]]
     for index in range(1, len(table.columns)):
-        if _total([least[i] for i in (*parts[-1], index)]) > console.width and len(parts[-1]) > 1:
+        if _table_width([least[i] for i in (*parts[-1], index)]) > console.width and len(parts[-1]) > 1:
             parts.append([0])
         parts[-1].append(index)
-    return [_part(table, part, [least[i] for i in part], [most[i] for i in part], console.width) for part in parts]
+    return [
+        _partial_table(table, part, [least[i] for i in part], [most[i] for i in part], console.width) for part in parts
+    ]
 
 
 def _width(console: Console, column: Column, first: Column) -> tuple[int, int]:
@@ -55,15 +57,15 @@ def _width(console: Console, column: Column, first: Column) -> tuple[int, int]:
     return least, most
 
 
-def _total(widths: Sequence[int]) -> int:
+def _table_width(widths: Sequence[int]) -> int:
     """Width of a table with its borders."""
     return sum(widths) + (_PADDING + _BORDER) * len(widths) + _BORDER
 
 
-def _part(table: Table, columns: list[int], least: list[int], most: list[int], width: int) -> Table:
+def _partial_table(table: Table, columns: list[int], least: list[int], most: list[int], width: int) -> Table:
     """Some columns of a table; spare width goes to the columns that lack most."""
     widths = list(least)
-    for _ in range(width - _total(widths)):
+    for _ in range(width - _table_width(widths)):
         wanting = max(range(len(widths)), key=lambda i: most[i] - widths[i])
         if widths[wanting] == most[wanting]:
             break

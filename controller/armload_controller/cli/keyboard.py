@@ -21,7 +21,7 @@ from armload_controller.motion.motion_control import Goal, MotionControl
 HINT = "keys: space pauses and resumes, - and + change the speed, Ctrl-C stops"
 STEP = 0.1
 """Step per key as a share of the planned speed; also the lowest speed that keys can set."""
-_AT_ONCE = 64
+_MOST_BYTES_PER_POLL = 64
 _ESCAPE_SEQUENCES = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]?|O.?|.)?", re.DOTALL)
 """Sequences of arrow and function keys, in which + and - have no meaning."""
 
@@ -114,7 +114,7 @@ class Keyboard:
         if ready and self._in_foreground():
             typed = b""
             with suppress(OSError):
-                typed = os.read(self._terminal, _AT_ONCE)
+                typed = os.read(self._terminal, _MOST_BYTES_PER_POLL)
             for key in decode(typed):
                 press(self._control, key)
         return described(self._control.goal)

@@ -38,9 +38,9 @@ UNBOUNDED_WIDTH = 1000
 """Width of a stream that is not a terminal."""
 _USUAL_WIDTH = 80
 """Width of a terminal that does not report one."""
-_LEAST_BAR = 8
-_GREATEST_BAR = 30
-_TIME = Column(no_wrap=True, min_width=7)
+_LEAST_BAR_WIDTH = 8
+_GREATEST_BAR_WIDTH = 30
+_TIME_COLUMN = Column(no_wrap=True, min_width=7)
 """Hours, minutes and seconds."""
 
 
@@ -67,7 +67,7 @@ class Screen:
     def __init__(self, keyboard: Keyboard | None = None, *, as_json: bool = False) -> None:
         self.as_json = as_json
         self._keyboard = keyboard
-        self._hinted = False
+        self._hint_shown = False
         self.console = PrintableConsole(stderr=as_json, width=_width(sys.stderr if as_json else sys.stdout))
         self.errors = PrintableConsole(stderr=True, width=_width(sys.stderr))
 
@@ -102,8 +102,8 @@ class Screen:
     @contextmanager
     def track(self, text: str, total: int, *, rate: bool = False) -> Iterator[Callable[[int], None]]:
         """Show a progress bar, optionally with a rate; the yielded function is called with the amount done."""
-        if self._keyboard is not None and not self._hinted:
-            self._hinted = True
+        if self._keyboard is not None and not self._hint_shown:
+            self._hint_shown = True
             self.step(HINT)
         text = printable(text)
         columns = [*self._columns(text), *([_Rate()] if rate else [])]
@@ -124,9 +124,9 @@ class Screen:
 
     def _columns(self, text: str) -> list[ProgressColumn]:
         """Columns of a progress line; on a narrow console the bar is omitted first."""
-        times = [TimeElapsedColumn(table_column=_TIME), TimeRemainingColumn(table_column=_TIME)]
+        times = [TimeElapsedColumn(table_column=_TIME_COLUMN), TimeRemainingColumn(table_column=_TIME_COLUMN)]
         room = self.console.width - len(f"{text}  100% 0:00:00 0:00:00")
-        bar = [BarColumn(bar_width=min(room, _GREATEST_BAR))] if room >= _LEAST_BAR else []
+        bar = [BarColumn(bar_width=min(room, _GREATEST_BAR_WIDTH))] if room >= _LEAST_BAR_WIDTH else []
         text_column = TextColumn("{task.description}", markup=False, table_column=Column())
         return [text_column, *bar, TaskProgressColumn(), *times]
 

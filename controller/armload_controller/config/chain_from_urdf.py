@@ -176,9 +176,9 @@ def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: st
             listed), a joint of the chain is of a kind that is not supported, or their number is not 4 to 16.
     """
     tree = read_urdf_tree(Path(path))
-    start = _base(tree, base)
-    end = _flange(tree, flange, start)
-    way = _way(tree, start, end)
+    start = _base_link(tree, base)
+    end = _flange_link(tree, flange, start)
+    way = _joints_between(tree, start, end)
     moving = [joint for joint in way if joint.kind != "fixed"]
     _require_supported(tree, moving, start, end)
     limits = np.array([_limits(tree, joint) for joint in moving])
@@ -202,27 +202,27 @@ def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: st
     )
 
 
-def _base(tree: UrdfTree, base: str | None) -> str:
+def _base_link(tree: UrdfTree, base: str | None) -> str:
     """The first link of the chain."""
     if base is not None:
-        return _known(tree, "--base", base)
+        return _existing_link(tree, "--base", base)
     roots = [link for link in tree.links if link not in tree.above]
     if len(roots) != 1:
         raise tree.refused("root link", roots, "exactly one link without a parent; or name one with --base")
     return roots[0]
 
 
-def _known(tree: UrdfTree, option: str, link: str) -> str:
+def _existing_link(tree: UrdfTree, option: str, link: str) -> str:
     """A requested link, after checking that it exists."""
     if link not in tree.links:
         raise tree.refused(option, link, f"one of its links: {', '.join(tree.links)}")
     return link
 
 
-def _flange(tree: UrdfTree, flange: str | None, base: str) -> str:
+def _flange_link(tree: UrdfTree, flange: str | None, base: str) -> str:
     """The last link of the chain."""
     if flange is not None:
-        return _known(tree, "--flange", flange)
+        return _existing_link(tree, "--flange", flange)
     ends: dict[tuple[str, ...], list[str]] = {}
     for link in tree.links:
         names = _turning_names(tree, link, base)
@@ -256,7 +256,7 @@ def _turning_names(tree: UrdfTree, link: str, base: str) -> tuple[str, ...] | No
     return tuple(reversed(names)) if link == base else None
 
 
-def _way(tree: UrdfTree, base: str, flange: str) -> list[UrdfJoint]:
+def _joints_between(tree: UrdfTree, base: str, flange: str) -> list[UrdfJoint]:
     """All joints from the base to the flange."""
     way: list[UrdfJoint] = []
     link = flange

@@ -16,7 +16,7 @@ from armload_identification.files.run_table import TableRow, read_run_table
 from armload_identification.identification_errors import IdentificationError, RunTableError
 from armload_identification.recording.recording import Recording
 
-_HEADER = b"recording"
+_RECORDING_COLUMN = b"recording"
 _LOADED, UNLOADED = "loaded", "unloaded"
 
 
@@ -40,7 +40,7 @@ def is_run_table(path: Path) -> bool:
     try:
         with path.open("rb") as file:
             line = file.readline().removeprefix(b"\xef\xbb\xbf")
-            return _HEADER in [cell.strip() for cell in re.split(rb"[,;\t]", line)]
+            return _RECORDING_COLUMN in [cell.strip() for cell in re.split(rb"[,;\t]", line)]
     except OSError:
         return False
 

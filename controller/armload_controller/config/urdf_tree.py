@@ -18,8 +18,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.model.chain import pose_from_xyz_rpy
 from armload_identification.storage.regular_file import read_whole
 
-_TURNING = ("revolute", "continuous")
-_ORIGIN = (0.0, 0.0, 0.0)
+_REVOLUTE_TYPES = ("revolute", "continuous")
+_ZERO = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class UrdfJoint:
     @property
     def turns(self) -> bool:
         """Whether it can be a joint of an arm: revolute or continuous, and independent."""
-        return self.kind in _TURNING and self.mimics is None
+        return self.kind in _REVOLUTE_TYPES and self.mimics is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ class UrdfTree:
             ConfigurationError: an attribute is not three finite numbers.
         """
         origin = element.find("origin")
-        values = [self.numbers(owner, "origin", origin, key, _ORIGIN) for key in ("xyz", "rpy")]
+        values = [self.numbers(owner, "origin", origin, key, _ZERO) for key in ("xyz", "rpy")]
         return pose_from_xyz_rpy(values[0], values[1])
 
     def number(self, owner: str, tag: str, element: ElementTree.Element | None, key: str) -> float:

@@ -50,7 +50,7 @@ def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
         f'<robot name="{identifier}">',
     ]
     lines += ['  <link name="world"/>', '  <link name="base"/>']
-    lines += _fixed("base_joint", '"world"', '"base"', _standing(calibration.level(chain).gravity_m_s2))
+    lines += _fixed("base_joint", '"world"', '"base"', _upright_base(calibration.level(chain).gravity_m_s2))
     for i, (name, parent, child) in enumerate(zip(names, ['"base"', *links[:-1]], links, strict=True)):
         link = inertial_lines(InertialParameters(possible.links[i]))
         lines += [f"  <link name={child}>", *(f"    {line}" for line in link), "  </link>"]
@@ -96,7 +96,7 @@ def _comment(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
     return xml_comment(paragraphs)
 
 
-def _standing(gravity_m_s2: FloatArray) -> FloatArray:
+def _upright_base(gravity_m_s2: FloatArray) -> FloatArray:
     """(4, 4) pose of the base in a world with gravity along -z, by the smallest rotation."""
     down = gravity_m_s2 / np.sqrt(np.sum(gravity_m_s2**2))
     pose = np.eye(4)

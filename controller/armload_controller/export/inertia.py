@@ -111,7 +111,7 @@ def principal_inertia(tensor_kg_m2: FloatArray) -> PrincipalInertia:
         tensor_kg_m2: (3, 3) symmetric.
     """
     _, axes = np.linalg.eigh(tensor_kg_m2)
-    turned = [axes @ renaming for renaming in _renamings()]
+    turned = [axes @ renaming for renaming in _signed_permutations()]
     rotation = max((r for r in turned if np.linalg.det(r) > 0.0), key=np.trace)
     return PrincipalInertia(np.diag(rotation.T @ tensor_kg_m2 @ rotation), rotation)
 
@@ -121,7 +121,7 @@ def _undetermined(payload: PayloadResult, elements: tuple[str, ...]) -> tuple[st
     return tuple(name for name in elements if not payload.determined[PARAMETER_NAMES.index(name)])
 
 
-def _renamings() -> list[FloatArray]:
+def _signed_permutations() -> list[FloatArray]:
     """All 48 signed permutations of three axes."""
     return [
         np.eye(3)[:, list(order)] * np.array(signs)

@@ -223,13 +223,13 @@ class PayloadAdaptation:
     ) -> None:
         self.decisions: list[AdaptationDecision] = []
         self._estimated, self._rules, self._feedforward = estimated, rules, feedforward
-        self._beside, self._report = beside, report
+        self._run_beside, self._report = beside, report
         self._pending: Future[Look] | None = None
-        self._looked_s = -np.inf
-        self._changes = 0
+        self._last_look_s = -np.inf
+        self._change_count = 0
         self._fed: Candidate | None = None
-        self._agreed: Candidate | None = None
-        self._refused = ""
+        self._candidate: Candidate | None = None
+        self._last_refusal = ""
 
     @property
     def fade_in_cycles(self) -> int:
@@ -251,17 +251,17 @@ class PayloadAdaptation:
         if self._pending is not None and self._pending.done():
             look, self._pending = self._pending.result(), None
             # An estimate from before a change belongs to another payload.
-            if look.found is None or look.found.changes == self._changes:
+            if look.found is None or look.found.changes == self._change_count:
                 self._decide(time_s, look)
         changes = self._estimated.estimator.changes
-        if changes != self._changes:
-            self._changes = changes
-            self._agreed = None
+        if changes != self._change_count:
+            self._change_count = changes
+            self._candidate = None
             if self._fed is not None:
                 self._drop(time_s, self._fed.found, "the payload has changed")
-        if self._pending is None and time_s - self._looked_s >= LOOK_S:
-            self._looked_s = time_s
-            self._pending = self._beside(self._look)
+        if self._pending is None and time_s - self._last_look_s >= LOOK_S:
+            self._last_look_s = time_s
+            self._pending = self._run_beside(self._look)
         return self._feedforward.on_cycle(step)
 
     def _look(self) -> Look:
@@ -285,34 +285,34 @@ class PayloadAdaptation:
     def _decide(self, time_s: float, look: Look) -> None:
         """Decide what to do with an estimate."""
         if look.found is None or look.body is None:
-            self._agreed = None
+            self._candidate = None
             if self._fed is not None:
                 self._drop(time_s, look.found, look.doubt)
-            elif look.doubt != self._refused:
-                self._refused = look.doubt
-                self._note(time_s, DecisionKind.REFUSED, look.found, look.doubt)
+            elif look.doubt != self._last_refusal:
+                self._last_refusal = look.doubt
+                self._report_decision(time_s, DecisionKind.REFUSED, look.found, look.doubt)
             return
-        before, self._agreed = self._agreed, Candidate(look.found, look.body)
-        if before is None or not self._agreed.agrees(before):
+        before, self._candidate = self._candidate, Candidate(look.found, look.body)
+        if before is None or not self._candidate.agrees(before):
             return
         if self._fed is None:
-            self._feed(time_s, DecisionKind.FED, self._agreed)
-        elif self._agreed.is_worth(self._fed.body):
-            self._feed(time_s, DecisionKind.REFINED, self._agreed)
+            self._feed(time_s, DecisionKind.FED, self._candidate)
+        elif self._candidate.is_worth(self._fed.body):
+            self._feed(time_s, DecisionKind.REFINED, self._candidate)
 
     def _feed(self, time_s: float, kind: DecisionKind, candidate: Candidate) -> None:
         """Pass a body to the injection, which checks it like any payload."""
         self._feedforward.set_payload(_result(candidate.body, self._feedforward), FEED_S)
-        self._fed, self._refused = candidate, ""
-        self._note(time_s, kind, candidate.found, "")
+        self._fed, self._last_refusal = candidate, ""
+        self._report_decision(time_s, kind, candidate.found, "")
 
     def _drop(self, time_s: float, found: LivePayload | None, why: str) -> None:
         """Remove all torque."""
         self._feedforward.drop_payload(DROP_S)
-        self._fed, self._refused = None, why
-        self._note(time_s, DecisionKind.DROPPED, found, why)
+        self._fed, self._last_refusal = None, why
+        self._report_decision(time_s, DecisionKind.DROPPED, found, why)
 
-    def _note(self, time_s: float, kind: DecisionKind, found: LivePayload | None, why: str) -> None:
+    def _report_decision(self, time_s: float, kind: DecisionKind, found: LivePayload | None, why: str) -> None:
         """Record a decision."""
         decision = AdaptationDecision.of(time_s, kind, why, found, None if self._fed is None else self._fed.body)
         self.decisions.append(decision)

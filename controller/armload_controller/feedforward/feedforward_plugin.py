@@ -57,9 +57,9 @@ class FollowingLag:
     """
 
     def __init__(self, n: int, cycle_s: float) -> None:
-        self._error_speed = np.zeros(n)
-        self._speed_speed = np.zeros(n)
-        self._keep = np.exp(-cycle_s / LAG_MEMORY_S)
+        self._error_times_speed = np.zeros(n)
+        self._speed_squared = np.zeros(n)
+        self._remembered_share = np.exp(-cycle_s / LAG_MEMORY_S)
         self._cycle_s = cycle_s
         self.lag_s = 0.0
 
@@ -68,11 +68,13 @@ class FollowingLag:
         moving = velocity_rad_s * velocity_rad_s * self._cycle_s
         if not moving.any():
             return
-        self._error_speed = self._keep * self._error_speed + error_rad * velocity_rad_s * self._cycle_s
-        self._speed_speed = self._keep * self._speed_speed + moving
-        moved = self._speed_speed > _MOVED_RAD2_S
+        self._error_times_speed = (
+            self._remembered_share * self._error_times_speed + error_rad * velocity_rad_s * self._cycle_s
+        )
+        self._speed_squared = self._remembered_share * self._speed_squared + moving
+        moved = self._speed_squared > _MOVED_RAD2_S
         if moved.any():
-            lag_s = float(np.median(self._error_speed[moved] / self._speed_speed[moved]))
+            lag_s = float(np.median(self._error_times_speed[moved] / self._speed_squared[moved]))
             self.lag_s = min(max(lag_s, 0.0), LONGEST_LAG_S)
 
 
@@ -108,8 +110,8 @@ class FeedforwardPlugin:
         commanded: FloatArray | None = None,
     ) -> None:
         self._commanded = np.eye(chain.n) if commanded is None else commanded
-        self.chain, self.robot, self._cycle_s, self._beside = chain, robot, cycle_s, beside
-        self._beside_share = 0.0
+        self.chain, self.robot, self._cycle_s, self._arm_term = chain, robot, cycle_s, beside
+        self._arm_term_share = 0.0
         if payload is not None:
             self._require(payload)
         self._payload = NOTHING if payload is None else payload.model
@@ -149,11 +151,11 @@ class FeedforwardPlugin:
             PayloadRefused: it must not be fed forward; the present payload is kept.
         """
         self._require(payload)
-        self._change(payload.model, transition_s)
+        self._replace_payload(payload.model, transition_s)
 
     def drop_payload(self, transition_s: float) -> None:
         """Fade the payload's torque out: the flange is empty; may be called from any thread."""
-        self._change(NOTHING, transition_s)
+        self._replace_payload(NOTHING, transition_s)
 
     def on_cycle(self, step: CycleStep) -> FloatArray:
         """The payload's torque at the state that the arm will be in while it acts."""
@@ -170,12 +172,12 @@ class FeedforwardPlugin:
         share = delay - int(delay)
         q, dq, ddq = (1.0 - share) * self._states[before] + share * self._states[min(before + 1, last)]
         torque = self._feedforward.torque_nm(q, dq, ddq)
-        if self._beside is not None and self._joints.any():
-            self._beside_share = min(1.0, self._beside_share + self._cycle_s / FADE_IN_S)
-            torque = torque + self._beside_share * self._beside.torque_nm(q, dq, ddq, torque)
+        if self._arm_term is not None and self._joints.any():
+            self._arm_term_share = min(1.0, self._arm_term_share + self._cycle_s / FADE_IN_S)
+            torque = torque + self._arm_term_share * self._arm_term.torque_nm(q, dq, ddq, torque)
         return self._joints * (torque @ self._commanded)
 
-    def _change(self, payload: InertialParameters, transition_s: float) -> None:
+    def _replace_payload(self, payload: InertialParameters, transition_s: float) -> None:
         """Set the payload; its torque changes now if torque is allowed, otherwise when `allow` is called."""
         self._payload = payload
         if self._joints.any():

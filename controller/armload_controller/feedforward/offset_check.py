@@ -136,8 +136,8 @@ class OffsetCheck:
     ) -> None:
         self._joint_names, self._transmission, self.tried_nm = joint_names, transmission, tried_nm
         self._tried_joints = tried_nm > SMALLEST_SHARE * tried_nm.max()
-        self._fade = max(8, round(FADE_S / cycle_s))
-        self._length = FADES * self._fade
+        self._fade_cycles = max(8, round(FADE_S / cycle_s))
+        self._fit_cycles = FADES * self._fade_cycles
         self._cycle = 0
         self._offset: list[FloatArray] = []
         self._torque: list[FloatArray] = []
@@ -158,15 +158,15 @@ class OffsetCheck:
 
     def on_cycle(self, step: CycleStep) -> FloatArray | None:
         """Fade in and out, and evaluate; the first fades, in which the gate opens, are not evaluated."""
-        if step.sent is not None and self._cycle > self._length:
+        if step.sent is not None and self._cycle > self._fit_cycles:
             self._offset.append(step.sent.torque_offset_nm)
             self._torque.append(measured_torque(step.feedback, self._transmission))
-            if len(self._offset) == self._length:
+            if len(self._offset) == self._fit_cycles:
                 self._evaluate()
         if self.done():
             return None
         self._cycle += 1
-        share = 0.5 - 0.5 * np.cos(2.0 * np.pi * self._cycle / self._fade)
+        share = 0.5 - 0.5 * np.cos(2.0 * np.pi * self._cycle / self._fade_cycles)
         return np.asarray(share * self.tried_nm)
 
     def done(self) -> bool:
@@ -190,7 +190,7 @@ class OffsetCheck:
         """Gain of every joint from a few fades."""
         offset, torque = np.array(self._offset), np.array(self._torque)
         self._offset, self._torque = [], []
-        t = np.linspace(-1.0, 1.0, self._length)
+        t = np.linspace(-1.0, 1.0, self._fit_cycles)
         gain = np.zeros(offset.shape[1])
         for joint in np.flatnonzero(self._tried_joints):
             x = offset[:, joint]

@@ -13,9 +13,9 @@ from armload_controller.fleet.row_store import latest_rows, precedence
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
 
-_OF_PAYLOAD: Final = (Kind.MASS, Kind.CENTER_X, Kind.CENTER_Y, Kind.CENTER_Z)
+_PAYLOAD_KINDS: Final = (Kind.MASS, Kind.CENTER_X, Kind.CENTER_Y, Kind.CENTER_Z)
 _COLUMNS: Final = (
-    *(name for names in value_columns()[: len(_OF_PAYLOAD)] for name in names),
+    *(name for names in value_columns()[: len(_PAYLOAD_KINDS)] for name in names),
     *("payload", "robot", "robot_name", "outcome", "error", "joint_names", "loaded_sha256"),
     *("gain_change", "gain_half_width_95", "friction_nm", "residual_rms_nm", "noise_nm"),
 )
@@ -68,7 +68,7 @@ def _of_known_models(rows: list[Row]) -> list[Row]:
 
 def _figures(row: Row) -> Iterator[tuple[Quantity, tuple[float, float]]]:
     """Value and standard deviation of everything that is determined."""
-    for kind, (value, low, high) in zip(_OF_PAYLOAD, value_columns(), strict=False):
+    for kind, (value, low, high) in zip(_PAYLOAD_KINDS, value_columns(), strict=False):
         if row[value] is not None:
             yield Quantity(kind, row["payload"]), (row[value], 0.5 * (row[high] - row[low]) / NORMAL_HALF_WIDTH)
     for joint, name in enumerate(row["joint_names"] or ()):

@@ -179,7 +179,7 @@ class Settled:
     """Finds the jobs whose files are no longer being written: unchanged at two successive looks."""
 
     def __init__(self) -> None:
-        self._seen: set[str] = set()
+        self._previous_keys: set[str] = set()
 
     def of(self, jobs: Iterable[Job]) -> list[Job]:
         """The jobs whose files have not changed since the last look.
@@ -188,8 +188,8 @@ class Settled:
             jobs: The jobs of this look.
         """
         now = list(jobs)
-        same = [job for job in now if job.key in self._seen]
-        self._seen = {job.key for job in now}
+        same = [job for job in now if job.key in self._previous_keys]
+        self._previous_keys = {job.key for job in now}
         return same
 
 
@@ -200,9 +200,9 @@ class Repeats:
     """
 
     def __init__(self) -> None:
-        self._looks = 0
-        self._wait: dict[str, int] = {}
-        self._next: dict[str, int] = {}
+        self._look_count = 0
+        self._looks_to_wait: dict[str, int] = {}
+        self._next_look: dict[str, int] = {}
 
     def of(self, jobs: Iterable[Job]) -> list[Job]:
         """The jobs to run at this look.
@@ -210,8 +210,8 @@ class Repeats:
         Args:
             jobs: Jobs that are new, have changed or have failed.
         """
-        self._looks += 1
-        return [job for job in jobs if self._next.get(job.key, 0) <= self._looks]
+        self._look_count += 1
+        return [job for job in jobs if self._next_look.get(job.key, 0) <= self._look_count]
 
     def noting(self, rows: Iterable[Row]) -> Iterator[Row]:
         """Pass rows through, and note those that failed.
@@ -221,6 +221,6 @@ class Repeats:
         """
         for row in rows:
             if row["outcome"] == RowOutcome.FAILED.value:
-                wait = self._wait[row["key"]] = min(2 * self._wait.get(row["key"], 1), _LONGEST_WAIT)
-                self._next[row["key"]] = self._looks + wait
+                wait = self._looks_to_wait[row["key"]] = min(2 * self._looks_to_wait.get(row["key"], 1), _LONGEST_WAIT)
+                self._next_look[row["key"]] = self._look_count + wait
             yield row

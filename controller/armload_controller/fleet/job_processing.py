@@ -22,7 +22,7 @@ from armload_controller.fleet.repeatable import is_own, outcome_of
 from armload_controller.fleet.robot_dependencies import RobotFiles
 from armload_identification.estimation.prior_knowledge import KnownPayload
 
-_ROBOTS = 64
+_MOST_ROBOTS = 64
 """Number of robots that a worker caches: reading one takes a fifth as long as identifying a pair."""
 
 
@@ -42,7 +42,7 @@ def run_job(job: Job, folder: str | None = None) -> Row:
     try:
         row |= _identified(job, row, copies, folder)
     except Exception as problem:  # noqa: BLE001 - one recording must not stop thousands of others
-        row |= {"outcome": outcome_of(problem).value, "error": _named(_said(problem), copies)}
+        row |= {"outcome": outcome_of(problem).value, "error": _with_urls(_error_text(problem), copies)}
     row |= {"cpu_s": time.process_time() - cpu_s, "wall_s": time.monotonic() - started}
     return row | {"worker": f"{socket.gethostname()} {os.getpid()}"}
 
@@ -102,7 +102,7 @@ def _robot_of(job: Job) -> Robot:
         FleetError: this machine cannot read the file.
     """
     try:
-        return _robot(job.robot, RobotFiles.of(job.robot).robot)
+        return _cached_robot(job.robot, RobotFiles.of(job.robot).robot)
     except OSError as problem:
         shipped = ", ".join(shipped_robots())
         raise FleetError(
@@ -111,13 +111,13 @@ def _robot_of(job: Job) -> Robot:
         ) from problem
 
 
-@lru_cache(_ROBOTS)
-def _robot(name_or_path: str, _contents: tuple[str, ...]) -> Robot:
+@lru_cache(_MOST_ROBOTS)
+def _cached_robot(name_or_path: str, _contents: tuple[str, ...]) -> Robot:
     """A robot; cached by the contents of its files."""
     return load_robot(name_or_path)
 
 
-def _said(problem: Exception) -> str:
+def _error_text(problem: Exception) -> str:
     """An error in a sentence; one that armload did not raise itself with its type and place."""
     if is_own(problem):
         return str(problem)
@@ -125,7 +125,7 @@ def _said(problem: Exception) -> str:
     return f"{type(problem).__name__}: {problem} ({Path(where.filename).name}, line {where.lineno})"
 
 
-def _named(text: str, copies: dict[str, str]) -> str:
+def _with_urls(text: str, copies: dict[str, str]) -> str:
     """A message with the URLs in place of the copies."""
     for copy, url in copies.items():
         text = text.replace(copy, url)

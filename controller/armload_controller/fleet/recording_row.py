@@ -22,7 +22,7 @@ from armload_identification.results.findings_document import number, numbers
 Row = dict[str, Any]
 
 PARAMETER_UNITS: Final = ("kg", "m", "m", "m", *("kg_m2",) * 6)
-_PER_JOINT: Final = (
+_JOINT_COLUMNS: Final = (
     "residual_rms_nm",
     "noise_nm",
     "gain_change",
@@ -30,7 +30,7 @@ _PER_JOINT: Final = (
     "friction_nm",
     "friction_speed_rad_s",
 )
-_TEXTS_BEFORE: Final = (
+_JOB_COLUMNS: Final = (
     "key",
     "arm",
     "payload",
@@ -41,7 +41,7 @@ _TEXTS_BEFORE: Final = (
     "validation_unloaded",
     "calibration",
 )
-_TEXTS_BEHIND: Final = (
+_ORIGIN_COLUMNS: Final = (
     "validation_outcome",
     "verdict",
     "loaded_sha256",
@@ -52,7 +52,7 @@ _TEXTS_BEHIND: Final = (
     "armload_version",
     "worker",
 )
-_CLOCKS_DIFFER: Final = timedelta(days=1)
+_LARGEST_CLOCK_DIFFERENCE: Final = timedelta(days=1)
 
 
 class RowOutcome(StrEnum):
@@ -71,14 +71,14 @@ def value_columns() -> tuple[tuple[str, str, str], ...]:
 
 def column_kinds() -> dict[str, str]:
     """Every column in order with its kind: text, number, count, truth, time, or a list of numbers or texts."""
-    kinds = dict.fromkeys(_TEXTS_BEFORE, "text")
+    kinds = dict.fromkeys(_JOB_COLUMNS, "text")
     kinds |= {"known_mass_kg": "number", "recorded_utc": "time", "recorded_by": "text", "identified_utc": "time"}
     kinds |= {"outcome": "text", "error": "text", "robot_name": "text", "joint_names": "texts"}
     kinds |= {name: "number" for names in value_columns() for name in names}
     kinds |= {"model": "numbers", "feedforward_ready": "truth", "condition_number": "number", "notes": "texts"}
-    kinds |= dict.fromkeys(_PER_JOINT, "numbers")
+    kinds |= dict.fromkeys(_JOINT_COLUMNS, "numbers")
     kinds |= {"rows_read": "count", "rows_dropped": "count", "cpu_s": "number", "wall_s": "number"}
-    return kinds | dict.fromkeys(_TEXTS_BEHIND, "text")
+    return kinds | dict.fromkeys(_ORIGIN_COLUMNS, "text")
 
 
 def empty_row(job: Job, armload_version: str) -> Row:
@@ -93,7 +93,7 @@ def empty_row(job: Job, armload_version: str) -> Row:
     row |= dict(job.recordings)
     row |= {"known_mass_kg": job.mass_kg, "armload_version": armload_version}
     now = datetime.now(UTC)
-    undated = job.modified is None or job.modified > now + _CLOCKS_DIFFER
+    undated = job.modified is None or job.modified > now + _LARGEST_CLOCK_DIFFERENCE
     recorded = (now, "identification") if undated else (job.modified, "file")
     row |= {"recorded_utc": recorded[0], "recorded_by": recorded[1], "identified_utc": now}
     return row | {"outcome": RowOutcome.FAILED.value}
@@ -108,7 +108,7 @@ def recorded_fields(recording: Recording, identified: datetime) -> Row:
     """
     row: Row = {"rows_read": recording.source.rows_read, "rows_dropped": recording.source.rows_dropped}
     row |= {"loaded_sha256": recording.source.sha256}
-    start = run_start(recording, identified + _CLOCKS_DIFFER)
+    start = run_start(recording, identified + _LARGEST_CLOCK_DIFFERENCE)
     return row if start is None else row | {"recorded_utc": start.moment, "recorded_by": start.stated_by.value}
 
 

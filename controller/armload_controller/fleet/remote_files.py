@@ -22,9 +22,19 @@ from typing import Any, Final
 
 from armload_controller.control_errors import ListingError
 
-_CHANGES: Final = ("size", "mtime", "ETag", "etag", "LastModified", "Last-Modified", "last_modified", "updated", "md5")
+_CHANGE_KEYS: Final = (
+    "size",
+    "mtime",
+    "ETag",
+    "etag",
+    "LastModified",
+    "Last-Modified",
+    "last_modified",
+    "updated",
+    "md5",
+)
 """Metadata that change when a file's content does; each file system provides some of them."""
-_DATES: Final = ("mtime", "LastModified", "Last-Modified", "last_modified", "updated")
+_DATE_KEYS: Final = ("mtime", "LastModified", "Last-Modified", "last_modified", "updated")
 _MISSING: Final = "missing"
 _PACKAGES: Final = {
     "s3": "s3fs",
@@ -114,7 +124,7 @@ def matches(pattern: str) -> Matches:
     files, path = _file_system(pattern)
     closed: list[str] = []
     try:
-        found = _found(files, path, closed, to_the_end=pattern.endswith("*"))
+        found = _matching_paths(files, path, closed, to_the_end=pattern.endswith("*"))
     except Exception as problem:
         reason = f"cannot be listed ({problem}); check the table of jobs and the server"
         raise ListingError(f"{pattern}: {reason}") from problem
@@ -122,7 +132,7 @@ def matches(pattern: str) -> Matches:
     return Matches(there, closed)
 
 
-def _found(files: Any, path: str, closed: list[str], *, to_the_end: bool) -> list[tuple[str, tuple[str, ...]]]:
+def _matching_paths(files: Any, path: str, closed: list[str], *, to_the_end: bool) -> list[tuple[str, tuple[str, ...]]]:
     """Paths that match a pattern, with the text that every `*` matched.
 
     Args:
@@ -217,12 +227,12 @@ def _children(files: Any, folder: str) -> list[str]:
 
 
 def _stamp(info: dict[str, Any]) -> str:
-    return " ".join(str(info[key]) for key in _CHANGES if info.get(key) is not None)
+    return " ".join(str(info[key]) for key in _CHANGE_KEYS if info.get(key) is not None)
 
 
 def _modified(info: dict[str, Any]) -> datetime | None:
     """Time of a file's last change, in any of the file systems' formats."""
-    said = next((info[key] for key in _DATES if info.get(key) is not None), None)
+    said = next((info[key] for key in _DATE_KEYS if info.get(key) is not None), None)
     try:
         if isinstance(said, datetime):
             return said.astimezone(UTC)

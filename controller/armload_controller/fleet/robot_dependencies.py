@@ -16,7 +16,7 @@ from typing import Final
 from armload_controller.config.drive_profiles import own_profiles
 from armload_identification.storage.regular_file import read_whole
 
-_ROBOTS: Final = 1024
+_MOST_ROBOTS: Final = 1024
 """Number of robot files whose names of other files are kept: `fleet watch` looks at all of them every minute."""
 _UNREADABLE: Final = "cannot be read"
 
@@ -48,15 +48,15 @@ class RobotFiles:
         if not path.is_absolute():
             return cls((robot,), "")
         content = read_whole(path)
-        calibration, profiles = _named(content)
+        calibration, profiles = _named_files(content)
         return cls(
             (hashlib.sha256(content).hexdigest(), *(_hash(path.parent / name) for name in profiles)),
             _hash(path.parent / calibration) if calibration else "",
         )
 
 
-@lru_cache(_ROBOTS)
-def _named(content: bytes) -> tuple[str, tuple[str, ...]]:
+@lru_cache(_MOST_ROBOTS)
+def _named_files(content: bytes) -> tuple[str, tuple[str, ...]]:
     """Names of the calibration and of the profiles in a robot's file; none in a file that is not TOML."""
     try:
         values = tomllib.loads(content.decode())

@@ -25,9 +25,9 @@ from armload_controller.fleet.recording_row import Row, RowOutcome, column_kinds
 from armload_identification.storage.replace_file import replace_file
 
 ROWS_PER_PART: Final = 1000
-_JOURNAL: Final = "journal-*.jsonl"
-_PARTS: Final = "day=*/*.parquet"
-_TIMES: Final = tuple(name for name, kind in column_kinds().items() if kind == "time")
+_JOURNAL_FILES: Final = "journal-*.jsonl"
+_PARQUET_FILES: Final = "day=*/*.parquet"
+_TIME_COLUMNS: Final = tuple(name for name, kind in column_kinds().items() if kind == "time")
 
 
 class RowStore:
@@ -44,9 +44,9 @@ class RowStore:
     def __init__(self, folder: Path, rows_per_part: int = ROWS_PER_PART) -> None:
         self._folder, self._rows_per_part = folder, rows_per_part
         self._journal: Path | None = None
-        self._written = 0
-        self._done: dict[str, str] | None = None
-        for journal in sorted(folder.glob(_JOURNAL)):
+        self._journal_length = 0
+        self._finished_keys: dict[str, str] | None = None
+        for journal in sorted(folder.glob(_JOURNAL_FILES)):
             self._to_parquet(journal)
 
     def __enter__(self) -> RowStore:
@@ -61,9 +61,9 @@ class RowStore:
         Only the latest one of each recording: after an exchange of a calibration that is undone, the rows are those of
         the other calibration, and the job has to be repeated.
         """
-        if self._done is None:
-            self._done = _finished(read_rows(self._folder, ("key", "loaded", "outcome", "identified_utc")))
-        return set(self._done.values())
+        if self._finished_keys is None:
+            self._finished_keys = _finished(read_rows(self._folder, ("key", "loaded", "outcome", "identified_utc")))
+        return set(self._finished_keys.values())
 
     def add(self, row: Row) -> None:
         """Store a row.
@@ -74,7 +74,7 @@ class RowStore:
         Raises:
             FleetError: the disk is full, or another error of the file.
         """
-        path = self._journal or self._folder / _JOURNAL.replace("*", secrets.token_hex(8))
+        path = self._journal or self._folder / _JOURNAL_FILES.replace("*", secrets.token_hex(8))
         try:
             with path.open("a", encoding="utf-8") as journal:
                 self._journal = path  # not before: a file that cannot be created cannot be converted either
@@ -83,8 +83,8 @@ class RowStore:
                 os.fsync(journal.fileno())
         except OSError as problem:
             raise FleetError(f"{self._folder}: a row cannot be written ({problem.strerror})") from problem
-        self._written += 1
-        if self._written >= self._rows_per_part:
+        self._journal_length += 1
+        if self._journal_length >= self._rows_per_part:
             self.flush()
 
     def flush(self) -> None:
@@ -95,7 +95,7 @@ class RowStore:
         """
         if self._journal is None:
             return
-        journal, self._journal, self._written = self._journal, None, 0
+        journal, self._journal, self._journal_length = self._journal, None, 0
         self._to_parquet(journal)
 
     def _to_parquet(self, journal: Path) -> None:
@@ -112,8 +112,8 @@ class RowStore:
             journal.unlink()
         except OSError as problem:
             raise FleetError(f"{self._folder}: rows cannot be written ({problem.strerror})") from problem
-        if self._done is not None:
-            self._done |= _finished(rows)
+        if self._finished_keys is not None:
+            self._finished_keys |= _finished(rows)
 
 
 def read_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
@@ -129,13 +129,13 @@ def read_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
     import pyarrow.parquet as pq
 
     rows: list[Row] = []
-    for part in sorted(folder.glob(_PARTS)):
+    for part in sorted(folder.glob(_PARQUET_FILES)):
         try:
             rows += pq.read_table(part, columns=list(columns) or None, partitioning=None).to_pylist()
         except (OSError, ValueError, KeyError) as problem:
             raise FleetError(f"{part}: not a file of `armload fleet` ({problem}); move it away") from problem
     for row in rows:
-        row |= {name: row[name].replace(tzinfo=UTC) for name in _TIMES if name in row}
+        row |= {name: row[name].replace(tzinfo=UTC) for name in _TIME_COLUMNS if name in row}
     return rows
 
 
@@ -182,7 +182,7 @@ def _journal_rows(journal: Path) -> Iterator[Row]:
                 if not line.endswith("\n"):
                     return
                 row: Row = {name: _encodable(value) for name, value in json.loads(line).items()}
-                yield row | {name: datetime.fromisoformat(row[name]) for name in _TIMES}
+                yield row | {name: datetime.fromisoformat(row[name]) for name in _TIME_COLUMNS}
                 number += 1
     except OSError as problem:
         raise FleetError(f"{journal}: cannot be read ({problem.strerror})") from problem

@@ -37,7 +37,7 @@ _CONFIGURATION: Final = {
     # A heap of huge pages, with glibc 2.35 or newer: 10 page faults per pair instead of 1,000 to 3,000.
     "distributed.nanny.pre-spawn-environ.GLIBC_TUNABLES": "glibc.malloc.hugetlb=1",
 }
-_WAIT_S: Final = 30.0
+_CONNECT_TIMEOUT_S: Final = 30.0
 
 
 class Workforce:
@@ -67,7 +67,7 @@ class Workforce:
             try:
                 if address is None:
                     address = stack.enter_context(_cluster(self._workers))
-                self._client = stack.enter_context(distributed.Client(address, timeout=_WAIT_S))
+                self._client = stack.enter_context(distributed.Client(address, timeout=_CONNECT_TIMEOUT_S))
             except (OSError, ValueError, TypeError, RuntimeError) as problem:
                 raise FleetError(
                     f"no scheduler at {address}: {problem}; check --scheduler and its certificates "
@@ -128,9 +128,9 @@ class Workforce:
 
     def _require_same_version(self) -> None:
         """Load the modules in every worker, and compare versions."""
-        own = _ready()
+        own = _loaded_version()
         try:
-            there: dict[str, str] = self._client.run(_ready)
+            there: dict[str, str] = self._client.run(_loaded_version)
         except Exception as trouble:
             raise FleetError(
                 f"the workers cannot run armload ({trouble}); install armload {own} in their environment"
@@ -154,7 +154,7 @@ def version_problem(own: str, there: set[str], scheduler: str | None) -> str:
     return ""
 
 
-def _ready() -> str:
+def _loaded_version() -> str:
     """Load a job's modules in a worker, and return its version of armload."""
     import armload_controller.fleet.job_processing  # noqa: F401 - imported for its loading time
 

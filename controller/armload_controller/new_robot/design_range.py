@@ -18,9 +18,9 @@ from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M,
 
 _POSES: Final = 200
 _SEED: Final = 1
-_BOXES: Final = (1.0, 0.7, 0.5, 0.35, 0.25)
+_BOX_SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.25)
 """Shares of the joints' ranges to try, widest first."""
-_CLEAR: Final = 0.95
+_CLEAR_SHARE: Final = 0.95
 """Share of a box's poses that must be clear."""
 
 
@@ -51,17 +51,17 @@ def design_range(robot: Robot, envelope: Envelope) -> DesignRange:
     limits = robot.limits.motion
     whole = np.array([limits.position_min_rad, limits.position_max_rad])
     poses = _poses(whole)
-    known, meshes = _room(envelope, poses), _mesh_room(robot, poses)
+    known, meshes = _margins_at_rest(envelope, poses), _mesh_clearances(robot, poses)
     roomiest = poses[np.minimum(known, meshes).argmax()]
     boxes: list[FloatArray] = []
     for everything in (False, True):
-        for share in _BOXES:
+        for share in _BOX_SHARES:
             half = 0.5 * share * (whole[1] - whole[0])
             box = whole if share == 1.0 else np.clip(np.array([roomiest - half, roomiest + half]), whole[0], whole[1])
             poses = _poses(box)
-            known, meshes = _room(envelope, poses), _mesh_room(robot, poses)
+            known, meshes = _margins_at_rest(envelope, poses), _mesh_clearances(robot, poses)
             asked = np.ones(_POSES, dtype=bool) if everything else known >= 0.0
-            if asked.any() and np.mean(np.minimum(known, meshes)[asked] >= 0.0) >= _CLEAR:
+            if asked.any() and np.mean(np.minimum(known, meshes)[asked] >= 0.0) >= _CLEAR_SHARE:
                 break
         if not boxes or not np.array_equal(box, boxes[0]):
             boxes.append(box)
@@ -73,7 +73,7 @@ def _poses(box: FloatArray) -> FloatArray:
     return np.random.default_rng(_SEED).uniform(box[0], box[1], (_POSES, box.shape[1]))
 
 
-def _room(envelope: Envelope, poses: FloatArray) -> FloatArray:
+def _margins_at_rest(envelope: Envelope, poses: FloatArray) -> FloatArray:
     """(N,) margin at rest: the lesser of clearance over `CLEARANCE_SCALE_M` and remaining share of torque."""
     still = np.zeros_like(poses)
     demand = envelope.torque.demand(poses, still, still)
@@ -82,7 +82,7 @@ def _room(envelope: Envelope, poses: FloatArray) -> FloatArray:
     return np.asarray(np.minimum(torque, near / CLEARANCE_SCALE_M))
 
 
-def _mesh_room(robot: Robot, poses: FloatArray) -> FloatArray:
+def _mesh_clearances(robot: Robot, poses: FloatArray) -> FloatArray:
     """(N,) clearance between meshes, in units of `CLEARANCE_SCALE_M`."""
     meshes = robot.obstacles.meshes
     if meshes is None:

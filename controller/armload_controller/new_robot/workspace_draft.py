@@ -29,11 +29,11 @@ BARE_RADIUS_M: Final = 0.05
 _POSES: Final = 200
 _MESH_POSES: Final = 40
 _SEED: Final = 1
-_MOSTLY: Final = 0.5
+_CLEAR_SHARE: Final = 0.5
 """Share of poses in which a pair's spheres must be clear; keeping other pairs apart would forbid most of the range."""
-_TOUCHES: Final = 0.9
+_NEIGHBOUR_SHARE: Final = 0.9
 """Share of poses above which two touching meshes count as neighbours."""
-_HULLS_TOUCH: Final = 0.7
+_NEAR_NEIGHBOUR_SHARE: Final = 0.7
 """The same for links at most `_NEAR_JOINTS` joints apart: the convex hulls that represent the meshes fill the space
 between them (Baxter: torso and elbow, in 81 % of the poses)."""
 _NEAR_JOINTS: Final = 3
@@ -98,7 +98,7 @@ def workspace_of_urdf(arm: UrdfArm, draft: ArmDraft, tool: Sphere) -> WorkspaceD
     touching = tuple(
         pair
         for pair, share, joints in zip(meshes.pairs, near, meshes.joints_between, strict=True)
-        if share >= (_HULLS_TOUCH if joints <= _NEAR_JOINTS else _TOUCHES)
+        if share >= (_NEAR_NEIGHBOUR_SHARE if joints <= _NEAR_JOINTS else _NEIGHBOUR_SHARE)
     )
     ordered = tuple(sorted({(a, b) if a < b else (b, a) for a, b in touching}))
     return replace(workspace, meshes=True, touching=ordered, why_no_meshes="")
@@ -124,7 +124,7 @@ def workspace_of_spheres(
     candidates = [(a, b) for a, b in combinations(links, 2) if b - a >= 2 and (a, b) != (n - 1, n + 1)]
     if candidates:
         model = Workspace(draft.chain, tuple(spheres), apart=tuple(candidates))
-        clear = _least_by_pair(model, candidates, poses) >= KEEP_M
+        clear = _least_clearances(model, candidates, poses) >= KEEP_M
         share = dict(zip(candidates, clear.mean(axis=0), strict=True))
     else:
         share = {}
@@ -133,8 +133,8 @@ def workspace_of_spheres(
         bare=bare,
         floor_m=floor_m,
         above_floor=_above_floor(draft, spheres, floor_m, poses),
-        apart=tuple(pair for pair in candidates if share[pair] >= _MOSTLY),
-        overlapping=tuple(pair for pair in candidates if share[pair] < _MOSTLY),
+        apart=tuple(pair for pair in candidates if share[pair] >= _CLEAR_SHARE),
+        overlapping=tuple(pair for pair in candidates if share[pair] < _CLEAR_SHARE),
         meshes=False,
         touching=(),
         why_no_meshes=why,
@@ -143,20 +143,20 @@ def workspace_of_spheres(
 
 def _poses(draft: ArmDraft, count: int) -> FloatArray:
     """(count, n) random configurations within the joints' ranges."""
-    return np.random.default_rng(_SEED).uniform(_least(draft), _greatest(draft), (count, draft.n))
+    return np.random.default_rng(_SEED).uniform(_least_positions(draft), _greatest_positions(draft), (count, draft.n))
 
 
-def _least(draft: ArmDraft) -> FloatArray:
+def _least_positions(draft: ArmDraft) -> FloatArray:
     """(n,) least positions, limited to -pi."""
     return np.maximum(np.nan_to_num(draft.position_min_rad, nan=-np.pi, neginf=-np.pi), -np.pi)
 
 
-def _greatest(draft: ArmDraft) -> FloatArray:
+def _greatest_positions(draft: ArmDraft) -> FloatArray:
     """(n,) greatest positions, limited to pi."""
     return np.minimum(np.nan_to_num(draft.position_max_rad, nan=np.pi, posinf=np.pi), np.pi)
 
 
-def _least_by_pair(model: Workspace, pairs: list[tuple[int, int]], poses: FloatArray) -> FloatArray:
+def _least_clearances(model: Workspace, pairs: list[tuple[int, int]], poses: FloatArray) -> FloatArray:
     """(poses, pairs) least clearance of each pair of links."""
     clearances = model.clearances(poses)
     columns: dict[tuple[int, int], list[int]] = {pair: [] for pair in pairs}
@@ -178,5 +178,5 @@ def _above_floor(draft: ArmDraft, spheres: list[Sphere], floor_m: float, poses: 
     floor = HalfSpace("floor", up_of(draft), floor_m, tuple(range(1, draft.n + 2)))
     moving = tuple(s for s in spheres if s.link)
     low = Workspace(draft.chain, moving, (floor,)).clearances(poses) < KEEP_M
-    always = {sphere.link for sphere, share in zip(moving, low.mean(axis=0), strict=True) if share > _TOUCHES}
+    always = {sphere.link for sphere, share in zip(moving, low.mean(axis=0), strict=True) if share > _NEIGHBOUR_SHARE}
     return tuple(link for link in floor.links if link not in always)

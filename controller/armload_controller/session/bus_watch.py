@@ -26,7 +26,7 @@ from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, OVERHEARD, RUN_ATTACHMENT
 
-_BLOCK: Final = 64
+_CYCLES_PER_BLOCK: Final = 64
 """Cycles passed to the estimator at a time."""
 
 
@@ -141,7 +141,7 @@ class BusWatch:
                 heard_s, time_s, enabled = now_s, cycle.feedback.time_s, cycle.enabled
                 count += 1
                 missing += cycle.feedback.missing
-                self._take(cycle)
+                self._process(cycle)
                 next_s = time_s + self._every_s if next_s is None else next_s
                 due = time_s >= next_s
             if due:
@@ -150,7 +150,7 @@ class BusWatch:
         if count > shown:
             yield moment(0.0)
 
-    def _take(self, cycle: OverheardCycle) -> None:
+    def _process(self, cycle: OverheardCycle) -> None:
         """Record one cycle and use it for the estimate, if the drives are enabled."""
         if not cycle.enabled:
             return
@@ -158,10 +158,10 @@ class BusWatch:
             self._recorder.write(cycle.feedback, cycle.command, OVERHEARD, None)
         if self._payload is not None and not cycle.feedback.missing.any():
             self._block.append(cycle)
-            if len(self._block) >= _BLOCK:
-                self._weigh(self._payload)
+            if len(self._block) >= _CYCLES_PER_BLOCK:
+                self._pass_to_estimator(self._payload)
 
-    def _weigh(self, payload: PayloadWatch) -> None:
+    def _pass_to_estimator(self, payload: PayloadWatch) -> None:
         """Pass the collected cycles to the estimator."""
         if not self._block:
             return
@@ -178,5 +178,5 @@ class BusWatch:
         """The present moment."""
         if self._payload is None:
             return WatchedMoment(time_s, None, bus=bus)
-        self._weigh(self._payload)
+        self._pass_to_estimator(self._payload)
         return self._payload.moment(bus)

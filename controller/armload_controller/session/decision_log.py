@@ -39,7 +39,7 @@ class DecisionLog:
             ) from error
         self._path, self._robot, self._display = path, robot, display
         self._executor = running_worker("decisions")
-        self._last: Future[None] | None = None
+        self._last_written: Future[None] | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -50,8 +50,8 @@ class DecisionLog:
         self._executor.shutdown(wait=True)
         with suppress(OSError):  # of lines that were not written, which is reported below
             self._file.close()
-        if error is None and self._last is not None:
-            self._last.result()
+        if error is None and self._last_written is not None:
+            self._last_written.result()
 
     def report(self, decision: AdaptationDecision) -> None:
         """Hand a decision over; returns at once.
@@ -59,11 +59,11 @@ class DecisionLog:
         Raises:
             RecordingFailed: an earlier one could not be written.
         """
-        if self._last is not None and self._last.done():
-            self._last.result()
-        self._last = self._executor.submit(self._keep, decision, self._last)
+        if self._last_written is not None and self._last_written.done():
+            self._last_written.result()
+        self._last_written = self._executor.submit(self._write_and_show, decision, self._last_written)
 
-    def _keep(self, decision: AdaptationDecision, before: Future[None] | None) -> None:
+    def _write_and_show(self, decision: AdaptationDecision, before: Future[None] | None) -> None:
         """Write and show a decision, unless an earlier one could not be written."""
         if before is not None:
             before.result()

@@ -93,7 +93,7 @@ class FilePlugin:
     """
 
     def __init__(self, name: str, watcher: Watcher, package: str) -> None:
-        self.name = _key(name)
+        self.name = _table_key(name)
         self.package = package
         self._on_cycle: Callable[[CycleStep], object] = watcher.on_cycle
 
@@ -126,8 +126,8 @@ def plugins_of(robot: Robot) -> Iterator[tuple[FilePlugin, ...]]:
     with ExitStack() as closing:
         plugins = []
         for name, settings in robot.plugins.items():
-            entry = _installed(robot, name)
-            watcher = _made(robot, name, entry, settings)
+            entry = _entry_point(robot, name)
+            watcher = _created(robot, name, entry, settings)
             close = getattr(watcher, "close", None)
             if close is not None:
                 closing.callback(close)
@@ -135,7 +135,7 @@ def plugins_of(robot: Robot) -> Iterator[tuple[FilePlugin, ...]]:
         yield tuple(plugins)
 
 
-def _installed(robot: Robot, name: str) -> EntryPoint:
+def _entry_point(robot: Robot, name: str) -> EntryPoint:
     """The entry point with a name.
 
     Raises:
@@ -147,25 +147,25 @@ def _installed(robot: Robot, name: str) -> EntryPoint:
         return found[0]
     if found:
         packages = " and ".join(sorted(_package(entry) for entry in found))
-        raise robot.refused(_key(name), {}, f"{packages} both provide a plug-in with this name: uninstall one")
+        raise robot.refused(_table_key(name), {}, f"{packages} both provide a plug-in with this name: uninstall one")
     close = difflib.get_close_matches(name, {entry.name for entry in entries}, n=1)
     meant = f" Did you mean {close[0]}?" if close else ""
     names = ", ".join(sorted(f"{entry.name} ({_package(entry)})" for entry in entries)) or "none"
     raise robot.refused(
-        _key(name),
+        _table_key(name),
         {},
         f"no plug-in with this name is installed.{meant} Installed are: {names}. Install its package in armload's "
         "environment, or remove the table",
     )
 
 
-def _made(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, object]) -> Watcher:
+def _created(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, object]) -> Watcher:
     """The plug-in of an entry point.
 
     Raises:
         ConfigurationError: it cannot be loaded, is not a plug-in, or refuses its settings.
     """
-    key, whose = _key(name), f"{entry.value} of {_package(entry)}"
+    key, whose = _table_key(name), f"{entry.value} of {_package(entry)}"
     try:
         table = entry.load()
     except Exception as problem:
@@ -187,7 +187,7 @@ def _made(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, obj
     return watcher
 
 
-def _key(name: str) -> str:
+def _table_key(name: str) -> str:
     """Key of a plug-in's table in the robot's file."""
     return f"plugins.{name}"
 

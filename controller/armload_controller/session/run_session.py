@@ -207,8 +207,8 @@ class RunSession:
         self.robot, self._operator, self._plugins = robot, operator, plugins
         self.load, self.simulated, self._servos = load, servos.simulated, servos
         self.display = operator.display
-        self._moved = False
-        self._rounded: set[CheckedPath] = set()
+        self._has_moved = False
+        self._slow_rounds_done: set[CheckedPath] = set()
 
     def run(
         self,
@@ -252,8 +252,8 @@ class RunSession:
             if recorder is not None:
                 recorder.attach(WAY_ROUND_ATTACHMENT, json.dumps({"via_points_rad": via_points_rad.tolist()}))
 
-        if path not in self._rounded:
-            if not self._moved:
+        if path not in self._slow_rounds_done:
+            if not self._has_moved:
                 consent.require(
                     self._servos,
                     f"First motion {self.load}: the arm will move slowly to the start of the excitation and once along "
@@ -261,13 +261,13 @@ class RunSession:
                     always=self.load is Load.LOADED,
                     first=True,
                 )
-                self._moved = True
+                self._has_moved = True
             with display.track(f"{name}, slow round", BAR) as progress:
                 run_leg(cycle, path, path.slow, progress, go_round=go_round)
-            for text in self._doubts(rows, look):
+            for text in self._warnings_after(rows, look):
                 display.step(f"warning: {text}")
                 warning = f"{text}. {warning}"
-            self._rounded.add(path)
+            self._slow_rounds_done.add(path)
         addition = "" if added is None else " with added torque"
         consent.require(
             self._servos,
@@ -331,7 +331,7 @@ class RunSession:
         following = FollowingMonitor(robot.limits.motion, robot.bus.max_missing_cycles)
         return following, feedback_truth(robot, cycle_s), torque_window(robot, self.load, cycle_s)
 
-    def _doubts(self, rows: SlowRoundRows, look: Callable[[SlowRoundRows], list[str]]) -> list[str]:
+    def _warnings_after(self, rows: SlowRoundRows, look: Callable[[SlowRoundRows], list[str]]) -> list[str]:
         """Warnings for the operator after a slow round.
 
         Raises:

@@ -24,7 +24,9 @@ from typing import Any, Self
 
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, StopRequested, TerminationStop
 
-_OTHERS = [signal.Signals[f"SIG{name}"] for name in ("USR1", "USR2", "ALRM", "VTALRM", "PROF", "XCPU", "IO", "PWR")]
+_OTHER_ENDING_SIGNALS = [
+    signal.Signals[f"SIG{name}"] for name in ("USR1", "USR2", "ALRM", "VTALRM", "PROF", "XCPU", "IO", "PWR")
+]
 
 
 class StopSignals:
@@ -37,7 +39,7 @@ class StopSignals:
     def __init__(self, control: MotionControl) -> None:
         self._control = control
         self._asking = self._interrupted = False
-        self._before: dict[int, Any] = {}
+        self._previous_handlers: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
         reasons: dict[int, StopRequested] = {
@@ -48,7 +50,7 @@ class StopSignals:
             signal.SIGQUIT: TerminationStop("SIGQUIT", signal.SIGQUIT),
         }
 
-        for other in _OTHERS:
+        for other in _OTHER_ENDING_SIGNALS:
             if signal.getsignal(other) is signal.SIG_DFL:
                 reasons[other] = TerminationStop(other.name, other)
 
@@ -64,13 +66,13 @@ class StopSignals:
 
         for number in reasons:
             if number == signal.SIGTERM or signal.getsignal(number) is not signal.SIG_IGN:
-                self._before[number] = signal.signal(number, on_signal)
+                self._previous_handlers[number] = signal.signal(number, on_signal)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for number, handler in self._before.items():
+        for number, handler in self._previous_handlers.items():
             signal.signal(number, handler)
 
     def ask(self, question: str, put: Callable[[str], bool]) -> bool:

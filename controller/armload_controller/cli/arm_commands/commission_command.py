@@ -171,13 +171,13 @@ def _record(
             screen.step(f"{load}: already recorded in {plan.directory}, not repeated")
             continue
         if load is Load.LOADED and len(halves) > 1:
-            _mount(arm, screen, operator.consent)
+            _have_payload_mounted(arm, screen, operator.consent)
         begun_s = time.monotonic()
         summaries = record_half(arm, load, open_servos, operator, plan)
-        screen.step(_account(load, summaries, time.monotonic() - begun_s))
+        screen.step(_counts_line(load, summaries, time.monotonic() - begun_s))
 
 
-def _mount(arm: Robot, screen: Screen, consent: Consent) -> None:
+def _have_payload_mounted(arm: Robot, screen: Screen, consent: Consent) -> None:
     """Have the payload mounted while the drives are off."""
     if arm.bus.in_virtual_time:
         screen.step(f"payload {arm.simulation.payload_name!r} mounted on the simulated flange")
@@ -193,7 +193,7 @@ def mounting_question(arm: Robot) -> str:
     return f"{state} Is the payload mounted and the workspace clear?"
 
 
-def _account(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
+def _counts_line(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
     """Counts of one half's runs, in one line."""
     motion_s = sum(summary.duration_s for summary in summaries)
     missing = sum(int(summary.missing.sum()) for summary in summaries)

@@ -85,12 +85,12 @@ def watch(
     calibrated = calibration is not None or arm.calibration_file is not None
     payload = PayloadWatch(arm, calibration, every_s) if calibrated or record is None else None
     if recording is not None and payload is not None:
-        watched, moments = str(recording), _of_recording(payload, recording, every_s, follow=follow)
+        watched, moments = str(recording), _recording_moments(payload, recording, every_s, follow=follow)
     else:
         arm = arm.with_bus(interface, channel, bitrate, None)
         watched = f"{arm.bus.interface}:{arm.bus.channel}"
         duration_s = float("inf") if for_s is None else seconds_of(for_s, "--for")
-        moments = _on_bus(screen, arm, payload, every_s, record, _load(load), duration_s)
+        moments = _bus_moments(screen, arm, payload, every_s, record, _stated_load(load), duration_s)
     diary = None if report is None else _diary(arm, payload, watched)
     try:
         with shown_moments(screen, arm.name, arm.joint_names) as show:
@@ -128,7 +128,9 @@ def _diary(arm: Robot, payload: PayloadWatch | None, watched: str) -> WatchDiary
     return WatchDiary(arm, payload, watched, version("armload"))
 
 
-def _of_recording(watching: PayloadWatch, recording: Path, every_s: float, *, follow: bool) -> Iterator[WatchedMoment]:
+def _recording_moments(
+    watching: PayloadWatch, recording: Path, every_s: float, *, follow: bool
+) -> Iterator[WatchedMoment]:
     """Moments of a recording, from its beginning."""
     from time import sleep
 
@@ -137,7 +139,7 @@ def _of_recording(watching: PayloadWatch, recording: Path, every_s: float, *, fo
     return followed(watching, recording, sleep, every_s) if follow else watching.file(recording)
 
 
-def _on_bus(
+def _bus_moments(
     screen: Screen,
     arm: Robot,
     payload: PayloadWatch | None,
@@ -176,7 +178,7 @@ def _on_bus(
         screen.step(f"written: {record}, {recorder.rows} cycles" if recorder.rows else "nothing was recorded")
 
 
-def _load(text: str | None) -> Load | None:
+def _stated_load(text: str | None) -> Load | None:
     """The load given by the option."""
     from armload_controller.session.run_session import Load
 

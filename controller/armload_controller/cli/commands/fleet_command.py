@@ -67,7 +67,7 @@ def identify_command(
     require_writable(output)
     with claimed(output, _CLAIM), RowStore(output) as store:
         listing, jobs = new_jobs(table, store)
-        _warn(screen, listing)
+        _show_remarks(screen, listing)
         before = len(listing.jobs) - len(jobs)
         screen.step(f"{counted(len(listing.jobs), 'recording')}, {before or 'none'} processed before")
         if not jobs:
@@ -82,7 +82,7 @@ def identify_command(
             except KeyboardInterrupt:
                 screen.step("stopped: finished rows are kept, and the same command processes the rest")
                 raise
-    _show(screen, tally, output)
+    _show_tally(screen, tally, output)
     if tally.done and not tally.outcomes[RowOutcome.IDENTIFIED.value]:
         raise typer.Exit(1)
 
@@ -123,9 +123,9 @@ def watch_command(
             )
             for found in looks(table, store, force.rows, sleep, every_s):
                 if isinstance(found, FleetTally):
-                    _show(screen, found, output)
+                    _show_tally(screen, found, output)
                 elif isinstance(found, JobListing):
-                    _warn(screen, found)
+                    _show_remarks(screen, found)
                 else:
                     screen.step(f"warning: {found}; nothing is processed until this is corrected")
     except KeyboardInterrupt:
@@ -173,13 +173,13 @@ def _require_one(scheduler: str | None, workers: int | None) -> None:
         )
 
 
-def _warn(screen: Screen, listing: JobListing) -> None:
+def _show_remarks(screen: Screen, listing: JobListing) -> None:
     """Show the remarks on the table."""
     for remark in listing.remarks:
         screen.step(f"warning: {remark}")
 
 
-def _show(screen: Screen, tally: FleetTally, output: Path) -> None:
+def _show_tally(screen: Screen, tally: FleetTally, output: Path) -> None:
     """Show the counts of a run over the jobs."""
     from armload_controller.cli.output.fleet_output import fleet_document, problem_lines, tally_text
 

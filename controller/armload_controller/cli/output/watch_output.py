@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
 
 _SILENT_S = 3.0
-_LONG_S = 20.0
+_FULL_BAR_S = 20.0
 """Time in motion at which a bar is full."""
-_BAR = 20
+_BAR_CHARACTERS = 20
 
 
 @contextmanager
@@ -72,8 +72,8 @@ def moment_table(moment: WatchedMoment, robot: str, joint_names: Sequence[str]) 
     moving_s = np.zeros(len(joint_names)) if found is None else found.moving_s
     lost_frames = (0,) * len(joint_names) if bus is None else bus.missing
     for name, moved_s, lost in zip(joint_names, moving_s.tolist(), lost_frames, strict=True):
-        bar = "#" * round(_BAR * min(moved_s / _LONG_S, 1.0))
-        table.add_row(name, f"{moved_s:.1f}", bar.ljust(_BAR, "."), str(lost))
+        bar = "#" * round(_BAR_CHARACTERS * min(moved_s / _FULL_BAR_S, 1.0))
+        table.add_row(name, f"{moved_s:.1f}", bar.ljust(_BAR_CHARACTERS, "."), str(lost))
     return table
 
 

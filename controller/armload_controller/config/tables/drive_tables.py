@@ -26,7 +26,7 @@ from armload_drivers.cia402.drive_safety import SAFETY_KEYS, property_of
 from armload_drivers.cia402.object_dictionary import DataType, Entry
 from armload_identification.storage.strict_toml import BadValue, Table
 
-_OBJECT = re.compile("[0-9A-Fa-f]{4}")
+_OBJECT_INDEX = re.compile("[0-9A-Fa-f]{4}")
 _NUMBER_TYPES = {
     "i8": DataType.I8, "u8": DataType.U8, "i16": DataType.I16, "u16": DataType.U16, "i32": DataType.I32,
     "u32": DataType.U32, "f32": DataType.F32,
@@ -189,7 +189,7 @@ class DriveTable(ProductKeys):
                 raise ValueError(f'feedback = "{self.feedback}" needs effort_object.{key}')
         for name in self.accept_missing:
             if name not in SAFETY_KEYS:
-                of = property_of(int(name, 16)) if _OBJECT.fullmatch(name) else None
+                of = property_of(int(name, 16)) if _OBJECT_INDEX.fullmatch(name) else None
                 meant = "" if of is None else f'; {name.upper()} belongs to "{of.key}"'
                 raise BadValue("accept_missing", name, f"expected names of {', '.join(SAFETY_KEYS)}{meant}")
         return self

@@ -18,7 +18,7 @@ from armload_controller.export.straight_line.planar_groups import Group, PlanarG
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
 
-_STEEPEST: Final = 1.5
+_GREATEST_SLOPE: Final = 1.5
 """Greatest slope of (3 - 2 u) u^2."""
 
 
@@ -42,7 +42,7 @@ def change_rate(chain: Chain, torque_rate_nm_s: FloatArray) -> ChangeRate:
         chain: The arm.
         torque_rate_nm_s: (n,) greatest rate of each joint's torque.
     """
-    g = _STEEPEST * float(np.linalg.norm(chain.gravity_m_s2))
+    g = _GREATEST_SLOPE * float(np.linalg.norm(chain.gravity_m_s2))
     levers_m = _levers(planar_groups(chain))
     return ChangeRate(g * float(np.max(levers_m / torque_rate_nm_s)), g * float(np.max(1.0 / torque_rate_nm_s)))
 

@@ -24,7 +24,7 @@ from armload_identification.pipeline.estimator_constants import EstimatorConstan
 _CONSTANTS: Final = r"\b(ESTIMATOR_\w*|FRICTION_STATES|SMOOTHED|WAITING|REMEMBERED_ROWS)"
 _TYPES_AND_FUNCTIONS: Final = r"^\} (\w+);|\b(estimator_\w+)\("
 """Types and functions that the core's header declares."""
-_REPLACED: Final = ("payload_estimator.h", "chain.h")
+_REPLACED_HEADERS: Final = ("payload_estimator.h", "chain.h")
 """Headers that the export replaces with a header and constants of its own."""
 _UNIT: Final = r"^#include .*\n|^#(?:ifndef|define) ARMLOAD_\w+_H\n|^#endif\n\Z"
 """Lines that make a file a unit of its own: its includes, and a header's guard."""
@@ -104,7 +104,7 @@ def _headers_of(file: str) -> list[str]:
     """The headers that a file of the core includes, each once and after those that it includes itself."""
     found: list[str] = []
     for header in re.findall(r'^#include "(\w+\.h)"$', _core_file(file).read_text(encoding="ascii"), re.MULTILINE):
-        if header not in _REPLACED:
+        if header not in _REPLACED_HEADERS:
             found += [*_headers_of(header), header]
     return list(dict.fromkeys(found))
 

@@ -26,7 +26,7 @@ from armload_core.arrays import FloatArray
 
 STATES: Final = 10_000
 _SEED: Final = 21
-_MARGIN: Final = 2.0
+_BOUND_FACTOR: Final = 2.0
 """Factor from the greatest measured error to the stated bound, for other states and other math libraries."""
 _OPERATIONS: Final = {
     Kind.COSINE: np.cos,
@@ -78,7 +78,7 @@ def single_precision_error(subject: ExportSubject) -> SinglePrecisionError:
     own, coarse = (_evaluated(into_own(chain), theta, precision) for precision in Precision)
     differences.append(_difference(any_torque(chain), given | {THETA: own}, given | {THETA: coarse}))
     greatest = np.abs(_evaluated(functions[0], given, Precision.DOUBLE)).max()
-    return SinglePrecisionError(_MARGIN * max(differences), float(greatest))
+    return SinglePrecisionError(_BOUND_FACTOR * max(differences), float(greatest))
 
 
 def _rounded(values: FloatArray) -> FloatArray:

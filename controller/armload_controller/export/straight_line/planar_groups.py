@@ -117,7 +117,7 @@ def planar_groups(chain: Chain, about_last_axis_rad: float = 0.0) -> PlanarGroup
         quarter = alpha / (np.pi / 2.0)
         parallel = abs(quarter - 2.0 * round(quarter / 2.0)) < _ROUNDING
         turn = 1 if round(quarter) % 4 == 0 else -1
-        shift = (_clean_length(along_x), _clean_length(pending_m))
+        shift = (_without_rounding_m(along_x), _without_rounding_m(pending_m))
         if groups and parallel:
             last = groups[-1].joints[-1]
             joints = (*groups[-1].joints[:-1], replace(last, shift_m=(shift[0], flipped * shift[1])))
@@ -134,7 +134,7 @@ def planar_groups(chain: Chain, about_last_axis_rad: float = 0.0) -> PlanarGroup
         before = frame
     flange = _placed(frames[-1], poses[-1], 0.0, flipped)
     # the last frame's origin is at the foot of its normal: no shift is pending
-    return PlanarGroups(_clean(gravity, float(np.abs(gravity).max())), tuple(groups), flange)
+    return PlanarGroups(_without_rounding(gravity, float(np.abs(gravity).max())), tuple(groups), flange)
 
 
 def _placed(frame: _Frame, pose: FloatArray, along_z_m: float, flipped: int) -> FloatArray:
@@ -142,16 +142,19 @@ def _placed(frame: _Frame, pose: FloatArray, along_z_m: float, flipped: int) -> 
     seen = np.linalg.inv(frame.pose()) @ pose
     seen[2, 3] += along_z_m
     seen = np.diag([1.0, flipped, flipped, 1.0]) @ seen
-    seen[:3, :3] = _clean(seen[:3, :3], 1.0)
+    seen[:3, :3] = _without_rounding(seen[:3, :3], 1.0)
     seen[:3, :3] = np.where(np.abs(np.abs(seen[:3, :3]) - 1.0) < _ROUNDING, np.sign(seen[:3, :3]), seen[:3, :3])
-    seen[:3, 3] = [_clean_length(float(value)) for value in seen[:3, 3]]
+    seen[:3, 3] = [_without_rounding_m(float(value)) for value in seen[:3, 3]]
     return seen
 
 
 def _axes(chain: Chain) -> list[tuple[FloatArray, FloatArray]]:
     """Direction and a point of every joint's axis at q = 0, in base coordinates."""
     poses = chain.forward(np.zeros(chain.n))
-    return [(_clean(pose[:3, :3] @ axis, 1.0), pose[:3, 3]) for pose, axis in zip(poses, chain.axis, strict=False)]
+    return [
+        (_without_rounding(pose[:3, :3] @ axis, 1.0), pose[:3, 3])
+        for pose, axis in zip(poses, chain.axis, strict=False)
+    ]
 
 
 def _frames(axes: list[tuple[FloatArray, FloatArray]], about_last_axis_rad: float) -> list[_Frame]:
@@ -178,7 +181,7 @@ def _frames(axes: list[tuple[FloatArray, FloatArray]], about_last_axis_rad: floa
             x = across / distance if distance > _TOUCHING_M else (frames[-1].x if frames else _any_normal(z))
             x = x - (x @ z) * z
             x /= np.sqrt(x @ x)
-        frames.append(_Frame(_clean(x, 1.0), z, origin))
+        frames.append(_Frame(_without_rounding(x, 1.0), z, origin))
     z, point = axes[-1]
     if frames:
         last = frames[-1]
@@ -194,7 +197,7 @@ def _frames(axes: list[tuple[FloatArray, FloatArray]], about_last_axis_rad: floa
     else:
         x, origin = _any_normal(z), point
     turned = np.cos(about_last_axis_rad) * x + np.sin(about_last_axis_rad) * np.cross(z, x)
-    return [*frames, _Frame(_clean(turned, 1.0), z, origin)]
+    return [*frames, _Frame(_without_rounding(turned, 1.0), z, origin)]
 
 
 def _base_frame(chain: Chain, first: _Frame) -> _Frame:
@@ -214,10 +217,10 @@ def _any_normal(z: FloatArray) -> FloatArray:
     return np.asarray(x / np.sqrt(x @ x))
 
 
-def _clean(vector: FloatArray, size: float) -> FloatArray:
+def _without_rounding(vector: FloatArray, size: float) -> FloatArray:
     """A vector without rounding errors around zero."""
     return np.where(np.abs(vector) < _ROUNDING * size, 0.0, vector)
 
 
-def _clean_length(value_m: float) -> float:
+def _without_rounding_m(value_m: float) -> float:
     return 0.0 if abs(value_m) < _TOUCHING_M else value_m

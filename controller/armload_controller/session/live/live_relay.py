@@ -20,7 +20,7 @@ from typing import Any, Final
 
 LOOPBACK: Final = "127.0.0.1"
 _CHUNK_BYTES: Final = 65536
-_RESET: Final = struct.pack("ii", 1, 0)
+_RESET_ON_CLOSE: Final = struct.pack("ii", 1, 0)
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,8 @@ class ClientPace:
 
     def __init__(self, limits: ClientLimits, now_s: float) -> None:
         self._limits = limits
-        self._given = self._taken = 0
-        self._moved_s = now_s
+        self._sent_bytes = self._read_bytes = 0
+        self._last_read_s = now_s
 
     def problem(self, size: int, waiting: int, now_s: float) -> str | None:
         """Why the client must be disconnected; None if it keeps up.
@@ -60,13 +60,13 @@ class ClientPace:
             waiting: Number of bytes sent to it and not yet read.
             now_s: Present time.
         """
-        taken = self._given - waiting
-        if waiting == 0 or taken > self._taken:
-            self._taken, self._moved_s = taken, now_s
-        self._given += size
+        taken = self._sent_bytes - waiting
+        if waiting == 0 or taken > self._read_bytes:
+            self._read_bytes, self._last_read_s = taken, now_s
+        self._sent_bytes += size
         if waiting + size > self._limits.waiting_bytes:
             return f"more than {self._limits.waiting_bytes / 1e6:.2g} MB was waiting to be sent to it"
-        if now_s - self._moved_s > self._limits.stalled_s:
+        if now_s - self._last_read_s > self._limits.stalled_s:
             return f"it read nothing for {self._limits.stalled_s:g} s"
         return None
 
@@ -85,7 +85,7 @@ class Relay:
         self._listener, self._port, self._limits, self._report = listener, port, limits, report
         self._clients: set[asyncio.Task[Any]] = set()
         self._loop = asyncio.new_event_loop()
-        self._over = asyncio.Event()
+        self._closing = asyncio.Event()
         self._thread = Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -95,7 +95,7 @@ class Relay:
         Args:
             timeout_s: Longest time to wait.
         """
-        self._loop.call_soon_threadsafe(self._over.set)
+        self._loop.call_soon_threadsafe(self._closing.set)
         self._thread.join(timeout_s)
 
     def _run(self) -> None:
@@ -106,7 +106,7 @@ class Relay:
     async def _serve(self) -> None:
         """Accept clients until `close`."""
         async with await asyncio.start_server(self._client, sock=self._listener):
-            await self._over.wait()
+            await self._closing.wait()
         while self._clients:
             await asyncio.wait(self._clients)
 
@@ -128,7 +128,9 @@ class Relay:
             to_client.transport.abort()
             return
         try:
-            await _first_of(self._down(from_server, to_client), _up(from_client, to_server))
+            await _until_first_ends(
+                self._forward_to_client(from_server, to_client), _forward_to_server(from_client, to_server)
+            )
         finally:
             to_server.transport.abort()
             to_client.close()
@@ -136,7 +138,7 @@ class Relay:
                 await asyncio.wait_for(to_client.wait_closed(), self._limits.stalled_s)
             to_client.transport.abort()
 
-    async def _down(self, from_server: asyncio.StreamReader, to_client: asyncio.StreamWriter) -> None:
+    async def _forward_to_client(self, from_server: asyncio.StreamReader, to_client: asyncio.StreamWriter) -> None:
         """Forward the server's data to a client, until the server ends or the client is too far behind."""
         clock = asyncio.get_running_loop().time
         pace = ClientPace(self._limits, clock())
@@ -146,7 +148,7 @@ class Relay:
                 host, port, *_ = to_client.get_extra_info("peername")
                 # reset: otherwise the kernel keeps trying to send its buffer to a client that does not read
                 end = to_client.get_extra_info("socket")
-                end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
+                end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)
                 to_client.transport.abort()
                 self._report(f"the live view's client {host}, port {port}, was disconnected: {problem}")
                 return
@@ -154,14 +156,14 @@ class Relay:
             to_client.write(data)
 
 
-async def _up(from_client: asyncio.StreamReader, to_server: asyncio.StreamWriter) -> None:
+async def _forward_to_server(from_client: asyncio.StreamReader, to_server: asyncio.StreamWriter) -> None:
     """Forward a client's data to the server, as fast as the server reads."""
     while data := await from_client.read(_CHUNK_BYTES):
         to_server.write(data)
         await to_server.drain()
 
 
-async def _first_of(*works: Coroutine[Any, Any, None]) -> None:
+async def _until_first_ends(*works: Coroutine[Any, Any, None]) -> None:
     """Run several coroutines until the first ends or loses its connection."""
     tasks = [asyncio.ensure_future(work) for work in works]
     await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

@@ -38,22 +38,22 @@ LIMIT_BYTES = 65536
 """Greatest message of the cycle; the row of 16 joints takes 2 kB."""
 REPEAT_S = 1.0
 """While nothing happens, the last messages are repeated at this interval for clients that connect later."""
-_BACKLOG = 64
+_SDK_QUEUE = 64
 """Messages that the SDK queues for the relay, which reads them immediately."""
-_NICE = 10
+_NICE_LEVEL = 10
 _GOODBYE_S = 1.0
 """Time to close the connections, first of the SDK's server and then of the relay."""
 
-_LIMITS = ("position_min_rad", "position_max_rad", "velocity_max_rad_s", "torque_max_nm", "following_error_max_rad")
-_USED = ("position_share", "velocity_share", "torque_share", "following_error_share")
-_SHARES = {"type": "array", "items": {"type": ["number", "null"]}}
+_LIMIT_KEYS = ("position_min_rad", "position_max_rad", "velocity_max_rad_s", "torque_max_nm", "following_error_max_rad")
+_USED_SHARES = ("position_share", "velocity_share", "torque_share", "following_error_share")
+_NUMBERS_SCHEMA = {"type": "array", "items": {"type": ["number", "null"]}}
 _LIMITS_SCHEMA: dict[str, Any] = {
     "title": "armload.Limits",
     "description": "Limits of the joints, units in the names; _share is the used share of each, where 1 is the limit.",
     "type": "object",
     "properties": {
         "joint_names": {"type": "array", "items": {"type": "string"}},
-        **dict.fromkeys((*_LIMITS, *_USED), _SHARES),
+        **dict.fromkeys((*_LIMIT_KEYS, *_USED_SHARES), _NUMBERS_SCHEMA),
     },
 }
 _PROGRESS_SCHEMA: dict[str, Any] = {
@@ -116,7 +116,7 @@ def serve(link: socket.socket, host: str, port: int, arm: LiveArm) -> None:
         arm: Data of the arm.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the motion, which is shown until it ends
-    os.nice(_NICE)
+    os.nice(_NICE_LEVEL)
     serve_clients(link, host, port, arm, ClientLimits())
     os._exit(0)
 
@@ -142,7 +142,7 @@ def serve_clients(link: socket.socket, host: str, port: int, arm: LiveArm, limit
     foxglove.set_log_level("CRITICAL")  # its messages on clients would disturb the operator's display
     context = foxglove.Context()
     server = foxglove.start_server(
-        name="armload", host=LOOPBACK, port=0, context=context, message_backlog_size=_BACKLOG
+        name="armload", host=LOOPBACK, port=0, context=context, message_backlog_size=_SDK_QUEUE
     )
     channels = {
         topic: foxglove.Channel(topic, schema=schema, context=context)

@@ -31,9 +31,9 @@ from armload_controller.session.run_session import Display, Operator
 
 EVERY_S = 0.05
 """Time on the servos' clock between two messages, which serve display only."""
-_START_S = 60.0
+_START_TIMEOUT_S = 60.0
 """Time allowed for the server's process to start and load its libraries, possibly on a busy computer."""
-_END_S = 5.0
+_END_TIMEOUT_S = 5.0
 """Time allowed for it to close its clients' connections."""
 
 
@@ -87,8 +87,8 @@ class LiveView:
     def __init__(self, link: socket.socket, display: Display) -> None:
         link.setblocking(False)
         self._link, self._display = link, display
-        self._text, self._share = "", 0.0
-        self._shown_s = float("-inf")
+        self._progress_text, self._progress_share = "", 0.0
+        self._last_sent_s = float("-inf")
         self.left_out = 0
         self.ended = False
 
@@ -96,9 +96,9 @@ class LiveView:
         """Send the last command with its feedback, every `EVERY_S`."""
         reference = step.sent_reference
         # a new session's clock may start again
-        if step.sent is None or reference is None or 0.0 <= step.feedback.time_s - self._shown_s < EVERY_S:
+        if step.sent is None or reference is None or 0.0 <= step.feedback.time_s - self._last_sent_s < EVERY_S:
             return
-        self._shown_s = step.feedback.time_s
+        self._last_sent_s = step.feedback.time_s
         row = joint_row(step.feedback, step.sent, reference.segment, phase_of(reference))
         self._hand_over({"joints": row})
 
@@ -106,18 +106,18 @@ class LiveView:
         """Show the start of an activity."""
         self.show_warnings()
         self._display.step(text)
-        self._text, self._share = text, 0.0
+        self._progress_text, self._progress_share = text, 0.0
         self._hand_over({})
 
     @contextmanager
     def track(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
         """Show an activity of known length."""
         with self._display.track(text, total) as shown:
-            self._text, self._share = text, 0.0
+            self._progress_text, self._progress_share = text, 0.0
             self._hand_over({})
 
             def done(count: int) -> None:
-                self._share = count / total
+                self._progress_share = count / total
                 shown(count)
 
             yield done
@@ -134,7 +134,7 @@ class LiveView:
         """Send a message with the progress added, or drop it."""
         if self.ended:
             return
-        message["progress"] = {"text": self._text, "share": self._share}
+        message["progress"] = {"text": self._progress_text, "share": self._progress_share}
         try:
             self._link.send(orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY))
         except ConnectionError:
@@ -203,7 +203,7 @@ def shown_live(operator: Operator, robot: Robot, address: LiveAddress | None) ->
                 operator.display.step("warning: the live view ended before the motion did")
         finally:
             ours.close()
-            process.join(_END_S)
+            process.join(_END_TIMEOUT_S)
             process.kill()
             process.join()
             process.close()
@@ -215,11 +215,13 @@ def _port_of(link: socket.socket, address: LiveAddress) -> int:
     Raises:
         CommissioningError: the server did not start.
     """
-    link.settimeout(_START_S)
+    link.settimeout(_START_TIMEOUT_S)
     try:
         answer = link.recv(LIMIT_BYTES)
     except TimeoutError as error:
-        raise CommissioningError(f"the live view did not start within {_START_S:g} s: run without --live") from error
+        raise CommissioningError(
+            f"the live view did not start within {_START_TIMEOUT_S:g} s: run without --live"
+        ) from error
     problem = "its process ended" if not answer else orjson.loads(answer).get("problem")
     if problem is not None:
         raise CommissioningError(

@@ -54,7 +54,7 @@ def test_a_log_that_cannot_be_written_ends_the_run(tmp_path):
         DecisionLog(tmp_path / "none" / "decisions.jsonl", "er50", NoDisplay())
     log = DecisionLog(Path("/dev/full"), "er50", NoDisplay())
     log.report(decision(1.0))
-    log._last.exception()  # it has been tried
+    log._last_written.exception()  # it has been tried
     with pytest.raises(RecordingFailed, match="/dev/full could not be written: No space"):
         log.report(decision(2.0))
     with pytest.raises(RecordingFailed), log:
