@@ -86,10 +86,6 @@ def arm_in_use(robot: MeasuredArm, calibration: FilePath | None = None) -> ArmIn
 def calibration_of(robot: MeasuredArm, path: Path) -> ArmCalibration:
     """The calibration of an arm, from its file.
 
-    Args:
-        robot: The arm.
-        path: The file.
-
     Raises:
         CalibrationFileError: the calibration cannot be used.
         ModelError: the calibration belongs to another arm.

@@ -60,12 +60,7 @@ class PayloadEvent:
 
 
 class PayloadEvents:
-    """Finds events in the estimates of one arm.
-
-    Args:
-        calibration: The arm.
-        joint_names: Names of its joints.
-    """
+    """Finds events in the estimates of one arm."""
 
     def __init__(self, calibration: ArmCalibration, joint_names: Sequence[str]) -> None:
         self._joint_names = tuple(joint_names)
@@ -78,11 +73,7 @@ class PayloadEvents:
         self._reported: set[tuple[str, str | None]] = set()
 
     def of(self, found: LivePayload) -> tuple[PayloadEvent, ...]:
-        """The events since the previous estimate.
-
-        Args:
-            found: The current estimate.
-        """
+        """The events since the previous estimate."""
         return (*self._changed(found), *self._contact(found), *self._outdated(found))
 
     def _changed(self, found: LivePayload) -> list[PayloadEvent]:

@@ -20,9 +20,6 @@ class OutlivingStream:
     """A stream that survives the loss of its reader: later output is dropped, and the program continues.
 
     A moving arm must not be left uncontrolled because the terminal or a pipe was closed.
-
-    Args:
-        stream: The stream.
     """
 
     def __init__(self, stream: TextIO) -> None:

@@ -41,9 +41,6 @@ characters."""
 def export_hal(subject: ExportSubject) -> dict[str, str]:
     """The component, and the HAL file if the unit of 60B2 is known.
 
-    Args:
-        subject: The payload and the arm.
-
     Returns:
         Texts by file name.
     """

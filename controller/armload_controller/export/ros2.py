@@ -25,9 +25,6 @@ from armload_controller.export.urdf import inertial_lines, payload_comment
 def export_ros2(subject: ExportSubject) -> dict[str, str]:
     """A URDF xacro and a parameter file.
 
-    Args:
-        subject: The payload.
-
     Returns:
         Texts by file name.
     """

@@ -22,9 +22,6 @@ from armload_identification.model.payload import InertialParameters
 def export_urdf(subject: ExportSubject) -> dict[str, str]:
     """An `<inertial>` element.
 
-    Args:
-        subject: The payload.
-
     Returns:
         Text by file name.
     """
@@ -38,11 +35,7 @@ def export_urdf(subject: ExportSubject) -> dict[str, str]:
 
 
 def inertial_lines(body: InertialParameters) -> list[str]:
-    """The `<inertial>` element of a body in its link's frame, line by line.
-
-    Args:
-        body: The body.
-    """
+    """The `<inertial>` element of a body in its link's frame, line by line."""
     x, y, z = (exact(c) for c in body.center_of_mass_m)
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = (
         [exact(element) for element in row] for row in body.inertia_about_com

@@ -75,11 +75,7 @@ class Candidate:
         return bool(np.all(apart <= np.maximum(self.found.half_width_95, before.found.half_width_95)))
 
     def is_worth(self, fed: InertialParameters) -> bool:
-        """Whether the body differs enough to replace the one being fed.
-
-        Args:
-            fed: The body being fed.
-        """
+        """Whether the body differs enough to replace the one being fed."""
         apart = np.abs(mass_and_center(self.body) - mass_and_center(fed))
         return bool(apart[0] > BETTER * fed.mass_kg or apart[1:].max() > BETTER_M)
 

@@ -93,11 +93,7 @@ class AdaptationRules:
         self._drift = calibration.drift[:2]
 
     def why_not(self, found: LivePayload) -> str | None:
-        """Why an estimate must not be fed forward; None if it may be.
-
-        Args:
-            found: The estimate.
-        """
+        """Why an estimate must not be fed forward; None if it may be."""
         if found.contact:
             return "there is an external force on the arm"
         doubt = self._why_not(found.values, found.half_width_95)

@@ -39,12 +39,7 @@ def held_torque(body: BodyModel) -> FloatArray:
 
 
 class LoadFriction:
-    """Friction in the gears that the payload's weight and inertia cause.
-
-    Args:
-        chain: The arm.
-        body: Its links and load-dependent friction.
-    """
+    """Friction in the gears that the payload's weight and inertia cause."""
 
     def __init__(self, chain: Chain, body: BodyModel) -> None:
         self._dynamics, self._body = ArmDynamics(chain, body), body

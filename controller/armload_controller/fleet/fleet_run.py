@@ -64,12 +64,7 @@ class FleetTally:
 
     @classmethod
     def before(cls, listing: JobListing, jobs: Sequence[Job]) -> FleetTally:
-        """The counts before the first job.
-
-        Args:
-            listing: All jobs of the table.
-            jobs: The jobs to run.
-        """
+        """The counts before the first job."""
         return cls(len(listing.jobs), len(listing.jobs) - len(jobs), remarks=listing.remarks)
 
     @property
@@ -86,10 +81,6 @@ class FleetTally:
 
 def new_jobs(table: Path, store: RowStore) -> tuple[JobListing, list[Job]]:
     """All jobs of a table, and those without a row yet.
-
-    Args:
-        table: The table of jobs.
-        store: The existing rows.
 
     Raises:
         ConfigurationError: the table is invalid.
@@ -182,11 +173,7 @@ class Settled:
         self._previous_keys: set[str] = set()
 
     def of(self, jobs: Iterable[Job]) -> list[Job]:
-        """The jobs whose files have not changed since the last look.
-
-        Args:
-            jobs: The jobs of this look.
-        """
+        """The jobs whose files have not changed since the last look."""
         now = list(jobs)
         same = [job for job in now if job.key in self._previous_keys]
         self._previous_keys = {job.key for job in now}

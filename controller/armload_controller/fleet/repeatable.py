@@ -23,20 +23,12 @@ from armload_identification.identification_errors import ExcitationFileError, Ex
 
 
 def is_own(problem: BaseException) -> bool:
-    """Whether armload raised an error, whose message then is a sentence for the operator.
-
-    Args:
-        problem: The error.
-    """
+    """Whether armload raised an error, whose message then is a sentence for the operator."""
     return isinstance(problem, (IdentificationError, ControlError))
 
 
 def outcome_of(problem: BaseException) -> RowOutcome:
-    """The outcome of a job that ended with an error.
-
-    Args:
-        problem: The error.
-    """
+    """The outcome of a job that ended with an error."""
     if is_own(problem) and not any(_may_pass(cause) for cause in _chain(problem)):
         return RowOutcome.REFUSED
     return RowOutcome.FAILED

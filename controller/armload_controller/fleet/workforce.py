@@ -179,12 +179,7 @@ def _cluster(workers: int) -> Any:
 
 
 def row_of(future: Any, job: Job) -> Row:
-    """The row of a job, also if its worker died.
-
-    Args:
-        future: The completed Dask future.
-        job: The job.
-    """
+    """The row of a job, also if its worker died."""
     from distributed import KilledWorker
 
     problem = future.exception()

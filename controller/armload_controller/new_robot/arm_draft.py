@@ -34,11 +34,7 @@ class ArmDraft(DescribedArm):
 
 
 def draft_of_urdf(arm: UrdfArm) -> ArmDraft:
-    """The arm of a URDF; a limit of zero, which some files use for unspecified limits, counts as unknown.
-
-    Args:
-        arm: The arm.
-    """
+    """The arm of a URDF; a limit of zero, which some files use for unspecified limits, counts as unknown."""
     chain = arm.chain
     known: dict[str, Any] = {field.name: getattr(arm, field.name) for field in fields(DescribedArm)}
     known |= {

@@ -41,10 +41,6 @@ class DesignRange:
 def design_range(robot: Robot, envelope: Envelope) -> DesignRange:
     """Find the ranges to search for the excitations of a robot.
 
-    Args:
-        robot: The arm.
-        envelope: The limits for its excitations.
-
     Raises:
         ConfigurationError: the URDF that the file names cannot be used.
     """

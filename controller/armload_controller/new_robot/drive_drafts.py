@@ -105,12 +105,7 @@ def drives_found(nodes: Sequence[FoundNode], n: int, described: DeviceDescriptio
 
 
 def drive_described(description: DeviceDescription, node_id: int) -> DriveDraft:
-    """One drive's data from a device description.
-
-    Args:
-        description: The description.
-        node_id: The drive's node.
-    """
+    """One drive's data from a device description."""
     vendor, product = description.vendor_id, description.product_code
     modes = description.value(od.SUPPORTED_MODES, node_id) or 0
     torque, current = (description.find(entry) is not None for entry in (od.TORQUE_ACTUAL, od.CURRENT_ACTUAL))

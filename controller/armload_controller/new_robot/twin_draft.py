@@ -24,11 +24,7 @@ LOAD_FRICTION: Final = 0.05
 
 
 def twin_bus(name: str) -> list[str]:
-    """Lines of `[bus]` for a bus inside the process.
-
-    Args:
-        name: Name of the robot.
-    """
+    """Lines of `[bus]` for a bus inside the process."""
     return ["[bus]", 'interface = "virtual"  # no real bus', f"channel = {text(f'armload-{name}')}"]
 
 

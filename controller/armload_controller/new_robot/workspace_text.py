@@ -13,13 +13,7 @@ from armload_identification.storage.toml_text import array, inline, number, text
 
 
 def add_workspace(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft) -> None:
-    """Add `[workspace]`, and say what it does not contain.
-
-    Args:
-        file: The file.
-        arm: The arm.
-        workspace: Its workspace.
-    """
+    """Add `[workspace]`, and say what it does not contain."""
     names = [str(index) for index in range(arm.n + 1)] + ['"tool"']
     _add_table(file, arm, workspace, names)
     file.unchecked += _unchecked(workspace, names)

@@ -25,13 +25,7 @@ rated payload goes unnoticed on prbt; half as much: a wrong body is reported as 
 
 
 def unloaded_doubts(robot: Robot, arm: ArmInUse, rows: SlowRoundRows) -> list[str]:
-    """Warnings for the operator if the flange is not empty.
-
-    Args:
-        robot: The arm.
-        arm: Its model.
-        rows: Its slow round.
-    """
+    """Warnings for the operator if the flange is not empty."""
     found = rows.fitted(robot.joint_names, arm.chain, arm.transmission)
     if found is None or (arm.known is None and robot.tables.body is None):
         return []

@@ -104,10 +104,6 @@ def simulate(
 def payload_changes(given: list[str], simulation: RobotSimulation) -> list[PayloadChange]:
     """Payload changes from texts such as '10s=tool.toml'.
 
-    Args:
-        given: The texts.
-        simulation: The arm's twin.
-
     Returns:
         Changes in order of time.
 

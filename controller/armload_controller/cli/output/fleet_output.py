@@ -16,11 +16,7 @@ _MOST_REASONS = 5
 
 
 def tally_text(tally: FleetTally) -> str:
-    """A run in one or two lines.
-
-    Args:
-        tally: Its counts.
-    """
+    """A run in one or two lines."""
     if not tally.done:
         return f"nothing new: {counted(tally.skipped, 'recording')} processed before"
     rate = tally.done / tally.wall_s if tally.wall_s > 0.0 else 0.0
@@ -56,11 +52,7 @@ def fleet_document(tally: FleetTally) -> dict[str, Any]:
 
 
 def suspicion_lines(review: FleetReview) -> list[str]:
-    """The most suspicious arms, one line each, and the arms without a recent recording in one.
-
-    Args:
-        review: The fleet.
-    """
+    """The most suspicious arms, one line each, and the arms without a recent recording in one."""
     suspicious = [arm for arm in review.arms if arm.suspicions]
     if not suspicious:
         return [f"to be inspected: none of {counted(len(review.arms), 'arm')}", *_absent_lines(review)]

@@ -40,10 +40,6 @@ def require_drawable(file: Path) -> None:
 def require_replaceable(file: Path, payload: PayloadResult) -> None:
     """Refuse to write a payload over one that was identified from other recordings.
 
-    Args:
-        file: The file to write.
-        payload: The payload to write.
-
     Raises:
         CommissioningError: the file contains another payload, or is not a payload file.
     """

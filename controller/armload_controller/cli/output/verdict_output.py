@@ -29,13 +29,7 @@ ToleranceOption = Annotated[
 
 
 def show_verdict(screen: Screen, outcome: Outcome, text: Sequence[str]) -> None:
-    """Print a verdict, one sentence per line.
-
-    Args:
-        screen: The screen.
-        outcome: The verdict.
-        text: Its sentences.
-    """
+    """Print a verdict, one sentence per line."""
     from armload_identification.verdict.agreement import Outcome
     from armload_identification.verdict.verdict_text import TITLES
 

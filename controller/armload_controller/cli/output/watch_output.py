@@ -27,11 +27,6 @@ _BAR_CHARACTERS = 20
 def shown_moments(screen: Screen, robot: str, joint_names: Sequence[str]) -> Iterator[Callable[[WatchedMoment], None]]:
     """Show moments as they come; if they are printed as documents, only their events.
 
-    Args:
-        screen: The screen.
-        robot: Name of the arm.
-        joint_names: Names of its joints.
-
     Yields:
         A function to call with each moment.
     """

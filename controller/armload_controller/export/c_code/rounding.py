@@ -63,9 +63,6 @@ def single_precision_error(subject: ExportSubject) -> SinglePrecisionError:
 
     Inputs are single precision numbers; the error of rounding them is not included. Measured are the code with the
     payload as constants, the code with the payload as an argument, and for a calibrated arm the torque of its links.
-
-    Args:
-        subject: The payload and the arm.
     """
     chain, payload = subject.chain, subject.payload.model
     states = _rounded(states_within(subject, STATES, _SEED))

@@ -27,9 +27,6 @@ from armload_controller.export.fmi.fmu_parts import (
 def export_fmu(subject: ExportSubject) -> dict[str, bytes]:
     """The FMU `armload_<robot>.fmu`.
 
-    Args:
-        subject: The payload and the arm.
-
     Returns:
         The file by its name.
 
@@ -41,9 +38,6 @@ def export_fmu(subject: ExportSubject) -> dict[str, bytes]:
 
 def fmu_texts(subject: ExportSubject) -> dict[str, str]:
     """Everything inside the FMU except the library.
-
-    Args:
-        subject: The payload and the arm.
 
     Returns:
         Texts by path inside the FMU.

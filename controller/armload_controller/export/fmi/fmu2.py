@@ -27,9 +27,6 @@ from armload_controller.export.fmi.fmu_parts import (
 def export_fmu2(subject: ExportSubject) -> dict[str, bytes]:
     """The FMU `armload_<robot>.fmu`.
 
-    Args:
-        subject: The payload and the arm.
-
     Returns:
         The file by its name.
 
@@ -42,9 +39,6 @@ def export_fmu2(subject: ExportSubject) -> dict[str, bytes]:
 
 def fmu2_texts(subject: ExportSubject) -> dict[str, str]:
     """Everything inside the FMU except the library.
-
-    Args:
-        subject: The payload and the arm.
 
     Returns:
         Texts by path inside the FMU.

@@ -36,9 +36,6 @@ LONGEST_NAME = 32
 def export_abb(subject: ExportSubject) -> dict[str, str]:
     """A RAPID module with the payload as persistent loaddata.
 
-    Args:
-        subject: The payload.
-
     Returns:
         Text by file name.
     """

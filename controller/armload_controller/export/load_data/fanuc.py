@@ -36,9 +36,6 @@ KG_M2_PER_KGF_CM_S2 = 0.0980665
 def export_fanuc(subject: ExportSubject) -> dict[str, str]:
     """The lines of the payload screen.
 
-    Args:
-        subject: The payload.
-
     Returns:
         Text by file name.
     """

@@ -32,9 +32,6 @@ from armload_core.arrays import FloatArray
 def export_kuka(subject: ExportSubject) -> dict[str, str]:
     """LOAD_DATA for $config.dat.
 
-    Args:
-        subject: The payload.
-
     Returns:
         Text by file name.
     """

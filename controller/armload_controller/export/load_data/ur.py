@@ -26,9 +26,6 @@ from armload_identification.model.payload import tensor_elements
 def export_ur(subject: ExportSubject) -> dict[str, str]:
     """A URScript file with one line.
 
-    Args:
-        subject: The payload.
-
     Returns:
         Text by file name.
     """

@@ -32,9 +32,6 @@ from armload_controller.export.text_format import bracketed, heading, positional
 def export_yaskawa(subject: ExportSubject) -> dict[str, str]:
     """A preset file with one tool.
 
-    Args:
-        subject: The payload.
-
     Returns:
         Text by file name.
     """

@@ -217,9 +217,6 @@ def _body_wrench(motion: _Motion, theta: Sequence[Expression]) -> Wrench:
 def payload_regressor(arm: SpecialisedArm) -> list[list[Expression]]:
     """Ten columns per joint of the regressor of a body in the flange frame.
 
-    Args:
-        arm: The arm's motion.
-
     Returns:
         n lists of ten, tau_i = sum_k row_i[k] theta[k].
     """
