@@ -120,12 +120,7 @@ class PayloadEvents:
 
 
 def kind_of_change(before: LivePayload, after: LivePayload) -> str | None:
-    """Kind of a change of payload; None while either payload is not known well enough.
-
-    Args:
-        before: The payload before the change.
-        after: The current estimate of the payload after the change.
-    """
+    """Kind of a change of payload; None while either payload is not known well enough."""
     change = after.mass_kg - before.mass_kg
     doubt = max(after.half_width_95[0], before.half_width_95[0])
     if doubt < WEIGHED_WITHIN * abs(change):

@@ -79,10 +79,5 @@ class PrintableConsole(Console):
         super().__init__(markup=False, emoji=False, highlight=False, file=outliving, stderr=stderr, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """See `Console.render_str`.
-
-        Args:
-            text: The string.
-            **options: Rich's options.
-        """
+        """See `Console.render_str`."""
         return super().render_str(printable(text), **options)

@@ -123,11 +123,7 @@ def masses_otherwise_recorded(recordings: Sequence[Recording], mass_kg: float | 
 
 
 def _mounting_of(recording: Recording) -> str:
-    """The mounting that a recording states: its folder's name if loaded, empty if unloaded.
-
-    Raises:
-        RunTableError: the recording states neither.
-    """
+    """The mounting that a recording states: its folder's name if loaded, empty if unloaded."""
     load = recording.source.run().get("load")
     if load == UNLOADED:
         return ""

@@ -39,11 +39,7 @@ characters."""
 
 
 def export_hal(subject: ExportSubject) -> dict[str, str]:
-    """The component, and the HAL file if the unit of 60B2 is known.
-
-    Returns:
-        Texts by file name.
-    """
+    """The component, and the HAL file if the unit of 60B2 is known."""
     component = f"armload_{subject.identifier}"[:LONGEST_NAME].rstrip("_")
     texts = {f"{component}.comp": _component(subject, component)}
     if subject.permille_per_nm is not None:

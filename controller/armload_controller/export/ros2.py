@@ -23,11 +23,7 @@ from armload_controller.export.urdf import inertial_lines, payload_comment
 
 
 def export_ros2(subject: ExportSubject) -> dict[str, str]:
-    """A URDF xacro and a parameter file.
-
-    Returns:
-        Texts by file name.
-    """
+    """A URDF xacro and a parameter file."""
     return {
         f"{subject.identifier}_payload.urdf.xacro": _xacro(subject),
         f"{subject.identifier}_payload.yaml": _parameters(subject),

@@ -20,11 +20,7 @@ from armload_identification.model.payload import InertialParameters
 
 
 def export_urdf(subject: ExportSubject) -> dict[str, str]:
-    """An `<inertial>` element.
-
-    Returns:
-        Text by file name.
-    """
+    """An `<inertial>` element."""
     lines = payload_comment(
         subject,
         "The inertial element of a link whose frame is the flange of the robot's configuration. A link can have only "

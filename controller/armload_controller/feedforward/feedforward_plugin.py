@@ -48,10 +48,6 @@ class FollowingLag:
 
         lag = sum e dq / sum dq^2        e the following error, dq the commanded speed
 
-    Args:
-        n: Number of joints.
-        cycle_s: Duration of a cycle.
-
     Attributes:
         lag_s: The lag; 0 until a joint has moved.
     """

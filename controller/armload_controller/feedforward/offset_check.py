@@ -200,16 +200,7 @@ class OffsetCheck:
 
 
 def tried_torque(chain: Chain, payload: InertialParameters, position_rad: FloatArray) -> FloatArray:
-    """The torque to try: a fifth of the payload's greatest gravity torque along a path.
-
-    Args:
-        chain: The arm.
-        payload: Payload at its flange.
-        position_rad: (N, n) positions along the path.
-
-    Returns:
-        (n,) joint torques in N m, none below zero.
-    """
+    """(n,) torque to try in N m, at least 0: a fifth of the payload's greatest weight at (N, n) positions of a path."""
     still = np.zeros_like(position_rad)
     weight = payload_torque(chain, payload.theta, position_rad, still, still)
     return np.asarray(CHECK_SHARE * np.abs(weight).max(axis=0))

@@ -201,11 +201,7 @@ class Repeats:
         return [job for job in jobs if self._next_look.get(job.key, 0) <= self._look_count]
 
     def noting(self, rows: Iterable[Row]) -> Iterator[Row]:
-        """Pass rows through, and note those that failed.
-
-        Args:
-            rows: Rows of finished jobs.
-        """
+        """Pass rows of finished jobs through, and note those that failed."""
         for row in rows:
             if row["outcome"] == RowOutcome.FAILED.value:
                 wait = self._looks_to_wait[row["key"]] = min(2 * self._looks_to_wait.get(row["key"], 1), _LONGEST_WAIT)

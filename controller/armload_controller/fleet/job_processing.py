@@ -96,11 +96,7 @@ def _identified(job: Job, row: Row, copies: dict[str, str], folder: str | None) 
 
 
 def _robot_of(job: Job) -> Robot:
-    """The robot of a job, read again if its file or one of its profiles has changed.
-
-    Raises:
-        FleetError: this machine cannot read the file.
-    """
+    """The robot of a job, read again if its file or one of its profiles has changed."""
     try:
         return _cached_robot(job.robot, RobotFiles.of(job.robot).robot)
     except OSError as problem:

@@ -170,11 +170,7 @@ def _finished(rows: Iterable[Row]) -> dict[str, str]:
 
 
 def _journal_rows(journal: Path) -> Iterator[Row]:
-    """The complete rows of a journal.
-
-    Raises:
-        FleetError: the file cannot be read, or contains something else; names the line.
-    """
+    """The complete rows of a journal."""
     number = 1
     try:
         with journal.open(encoding="utf-8") as lines:

@@ -140,13 +140,7 @@ class Workforce:
 
 
 def version_problem(own: str, there: set[str], scheduler: str | None) -> str:
-    """The problem with the workers' versions; empty if they can be used.
-
-    Args:
-        own: Version of armload in this process.
-        there: Versions in the workers.
-        scheduler: Its address; None for a cluster of this machine.
-    """
+    """The problem with the workers' versions `there`; empty if they can be used with this process's `own`."""
     if not there:
         return f"the scheduler at {scheduler} has no workers; start some: dask worker {scheduler}"
     if others := there - {own}:

@@ -104,16 +104,7 @@ class FollowingComparison:
 
 
 def beyond_lag(error_rad: FloatArray, path: FourierTrajectory, phase_s: FloatArray) -> FloatArray:
-    """Following errors without the part that is linear in the motion's derivatives.
-
-    Args:
-        error_rad: (N, n) errors at the path's nominal speed.
-        path: The motion.
-        phase_s: (N,) phases of the errors.
-
-    Returns:
-        (N, n) remaining errors.
-    """
+    """(N, n) following errors, at nominal speed and (N,) phases, without what is linear in the motion's derivatives."""
     state = path.evaluate(phase_s)
     jerk = [path.evaluate(phase_s + side * _STEP_S).jerk_rad_s3 for side in (1.0, -1.0)]
     fourth = (jerk[0] - jerk[1]) / (2.0 * _STEP_S)

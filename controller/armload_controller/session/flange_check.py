@@ -64,12 +64,7 @@ def loaded_doubts(robot: Robot, arm: ArmInUse, unloaded: Path, rows: SlowRoundRo
 
 
 def recorded_slow_round(path: Path, cycle_s: float) -> SlowRoundRows:
-    """The slow round in a recording.
-
-    Args:
-        path: Recording of a run.
-        cycle_s: Duration of a cycle.
-    """
+    """The slow round in the recording of a run with cycles of `cycle_s`."""
     rows = SlowRoundRows(cycle_s)
     with path.open("rb") as file:
         for _, _, message in make_reader(file).iter_messages(topics=[TOPIC]):

@@ -136,11 +136,7 @@ def plugins_of(robot: Robot) -> Iterator[tuple[FilePlugin, ...]]:
 
 
 def _entry_point(robot: Robot, name: str) -> EntryPoint:
-    """The entry point with a name.
-
-    Raises:
-        ConfigurationError: there is none, or more than one.
-    """
+    """The entry point with a name."""
     entries = list(entry_points(group=GROUP))
     found = [entry for entry in entries if entry.name == name]
     if len(found) == 1:
@@ -160,11 +156,7 @@ def _entry_point(robot: Robot, name: str) -> EntryPoint:
 
 
 def _created(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, object]) -> Watcher:
-    """The plug-in of an entry point.
-
-    Raises:
-        ConfigurationError: it cannot be loaded, is not a plug-in, or refuses its settings.
-    """
+    """The plug-in of an entry point."""
     key, whose = _table_key(name), f"{entry.value} of {_package(entry)}"
     try:
         table = entry.load()

@@ -300,11 +300,7 @@ class RunSession:
             return work(arm.hold)
 
     def _require_own(self, path: CheckedPath) -> None:
-        """Refuse a path that was checked for another robot file or another cycle time.
-
-        Raises:
-            CommissioningError: the path was checked for another one.
-        """
+        """Refuse a path that was checked for another robot file or another cycle time."""
         if path.constraints.robot_sha256 != self.robot.sha256:
             raise CommissioningError(
                 f"this path was not checked for {self.robot.name} as configured in {self.robot.file}: check it again"
@@ -332,11 +328,7 @@ class RunSession:
         return following, feedback_truth(robot, cycle_s), torque_window(robot, self.load, cycle_s)
 
     def _warnings_after(self, rows: SlowRoundRows, look: Callable[[SlowRoundRows], list[str]]) -> list[str]:
-        """Warnings for the operator after a slow round.
-
-        Raises:
-            MotionError: a joint's torque is missing or reversed.
-        """
+        """Warnings for the operator after a slow round."""
         robot = self.robot
         try:
             found = rows.fitted(robot.joint_names, robot.chain, robot.drives.transmission)

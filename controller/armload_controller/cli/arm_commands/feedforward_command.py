@@ -196,11 +196,7 @@ class _Outcome:
 
 
 def _usable(arm: Robot, payload: Path) -> PayloadResult:
-    """A payload that may be fed forward.
-
-    Raises:
-        PayloadRefused: the payload must not be fed forward.
-    """
+    """A payload that may be fed forward."""
     from armload_controller.feedforward.feedforward_plugin import PayloadRefused
     from armload_controller.feedforward.payload_use import why_not_usable
     from armload_identification.files.payload_file import read_payload

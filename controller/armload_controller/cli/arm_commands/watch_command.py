@@ -112,11 +112,7 @@ def watch(
 
 
 def _diary(arm: Robot, payload: PayloadWatch | None, watched: str) -> WatchDiary:
-    """Collects the moments for a report.
-
-    Raises:
-        BadParameter: the arm is not calibrated.
-    """
+    """Collects the moments for a report."""
     from importlib.metadata import version
 
     from armload_controller.analysis.watch_history import WatchDiary

@@ -115,11 +115,7 @@ class _Designed:
 
 
 def _require_twin(arm: ArmDraft, payload_kg: float | None, has_drives: bool) -> None:
-    """Refuse a simulated twin without sufficient data.
-
-    Raises:
-        ConfigurationError: real drives are given as well, or payload, masses or limits are missing.
-    """
+    """Refuse a simulated twin without sufficient data."""
     from math import isnan
 
     from armload_controller.control_errors import ConfigurationError

@@ -34,11 +34,7 @@ LONGEST_NAME = 32
 
 
 def export_abb(subject: ExportSubject) -> dict[str, str]:
-    """A RAPID module with the payload as persistent loaddata.
-
-    Returns:
-        Text by file name.
-    """
+    """A RAPID module with the payload as persistent loaddata."""
     body = subject.payload.model
     inertia = inertia_or_point_mass(subject.payload, TENSOR)
     principal = principal_inertia(inertia.tensor_kg_m2)

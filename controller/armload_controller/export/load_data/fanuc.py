@@ -34,11 +34,7 @@ KG_M2_PER_KGF_CM_S2 = 0.0980665
 
 
 def export_fanuc(subject: ExportSubject) -> dict[str, str]:
-    """The lines of the payload screen.
-
-    Returns:
-        Text by file name.
-    """
+    """The lines of the payload screen."""
     body = subject.payload.model
     inertia = inertia_or_point_mass(subject.payload, MOMENTS)
     lines = heading(

@@ -30,11 +30,7 @@ from armload_core.arrays import FloatArray
 
 
 def export_kuka(subject: ExportSubject) -> dict[str, str]:
-    """LOAD_DATA for $config.dat.
-
-    Returns:
-        Text by file name.
-    """
+    """LOAD_DATA for $config.dat."""
     body = subject.payload.model
     inertia = complete_inertia(subject.payload, TENSOR)
     principal = principal_inertia(inertia.tensor_kg_m2)

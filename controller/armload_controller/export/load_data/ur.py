@@ -24,11 +24,7 @@ from armload_identification.model.payload import tensor_elements
 
 
 def export_ur(subject: ExportSubject) -> dict[str, str]:
-    """A URScript file with one line.
-
-    Returns:
-        Text by file name.
-    """
+    """A URScript file with one line."""
     body = subject.payload.model
     inertia = inertia_or_point_mass(subject.payload, TENSOR)
     arguments = [positional(body.mass_kg), bracketed(body.center_of_mass_m)]

@@ -30,11 +30,7 @@ from armload_controller.export.text_format import bracketed, heading, positional
 
 
 def export_yaskawa(subject: ExportSubject) -> dict[str, str]:
-    """A preset file with one tool.
-
-    Returns:
-        Text by file name.
-    """
+    """A preset file with one tool."""
     body = subject.payload.model
     inertia = inertia_or_point_mass(subject.payload, MOMENTS)
     lines = heading(

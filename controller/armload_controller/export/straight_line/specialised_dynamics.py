@@ -86,11 +86,7 @@ class SpecialisedArm:
             self.motion = self._outwards(self.motion, group, turns, alpha)
 
     def inwards(self, wrenches: Mapping[int, Wrench]) -> list[Expression]:
-        """Joint torques of wrenches.
-
-        Args:
-            wrenches: Force and moment by joint, about the point and in the axes of `turned`.
-        """
+        """Joint torques of wrenches by joint, each about the point and in the axes of `turned`."""
         nothing = self.graph.constants(np.zeros(3))
         torque: dict[int, Expression] = {}
         force = moment = nothing
@@ -177,22 +173,12 @@ def spin_matrix(w: Vector, e: Vector) -> Vector:
 
 
 def payload_torque(arm: SpecialisedArm, theta: Sequence[Expression]) -> list[Expression]:
-    """Joint torques of a body at the end of the arm.
-
-    Args:
-        arm: The arm's motion.
-        theta: Ten parameters in the frame after the last group.
-    """
+    """Joint torques of a body at the end of the arm; `theta` (10) in the frame after the last group."""
     return arm.inwards({len(arm.turned) - 1: _body_wrench(arm.motion, theta)})
 
 
 def link_torque(arm: SpecialisedArm, links: Sequence[Sequence[Expression]]) -> list[Expression]:
-    """Joint torques of the arm's own links.
-
-    Args:
-        arm: The arm's motion.
-        links: Ten parameters of each link, about the points and in the axes of `arm.turned`.
-    """
+    """Joint torques of the arm's own links, (n, 10) about the points and in the axes of `arm.turned`."""
     return arm.inwards({i: _body_wrench(arm.turned[i], theta) for i, theta in enumerate(links)})
 
 

@@ -40,12 +40,7 @@ class ClientLimits:
 
 
 class ClientPace:
-    """Tracks how far a client is behind.
-
-    Args:
-        limits: How far it may fall behind.
-        now_s: Time at which it connected.
-    """
+    """Tracks how far a client, connected at `now_s`, is behind."""
 
     def __init__(self, limits: ClientLimits, now_s: float) -> None:
         self._limits = limits

@@ -80,11 +80,7 @@ class LiveArm:
     transmission: Transmission
 
     def limits_message(self, row: dict[str, Any]) -> bytes:
-        """The limits, and the share of each that a row uses.
-
-        Args:
-            row: A cycle's row, as in a recording.
-        """
+        """The limits, and the share of each that a cycle's row, as in a recording, uses."""
         limits = self.limits
         values = {key: _values(row, key) for key in ("position_rad", "velocity_rad_s", "current_a", "torque_nm")}
         torque = self.transmission.measured(values["torque_nm"], values["current_a"])
@@ -182,12 +178,7 @@ def serve_clients(link: socket.socket, host: str, port: int, arm: LiveArm, limit
 
 
 def _listener(host: str, port: int) -> socket.socket:
-    """A listening socket at the first address of a host, IPv4 or IPv6.
-
-    Raises:
-        OSError: this computer has no such address, or the port is in use.
-        UnicodeError: the host's name is invalid.
-    """
+    """A listening socket at the first address of a host, IPv4 or IPv6."""
     family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     return socket.create_server(address[:2], family=family, dualstack_ipv6=family is socket.AF_INET6)
 

@@ -210,11 +210,7 @@ def shown_live(operator: Operator, robot: Robot, address: LiveAddress | None) ->
 
 
 def _port_of(link: socket.socket, address: LiveAddress) -> int:
-    """The port that the server listens on.
-
-    Raises:
-        CommissioningError: the server did not start.
-    """
+    """The port that the server listens on."""
     link.settimeout(_START_TIMEOUT_S)
     try:
         answer = link.recv(LIMIT_BYTES)
