@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, TextIO
@@ -74,6 +74,11 @@ class Screen:
     def step(self, text: str) -> None:
         """Print one line, for the start of an activity."""
         self.console.print(text, soft_wrap=not self.console.is_terminal)
+
+    def remarks(self, kind: str, texts: Iterable[str]) -> None:
+        """Print remarks of a kind, such as warnings, one line each."""
+        for text in texts:
+            self.step(f"{kind}: {text}")
 
     def result(self, text: str) -> None:
         """Print a result as text."""

@@ -59,11 +59,8 @@ class RobotStrength:
             body = self.arm_body
             for i, left in enumerate(usable - body.coulomb_nm):
                 if left <= 0.0:
-                    raise self.source.refused(
-                        f"body.links[{i + 1}].coulomb_nm",
-                        float(body.coulomb_nm[i]),
-                        f"expected less than the {usable[i]:g} N m that a motion may use",
-                    )
+                    expected = f"expected less than the {usable[i]:g} N m that a motion may use"
+                    raise self.source.refused(f"body.links[{i + 1}].coulomb_nm", float(body.coulomb_nm[i]), expected)
             return TorqueLimits.from_body(chain, body, payload, usable)
         self._require_shares(
             "required to design an excitation: the greatest fraction of torque_max_nm that the arm's own links, rotor "

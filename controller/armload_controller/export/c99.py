@@ -21,7 +21,7 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -149,8 +149,8 @@ def _friction(subject: ExportSubject, precision: Precision, fields: Mapping[str,
         return {"friction_declaration": "", "friction_definition": "", "kinds": "2", "expected_text": ""}
     body = subject.calibration.body
     own = _function("links", link_torque_of(subject.chain, body.links), precision)
-    own["load_friction"] = _listed(body.load_friction, precision)
-    own["reversal"] = _listed(body.reversal_speed_rad_s, precision)
+    own["load_friction"] = precision.listed(body.load_friction)
+    own["reversal"] = precision.listed(body.reversal_speed_rad_s)
     return {
         "friction_declaration": filled("friction.h", {**fields, **own}),
         "friction_definition": filled("friction.c", {**fields, **own}),
@@ -167,8 +167,8 @@ def _numbers(subject: ExportSubject, precision: Precision, error: SinglePrecisio
     if error is not None:
         tolerance_nm = 2.0 * error.bound_nm  # the regressor's product, and friction, add several torques
     return {
-        "payload": _rows(payload.theta, precision),
-        "own": _rows(payload.transformed(planar_groups(subject.chain).flange).theta, precision),
+        "payload": precision.rows(payload.theta.reshape(2, 5)),
+        "own": precision.rows(payload.transformed(planar_groups(subject.chain).flange).theta.reshape(2, 5)),
         "s_per_kg": precision.literal(rate.s_per_kg),
         "s_per_kg_m": precision.literal(rate.s_per_kg_m),
         "s_per_kg_text": f"{rate.s_per_kg:.3g}",
@@ -207,19 +207,9 @@ def _contract(subject: ExportSubject) -> list[str]:
     ]
 
 
-def _listed(values: Iterable[float], precision: Precision) -> str:
-    """Numbers on one line."""
-    return ", ".join(precision.literal(float(value)) for value in values)
-
-
-def _rows(values: FloatArray, precision: Precision) -> str:
-    """Ten numbers, five to a line."""
-    return ",\n    ".join(_listed(values[i : i + 5], precision) for i in range(0, len(values), 5))
-
-
 def _table(values: FloatArray, precision: Precision) -> str:
     """(rows, arrays, n) numbers as the inside of an initialiser."""
-    rows = (",\n     ".join(f"{{{_listed(array, precision)}}}" for array in row) for row in values)
+    rows = (",\n     ".join(f"{{{precision.listed(array)}}}" for array in row) for row in values)
     return ",\n".join(f"    {{{row}}}" for row in rows)
 
 

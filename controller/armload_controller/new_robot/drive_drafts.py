@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from armload_controller.control_errors import ConfigurationError
@@ -73,35 +73,23 @@ def drives_found(nodes: Sequence[FoundNode], n: int, described: DeviceDescriptio
     drives = sorted((node for node in nodes if node.is_drive), key=lambda node: node.node_id)
     for node in drives:
         if node.twins:
-            raise ConfigurationError(
-                "command line",
-                "--scan",
-                f"{node.twins + 1} drives with node id {node.node_id}",
-                "one drive per node id",
-            )
+            found = f"{node.twins + 1} drives with node id {node.node_id}"
+            raise ConfigurationError("command line", "--scan", found, "one drive per node id")
     if len(drives) != n:
         listed = ", ".join(str(node.node_id) for node in drives) or "none"
-        raise ConfigurationError(
-            "command line",
-            "--scan",
-            f"{len(drives)} CiA 402 drives (nodes {listed})",
-            f"one per joint, {n} in this arm",
+        found = f"{len(drives)} CiA 402 drives (nodes {listed})"
+        raise ConfigurationError("command line", "--scan", found, f"one per joint, {n} in this arm")
+    unknown = DriveDraft(0, None, None, None, None, None, ())
+    return tuple(
+        replace(
+            unknown if described is None else drive_described(described, node.node_id),
+            node_id=node.node_id,
+            identity=node.identity if node.identity.vendor_id is not None else None,
+            mode=_mode(node.modes),
+            missing=node.missing,
         )
-    found = []
-    for node in drives:
-        known = None if described is None else drive_described(described, node.node_id)
-        found.append(
-            DriveDraft(
-                node_id=node.node_id,
-                identity=node.identity if node.identity.vendor_id is not None else None,
-                mode=_mode(node.modes),
-                feedback=None if known is None else known.feedback,
-                torque_offset=None if known is None else known.torque_offset,
-                max_torque_permille=None if known is None else known.max_torque_permille,
-                missing=node.missing,
-            )
-        )
-    return tuple(found)
+        for node in drives
+    )
 
 
 def drive_described(description: DeviceDescription, node_id: int) -> DriveDraft:

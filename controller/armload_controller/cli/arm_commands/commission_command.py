@@ -264,7 +264,5 @@ def _calibrate(arm: Robot, directory: Path, runs: Sequence[Recording], mass_kg: 
             f"the recordings state {recorded_kg:g} kg, which was not used. `armload calibrate` would use it: give it a "
             "table of runs with the correct mass_kg."
         )
-    return [
-        *(f"calibration: {text}" for text in notes),
-        f"calibration: {path}, for the next payload: --calibration {path}",
-    ]
+    notes.append(f"{path}, for the next payload: --calibration {path}")
+    return [f"calibration: {text}" for text in notes]

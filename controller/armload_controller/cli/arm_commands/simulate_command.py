@@ -68,29 +68,23 @@ def simulate(
     changes = payload_changes(payload_at or [], arm.simulation)
     screen = Screen()
     described = [read_description(path) for path in description or ()]
-    for warning in [warning for found in described for warning in found.warnings]:
-        screen.step(f"warning: {warning}")
+    screen.remarks("warning", (warning for found in described for warning in found.warnings))
     if len(described) not in {0, 1, arm.n}:
-        raise ConfigurationError(
-            "command line", "--description", len(described), f"expected one for all joints, or one per joint: {arm.n}"
-        )
+        expected = f"expected one for all joints, or one per joint: {arm.n}"
+        raise ConfigurationError("command line", "--description", len(described), expected)
     if write_eds is not None:
         try:
             write_eds.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise ConfigurationError(
-                "command line", "--write-eds", str(write_eds), f"expected a folder: {error.strerror}"
-            ) from error
+            expected = f"expected a folder: {error.strerror}"
+            raise ConfigurationError("command line", "--write-eds", str(write_eds), expected) from error
         for drive in arm.drives.settings.drives:
             path = write_eds / f"{drive.joint}.eds"
             write_text(path, drive_eds(drive, arm.drives.settings.cycle_s), ConfigurationError)
             screen.step(f"written: {path}")
         return
     control = MotionControl()
-    with (
-        StopSignals(control),
-        drives_alone(arm, name, changes, described) as drives,
-    ):
+    with StopSignals(control), drives_alone(arm, name, changes, described) as drives:
         later = "".join(f", {text.replace('=', ': ', 1)}" for text in payload_at or [])
         screen.step(
             f"{arm.n} simulated drives of {arm.name} on {arm.bus.interface}:{arm.bus.channel}, "

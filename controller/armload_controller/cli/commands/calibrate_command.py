@@ -50,10 +50,8 @@ def calibrate(
         result = calibrate_from_files(arm, runs, lambda count, _total: done(count))
     screen.table(gains_table(result, arm.joint_names))
     screen.table(runs_table(result))
-    for name, reason in result.left_out:
-        screen.step(f"left out: {name}: {reason}")
-    for warning in result.warnings:
-        screen.step(f"warning: {warning}")
+    screen.remarks("left out", (f"{name}: {reason}" for name, reason in result.left_out))
+    screen.remarks("warning", result.warnings)
     write_calibration(output, result)
     screen.step(f"written: {output}")
     if report is not None:

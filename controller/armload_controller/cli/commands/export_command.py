@@ -114,6 +114,5 @@ def _show(screen: Screen, arm: Robot, export_format: ExportFormat, files: dict[P
 
     for path, written in files.items():
         screen.result(f"{'written' if written else 'unchanged'}: {path}")
-    for note in notes:
-        screen.step(f"note: {note}")
+    screen.remarks("note", notes)
     screen.document(partial(export_document, arm.name, export_format, files, notes))

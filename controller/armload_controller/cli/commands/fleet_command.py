@@ -15,7 +15,6 @@ from armload_controller.cli.output.output_files import make_folder, require_draw
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally
-    from armload_controller.fleet.job_listing import JobListing
 
 fleet = typer.Typer(cls=CommandGroup, help="Identify and assess the recordings of many arms.", no_args_is_help=True)
 
@@ -67,7 +66,7 @@ def identify_command(
     require_writable(output)
     with claimed(output, _CLAIM), RowStore(output) as store:
         listing, jobs = new_jobs(table, store)
-        _show_remarks(screen, listing)
+        screen.remarks("warning", listing.remarks)
         before = len(listing.jobs) - len(jobs)
         screen.step(f"{counted(len(listing.jobs), 'recording')}, {before or 'none'} processed before")
         if not jobs:
@@ -125,7 +124,7 @@ def watch_command(
                 if isinstance(found, FleetTally):
                     _show_tally(screen, found, output)
                 elif isinstance(found, JobListing):
-                    _show_remarks(screen, found)
+                    screen.remarks("warning", found.remarks)
                 else:
                     screen.step(f"warning: {found}; nothing is processed until this is corrected")
     except KeyboardInterrupt:
@@ -171,12 +170,6 @@ def _require_one(scheduler: str | None, workers: int | None) -> None:
         raise typer.BadParameter(
             "cannot be combined with --scheduler, which has its own workers", param_hint="--workers"
         )
-
-
-def _show_remarks(screen: Screen, listing: JobListing) -> None:
-    """Show the remarks on the table."""
-    for remark in listing.remarks:
-        screen.step(f"warning: {remark}")
 
 
 def _show_tally(screen: Screen, tally: FleetTally, output: Path) -> None:

@@ -29,8 +29,7 @@ def show_drift(screen: Screen, history: ArmHistory, *, report: Path | None, pict
     for found in history.drift.findings:
         screen.result(found.text)
     screen.result(history.advice)
-    for name, reason in history.left_out:
-        screen.step(f"left out: {name}: {reason}")
+    screen.remarks("left out", (f"{name}: {reason}" for name, reason in history.left_out))
     if not history.drift.began:
         screen.step("note: not every recording has a start time, so they are used in the given order")
     if report is not None:

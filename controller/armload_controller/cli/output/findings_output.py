@@ -33,8 +33,7 @@ def show_findings(screen: Screen, findings: Findings) -> None:
         screen.table(validation_table(content.validation, findings.arm.joint_names))
         text = sentences(content.validation.verdict, findings.arm.joint_names)
         show_verdict(screen, content.validation.outcome, text)
-    for note in findings.notes:
-        screen.step(f"note: {note}")
+    screen.remarks("note", findings.notes)
 
 
 def finish(screen: Screen, findings: Findings, *, payload: Path | None, report: Path | None) -> None:

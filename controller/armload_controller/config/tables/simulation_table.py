@@ -81,11 +81,8 @@ class SimulationTable(Table):
                 raise BadValue(f"simulation.{key}", f"{found} entries", f"expected one per joint, {n} in this file")
         for joint, start in zip(joints, self.start_position_rad, strict=True):
             if not joint.position_min_rad <= start <= joint.position_max_rad:
-                raise BadValue(
-                    "simulation.start_position_rad",
-                    start,
-                    f"{joint.name} must be between {joint.position_min_rad} and {joint.position_max_rad}",
-                )
+                expected = f"{joint.name} must be between {joint.position_min_rad} and {joint.position_max_rad}"
+                raise BadValue("simulation.start_position_rad", start, expected)
         if self.payload not in self.payloads:
             raise BadValue("simulation.payload", self.payload, f"expected one of {', '.join(sorted(self.payloads))}")
         for number, joint in enumerate(joints, start=1):

@@ -103,11 +103,8 @@ class WorkspaceTable(Table):
         bare = sorted(set(range(1, n + 2)) - {_number(s.link, n) for s in self.spheres})
         if bare:
             name = "tool" if bare[0] == n + 1 else str(bare[0])
-            raise BadValue(
-                "workspace.spheres",
-                f"none with link = {name}",
-                "expected at least one around every link and around the tool",
-            )
+            expected = "expected at least one around every link and around the tool"
+            raise BadValue("workspace.spheres", f"none with link = {name}", expected)
 
     def workspace(self, chain: Chain) -> Workspace:
         """Spheres around the arm, and the obstacles.

@@ -15,8 +15,8 @@ from typing import Final
 from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.straight_line.arm_functions import link_torque_of, regressor_of
 from armload_controller.export.straight_line.c_function import c_statements
+from armload_controller.export.straight_line.precision import Precision
 from armload_controller.export.text_format import exact
-from armload_core.arrays import FloatArray
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.estimator_constants import EstimatorConstants
@@ -61,10 +61,10 @@ def estimator_texts(
         "regressor_count": str(regressor.operations.total),
         "links": c_statements(links),
         "links_count": str(links.operations.total),
-        "from_effort": _rows(constants.from_effort),
-        "rotors": _rows(constants.rotors),
-        "parameter": ",\n    ".join(f"{{{_listed(row)}}}" for row in constants.parameter),
-        "scale": _rows(constants.scale.reshape(2, 5)),
+        "from_effort": Precision.DOUBLE.rows(constants.from_effort),
+        "rotors": Precision.DOUBLE.rows(constants.rotors),
+        "parameter": ",\n    ".join(f"{{{Precision.DOUBLE.listed(row)}}}" for row in constants.parameter),
+        "scale": Precision.DOUBLE.rows(constants.scale.reshape(2, 5)),
         "memory_s": exact(constants.memory_s),
         "delay_s": exact(constants.delay_s),
         "declarations": _renamed(header, names, name),
@@ -117,12 +117,3 @@ def _renamed(text: str, names: Collection[str], name: str) -> str:
     return text.replace("MOST_JOINTS", f"{name.upper()}_JOINTS").replace(
         "BODY_PARAMETERS", f"{name.upper()}_PARAMETERS"
     )
-
-
-def _listed(values: FloatArray) -> str:
-    return ", ".join(exact(float(value)) for value in values)
-
-
-def _rows(values: FloatArray) -> str:
-    """A matrix, one row per line."""
-    return ",\n    ".join(_listed(row) for row in values)

@@ -114,10 +114,8 @@ def variables(subject: ExportSubject) -> list[FmuVariable]:
     for symbol, unit, what in motion:
         for i, joint in enumerate(subject.joint_names, 1):
             found.append(FmuVariable(f"{symbol}[{i}]", "input", "continuous", unit, f"{what} of {joint}", 0.0))
-    parameters = [
-        (name, unit, f"payload: {text}", value)
-        for (name, unit, text), value in zip(PARAMETERS, body_values(subject), strict=True)
-    ]
+    body = zip(PARAMETERS, body_values(subject), strict=True)
+    parameters = [(name, unit, f"payload: {text}", value) for (name, unit, text), value in body]
     text = "transition time of a change of the payload; longer if torque would change too fast"
     parameters.append(("transition", "s", text, TRANSITION_S))
     if subject.calibration is not None:

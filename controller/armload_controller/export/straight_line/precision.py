@@ -7,6 +7,7 @@ from enum import StrEnum
 import numpy as np
 
 from armload_controller.export.text_format import exact
+from armload_core.arrays import FloatArray
 
 
 class Precision(StrEnum):
@@ -24,6 +25,14 @@ class Precision(StrEnum):
     def suffix(self) -> str:
         """Suffix of math.h functions and of literals of this type."""
         return "" if self is Precision.DOUBLE else "f"
+
+    def listed(self, values: FloatArray) -> str:
+        """Literals of (k,) numbers on one line."""
+        return ", ".join(self.literal(float(value)) for value in values)
+
+    def rows(self, values: FloatArray) -> str:
+        """Literals of (m, k) numbers, one row per line."""
+        return ",\n    ".join(self.listed(row) for row in values)
 
     def literal(self, value: float) -> str:
         """The shortest literal of this type that represents the number, without an implicit conversion."""
