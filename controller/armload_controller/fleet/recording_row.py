@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from armload_controller.fleet.job import Job
+from armload_controller.fleet.job_table import RECORDINGS
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start
@@ -30,27 +31,11 @@ _JOINT_COLUMNS: Final = (
     "friction_nm",
     "friction_speed_rad_s",
 )
-_JOB_COLUMNS: Final = (
-    "key",
-    "arm",
-    "payload",
-    "robot",
-    "loaded",
-    "unloaded",
-    "validation_loaded",
-    "validation_unloaded",
-    "calibration",
-)
+_JOB_COLUMNS: Final = ("key", "arm", "payload", "robot", *RECORDINGS, "calibration")
 _ORIGIN_COLUMNS: Final = (
-    "validation_outcome",
-    "verdict",
-    "loaded_sha256",
-    "unloaded_sha256",
-    "robot_sha256",
-    "kinematics_sha256",
-    "calibration_sha256",
-    "armload_version",
-    "worker",
+    *("validation_outcome", "verdict"),
+    *(f"{name}_sha256" for name in ("loaded", "unloaded", "robot", "kinematics", "calibration")),
+    *("armload_version", "worker"),
 )
 _LARGEST_CLOCK_DIFFERENCE: Final = timedelta(days=1)
 

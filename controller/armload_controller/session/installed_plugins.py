@@ -147,12 +147,9 @@ def _entry_point(robot: Robot, name: str) -> EntryPoint:
     close = difflib.get_close_matches(name, {entry.name for entry in entries}, n=1)
     meant = f" Did you mean {close[0]}?" if close else ""
     names = ", ".join(sorted(f"{entry.name} ({_package(entry)})" for entry in entries)) or "none"
-    raise robot.refused(
-        _table_key(name),
-        {},
-        f"no plug-in with this name is installed.{meant} Installed are: {names}. Install its package in armload's "
-        "environment, or remove the table",
-    )
+    missing = f"no plug-in with this name is installed.{meant} Installed are: {names}"
+    remedy = "Install its package in armload's environment, or remove the table"
+    raise robot.refused(_table_key(name), {}, f"{missing}. {remedy}")
 
 
 def _created(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, object]) -> Watcher:

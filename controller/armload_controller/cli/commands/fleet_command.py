@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +17,7 @@ from armload_controller.cli.output.output_files import make_folder, require_draw
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally
+    from armload_controller.fleet.row_store import RowStore
 
 fleet = typer.Typer(cls=CommandGroup, help="Identify and assess the recordings of many arms.", no_args_is_help=True)
 
@@ -29,7 +32,6 @@ SchedulerOption = Annotated[
 WorkersOption = Annotated[
     int | None, typer.Option(min=1, help="Number of processes on this machine; by default the number of cores.")
 ]
-_CLAIM = "`armload fleet` run"
 
 
 @fleet.callback()
@@ -53,18 +55,13 @@ def identify_command(
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
     from armload_controller.fleet.recording_row import RowOutcome
-    from armload_controller.fleet.row_store import RowStore
     from armload_controller.fleet.workforce import Workforce
-    from armload_controller.session.folder_claim import claimed
     from armload_identification.extras import Extra, require_extra
     from armload_identification.report.numerals import counted
 
     require_extra(Extra.FLEET, "armload fleet")
-    _require_one(scheduler, workers)
     screen = Screen(as_json=as_json)
-    make_folder(output)
-    require_writable(output)
-    with claimed(output, _CLAIM), RowStore(output) as store:
+    with _claimed_store(output, scheduler, workers) as store:
         listing, jobs = new_jobs(table, store)
         screen.remarks("warning", listing.remarks)
         before = len(listing.jobs) - len(jobs)
@@ -104,18 +101,13 @@ def watch_command(
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally, looks
     from armload_controller.fleet.job_listing import JobListing
-    from armload_controller.fleet.row_store import RowStore
     from armload_controller.fleet.workforce import Workforce
-    from armload_controller.session.folder_claim import claimed
     from armload_identification.extras import Extra, require_extra
 
     require_extra(Extra.FLEET, "armload fleet")
-    _require_one(scheduler, workers)
     screen = Screen(as_json=as_json)
-    make_folder(output)
-    require_writable(output)
     try:
-        with claimed(output, _CLAIM), RowStore(output) as store, Workforce(scheduler, workers) as force:
+        with _claimed_store(output, scheduler, workers) as store, Workforce(scheduler, workers) as force:
             screen.step(
                 f"watching {table}, every {every_s:g} s; a recording is processed once it has not changed between two "
                 "checks. Ctrl-C ends it"
@@ -164,12 +156,20 @@ def report_command(
     screen.document(partial(fleet_report_document, review), {"report": page})
 
 
-def _require_one(scheduler: str | None, workers: int | None) -> None:
-    """Refuse --workers together with --scheduler, which has its own workers."""
+@contextmanager
+def _claimed_store(output: Path, scheduler: str | None, workers: int | None) -> Iterator[RowStore]:
+    """The rows of a folder, for this run alone; --workers is refused with --scheduler, which has its own workers."""
+    from armload_controller.fleet.row_store import RowStore
+    from armload_controller.session.folder_claim import claimed
+
     if scheduler is not None and workers is not None:
         raise typer.BadParameter(
             "cannot be combined with --scheduler, which has its own workers", param_hint="--workers"
         )
+    make_folder(output)
+    require_writable(output)
+    with claimed(output, "`armload fleet` run"), RowStore(output) as store:
+        yield store
 
 
 def _show_tally(screen: Screen, tally: FleetTally, output: Path) -> None:
