@@ -76,7 +76,8 @@ def nodes_document(interface: str, channel: str, found: Sequence[FoundNode]) -> 
     """Nodes that answer on a bus."""
 
     def node_fields(node: FoundNode) -> dict[str, Any]:
-        fields = asdict(node) | asdict(node.identity) | {"is_drive": node.is_drive}
+        lists = {"modes": list(node.modes), "missing": list(node.missing)}
+        fields = asdict(node) | asdict(node.identity) | lists | {"is_drive": node.is_drive}
         return {key: value for key, value in fields.items() if key not in {"identity", "device_type"}}
 
     nodes = [node_fields(node) for node in found]
