@@ -1,0 +1,113 @@
+"""Logs in CSV: separators and headers, rows that are left out and counted, refused tables and their messages."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.file_reading import read_recording
+from tests.recording_files import csv_rows, write_csv
+
+pytestmark = pytest.mark.pure
+
+COLUMNS = CsvColumns(time=0, position=[1, 2], velocity=[3, 4], current=[5, 6])
+
+
+def test_csv_with_and_without_a_header_line(tmp_path):
+    plain = read_recording(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
+    names = CsvColumns("t", ["q1", "q2"], current=["i1", "i2"])
+    headed = read_recording(write_csv(tmp_path / "b.csv", ["t,q1,q2,v1,v2,i1,i2", *csv_rows()]), names)
+    np.testing.assert_array_equal(plain.current_a, headed.current_a)
+    np.testing.assert_allclose(plain.position_rad[:, 0], np.sin(0.03 * np.arange(60)), atol=1e-5)
+    assert headed.velocity_rad_s is None
+    assert plain.n == 2
+    assert plain.phase_s is None
+    assert plain.excitation is None
+
+
+@pytest.mark.parametrize("header", ["", "t,q1,q2,dq1,dq2,i1,i2\n"])
+@pytest.mark.parametrize(("separator", "point"), [(";", ","), (";", "."), ("\t", "."), ("\t", ",")])
+def test_columns_may_be_separated_as_spreadsheets_write_them(tmp_path, header, separator, point):
+    """A table with semicolons had "0 usable rows", or a header without a time column."""
+    plain, other = tmp_path / "plain.csv", tmp_path / "other.csv"
+    text = header + "\n".join(f"{0.01 * k},{0.1 * k},-1.5,0.0,0.0,{k}.25,1e-3" for k in range(30)) + "\n"
+    plain.write_text(text)
+    other.write_text(text.replace(",", separator).replace(".", point))
+    read = [read_recording(path, COLUMNS) for path in (plain, other)]
+    assert read[1].source.rows_dropped == 0
+    for name in ("time_s", "position_rad", "velocity_rad_s", "current_a"):
+        np.testing.assert_array_equal(getattr(read[1], name), getattr(read[0], name))
+
+
+def test_garbage_rows_are_dropped_and_counted_by_reason(tmp_path):
+    rows = csv_rows(100)
+    good = list(rows)
+    huge = "1" + "0" * 127
+    rows[10] = f"900.1,{huge},0,0,0,0,0"
+    rows[11] = "900.11,nan,0,0,0,0,0"
+    rows[12] = "900.12,0.1,0.9"
+    rows[13] = "900.13,what,0,0,0,0,0"
+    rows[14] = "27.0625,1.9,6.3,7.1,1.3,1.3,0.9"
+    rows[20] = rows[19]
+    rows[30] = "899.5" + rows[30][8:]
+    rows[40] = rows[40].split(",")[0] + ",30.0,30.0,0.1,0.1,0.1,0.1"
+    rows.append("901.0,0.1,0.2")
+    recording = read_recording(write_csv(tmp_path / "a.csv", rows), COLUMNS)
+    assert recording.source.rows_read == 101
+    assert dict(recording.source.reasons) == {
+        "impossible value": 1,
+        "not finite": 1,
+        "wrong number of columns": 1,
+        "not a number": 1,
+        "time out of range": 1,
+        "time not increasing": 2,
+        "position jumps": 1,
+        "truncated last row": 1,
+    }
+    assert recording.source.rows_dropped == 9
+    left = [float(good[k].split(",")[0]) for k in range(100) if k not in (10, 11, 12, 13, 14, 20, 30, 40)]
+    np.testing.assert_allclose(recording.time_s, left)
+
+
+def test_one_wild_time_stamp_does_not_cost_the_rest(tmp_path):
+    rows = csv_rows(100)
+    rows[3] = "905.0" + rows[3][8:]
+    recording = read_recording(write_csv(tmp_path / "a.csv", rows), COLUMNS)
+    assert dict(recording.source.reasons) == {"time not increasing": 1}
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "said"),
+    [
+        ([""], COLUMNS, "is empty"),
+        (csv_rows(), CsvColumns(0, [1, 2]), "neither motor current nor joint torque"),
+        (csv_rows(), CsvColumns(0, [1, 2], current=[6, 7]), "have 7 columns, but the column map refers to column 7"),
+        (csv_rows(), CsvColumns("t", [1, 2], current=[5, 6]), "no header line"),
+        (["a,b,c,d,e,f,g", *csv_rows()], CsvColumns("t", [1, 2], current=[5, 6]), "no column 't' .* a, b, c"),
+        (["nan,nan,nan,nan,nan,nan,nan"] * 50, COLUMNS, "0 usable rows of 50 .50 not finite"),
+        (csv_rows(12), COLUMNS, "12 usable rows"),
+        (csv_rows(scale=57.29578), COLUMNS, "look like degrees"),
+        (csv_rows(scale=57.29578 / 20), COLUMNS, None),
+        (csv_rows(velocity_scale=57.29578), COLUMNS, "velocities look like degrees"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_with_the_reason(tmp_path, rows, columns, said):
+    path = write_csv(tmp_path / "log.csv", rows)
+    if said is None:
+        assert len(read_recording(path, columns).time_s) == 60
+        return
+    with pytest.raises(RecordingError, match=said) as caught:
+        read_recording(path, columns)
+    assert str(path) in str(caught.value)
+
+
+def test_small_angles_in_degrees_betray_themselves_by_the_velocity(tmp_path):
+    rows = csv_rows()
+    table = np.array([[float(x) for x in row.split(",")] for row in rows])
+    table[:, 1:3] *= 0.1 * 57.29578
+    table[:, 3:5] *= 0.1
+    path = write_csv(tmp_path / "log.csv", [",".join(f"{x:.6f}" for x in row) for row in table])
+    with pytest.raises(RecordingError, match="positions look like degrees"):
+        read_recording(path, COLUMNS)
