@@ -1,0 +1,264 @@
+"""Notes to the operator: which finding is worth a note, and which joints and numbers it names."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.motion import ABOVE_BAND
+from armload_identification.verdict.operator_notes import misfit_notes, notes_on
+
+pytestmark = pytest.mark.pure
+
+JOINTS, SAMPLES = 3, 40
+NONE = np.zeros(JOINTS, dtype=bool)
+ALL = ~NONE
+
+
+def with_changes(base, changes):
+    return SimpleNamespace(**(base | changes))
+
+
+def signal(**changes):
+    """A pair without any fault: 10 N m of payload, 0.1 N m of noise, three periods each."""
+    torque = 10.0 * np.tile([[1.0], [-1.0]], (SAMPLES // 2, JOINTS))
+    base = {
+        "torque_nm": torque,
+        "valid": np.ones(SAMPLES, dtype=bool),
+        "averaged_noise_nm": np.full(JOINTS, 0.1),
+        "smoothing_loss": np.zeros(JOINTS),
+        "periodic": True,
+        "periods": (3, 3),
+        "noise_source": "the scatter of periods",
+        "loaded": SimpleNamespace(moves=ALL),
+        "unloaded": SimpleNamespace(moves=ALL),
+        "states": SimpleNamespace(velocity_rad_s=np.ones((SAMPLES, JOINTS))),
+    }
+    return with_changes(base, changes)
+
+
+def fit_of(share, **changes):
+    """A fit that leaves a share of the torque of each joint."""
+    base = {
+        "residual_nm": signal().torque_nm * np.asarray(share),
+        "weight_1_nm": np.ones(JOINTS),
+        "rank": 10,
+        "theta": np.zeros(10),
+    }
+    return with_changes(base, changes)
+
+
+def recording(by_torque=False, interruptions=0, **changes):
+    source = {"rows_read": 100, "rows_dropped": 0, "reasons": {}, "truncated": False, "ignored_joints": ()}
+    return SimpleNamespace(
+        source=with_changes(source, changes),
+        torque_nm=signal().torque_nm if by_torque else None,
+        average=SimpleNamespace(interruptions=interruptions),
+    )
+
+
+def gains(**changes):
+    base = {
+        "contradicted": NONE,
+        "beyond": NONE,
+        "log_gain": np.zeros(JOINTS),
+        "half_width_95": np.full(JOINTS, 0.01),
+        "assumed_deviation": np.full(JOINTS, 0.02),
+        "noticeable": np.full(JOINTS, 0.03),
+    }
+    return with_changes(base, changes)
+
+
+def notes(**changes):
+    """The notes on a pair in which only `changes` are not as they should be."""
+    runs = changes.pop("runs", (recording(), recording()))
+    arguments = {
+        "transmission": Transmission(np.ones(JOINTS), np.eye(JOINTS), ALL),
+        "signal": signal(),
+        "arm": None,
+        "fit": fit_of(0.01),
+        "friction": None,
+        "gains": gains(),
+        "physical": SimpleNamespace(changed=False, plain_margin=1.0),
+        "uncertainty": SimpleNamespace(determined=np.ones(10, dtype=bool), undetermined_names=[]),
+        "struck": np.zeros(SAMPLES, dtype=bool),
+    }
+    return notes_on(runs, **(arguments | changes))
+
+
+def test_nothing_is_said_of_a_good_pair():
+    assert notes() == []
+
+
+def only(found):
+    (note,) = found
+    return note
+
+
+def test_rows_that_were_left_out_are_counted_for_the_run_they_are_of():
+    odd = recording(rows_dropped=7, reasons={"not finite": 4, "position jumps": 3})
+    note = only(notes(runs=(recording(), odd)))
+    assert note.startswith("unloaded recording: 7 of 100")
+    assert "4 not finite, 3 position jumps" in note
+    assert only(notes(runs=(recording(truncated=True), recording()))).startswith("loaded recording")
+    assert "gripper" in only(notes(runs=(recording(ignored_joints=("gripper",)),)))
+
+
+def test_pauses_are_told_with_how_often_every_part_was_measured_at_full_speed():
+    runs = (recording(interruptions=1), recording(interruptions=4))
+    loaded, unloaded = notes(runs=runs, signal=signal(periods=(2, 1)))
+    assert loaded.startswith("loaded")
+    assert "slowed down once" in loaded
+    assert "at least 2 times" in loaded
+    assert unloaded.startswith("unloaded")
+    assert "slowed down 4 times" in unloaded
+    assert "at least once" in unloaded
+
+
+@pytest.mark.parametrize(
+    ("calibrated", "by_torque", "said"),
+    [
+        (ALL, False, []),
+        (NONE, True, []),
+        (NONE, False, ["nominal", "12 %"]),
+        (np.array([True, False, True]), False, ["joint 2"]),
+    ],
+)
+def test_nominal_gains_are_named_where_currents_are_read(calibrated, by_torque, said):
+    transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), calibrated)
+    transmission = SimpleNamespace(calibrated=transmission.calibrated, deviation=np.array([0.02, 0.06, 0.01]))
+    runs = (recording(by_torque=by_torque), recording(by_torque=by_torque))
+    found = notes(runs=runs, transmission=transmission)
+    assert len(found) == bool(said)
+    assert all(word in found[0] for word in said)
+
+
+def test_a_contradicted_gain_is_named_with_its_error_and_what_is_allowed():
+    joint_2 = np.array([False, True, False])
+    found = notes(gains=gains(contradicted=joint_2, log_gain=np.log([1.0, 1.10, 1.0])))
+    note = only(found)
+    for word in ("joint 2", "10.0 % higher", "+8.9 % to +11.1 %", "4.0 %"):
+        assert word in note
+    assert "lower" in only(notes(gains=gains(contradicted=joint_2, log_gain=np.log([1.0, 0.9, 1.0]))))
+
+
+def test_more_wrong_gains_than_can_be_told_apart_are_listed_together():
+    found = notes(gains=gains(beyond=np.array([True, False, True]), noticeable=np.full(JOINTS, 0.01)))
+    assert "joints 1 and 3" in only(found)
+
+
+def test_gains_that_cannot_be_checked_are_named_with_the_error_that_may_hide():
+    note = only(notes(gains=gains(noticeable=np.array([0.03, np.log(1.2), 0.03]))))
+    assert "gain of 2 (up to 20 %)" in note.replace("joint ", "")
+    found = notes(gains=gains(noticeable=np.array([0.2, 0.2, 5.0])))
+    assert len(found) == 2
+    assert "gains of" in found[0]
+    assert "gain of joint 3 at all" in found[1]
+    assert notes(gains=gains(noticeable=np.full(JOINTS, 5.0), contradicted=ALL))[-1].startswith("The data contradict")
+    assert notes(gains=None) == []
+
+
+def test_signals_with_gaps_or_mostly_noise_are_told_but_blows_are_no_gaps():
+    loss = np.array([0.0, 0.9, 0.0])
+    assert "2 (90 %)" in only(notes(signal=signal(smoothing_loss=loss)))
+    valid = np.arange(SAMPLES) >= 5
+    assert only(notes(signal=signal(valid=valid))).startswith(f"5 of {SAMPLES} samples")
+    assert only(notes(signal=signal(valid=valid), struck=np.arange(SAMPLES) < 2)).startswith("3 of")
+    assert notes(signal=signal(valid=valid), struck=~valid) == []
+
+
+@pytest.mark.parametrize(
+    ("periods", "periodic", "noise_source", "told"),
+    [
+        ((1, 3), True, ABOVE_BAND, True),
+        ((0, 1), True, ABOVE_BAND, True),
+        ((2, 2), True, ABOVE_BAND, False),
+        ((0, 2), True, ABOVE_BAND, False),
+        ((1, 1), True, "scatter", False),
+        ((1, 1), False, ABOVE_BAND, False),
+    ],
+)
+def test_one_period_alone_is_told(periods, periodic, noise_source, told):
+    found = notes(signal=signal(periods=periods, periodic=periodic, noise_source=noise_source))
+    assert len(found) == told
+
+
+def test_friction_that_differs_between_the_runs_is_named_with_its_joint():
+    second = np.array([False, True, False])
+    difference = {
+        "load_joints": NONE,
+        "viscous_joints": NONE,
+        "load": np.array([0.0, 0.0321, 0.0]),
+        "viscous_nm_s_rad": np.array([0.0, -1.5, 0.0]),
+    }
+    assert notes(friction=SimpleNamespace(**difference)) == []
+    assert "2 (0.032)" in only(notes(friction=with_changes(difference, {"load_joints": second})))
+    assert "2 (-1.5 N m s/rad)" in only(notes(friction=with_changes(difference, {"viscous_joints": second})))
+
+
+def test_what_the_motion_does_not_determine_is_told():
+    assert "9 of 10" in only(notes(fit=fit_of(0.01, rank=9)))
+    determined = np.ones(10, dtype=bool)
+    determined[4:] = False
+    named = SimpleNamespace(determined=determined, undetermined_names=["Ixx", "Iyy"])
+    assert "Ixx, Iyy" in only(notes(uncertainty=named))
+    nothing = SimpleNamespace(determined=np.zeros(10, dtype=bool), undetermined_names=["mass"])
+    assert "armload design" in only(notes(uncertainty=nothing)), "one note, not two"
+
+
+@pytest.mark.parametrize(
+    ("changed", "margin", "told"), [(True, -0.1, True), (True, 0.0, True), (True, 0.1, False), (False, -0.1, False)]
+)
+def test_an_impossible_estimate_is_told_where_it_was_replaced(changed, margin, told):
+    assert len(notes(physical=SimpleNamespace(changed=changed, plain_margin=margin))) == told
+
+
+def body(**changes):
+    """A fitted body whose model leaves a tenth of 10 N m, with friction of 1 N m and 1 N m s/rad at 1 rad/s."""
+    base = {
+        "torque_rms_nm": np.full(JOINTS, 10.0),
+        "residual_rms_nm": np.full(JOINTS, 1.0),
+        "model": SimpleNamespace(coulomb_nm=np.ones(JOINTS), viscous_nm_s_rad=np.ones(JOINTS)),
+    }
+    return with_changes(base, changes)
+
+
+def test_joints_whose_own_torque_is_not_explained_are_named_if_they_move_and_are_loud():
+    assert notes(arm=body()) == []
+    odd = body(residual_rms_nm=np.array([1.0, 9.0, 9.0]))
+    assert "joints 2 and 3" in only(notes(arm=odd))
+    resting = signal(unloaded=SimpleNamespace(moves=np.array([True, False, True])))
+    assert "joint 3" in only(notes(arm=odd, signal=resting))
+    quiet = signal(averaged_noise_nm=np.array([0.1, 0.1, 3.0]))
+    assert "joint 2" in only(notes(arm=odd, signal=quiet))
+
+
+def test_friction_that_drives_the_arm_is_told_but_not_that_of_its_noise():
+    def model(coulomb, viscous):
+        return SimpleNamespace(coulomb_nm=np.array([1.0, coulomb, 1.0]), viscous_nm_s_rad=np.array([1.0, viscous, 1.0]))
+
+    assert "joint 2" in only(notes(arm=body(model=model(-3.0, 1.0))))
+    assert notes(arm=body(model=model(-3.0, 3.5))) == []
+    assert notes(arm=body(model=model(-1.0, 0.9))) == [], "0.1 N m of 10"
+
+
+def test_a_payload_that_explains_little_is_told_as_a_whole_and_else_by_joint():
+    assert misfit_notes(signal(), fit_of(0.1)) == []
+    whole = only(misfit_notes(signal(), fit_of(0.9)))
+    assert "explains only 19 %" in whole
+    one = only(misfit_notes(signal(), fit_of([0.1, 0.9, 0.1])))
+    assert "joint 2" in one
+    quiet = signal(averaged_noise_nm=np.array([0.1, 3.0, 0.1]))
+    assert misfit_notes(quiet, fit_of([0.1, 0.9, 0.1])) == []
+    assert "19 %" in only(misfit_notes(signal(), fit_of([0.1, 0.9, 0.1], weight_1_nm=np.array([0.01, 1.0, 0.01]))))
+
+
+def test_joints_at_rest_and_samples_not_used_are_no_misfit():
+    resting = signal(loaded=SimpleNamespace(moves=np.array([True, False, True])))
+    assert misfit_notes(resting, fit_of([0.1, 5.0, 0.1])) == []
+    fit = fit_of(0.1)
+    fit.residual_nm[:4] = 1e3
+    assert misfit_notes(signal(valid=np.arange(SAMPLES) >= 4), fit) == []
