@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_identification.estimation.least_squares import estimate, estimate_reweighted, estimate_robust
+from armload_identification.estimation.least_squares import Prior, estimate, estimate_reweighted, estimate_robust
 from armload_identification.identification_errors import EstimationError
 
 pytestmark = pytest.mark.pure
@@ -150,3 +150,80 @@ def test_what_cannot_be_fitted_is_refused(change, said):
     regressor, theta, valid = system(np.random.default_rng(7))
     with pytest.raises(EstimationError, match=said):
         estimate(*change(regressor, regressor @ theta, valid, NOISE))
+
+
+@pytest.mark.parametrize("fit", [estimate, estimate_reweighted, estimate_robust])
+def test_a_joint_without_noise_does_not_outweigh_the_others_without_limit(fit):
+    regressor, theta, valid = system(np.random.default_rng(12))
+    for scale in (1.0, 50.0):
+        noise = scale * np.array([1.0, 0.0, 1.0])
+        found = fit(regressor, regressor @ theta, valid, noise)
+        np.testing.assert_allclose(found.theta, theta, rtol=1e-6)
+        if fit is not estimate_robust:
+            np.testing.assert_allclose(found.weight_1_nm, np.array([1.0, 1e6, 1.0]) / scale, rtol=1e-9)
+
+
+def test_a_column_of_zeros_has_the_scale_of_the_longest_and_is_undetermined():
+    regressor, theta, valid = system(np.random.default_rng(13))
+    regressor[:, :, 9] = 0.0
+    fit = estimate(regressor, regressor @ theta, valid, NOISE)
+    lengths = np.linalg.norm((regressor / NOISE[:, None]).reshape(-1, 10), axis=0)
+    np.testing.assert_allclose(fit.scale[:9], 1.0 / lengths[:9], rtol=1e-9)
+    assert fit.scale[9] == pytest.approx(1.0 / lengths.max())
+    assert fit.rank == 9
+    np.testing.assert_allclose(np.abs(fit.undetermined[:, 0]), np.arange(10) == 9, atol=1e-12)
+
+
+def test_the_residuals_size_is_weighted_like_the_rows():
+    rng = np.random.default_rng(14)
+    regressor, theta, valid = system(rng)
+    torque = regressor @ theta + NOISE * rng.normal(size=(400, 3))
+    weight = rng.uniform(0.2, 1.0, size=(400, 3))
+    valid[:50] = False
+    fit = estimate(regressor, torque, valid, NOISE, weight)
+    used = weight * valid[:, None]
+    expected = np.sqrt(np.sum((used * fit.residual_nm) ** 2, axis=0) / np.sum(used**2, axis=0))
+    np.testing.assert_allclose(fit.residual_rms_nm, expected, rtol=1e-12)
+
+
+def test_prior_knowledge_counts_as_measurements_of_unit_deviation():
+    rng = np.random.default_rng(15)
+    regressor, theta, valid = system(rng, parameters=12)
+    torque = regressor @ theta + NOISE * rng.normal(size=(400, 3))
+    prior = Prior(rng.normal(size=(3, 10)), rng.normal(size=3))
+    both = prior.and_nuisance(np.array([0.7, 9.0]), np.array([0.01, np.inf]))
+    rows = np.zeros((4, 12))
+    rows[:3, :10], rows[3, 10] = prior.rows, 100.0
+    stacked = np.vstack([(regressor / NOISE[:, None]).reshape(-1, 12), rows])
+    target = np.concatenate([(torque / NOISE).reshape(-1), prior.target, [70.0]])
+    expected, *_ = np.linalg.lstsq(stacked, target, rcond=None)
+    fit = estimate(regressor, torque, valid, NOISE, prior=both)
+    np.testing.assert_allclose(fit.theta, expected, rtol=1e-8)
+    np.testing.assert_allclose(fit.prior_rows, rows)
+    np.testing.assert_allclose(fit.covariance, np.linalg.inv(stacked.T @ stacked), rtol=1e-6)
+
+
+def test_whitened_rows_carry_both_weights():
+    rng = np.random.default_rng(16)
+    regressor, theta, valid = system(rng)
+    weight = rng.uniform(0.2, 1.0, size=(400, 3))
+    fit = estimate(regressor, regressor @ theta, valid, NOISE, weight)
+    along = rng.normal(size=(10, 2))
+    np.testing.assert_allclose(fit.whitened(along), (weight / NOISE)[:, :, None] * (regressor @ along), rtol=1e-12)
+
+
+def test_as_many_equations_as_parameters_are_not_enough_and_one_joint_more_is():
+    regressor, theta, valid = system(np.random.default_rng(17), samples=4, parameters=12)
+    with pytest.raises(EstimationError, match="not enough for 12 parameters"):
+        estimate(regressor, regressor @ theta, valid, NOISE)
+    fewer = regressor[:, :, :11]
+    np.testing.assert_allclose(estimate(fewer, fewer @ theta[:11], valid, NOISE).theta, theta[:11], rtol=1e-6)
+
+
+def test_numbers_that_are_not_finite_may_stand_in_samples_that_are_not_used():
+    regressor, theta, valid = system(np.random.default_rng(18))
+    torque = regressor @ theta
+    valid[3] = False
+    torque[3] = np.nan
+    with pytest.raises(EstimationError, match="not finite"):
+        estimate(regressor, torque, np.ones_like(valid), NOISE)

@@ -110,6 +110,58 @@ def test_columns_are_recognised(header, expected):
 
 
 @pytest.mark.parametrize(
+    ("unit", "si"),
+    [("s", 1.0), ("sec", 1.0), ("seconds", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("milli_s", 1e-3)],
+)
+@pytest.mark.parametrize("word", ["t", "time", "stamp", "timestamp"])
+def test_times_are_recognised_with_their_units(word, unit, si):
+    found = columns_by_name(HERE, [f"{word}_{unit}", "q1", "q2"])
+    assert found.time == f"{word}_{unit}"
+    assert found.scale.get("time_s", 1.0) == pytest.approx(si)
+
+
+@pytest.mark.parametrize(
+    ("names", "quantity", "si"),
+    [
+        (["q1 [rad]", "q2 [rad]"], "position_rad", 1.0),
+        (["angle 1 degrees", "angle 2 degrees"], "position_rad", DEGREE),
+        (["theta_1_degree", "theta_2_degree"], "position_rad", DEGREE),
+        (["qd1 [rad/s]", "qd2 [rad/s]"], "velocity_rad_s", 1.0),
+        (["speed 1 rad per s", "speed 2 rad per s"], "velocity_rad_s", 1.0),
+        (["joint1.velocity_rads", "joint2.velocity_rads"], "velocity_rad_s", 1.0),
+        (["curr_1_amp", "curr_2_amp"], "current_a", 1.0),
+        (["current 1 [A]", "current 2 [A]"], "current_a", 1.0),
+        (["i_1 [mA]", "i_2 [mA]"], "current_a", 1e-3),
+        (["tau1 (Nm)", "tau2 (Nm)"], "torque_nm", 1.0),
+        (["moment_1_N_m", "moment_2_N_m"], "torque_nm", 1.0),
+        (["trq1 [mNm]", "trq2 [mNm]"], "torque_nm", 1e-3),
+    ],
+)
+def test_units_in_a_name_give_the_factor_to_si(names, quantity, si):
+    positions = [] if quantity == "position_rad" else ["pos1", "pos2"]
+    found = columns_by_name(HERE, ["t", *positions, *names])
+    assert found.groups()[quantity] == names
+    assert found.scale.get(quantity, 1.0) == pytest.approx(si)
+
+
+@pytest.mark.parametrize(
+    "other",
+    ["tau_error_{}", "tau_max_{}", "torque{}_limit", "tau_offset_{}", "tau_ref_{}", "tau_std_{}", "tcp_torque_{}"],
+)
+def test_what_was_not_measured_is_no_column_of_the_arm(other):
+    names = [other.format(1), other.format(2)]
+    assert columns_by_name(HERE, ["t", "q1", "q2", *names]).torque is None
+    both = columns_by_name(HERE, ["t", "q1", "q2", *names, "tau1", "tau2"])
+    assert both.torque == ["tau1", "tau2"]
+
+
+def test_of_several_times_the_first_kind_is_taken():
+    found = columns_by_name(HERE, ["stamp", "t_ms", "time_us", "q1", "q2"])
+    assert found.time == "time_us"
+    assert found.scale["time_s"] == pytest.approx(1e-6)
+
+
+@pytest.mark.parametrize(
     ("header", "said"),
     [
         (["a", "b"], r"no time column can be recognised in the header a, b.*--columns"),

@@ -27,3 +27,27 @@ def test_what_does_not_repeat_itself_has_none(pinocchio_arm):
     assert repeated_after(time_s, np.column_stack([time_s, time_s**2])) is None
     assert repeated_after(time_s, np.ones((1500, 2))) is None
     assert repeated_after(time_s[:10], position[:10]) is None
+
+
+def test_joints_that_hardly_move_do_not_hide_a_period(pinocchio_arm):
+    """Their drift within a hundredth of a radian is as large as the motion of the others after normalisation."""
+    time_s = 0.01 * np.arange(1500)
+    position = pinocchio_arm.trajectory(period_s=5.0).evaluate(time_s).position_rad
+    position[:, 0] = np.linspace(0.0, 0.005, time_s.size)
+    assert repeated_after(time_s, position) == pytest.approx(5.0, rel=2e-3)
+    position[:, 0] *= 10.0
+    assert repeated_after(time_s, position) is None
+
+
+def test_a_cycle_that_differs_a_little_each_time_is_no_repetition():
+    time_s = 0.01 * np.arange(2000)
+    cycle = np.sin(2.0 * np.pi * time_s / 4.0)
+    other = np.where(time_s < 4.0, 0.0, 0.3) * np.sin(6.0 * np.pi * time_s / 4.0)
+    assert repeated_after(time_s, cycle[:, None]) == pytest.approx(4.0, rel=2e-3)
+    assert repeated_after(time_s[:900], (cycle + other)[:900, None]) is None
+
+
+def test_the_shortest_of_several_periods_is_given_and_not_its_multiples():
+    time_s = 0.01 * np.arange(3000)
+    position = np.column_stack([np.sin(2.0 * np.pi * time_s / 3.0), np.cos(4.0 * np.pi * time_s / 3.0)])
+    assert repeated_after(time_s, position) == pytest.approx(3.0, rel=2e-3)
