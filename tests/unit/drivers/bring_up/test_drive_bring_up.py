@@ -1,0 +1,378 @@
+"""Bring-up of one drive over SDO, with a simulated drive at the other end: what is read, required and written."""
+
+from dataclasses import replace
+
+import can
+import numpy as np
+import pytest
+
+from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_with, is_simulation, master_node_id
+from armload_drivers.bring_up.drive_objects import DriveObjects, write_cycle
+from armload_drivers.bring_up.drive_securing import require_safety
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.sdo_channel import SdoChannel
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, EffortFeedback, Identity, TemperatureObject
+from armload_drivers.cia402.drive_safety import Safety
+from armload_drivers.cia402.object_dictionary import DataType, NmtCommand, PdoDirection
+from armload_drivers.cia402.process_data.drive_units import ArmUnits
+from armload_drivers.cia402.process_data.process_image import drive_image
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import (
+    MissingSafety,
+    ServoError,
+    ServoFault,
+    ServoTimeout,
+    SettingChanged,
+    WrongDevice,
+)
+from armload_drivers.simulation.drives.drive_dictionary import CELSIUS, DriveTraits
+from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
+from armload_drivers.simulation.plant_interface import IdealPlant
+
+SHORT = Timeouts(probe_s=0.01, sdo_s=0.01, mode_s=0.02, fault_reset_s=0.05)
+MASTER = 127
+
+
+class Bench:
+    """One simulated drive that answers SDO requests at once, and its bring-up by the master."""
+
+    def __init__(self, arm, drive_arm=None, answers=True, **traits):
+        self.queue = []
+        self.answers = answers
+        actual = (drive_arm or arm).drives[0]
+        self.drive = SimulatedDrive(
+            actual,
+            0,
+            IdealPlant(np.array([0.25])),
+            cycle_s=0.01,
+            traits=DriveTraits(**traits),
+            send=self._send,
+            rerouted=lambda: None,
+        )
+        self.drive.switch_on(0.0)
+        self.values = self.drive.dictionary.values
+        settings, self.arm = arm.drives[0], arm
+        self.link = BusLink(self)
+        self.sdo = SdoChannel(settings.node_id, settings.joint, self.link, SHORT.sdo_s)
+        self.setup = DriveSetup(
+            settings, arm, image=drive_image(settings), sdo=self.sdo, timeouts=SHORT, master_node_id=MASTER
+        )
+
+    def _send(self, cob_id, data):
+        if cob_id == od.SDO_TX_BASE + self.drive.node_id:
+            self.queue.append(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+
+    def send(self, message, timeout=None):
+        if self.answers:
+            self.drive.request(bytes(message.data), 0.0)
+
+    def recv(self, timeout=None):
+        return self.queue.pop(0) if self.queue else None
+
+    def control(self, *words):
+        for word in words:
+            self.drive.set_object(od.CONTROLWORD, word)
+
+
+@pytest.fixture
+def bench(arm_settings):
+    def bench(changes=None, **options):
+        return Bench(arm_settings(**(changes or {})), **options)
+
+    return bench
+
+
+def test_a_node_is_identified_before_anything_is_sent_that_changes_it(bench):
+    made = bench()
+    written = []
+    made.drive.dictionary.vetoes = dict.fromkeys(made.values, written.append)
+    assert made.setup.identify_before_reset() is True
+    assert written == []
+    assert made.setup.identity == Identity(
+        SIMULATION_IDENTITY.vendor_id, SIMULATION_IDENTITY.product_code, made.values[od.REVISION.key]
+    )
+    assert od.is_drive(made.setup.device_type)
+
+
+def test_a_silent_node_may_be_reset_only_if_it_cannot_be_a_real_drive(bench):
+    with pytest.raises(ServoTimeout, match="only simulated drives"):
+        bench(answers=False).setup.identify_before_reset()
+    real = {"identity": Identity(0x123, 0x456)}
+    assert bench(real, answers=False).setup.identify_before_reset() is False
+
+
+def test_a_node_that_was_reset_must_answer(bench):
+    bench().setup.require_alive()
+    with pytest.raises(ServoTimeout, match="no boot-up message"):
+        bench(answers=False).setup.require_alive()
+
+
+@pytest.mark.parametrize(
+    ("wanted", "said"),
+    [
+        (Identity(0x123, None), "vendor id"),
+        (Identity(SIMULATION_IDENTITY.vendor_id, 0x99), "product code"),
+        (replace(SIMULATION_IDENTITY, revision=0x77), "revision .* instead of 0x00000077"),
+        (Identity(None, None), None),
+    ],
+)
+def test_the_identity_is_that_of_the_configuration_as_far_as_it_states_one(bench, wanted, said):
+    setup = bench({"identity": wanted}).setup
+    if said is None:
+        assert setup.check_identity().vendor_id == SIMULATION_IDENTITY.vendor_id
+        return
+    with pytest.raises(WrongDevice, match=said):
+        setup.check_identity()
+
+
+def test_what_is_no_drive_is_refused(bench):
+    with pytest.raises(WrongDevice, match="node_id"):
+        bench(device_type=0x0002_0191).setup.check_identity()
+
+
+def test_configured_it_has_mode_cycle_and_pdos(bench):
+    made = bench(polarity=0x80)
+    assert [name for name, _ in made.setup.steps()] == ["modes", "scaling", "cycle", "PDOs", "mode"]
+    assert made.setup.configure() == 0x80
+    values = made.values
+    assert values[od.MODE_DISPLAY.key] == 8
+    assert values[od.CYCLE_PERIOD_US.key] == 10_000
+    in_use = {pdo.cob_id for pdo in (*made.drive.rpdos, *made.drive.tpdos) if pdo.cob_id}
+    image = drive_image(made.setup.settings)
+    assert in_use == {layout.cob_id for layout in image.layouts}
+    assert made.setup.objects.held[od.POLARITY] == 0x80
+    assert made.setup.objects.held[od.MODE_DISPLAY] == 8
+    made.setup.require_as_configured()
+
+
+def test_pdos_that_are_not_used_are_switched_off(bench):
+    made = bench()
+    for direction in PdoDirection:
+        made.drive.set_object(direction.cob_id_entry(3), 0x2A0 + direction.value[2])
+    assert made.drive.tpdos[3].cob_id is not None
+    made.setup.configure()
+    assert made.drive.tpdos[3].cob_id is made.drive.rpdos[3].cob_id is None
+
+
+def test_a_setting_that_changed_since_is_refused_by_name(bench):
+    made = bench()
+    made.setup.configure()
+    made.drive.set_object(od.CYCLE_PERIOD_US, 7)
+    with pytest.raises(SettingChanged, match="is 7, and was 10000"):
+        made.setup.require_as_configured()
+
+
+def test_a_mode_that_is_not_offered_is_refused_with_those_that_are(bench):
+    with pytest.raises(WrongDevice, match=r"mode 8 .* only 1, 7 \(6502\)"):
+        bench(modes=frozenset({1, 7})).setup.configure()
+    with pytest.raises(WrongDevice, match="only none"):
+        bench(modes=frozenset()).setup.configure()
+
+
+def test_a_mode_that_is_not_taken_is_a_timeout_with_the_one_reported(bench):
+    with pytest.raises(ServoTimeout, match=r"6061 reports mode 0 .* 8 was requested"):
+        bench(takes_mode=False).setup.configure()
+
+
+def test_a_scale_is_read_where_the_configuration_has_none_and_compared_where_it_has(bench, arm_settings):
+    drive_arm = arm_settings()
+    made = bench({"counts_per_rad": None, "rated_torque_nm": None, "rated_current_a": None}, drive_arm=drive_arm)
+    units = made.setup.read_units()
+    actual = drive_arm.drives[0]
+    assert units.counts_per_rad == pytest.approx(actual.counts_per_rad, rel=1e-6)
+    assert made.setup.settings.rated_torque_nm == pytest.approx(actual.rated_torque_nm)
+    assert made.setup.settings.rated_current_a == pytest.approx(actual.rated_current_a)
+    with pytest.raises(WrongDevice, match="Correct the configuration"):
+        bench({"rated_torque_nm": 150.0}, drive_arm=drive_arm).setup.read_units()
+
+
+def test_a_drive_without_607e_and_1008_has_no_polarity_and_no_name(bench):
+    made = bench(absent=frozenset({0x607E, 0x1008, 0x6085}))
+    assert made.setup.configure() == 0
+    report = made.setup.report()
+    assert report.name == ""
+    assert any("607E" in missing for missing in report.missing)
+    assert od.POLARITY not in made.setup.objects.held
+    assert "joint_2" in bench().setup.report().name
+
+
+@pytest.mark.parametrize(
+    ("changes", "absent", "said"),
+    [
+        ({}, {0x60B2}, "torque_offset = false"),
+        ({"torque_offset_bits": 32}, set(), "has 16 bits instead of 32.*torque_offset_bits = 16"),
+        ({}, {0x6078}, 'feedback = "torque"'),
+        ({"feedback": EffortFeedback.TORQUE}, {0x6077}, 'feedback = "current"'),
+        ({}, {0x6077, 0x6078}, "effort_object"),
+        ({"torque_offset": False}, {0x607A}, "another mode or another drive"),
+    ],
+)
+def test_an_object_that_a_pdo_needs_is_named_with_the_way_round(bench, arm_settings, changes, absent, said):
+    with pytest.raises(WrongDevice, match=f"(?s){said}"):
+        bench(changes, drive_arm=arm_settings(), absent=frozenset(absent)).setup.configure()
+
+
+def secured(made):
+    made.setup.configure()
+    made.setup.secure(ArmUnits(made.arm))
+    return made
+
+
+def test_secured_it_has_every_safety_property_and_watches_nobody_yet(bench):
+    made = secured(bench())
+    report = made.setup.report()
+    assert {finding.of for finding in report.safety} == set(Safety)
+    assert not any(finding.refused for finding in report.safety)
+    assert made.values[od.HEARTBEAT_CONSUMER.key] == 0
+    assert made.values[od.ABORT_CONNECTION_OPTION.key] != 0
+
+
+def test_the_watch_on_the_master_is_held_while_it_is_on(bench):
+    made = secured(bench())
+    watch = made.setup.watch_master(on=True)
+    assert watch >> 16 == MASTER
+    assert watch & 0xFFFF > 1e3 * made.arm.heartbeat_s
+    assert made.setup.objects.held[od.HEARTBEAT_CONSUMER] == made.values[od.HEARTBEAT_CONSUMER.key] == watch
+    assert made.setup.watch_master(on=False) == 0
+    assert od.HEARTBEAT_CONSUMER not in made.setup.objects.held
+
+
+def test_a_property_that_the_drive_lacks_is_refused_unless_accepted(bench):
+    lacking = frozenset({0x6065, 0x6066})
+    with pytest.raises(MissingSafety, match="following_error"):
+        secured(bench(absent=lacking))
+    made = secured(bench({"accept_missing": frozenset({"following_error"})}, absent=lacking))
+    (finding,) = (finding for finding in made.setup.report().safety if finding.way is None)
+    assert finding.of is Safety.FOLLOWING_ERROR
+    assert finding.accepted
+    assert not finding.refused
+    assert finding.obstacles
+
+
+def test_require_safety_names_no_more_than_what_is_refused(bench):
+    made = secured(bench())
+    findings = made.setup.report().safety
+    assert require_safety(made.setup.objects, None, findings) is None
+
+
+def test_objects_are_held_with_their_value_or_the_reason_why_not(bench):
+    made = bench(absent=frozenset({0x6085}), forgets=frozenset({0x6065}))
+    objects = DriveObjects(made.sdo)
+    assert objects.hold(od.QUICK_STOP_OPTION, 6) == ""
+    assert objects.held == {od.QUICK_STOP_OPTION: 6}
+    assert objects.hold(od.QUICK_STOP_DECELERATION, 5) == "no 6085"
+    assert "after 5 was written" in objects.hold(od.FOLLOWING_ERROR_WINDOW, 5)
+    assert "was refused (0x0609003" in objects.hold(od.QUICK_STOP_OPTION, 7)
+    assert "cannot be written, and must be 3" in objects.hold(od.DEVICE_TYPE, 3)
+    assert objects.hold(od.DEVICE_TYPE, made.values[od.DEVICE_TYPE.key]) == "", "it has the value already"
+    assert objects.read(od.QUICK_STOP_DECELERATION) is objects.read(od.QUICK_STOP_DECELERATION) is None
+    assert objects.missing == [od.QUICK_STOP_DECELERATION]
+
+
+def test_a_drive_that_makes_sync_itself_is_told_not_to(bench):
+    made = bench()
+    made.values[od.SYNC_COB_ID.key] = 0x4000_0080
+    write_cycle(DriveObjects(made.sdo), made.arm)
+    assert made.values[od.SYNC_COB_ID.key] == od.SYNC_DEFAULT_COB_ID
+    write_cycle(DriveObjects(bench(absent=frozenset({0x1005})).sdo), made.arm)
+
+
+def test_a_sync_counter_is_set_while_the_period_is_0(bench):
+    made = bench()
+    objects = DriveObjects(made.sdo)
+    write_cycle(objects, replace(made.arm, sync_counter=10))
+    assert made.values[od.SYNC_COUNTER_OVERFLOW.key] == 10
+    assert made.values[od.CYCLE_PERIOD_US.key] == 10_000
+    without = bench(absent=frozenset({0x1019}))
+    write_cycle(DriveObjects(without.sdo), without.arm)
+    with pytest.raises(ServoError, match="sync_counter = 0"):
+        write_cycle(DriveObjects(without.sdo), replace(without.arm, sync_counter=10))
+
+
+def test_an_interpolation_that_is_not_the_cycle_is_refused_with_the_rate_that_would_do(bench):
+    made = bench(forgets=frozenset({0x60C2}))
+    with pytest.raises(ServoError, match=r"over 0.01 s \(60C2\).*cycle of 0.004 s") as caught:
+        write_cycle(DriveObjects(made.sdo), replace(made.arm, cycle_s=0.004))
+    assert "cycle_hz = 100" in str(caught.value)
+    without = bench(absent=frozenset({0x60C2, 0x1006}))
+    objects = DriveObjects(without.sdo)
+    write_cycle(objects, without.arm)
+    assert set(objects.missing) == {od.CYCLE_PERIOD_US, od.INTERPOLATION_TIME, od.INTERPOLATION_EXPONENT}
+
+
+def test_torque_and_faults_are_told_apart_before_work_begins(bench):
+    made = bench()
+    setup = made.setup
+    setup.require_disabled()
+    assert setup.read_powered_state() is None
+    with pytest.raises(ServoError, match="No reset is required"):
+        setup.read_fault()
+    made.drive.command(NmtCommand.START, 0.0)
+    made.control(0x06, 0x07, 0x0F)
+    assert setup.read_powered_state() is State.OPERATION_ENABLED
+    with pytest.raises(ServoError, match="carries torque"):
+        setup.require_disabled()
+    setup.remove_torque(0.01)
+    assert setup.read_state() is State.SWITCH_ON_DISABLED
+    made.drive.fail(0x7300, 0.0)
+    assert "sensor" in setup.read_fault()
+    with pytest.raises(ServoFault, match="sensor"):
+        setup.require_disabled()
+    assert setup.reset_fault() is State.SWITCH_ON_DISABLED
+    assert made.values[od.CONTROLWORD.key] == 0
+
+
+def test_a_fault_whose_cause_persists_is_not_reset(bench):
+    made = bench()
+    made.drive.fail(0x7300, 0.0, persistent=True)
+    with pytest.raises(ServoFault, match="sensor"):
+        made.setup.reset_fault()
+    with pytest.raises(ServoError, match="No reset is required"):
+        bench().setup.reset_fault()
+
+
+def test_a_drive_that_keeps_its_torque_is_named(bench):
+    made = bench(stuck_in=State.OPERATION_ENABLED)
+    made.drive.command(NmtCommand.START, 0.0)
+    made.control(0x06, 0x07, 0x0F)
+    with pytest.raises(ServoError, match="keeps its torque"):
+        made.setup.remove_torque(0.01)
+
+
+def test_the_target_is_preset_to_the_present_position_without_an_offset(bench):
+    made = bench()
+    made.values |= {od.TARGET_POSITION.key: 5, od.TORQUE_OFFSET.key: 9}
+    counts = made.setup.hold_present_position()
+    assert counts == made.values[od.TARGET_POSITION.key] == round(0.25 * 1e6 / (2 * np.pi))
+    assert made.values[od.TORQUE_OFFSET.key] == 0
+    assert made.setup.read_position() == counts
+    made.setup.ask_position()
+    made.link.pump(0.0)
+    assert made.setup.answered_position() == counts
+
+
+def test_a_temperature_is_read_where_one_is_configured_in_its_unit(bench):
+    assert bench().setup.read_temperature_celsius() is None
+    place = TemperatureObject(0x2027, 0, DataType.I16, 0.1)
+    assert bench({"temperature": place}).setup.read_temperature_celsius() == pytest.approx(CELSIUS)
+
+
+def test_the_masters_node_is_the_highest_that_nobody_has(arm_settings):
+    arm = arm_settings()
+    assert master_node_id(arm) == 127
+    assert master_node_id(replace(arm, other_nodes=frozenset({127, 126}))) == 125
+
+
+def test_the_arm_gets_the_scales_that_its_drives_reported(bench, arm_settings):
+    made = bench({"rated_torque_nm": None}, drive_arm=arm_settings())
+    made.setup.read_units()
+    arm = arm_with(made.arm, [made.setup])
+    assert [drive.rated_torque_nm for drive in arm.drives] == [pytest.approx(200.0)]
+
+
+def test_the_simulation_is_known_by_vendor_and_product():
+    assert is_simulation(replace(SIMULATION_IDENTITY, revision=9))
+    assert not is_simulation(replace(SIMULATION_IDENTITY, product_code=9))
+    assert not is_simulation(replace(SIMULATION_IDENTITY, vendor_id=9))
