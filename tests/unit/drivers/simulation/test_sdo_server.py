@@ -3,6 +3,7 @@
 import struct
 
 import pytest
+from canopen.sdo.exceptions import SdoAbortedError
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import Access, DataType, Entry, PdoDirection
@@ -186,3 +187,16 @@ def test_read_only_means_read_only():
     dictionary = Dictionary()
     dictionary.add(entry, 1)
     assert refusal_of(dictionary, entry, 2) is Abort.READ_ONLY
+
+
+def test_the_abort_codes_are_those_that_another_library_knows():
+    for code in Abort:
+        assert code in SdoAbortedError.CODES, code.name
+    words = {
+        Abort.READ_ONLY: "read only",
+        Abort.WRITE_ONLY: "write only",
+        Abort.NO_SUBINDEX: "Subindex",
+        Abort.TOGGLE: "Toggle",
+    }
+    for code, text in words.items():
+        assert text.lower() in SdoAbortedError.CODES[code].lower()

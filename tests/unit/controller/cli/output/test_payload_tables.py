@@ -1,0 +1,170 @@
+"""Tables and lines on the console: CAD beside the estimate, feed-forward, a payload over time, written files."""
+
+import io
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import typer
+from rich.console import Console
+
+from armload_controller.cli.output.cad_table import comparison_table
+from armload_controller.cli.output.feedforward_output import following_error_table, offset_account
+from armload_controller.cli.output.findings_output import finish, require_not_wrong
+from armload_controller.cli.output.windows_output import show_windows, write_picture
+from armload_controller.control_errors import CommissioningError
+from armload_controller.feedforward.offset_check import CERTAINTY, OffsetVerdict
+from armload_controller.session.feedforward_comparison import Comparison as Following
+from armload_controller.session.feedforward_comparison import Measure
+from armload_identification.verdict.agreement import Outcome
+from armload_identification.verdict.cad_comparison import Comparison
+
+
+def shown(table):
+    console = Console(file=io.StringIO(), width=400, markup=False)
+    console.print(table)
+    return console.file.getvalue()
+
+
+def rows(text):
+    return [[cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines() if line.startswith("│")]
+
+
+class Screen:
+    """Notes what it is given."""
+
+    def __init__(self):
+        self.tables, self.lines = [], []
+
+    def table(self, table):
+        self.tables.append(table)
+
+    def step(self, text):
+        self.lines.append(text)
+
+    result = step
+
+
+def test_ten_values_stand_beside_cad_with_their_error_or_as_not_determined():
+    truth = np.arange(1.0, 11.0)
+    determined = np.arange(10) != 9
+    result = Comparison("flange", 1.1 * truth, truth, np.full(10, 0.1), determined)
+    found = rows(shown(comparison_table(result)))
+    assert found[0] == ["m", "1.0000", "1.1000", "10.00 %", "kg"]
+    assert found[3] == ["c_z", "4.0000", "4.4000", "10.00 %", "m"]
+    assert found[4][4] == "kg m2"
+    assert len(found) == 10
+    assert found[9][1] == "10.0000"
+    assert found[9][3] == ""
+
+
+def offset(gain):
+    n = len(gain)
+    return OffsetVerdict(("base", "elbow", "wrist")[:n], np.ones(n), np.array(gain), np.full(n, CERTAINTY / 2), 3)
+
+
+def test_the_response_is_told_of_usable_joints_and_the_others_are_named():
+    assert offset_account(offset([1.0, 1.01])).endswith("base 100 %, elbow 101 %")
+    some = offset_account(offset([1.0, 5.0, -1.0]))
+    assert "base 100 %; " in some
+    assert "elbow, wrist" in some
+    assert "500" not in some
+
+
+def test_errors_with_feed_forward_are_told_as_less_and_loaded_joints_are_marked():
+    error = np.ones((50, 2)) * [2e-3, 1e-3]
+    following = Following(
+        next(iter(Measure)), ("base", "elbow"), np.arange(50.0), error, {"model": 0.25 * error}, np.array([0.01, 30.0])
+    )
+    found = rows(shown(following_error_table(following)))
+    assert found == [["base", "0.0", "2.000", "75.0 % less"], ["elbow *", "30.0", "1.000", "75.0 % less"]]
+    for measure in Measure:
+        one = Following(measure, ("base", "elbow"), np.arange(50.0), error, {}, np.array([0.01, 30.0]))
+        assert ("subtracted" in following_error_table(one).caption) is (measure is Measure.TORQUES)
+
+
+def history():
+    return SimpleNamespace(
+        robot="six",
+        rows=lambda: [("0 to 5", "2.0", "1 2 3", ""), ("5 to 9", "", "", "gap")],
+        picture=lambda path: path.write_text("a picture"),
+        to_dict=lambda: {"windows": []},
+    )
+
+
+def test_windows_are_shown_drawn_and_printed_where_wanted(tmp_path, capsys):
+    screen = Screen()
+    show_windows(screen, history(), picture=None, as_json=False)
+    assert rows(shown(screen.tables[0]))[1] == ["5 to 9", "", "", "gap"]
+    assert "six" in shown(screen.tables[0])
+    assert screen.lines == []
+    assert capsys.readouterr().out == ""
+    picture = tmp_path / "a.png"
+    show_windows(screen, history(), picture=picture, as_json=True)
+    assert picture.read_text() == "a picture"
+    assert screen.lines == [f"written: {picture}"]
+    assert json.loads(capsys.readouterr().out) == {"windows": [], "files": {"picture": str(picture)}}
+
+
+def test_a_picture_of_no_known_kind_is_refused_by_name(tmp_path):
+    def draw(path):
+        raise ValueError("no such format")
+
+    with pytest.raises(CommissioningError, match=r"a\.gif: no such format"):
+        write_picture(Screen(), draw, tmp_path / "a.gif")
+
+
+def findings(outcome=Outcome.RIGHT):
+    made = []
+    return SimpleNamespace(
+        content=SimpleNamespace(identification=None, validation=None),
+        payload=None,
+        truth=None,
+        notes=("one", "two"),
+        outcome=outcome,
+        save=lambda path: made.append(("payload", path)),
+        report=lambda path: made.append(("report", path)),
+        to_dict=lambda: {"outcome": outcome.name},
+        made=made,
+    )
+
+
+@pytest.fixture
+def unlisted(make_subject):
+    """Findings of a shipped arm's payload."""
+
+    def unlisted(**changes):
+        found = findings(**changes)
+        found.payload = make_subject().payload
+        return found
+
+    return unlisted
+
+
+@pytest.mark.parametrize(
+    ("payload", "report"), [(None, None), ("p.toml", None), (None, "r.html"), ("p.toml", "r.html")]
+)
+def test_the_files_that_are_wanted_are_written_and_named(unlisted, tmp_path, capsys, payload, report):
+    paths = {"payload": payload and tmp_path / payload, "report": report and tmp_path / report}
+    for as_json in (False, True):
+        screen, found = Screen(), unlisted()
+        finish(screen, found, **paths, as_json=as_json)
+        written = [(kind, path) for kind, path in paths.items() if path]
+        assert found.made == written
+        assert screen.lines == ["note: one", "note: two", *(f"written: {path}" for _, path in written)]
+        assert len(screen.tables) == 1
+        out = capsys.readouterr().out
+        assert bool(out) is as_json
+        if as_json:
+            assert json.loads(out)["files"] == {kind: path and str(path) for kind, path in paths.items()}
+
+
+@pytest.mark.parametrize("outcome", list(Outcome))
+def test_only_a_wrong_payload_ends_with_status_3(outcome):
+    if outcome is not Outcome.WRONG:
+        require_not_wrong(findings(outcome))
+        return
+    with pytest.raises(typer.Exit) as caught:
+        require_not_wrong(findings(outcome))
+    assert caught.value.exit_code == 3

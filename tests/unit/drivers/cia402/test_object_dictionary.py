@@ -1,0 +1,80 @@
+"""The objects of the standards: those that a drive with all of them has, and no two with the same place."""
+
+import pytest
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.device_description import parse_description
+from armload_drivers.cia402.object_dictionary import DataType, Entry, Mappable, PdoDirection
+from tests.drive_descriptions import eds, maker_drive
+
+pytestmark = pytest.mark.pure
+
+ENTRIES = {name: value for name, value in vars(od).items() if isinstance(value, Entry)}
+OPTIONAL = {
+    "DEVICE_NAME", "SOFTWARE_VERSION", "EMERGENCY_COB_ID", "ERROR_COUNT", "REVISION", "SERIAL_NUMBER",
+    "SYNC_COUNTER_OVERFLOW", "SDO_RX_COB_ID", "SDO_TX_COB_ID", "VELOCITY_ACTUAL", "POLARITY", "FOLLOWING_ERROR_ACTUAL",
+    "GEAR_MOTOR_REVOLUTIONS", "GEAR_SHAFT_REVOLUTIONS", "FEED", "FEED_SHAFT_REVOLUTIONS", "TORQUE_OFFSET_32",
+}  # fmt: skip
+"""Not in the description of the tests."""
+
+
+@pytest.mark.parametrize("name", sorted(ENTRIES.keys() - OPTIONAL))
+def test_an_object_has_the_place_type_and_mapping_of_a_maker(name):
+    entry = ENTRIES[name]
+    found = parse_description(eds(maker_drive()).encode(), "maker.eds").find(entry)
+    assert found is not None, f"{entry} is not in a description with all objects"
+    assert found.type is entry.type
+    if entry.mappable is Mappable.RPDO:
+        assert found.mappable in {Mappable.RPDO, Mappable.BOTH}
+    if entry.mappable is Mappable.TPDO and name != "ERROR_REGISTER":
+        assert found.mappable in {Mappable.TPDO, Mappable.BOTH}
+
+
+@pytest.mark.parametrize(
+    ("pair", "index"),
+    [(("GEAR_MOTOR_REVOLUTIONS", "GEAR_SHAFT_REVOLUTIONS"), "6091"), (("FEED", "FEED_SHAFT_REVOLUTIONS"), "6092")],
+)
+def test_the_two_halves_of_a_ratio_follow_each_other(pair, index):
+    numerator, denominator = (ENTRIES[name] for name in pair)
+    assert f"{numerator.index:04X}" == f"{denominator.index:04X}" == index
+    assert (numerator.subindex, denominator.subindex) == (1, 2)
+
+
+def test_no_two_objects_share_a_place():
+    keys = [entry.key for name, entry in ENTRIES.items() if name != "TORQUE_OFFSET_32"]
+    assert len(set(keys)) == len(keys)
+    assert [entry.subindex for entry in od.ERROR_HISTORY] == [1, 2, 3, 4]
+
+
+def test_a_mapping_word_is_index_subindex_and_bits():
+    assert od.CONTROLWORD.mapping == 0x6040_0010
+    assert od.INTERPOLATION_SETPOINT.mapping == 0x60C1_0120
+    assert od.MODE.mapping == 0x6060_0008
+
+
+def test_bounds_are_those_of_the_bits():
+    assert DataType.I16.bounds == (-(2**15), 2**15 - 1)
+    assert DataType.U8.bounds == (0, 255)
+    assert DataType.U32.bounds == (0, 2**32 - 1)
+    assert (DataType.I8.bits, DataType.I32.bits, DataType.U16.bits) == (8, 32, 16)
+
+
+def test_pdos_have_the_identifiers_of_the_predefined_set():
+    receive = [PdoDirection.RECEIVE.default_cob_id(number, 5) for number in range(4)]
+    transmit = [PdoDirection.TRANSMIT.default_cob_id(number, 5) for number in range(4)]
+    assert receive == [0x205, 0x305, 0x405, 0x505]
+    assert transmit == [0x185, 0x285, 0x385, 0x485]
+    assert not PdoDirection.RECEIVE.carries(Mappable.TPDO)
+    assert PdoDirection.TRANSMIT.carries(Mappable.BOTH)
+
+
+@pytest.mark.parametrize("device_type", [0x0002_0192, 0xFFFF_0192, 0x192])
+def test_the_low_half_of_the_device_type_makes_a_drive(device_type):
+    assert od.is_drive(device_type)
+    assert not od.is_drive(device_type ^ 0x001)
+    assert not od.is_drive(device_type ^ 0x8000)
+
+
+def test_what_is_no_drive_is_named_where_its_profile_is_known():
+    assert "encoders" in od.no_drive(0x0022_0196)
+    assert "profile 400;" in od.no_drive(0x190)
