@@ -167,3 +167,14 @@ def test_a_journal_that_holds_something_else_is_named_with_its_line(tmp_path, te
     (tmp_path / "journal-a.jsonl").write_text(text)
     with pytest.raises(FleetError, match=r"journal-a\.jsonl, line 1: not a row .* move the file away"):
         RowStore(tmp_path)
+
+
+def test_the_line_is_counted_from_the_top_of_the_journal(tmp_path):
+    store = RowStore(tmp_path)
+    store.add(row(0))
+    store.add(row(1))
+    (journal,) = tmp_path.glob("journal-*.jsonl")
+    with journal.open("a") as file:
+        file.write("{\n")
+    with pytest.raises(FleetError, match="line 3: not a row"):
+        RowStore(tmp_path)

@@ -13,6 +13,17 @@ pytestmark = pytest.mark.pure
         (0x0000, "no error"),
         (0x8611, "following error"),
         (0x8130, "no longer receives its master's heartbeat"),
+        (0x2310, "continuous overcurrent at the output"),
+        (0x3210, "DC link overvoltage"),
+        (0x3220, "DC link undervoltage"),
+        (0x4310, "drive too hot"),
+        (0x7121, "motor blocked"),
+        (0x7305, "incremental sensor 1"),
+        (0x7306, "sensor"),  # listed class 0x7300
+        (0x8140, "bus-off"),
+        (0x8250, "no setpoints from the master"),
+        (0x8400, "velocity controller"),
+        (0xFEFF, "not listed"),
         (0x2345, "short circuit at the output"),  # listed class 0x2340
         (0x2377, "output side"),  # listed class 0x2300
         (0xFF12, "vendor-specific"),

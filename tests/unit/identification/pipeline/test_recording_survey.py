@@ -1,0 +1,96 @@
+"""Facts about a recording: its rate and gaps, when the arm moves, its period, and what is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armload_identification.pipeline.recording_survey import pair_problem, survey
+from armload_identification.recording.recording import Recording
+
+pytestmark = pytest.mark.pure
+
+STEP_S = 0.01
+
+
+def recording(position, step_s=STEP_S, **effort):
+    position = np.asarray(position, dtype=float)
+    time_s = 3.0 + step_s * np.arange(len(position))
+    return Recording.from_arrays(time_s, position, **(effort or {"torque_nm": 2.0 * position + 1.0}))
+
+
+def swing(period_s=2.0, before_s=1.0, cycles=3, after_s=1.5, step_s=STEP_S):
+    """A joint that swings in the middle of a run; the other one follows at half the size."""
+    rest = [round(wait_s / step_s) for wait_s in (before_s, after_s)]
+    phase = step_s * np.arange(round(cycles * period_s / step_s))
+    motion = np.concatenate([np.zeros(rest[0]), np.sin(2.0 * np.pi * phase / period_s), np.zeros(rest[1])])
+    return np.column_stack([motion, 0.5 * motion])
+
+
+def test_rate_length_and_ranges_are_those_of_the_rows():
+    found = survey(recording(swing()))
+    assert found.rate_hz == pytest.approx(100.0)
+    assert found.duration_s == pytest.approx(8.49)
+    np.testing.assert_allclose(found.position_rad, [[-1.0, 1.0], [-0.5, 0.5]], atol=1e-3)
+    np.testing.assert_allclose(found.effort, [[-1.0, 3.0], [0.0, 2.0]], atol=1e-3)
+    np.testing.assert_allclose(found.speed_rad_s, [np.pi, 0.5 * np.pi], rtol=1e-3)
+    assert (found.holes, found.longest_hole_s, found.interruptions) == (0, 0.0, 0)
+    assert found.missing == ()
+
+
+def test_the_motion_is_found_between_the_times_of_rest():
+    start, end = survey(recording(swing())).moving_s
+    assert start == pytest.approx(1.0, abs=0.11)
+    assert end == pytest.approx(7.0, abs=0.11)
+
+
+@pytest.mark.parametrize(("cycles", "periods"), [(3, 3), (4, 4), (1, 0)])
+def test_a_motion_that_repeats_has_a_period(cycles, periods):
+    found = survey(recording(swing(cycles=cycles)))
+    assert found.periods == pytest.approx(periods, abs=0)
+    assert found.period_s == (pytest.approx(2.0, rel=3e-3) if periods else None)
+
+
+def test_noise_of_encoders_and_creeping_are_no_motion():
+    noise = 2e-4 * np.random.default_rng(1).choice([-1.0, 1.0], size=(600, 2))
+    slow = np.linspace(0.0, 0.03, 600)[:, None] * np.ones(2)
+    for position in (noise, slow):
+        found = survey(recording(position, torque_nm=1.0 + np.sin(np.arange(1200.0)).reshape(600, 2)))
+        assert found.moving_s is None
+        assert found.period_s is None
+        assert any("no joint moves" in missing for missing in found.missing)
+
+
+def test_gaps_are_counted_from_three_intervals_on():
+    whole = recording(swing())
+    keep = np.ones(whole.size, dtype=bool)
+    keep[[200, 201, 300, 301, 302, 303]] = False
+    gap = Recording.from_arrays(whole.time_s[keep], whole.position_rad[keep], torque_nm=whole.torque_nm[keep])
+    found = survey(gap)
+    assert found.holes == 1
+    assert found.longest_hole_s == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(("step_s", "told"), [(0.049, False), (0.0501, True), (0.1, True)])
+def test_a_slow_log_is_told(step_s, told):
+    found = survey(recording(swing(period_s=4.0, step_s=step_s), step_s))
+    assert any("20 or more" in missing for missing in found.missing) is told
+
+
+def test_a_torque_that_never_changes_is_missing():
+    found = survey(recording(swing(), torque_nm=np.ones((850, 2))))
+    assert len(found.missing) == 1
+    one = np.column_stack([np.ones(850), swing()[:, 0]])
+    assert survey(recording(swing(), torque_nm=one)).missing == ()
+
+
+def test_the_effort_is_named():
+    assert survey(recording(swing())).effort_kind == "joint torque"
+    assert survey(recording(swing(), current_a=swing())).effort_kind == "motor current"
+
+
+def test_a_pair_is_of_one_motion_and_one_quantity():
+    run = recording(swing(cycles=4))
+    assert pair_problem(run, run) is None
+    assert pair_problem(run, recording(swing(cycles=4), current_a=swing(cycles=4))) is not None
+    assert pair_problem(run, recording(1.5 * swing(cycles=4))) is not None
