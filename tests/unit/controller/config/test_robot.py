@@ -10,6 +10,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot, shipped_robots
 from armload_controller.control_errors import ConfigurationError
+from armload_identification.files.payload_file import write_payload
 
 CONFIGS = Path(str(resources.files("armload_configs")))
 
@@ -252,3 +253,17 @@ def test_a_drive_that_gives_less_than_its_joint_takes_bounds_what_is_added(edite
     assert robot.limits.added_torque_max_nm[0] == pytest.approx(148.0)
     assert robot.limits.added_torque_max_nm[1] == pytest.approx(370.0)
     assert robot.limits.torque_max_nm[0] == 370.0
+
+
+def test_a_twin_carries_a_body_of_its_own_file_or_of_a_payload_file(make_subject, tmp_path):
+    simulation = load_robot("er50").simulation
+    own = simulation.payload("paper")
+    np.testing.assert_allclose(simulation.mounted("paper").mass_kg, own.mass_kg)
+    payload = make_subject().payload
+    write_payload(tmp_path / "found.toml", payload)
+    mounted = simulation.mounted(str(tmp_path / "found.toml"))
+    assert mounted.mass_kg == pytest.approx(payload.model.mass_kg)
+    np.testing.assert_allclose(mounted.center_of_mass_m, payload.model.center_of_mass_m, rtol=1e-6)
+    np.testing.assert_allclose(mounted.inertia_kg_m2, payload.model.inertia_about_com, rtol=1e-6)
+    with pytest.raises(ConfigurationError, match="expected one of .*paper.*path of a payload file"):
+        simulation.mounted("papers")
