@@ -265,5 +265,5 @@ def test_a_twin_carries_a_body_of_its_own_file_or_of_a_payload_file(make_subject
     assert mounted.mass_kg == pytest.approx(payload.model.mass_kg)
     np.testing.assert_allclose(mounted.center_of_mass_m, payload.model.center_of_mass_m, rtol=1e-6)
     np.testing.assert_allclose(mounted.inertia_kg_m2, payload.model.inertia_about_com, rtol=1e-6)
-    with pytest.raises(ConfigurationError, match="expected one of .*paper.*path of a payload file"):
+    with pytest.raises(ConfigurationError, match=r"expected one of .*paper.*path of a payload file"):
         simulation.mounted("papers")
