@@ -167,6 +167,17 @@ def test_what_is_not_given_is_a_hole_with_its_place(drafted):
         load_robot(str(path))
 
 
+def test_friction_that_is_not_given_or_is_most_of_the_torque_is_assumed_and_listed(drafted):
+    _, file, path = drafted()
+    assert not any(sentence.startswith("friction:") for sentence in file.unchecked)
+    for given in ("0", "79"):
+        _, file, path = drafted(URDF.replace('friction="1.5"', f'friction="{given}"', 1))
+        first, *others = load_robot(str(path)).strength.arm_body.coulomb_nm
+        assert 1.5 < first < 40.0
+        assert set(others) == {1.5}
+        assert any(sentence.startswith("friction:") for sentence in file.unchecked)
+
+
 def test_a_joint_that_turns_without_end_gets_one_turn_and_is_listed(drafted):
     _, file, path = drafted(URDF.replace('name="j4" type="revolute"', 'name="j4" type="continuous"'))
     assert load_robot(str(path)).limits.motion.position_max_rad[3] == 3.14159

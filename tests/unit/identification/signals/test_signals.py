@@ -371,3 +371,14 @@ def test_the_start_of_a_run_is_not_in_its_average_period(pinocchio_arm):
     np.testing.assert_array_equal(found.states.acceleration_rad_s2, expected.states.acceleration_rad_s2)
     np.testing.assert_array_equal(found.raw_nm, expected.raw_nm)
     assert found.valid.all()
+
+
+def test_a_phase_without_samples_is_filled_between_its_neighbours_and_not_valid(pair, pinocchio_arm):
+    run = pair[0]
+    phases = phases_per_period(run)
+    kept = run.rows(np.arange(run.size) % phases != 40)
+    folded = fold(kept, joint_torque(kept, pinocchio_arm.transmission), phases)
+    (hole,) = np.flatnonzero(~folded.valid)
+    assert folded.valid.size == phases
+    between = 0.5 * (folded.torque_nm[hole - 1] + folded.torque_nm[hole + 1])
+    np.testing.assert_allclose(folded.torque_nm[hole], between, rtol=1e-9)

@@ -68,6 +68,7 @@ def test_the_first_and_the_last_run_are_judged_as_any_other(place, size):
 
 def test_two_runs_that_differ_are_one_level():
     assert chart(np.array([0.0, 9.0])).level == pytest.approx([4.5, 4.5])
+    assert chart(np.array([0.0, 9.0])).spread > 1.0
     assert chart(np.array([9.0])).level == pytest.approx([9.0])
 
 
