@@ -8,16 +8,17 @@ import pytest
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.reading_options import ReadingOptions
 from tests.recording_files import csv_rows, write_csv
 
 pytestmark = pytest.mark.pure
 
-COLUMNS = CsvColumns(time=0, position=[1, 2], velocity=[3, 4], current=[5, 6])
+COLUMNS = ReadingOptions(CsvColumns(time=0, position=[1, 2], velocity=[3, 4], current=[5, 6]))
 
 
 def test_csv_with_and_without_a_header_line(tmp_path):
     plain = read_recording(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
-    names = CsvColumns("t", ["q1", "q2"], current=["i1", "i2"])
+    names = ReadingOptions(CsvColumns("t", ["q1", "q2"], current=["i1", "i2"]))
     headed = read_recording(write_csv(tmp_path / "b.csv", ["t,q1,q2,v1,v2,i1,i2", *csv_rows()]), names)
     np.testing.assert_array_equal(plain.current_a, headed.current_a)
     np.testing.assert_allclose(plain.position_rad[:, 0], np.sin(0.03 * np.arange(60)), atol=1e-5)
@@ -82,10 +83,18 @@ def test_one_wild_time_stamp_does_not_cost_the_rest(tmp_path):
     ("rows", "columns", "said"),
     [
         ([""], COLUMNS, "is empty"),
-        (csv_rows(), CsvColumns(0, [1, 2]), "neither motor current nor joint torque"),
-        (csv_rows(), CsvColumns(0, [1, 2], current=[6, 7]), "have 7 columns, but the column map refers to column 7"),
-        (csv_rows(), CsvColumns("t", [1, 2], current=[5, 6]), "no header line"),
-        (["a,b,c,d,e,f,g", *csv_rows()], CsvColumns("t", [1, 2], current=[5, 6]), "no column 't' .* a, b, c"),
+        (csv_rows(), ReadingOptions(CsvColumns(0, [1, 2])), "neither motor current nor joint torque"),
+        (
+            csv_rows(),
+            ReadingOptions(CsvColumns(0, [1, 2], current=[6, 7])),
+            "have 7 columns, but the column map refers to column 7",
+        ),
+        (csv_rows(), ReadingOptions(CsvColumns("t", [1, 2], current=[5, 6])), "no header line"),
+        (
+            ["a,b,c,d,e,f,g", *csv_rows()],
+            ReadingOptions(CsvColumns("t", [1, 2], current=[5, 6])),
+            "no column 't' .* a, b, c",
+        ),
         (["nan,nan,nan,nan,nan,nan,nan"] * 50, COLUMNS, "0 usable rows of 50 .50 not finite"),
         (csv_rows(12), COLUMNS, "12 usable rows"),
         (csv_rows(scale=57.29578), COLUMNS, "look like degrees"),
