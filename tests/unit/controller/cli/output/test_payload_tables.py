@@ -15,10 +15,10 @@ from armload_controller.cli.output.findings_output import finish, require_not_wr
 from armload_controller.cli.output.windows_output import show_windows, write_picture
 from armload_controller.control_errors import CommissioningError
 from armload_controller.feedforward.offset_check import CERTAINTY, OffsetVerdict
-from armload_controller.session.feedforward_comparison import Comparison as Following
+from armload_controller.session.feedforward_comparison import FollowingComparison as Following
 from armload_controller.session.feedforward_comparison import Measure
 from armload_identification.verdict.agreement import Outcome
-from armload_identification.verdict.cad_comparison import Comparison
+from armload_identification.verdict.cad_comparison import FollowingComparison
 
 
 def shown(table):
@@ -49,7 +49,7 @@ class Screen:
 def test_ten_values_stand_beside_cad_with_their_error_or_as_not_determined():
     truth = np.arange(1.0, 11.0)
     determined = np.arange(10) != 9
-    result = Comparison("flange", 1.1 * truth, truth, np.full(10, 0.1), determined)
+    result = FollowingComparison("flange", 1.1 * truth, truth, np.full(10, 0.1), determined)
     found = rows(shown(comparison_table(result)))
     assert found[0] == ["m", "1.0000", "1.1000", "10.00 %", "kg"]
     assert found[3] == ["c_z", "4.0000", "4.4000", "10.00 %", "m"]
