@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain as chain_of
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -97,7 +98,8 @@ def by_identify(loaded: Recording, unloaded: Recording, chain: Chain, transmissi
 def run(seeds: int) -> None:
     """Print the table."""
     print("  case                              | by       |  mass rms  +-   held |  centre rms  +-   held | CPU s")
-    for case in (*measured(), *panda(seeds), *simulated(seeds)):
+    # One after the other: the recordings of all cases would not fit into memory.
+    for case in chain_of(measured(), panda(seeds), simulated(seeds)):
         pairs = list(case.pairs)
         for label, method in (("identify", by_identify), ("solve", by_solve)):
             _row(case, pairs, label, method)
@@ -160,7 +162,9 @@ def _row(case: Case, pairs: list[Pair], label: str, method: Callable[..., Values
         return
     error, half = np.array(errors), np.array(widths)
     parts = [
-        f"{factor * np.sqrt(np.mean(error[:, at] ** 2)):7.2f} {factor * half[:, at].mean():7.2f} "
+        "not known".ljust(24)
+        if np.isnan(error[:, at]).any()
+        else f"{factor * np.sqrt(np.mean(error[:, at] ** 2)):7.2f} {factor * half[:, at].mean():7.2f} "
         f"{np.mean(np.abs(error[:, at]) <= half[:, at]):5.0%} {unit}"
         for at, factor, unit in ((slice(0, 1), 1e3, "g"), (slice(1, 4), 1e3, "mm"))
     ]

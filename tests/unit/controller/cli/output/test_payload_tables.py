@@ -9,16 +9,16 @@ import pytest
 import typer
 from rich.console import Console
 
+from armload_controller.cli import screen as screen_module
 from armload_controller.cli.output.cad_table import comparison_table
 from armload_controller.cli.output.feedforward_output import following_error_table, offset_account
 from armload_controller.cli.output.findings_output import finish, require_not_wrong
 from armload_controller.cli.output.windows_output import show_windows, write_picture
 from armload_controller.control_errors import CommissioningError
 from armload_controller.feedforward.offset_check import CERTAINTY, OffsetVerdict
-from armload_controller.session.feedforward_comparison import FollowingComparison as Following
-from armload_controller.session.feedforward_comparison import Measure
+from armload_controller.session.feedforward_comparison import FollowingComparison, Measure
 from armload_identification.verdict.agreement import Outcome
-from armload_identification.verdict.cad_comparison import FollowingComparison
+from armload_identification.verdict.cad_comparison import RelativeErrors
 
 
 def shown(table):
@@ -31,10 +31,11 @@ def rows(text):
     return [[cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines() if line.startswith("│")]
 
 
-class Screen:
+class Screen(screen_module.Screen):
     """Notes what it is given."""
 
-    def __init__(self):
+    def __init__(self, *, as_json=False):
+        super().__init__(as_json=as_json)
         self.tables, self.lines = [], []
 
     def table(self, table):
@@ -49,7 +50,7 @@ class Screen:
 def test_ten_values_stand_beside_cad_with_their_error_or_as_not_determined():
     truth = np.arange(1.0, 11.0)
     determined = np.arange(10) != 9
-    result = FollowingComparison("flange", 1.1 * truth, truth, np.full(10, 0.1), determined)
+    result = RelativeErrors("flange", 1.1 * truth, truth, np.full(10, 0.1), determined)
     found = rows(shown(comparison_table(result)))
     assert found[0] == ["m", "1.0000", "1.1000", "10.00 %", "kg"]
     assert found[3] == ["c_z", "4.0000", "4.4000", "10.00 %", "m"]
@@ -74,13 +75,13 @@ def test_the_response_is_told_of_usable_joints_and_the_others_are_named():
 
 def test_errors_with_feed_forward_are_told_as_less_and_loaded_joints_are_marked():
     error = np.ones((50, 2)) * [2e-3, 1e-3]
-    following = Following(
+    following = FollowingComparison(
         next(iter(Measure)), ("base", "elbow"), np.arange(50.0), error, {"model": 0.25 * error}, np.array([0.01, 30.0])
     )
     found = rows(shown(following_error_table(following)))
     assert found == [["base", "0.0", "2.000", "75.0 % less"], ["elbow *", "30.0", "1.000", "75.0 % less"]]
     for measure in Measure:
-        one = Following(measure, ("base", "elbow"), np.arange(50.0), error, {}, np.array([0.01, 30.0]))
+        one = FollowingComparison(measure, ("base", "elbow"), np.arange(50.0), error, {}, np.array([0.01, 30.0]))
         assert ("subtracted" in following_error_table(one).caption) is (measure is Measure.TORQUES)
 
 
@@ -95,13 +96,14 @@ def history():
 
 def test_windows_are_shown_drawn_and_printed_where_wanted(tmp_path, capsys):
     screen = Screen()
-    show_windows(screen, history(), picture=None, as_json=False)
+    show_windows(screen, history(), picture=None)
     assert rows(shown(screen.tables[0]))[1] == ["5 to 9", "", "", "gap"]
     assert "six" in shown(screen.tables[0])
     assert screen.lines == []
     assert capsys.readouterr().out == ""
     picture = tmp_path / "a.png"
-    show_windows(screen, history(), picture=picture, as_json=True)
+    screen = Screen(as_json=True)
+    show_windows(screen, history(), picture=picture)
     assert picture.read_text() == "a picture"
     assert screen.lines == [f"written: {picture}"]
     assert json.loads(capsys.readouterr().out) == {"windows": [], "files": {"picture": str(picture)}}
@@ -148,8 +150,8 @@ def unlisted(make_subject):
 def test_the_files_that_are_wanted_are_written_and_named(unlisted, tmp_path, capsys, payload, report):
     paths = {"payload": payload and tmp_path / payload, "report": report and tmp_path / report}
     for as_json in (False, True):
-        screen, found = Screen(), unlisted()
-        finish(screen, found, **paths, as_json=as_json)
+        screen, found = Screen(as_json=as_json), unlisted()
+        finish(screen, found, **paths)
         written = [(kind, path) for kind, path in paths.items() if path]
         assert found.made == written
         assert screen.lines == ["note: one", "note: two", *(f"written: {path}" for _, path in written)]
