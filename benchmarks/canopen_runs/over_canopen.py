@@ -18,7 +18,7 @@ from armload_identification.signals.joint_torque import Transmission
 
 
 def commissioned(pool: Executor, robot_name: str, transmission: Transmission, seed: int) -> Identification:
-    """Both halves of a commissioning over CANopen, each in its own process, and the identification from them.
+    """Both halves of a commissioning over CANopen, and the identification from them.
 
     Args:
         pool: Processes.
@@ -27,9 +27,9 @@ def commissioned(pool: Executor, robot_name: str, transmission: Transmission, se
         seed: Decides the noise; 0 is that of the shipped simulation.
     """
     with tempfile.TemporaryDirectory() as directory:
-        halves = [pool.submit(_record, robot_name, load, directory, seed) for load in Load]
-        for half in halves:
-            half.result()
+        # The loaded half reads the unloaded one's slow round: one after the other.
+        for load in (Load.UNLOADED, Load.LOADED):
+            pool.submit(_record, robot_name, load, directory, seed).result()
         robot = load_robot(robot_name)
         runs = read_pair(robot, Path(directory), "identification")
         return identify(runs.loaded, runs.unloaded, robot.chain, transmission)
@@ -42,7 +42,6 @@ def _record(robot_name: str, load: Load, directory: str, seed: int) -> None:
     simulation = robot.simulation_table
     noisy = simulation.model_copy(update={"seed": simulation.seed + len(Load) * seed})
     robot = replace(robot, excitations=robot.excitations | {"validation": short}).with_tables(simulation=noisy)
-    # Both halves run in parallel, each in its own process with its own virtual bus.
     record_half(
         robot, load, lambda which: simulated_arm(robot, which), no_operator(), CommissioningPlan(Path(directory))
     )
