@@ -128,7 +128,7 @@ def _weakest_direction(agreement: Agreement) -> str:
     if abs(agreement.weakest[axis]) >= VerdictText.along:
         return f"along the flange's {_AXES[axis]} axis"
     vector = agreement.weakest * np.sign(agreement.weakest[axis])
-    return "along [" + ", ".join(f"{value:.2f}" for value in vector) + "] in the flange frame"
+    return "along [" + ", ".join(f"{value:z.2f}" for value in vector) + "] in the flange frame"
 
 
 def _joint_sentences(verdict: PayloadVerdict, names: Sequence[str]) -> list[str]:

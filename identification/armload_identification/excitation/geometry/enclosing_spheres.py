@@ -56,6 +56,8 @@ def _slices(points: FloatArray) -> list[tuple[FloatArray, float]]:
     found = []
     for low, high in pairwise(edges):
         part = along[(along[:, 0] >= low - SURFACE_M) & (along[:, 0] <= high + SURFACE_M)]
+        if not part.size:
+            continue  # between two bodies that are far apart
         centre = 0.5 * (part.min(axis=0) + part.max(axis=0))
         radius = float(np.linalg.norm(part - centre, axis=1).max()) + MARGIN_M
         found.append((middle + turn @ centre, radius))

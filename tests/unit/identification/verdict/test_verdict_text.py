@@ -137,6 +137,7 @@ def test_an_own_run_cannot_confirm_but_contradict():
         (np.array([0.0, -0.95, 0.3122]), "along the flange's y axis"),
         (np.array([0.59, 0.11, -0.8]), "along [-0.59, -0.11, 0.80]"),
         (np.array([0.8, 0.0, 0.6]), "along [0.80, 0.00, 0.60]"),
+        (np.array([-0.8, 0.001, 0.6]), "along [0.80, 0.00, -0.60]"),
     ],
 )
 def test_cannot_tell_names_the_smallest_error_it_would_notice_and_where(weakest, said):

@@ -117,3 +117,12 @@ def test_parts_of_one_link_share_its_spheres_but_fixed_parts_keep_their_own():
     order = [s.link for s in spheres(body(ball, joint=2), body(ball, joint=0), body(ball, joint=1))]
     assert order == sorted(order)
     assert set(order) == {0, 1, 2}
+
+
+def test_two_parts_of_a_link_that_are_far_apart_have_nothing_between_them():
+    ball, apart = coal.Sphere(0.05), np.array([0.0, 0.0, 2.0])
+    found = spheres(body(ball), body(ball, at=AT + apart))
+    ways = np.array([np.dot(sphere.center_m - AT, apart) / 4.0 for sphere in found])
+    assert len(found) >= 2
+    assert ((np.abs(ways) < 0.1) | (np.abs(ways - 1.0) < 0.1)).all()
+    assert max(sphere.radius_m for sphere in found) < 0.2
