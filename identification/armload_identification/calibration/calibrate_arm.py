@@ -422,7 +422,7 @@ class _Calibration:
             tilt_rad=fit.value(TILT),
             covariance=fit.covariance[: arm.size, : arm.size] * turn[:, None] * turn,
             drift=fit.change_deviation.reshape(CHANGES, n),
-            noise_nm=fit.noise_nm[0],
+            noise_nm=fit.residual_nm[0],
             correlation_s=fit.correlation
             * float(np.median(np.concatenate([np.diff(run.time_s) for run in self._rows]))),
             level_nm=fit.problem.noise.greatest_nm,
@@ -441,7 +441,7 @@ class _Calibration:
                     mounting=used.mounting,
                     recorded=used.recorded or run_start_text(used.recording),
                     residual_rms_nm=fit.deviates(index) * fit.noise_nm[0],
-                    off=float(np.sqrt(np.mean(fit.deviates(index) ** 2))),
+                    off=float(np.sqrt(np.mean((fit.deviates(index) * fit.noise_nm[0] / fit.residual_nm[0]) ** 2))),
                     friction_changes=fit.own_value(FRICTION_CHANGE, index).reshape(CHANGES, n),
                     influence=np.abs(fit.change_without(index)[arm.places[GAIN]]) / deviation[arm.places[GAIN]],
                     rows=len(self._rows[index].time_s),

@@ -57,9 +57,10 @@ SHORTEST_STEP: Final = 0.01
 """Shortest share of a step: full steps of poorly determined unknowns could oscillate across the kink of |tau|."""
 LARGEST_STEP: Final = 0.3
 """Largest change of the logarithm of a gain in one iteration."""
-PRIOR_FREEDOM: Final = 0.02
-"""nu: degrees of freedom of what a term states of its standard deviation. With 0.5 it determines the result of a pair;
-with 0 a standard deviation that the data do not show becomes 0."""
+PRIOR_FREEDOM: Final = 20.0
+"""nu: degrees of freedom of what a term states of its standard deviation, as from a few runs. With 0.02 gains of the
+simulated arms, whose friction does not change, are up to 45 % more accurate, but those of joint 3 of the UR10e from
+disjoint runs differ by 0.58 instead of 0.38 %; with 0, what the data do not show would become 0."""
 LEAST_LEFT: Final = 0.25
 """Least share of the noise that is assumed to be left in the residual: four times as many rows as unknowns."""
 _ZERO: Final = 1e-12
@@ -167,6 +168,8 @@ class Posterior:
         meat: (s, s) the same from blocks of rows: equal to it if the assumption holds.
         blocks: Number of these blocks.
         noise_nm: (g, n) standard deviation of a row, by the number of its combination.
+        residual_nm: (g, n) RMS residual of moving rows, outliers clipped; less than the noise by what the unknowns
+            absorbed.
         correlation: (n,) integrated autocorrelation in rows.
         deviation: Prior standard deviation of all unknowns, as finally adapted.
         steps: Number of iterations.
@@ -181,6 +184,7 @@ class Posterior:
     meat: FloatArray
     blocks: int
     noise_nm: FloatArray
+    residual_nm: FloatArray
     correlation: FloatArray
     deviation: FloatArray
     steps: int
@@ -361,6 +365,7 @@ class _Solver:
         combinations = max(len(group.mix) for group in problem.groups)
         noise = problem.noise
         self._noise = np.tile(noise.start_nm, (combinations, 1))
+        self._residual = self._noise.copy()
         self._correlation = np.ones(noise.start_nm.size) if noise.correlation is None else noise.correlation
         terms = [term for runs in self._acting for placed in runs for term in placed]
         gains = [np.arange(place.start, place.stop) for term, place in terms if term.law is Shared.GAIN]
@@ -454,6 +459,7 @@ class _Solver:
         if moving.size < LAGS:
             return
         found, bound = _clipped_rms(moving)
+        self._residual[combination, axis] = min(found, noise.greatest_nm[axis])
         rows = moving.size / self._correlation[axis]
         found /= np.sqrt(max(1.0 - self._absorbed[combination, axis] / rows, LEAST_LEFT))
         self._noise[combination, axis] = np.clip(found, noise.least_nm[axis], noise.greatest_nm[axis])
@@ -487,6 +493,7 @@ class _Solver:
             meat=meat,
             blocks=blocks,
             noise_nm=self._noise,
+            residual_nm=self._residual,
             correlation=self._correlation,
             deviation=self._deviation,
             steps=steps,

@@ -97,7 +97,7 @@ def test_what_both_runs_have_in_common_is_not_noise_of_the_difference(problem, f
     disturbed = [replace(run, rows=replace(run.rows, effort_nm=run.rows.effort_nm + common)) for run in runs]
     together = solve(replace(problem, groups=[Group(tuple(disturbed), DIFFERENCE_AND_MEAN)]))
     apart = solve(replace(problem, groups=[Group((run,)) for run in disturbed]))
-    np.testing.assert_allclose(together.noise_nm[0], found.noise_nm[0], rtol=0.4)
+    np.testing.assert_allclose(together.noise_nm[0], found.noise_nm[0], rtol=0.5)
     assert (together.noise_nm[1] > 3.0 * found.noise_nm[1]).all()
     mass = [solution.problem.place(PAYLOAD, "tool").start for solution in (together, apart)]
     assert together.bread[mass[0], mass[0]] < 0.2 * apart.bread[mass[1], mass[1]]
@@ -166,8 +166,13 @@ def test_added_torque_moves_the_unknowns_as_the_response_says(problem, rows, pin
     np.testing.assert_allclose(own, of_own[:, 0], atol=1e-2 * np.abs(own).max())
 
 
-def test_the_spread_of_a_runs_own_friction_is_that_of_the_runs(found, problem):
+def test_the_spread_of_a_runs_own_friction_is_that_of_the_runs(problem, monkeypatch):
     """Both runs have the same friction, so that less than the stated spread is found, but not none."""
+    careful = solve(problem)
+    monkeypatch.setattr(solve_module, "PRIOR_FREEDOM", 0.02)
+    found = solve(problem)
+    own = problem.own(0)
+    assert (careful.deviation[own] > found.deviation[own]).all()
     stated = problem.prior(found.x)[1][problem.own(0)][: CHANGES * 6]
     estimated = found.deviation[problem.own(0)][: CHANGES * 6]
     factor = (estimated / stated).reshape(CHANGES, 6)
