@@ -251,7 +251,11 @@ class Problem:
     def adapts(self) -> bool:
         """Whether noise, weights or priors change from step to step."""
         estimated = self.noise.robust or bool((self.noise.least_nm < self.noise.greatest_nm).any())
-        return estimated or self.noise.correlation is None or any(term.rescaled for term in self.terms)
+        return (
+            estimated
+            or self.noise.correlation is None
+            or any(term.rescaled is not None or term.pooled is not None for term in self.terms)
+        )
 
     @cached_property
     def free(self) -> NDArray[np.bool_]:

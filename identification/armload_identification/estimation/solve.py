@@ -289,7 +289,7 @@ class Posterior:
         """
         part = self.eliminated[group]
         change = np.zeros(self.problem.shared_size)
-        change[self._free] = _solved(self.information - part.information, part.gradient)
+        change[self._free] = -_solved(self.information - part.information, part.gradient)
         return change
 
     @cached_property

@@ -249,3 +249,18 @@ def test_a_blow_counts_for_nothing(problem, found):
     assert struck.groups[0].struck[hit].all()
     deviation = np.sqrt(np.diag(found.covariance)[found.problem.place(PAYLOAD, "tool")])
     assert (np.abs(struck.value(PAYLOAD, "tool") - found.value(PAYLOAD, "tool")) < deviation).all()
+
+
+def test_the_change_without_a_group_is_that_of_a_fit_without_it(problem, rows):
+    pair, _, _ = rows
+    noise = Noise.given(0.05 * effort_level(pair), np.ones(6))
+    terms = linear(problem.terms, FIXED | {LINKS, ROTORS})
+    groups = [Group((RunRows(run, "tool"),)) for run in (pair[0], pair[0].only(pair[0].time_s < 5.0))]
+    more = replace(groups[1].runs[0].rows, effort_nm=1.01 * groups[1].runs[0].rows.effort_nm)
+    groups[1] = Group((RunRows(more, "tool"),))
+    both = solve(Problem(terms, groups, noise, problem.coupling))
+    alone = solve(Problem(terms, groups[:1], noise, problem.coupling))
+    place = both.problem.place(PAYLOAD, "tool")
+    change = (alone.x - both.x[: alone.x.size])[place]
+    deviation = np.sqrt(np.diag(alone.bread)[place])
+    assert (np.abs(both.change_without(1)[place] - change) < 0.05 * np.abs(change) + 0.01 * deviation).all()
