@@ -50,7 +50,7 @@ def main() -> None:
         print_torque(payload)
         for target in ("c", "urdf", "ros2", "kuka"):
             done = runner.invoke(
-                app, ["export", str(payload), "--robot", "prbt", "--format", target, "--output", f"{scratch}/{target}"]
+                app, ["export", "prbt", str(payload), "--format", target, "--output", f"{scratch}/{target}"]
             )
             require(done.exit_code == 0, f"export to {target}: {done.output}{done.exception}")
         for words, extra in REFUSED.items():

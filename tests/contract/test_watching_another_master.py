@@ -140,7 +140,7 @@ class DeafMouth:
 def test_a_bus_is_opened_for_receiving_and_closed(robot, monkeypatch):
     opened = []
     monkeypatch.setattr(can, "Bus", lambda **kwargs: opened.append(DeafMouth()) or opened[-1])
-    with pytest.raises(UnsafeBus, match="bus with --interface and --channel"), heard_cycles(robot):
+    with pytest.raises(UnsafeBus, match="such as --bus socketcan:can0"), heard_cycles(robot):
         pass
     with heard_cycles(robot.with_bus("socketcan", "can0", None, None)) as cycles:
         assert next(cycles) is None
@@ -193,7 +193,7 @@ def test_the_command_listens_and_records(robot, armload, tmp_path, monkeypatch, 
             return can.Message(arbitration_id=frame[0], data=frame[1], timestamp=frame[2], is_extended_id=False)
 
     monkeypatch.setattr(can, "Bus", lambda **kwargs: Played())
-    bus = ("--interface", "socketcan", "--channel", "can0")
+    bus = ("--bus", "socketcan:can0")
     path = tmp_path / "shift.mcap"
     page = path.with_suffix(".html")
     words = ("--calibration", calibration_file, "--record", path, "--report", page, "--json")
@@ -211,13 +211,13 @@ def test_the_command_listens_and_records(robot, armload, tmp_path, monkeypatch, 
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (["a.mcap", "--channel", "can0"], "applies to a bus"),
+        (["a.mcap", "--bus", "socketcan:can0"], "applies to a bus"),
         (["--load", "loaded"], "requires --record"),
         (["--follow"], "requires a RECORDING"),
         (["--record", "x.mcap", "--load", "heavy"], "expected unloaded or loaded"),
         (["--record", "x.mcap", "--for", "soon"], "'soon' is not a time"),
         (["--record", "x.mcap", "--for", "0s"], "expected a time above zero"),
-        (["--record", "x.mcap", "--interface", "socketcan", "--report", "x.html"], "requires a calibrated arm"),
+        (["--record", "x.mcap", "--bus", "socketcan:can0", "--report", "x.html"], "requires a calibrated arm"),
     ],
 )
 def test_options_that_make_no_sense(armload, words, text):

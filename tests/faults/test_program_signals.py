@@ -88,7 +88,7 @@ def started(robot, tmp_path):
     running = []
 
     def started(ignored=()):
-        words = ["commission", robot, "--interface", "bench", "--channel", "signals", "--simulated-drives"]
+        words = ["commission", robot, "--bus", "bench:signals", "--simulated-drives"]
         process = subprocess.Popen(
             as_started([sys.executable, program, *words, "--output", tmp_path / "run"], ignored),
             stdin=subprocess.DEVNULL,

@@ -28,7 +28,7 @@ CHANNEL = "vcan0"
 CYCLE_HZ = 50
 PATIENT = {"heartbeat_s": "2.0", "max_missing_cycles": "100"}
 ATTEMPTS = 5
-BUS = ["--interface", "socketcan", "--channel", CHANNEL, "--cycle-hz", str(CYCLE_HZ)]
+BUS = ["--bus", f"socketcan:{CHANNEL}", "--cycle-hz", str(CYCLE_HZ)]
 FIRST = ["chrt", "--rr", "1"]
 """Run with priority over the other programs of this machine."""
 if shutil.which("chrt") is None or subprocess.run([*FIRST, "true"], capture_output=True, check=False).returncode:

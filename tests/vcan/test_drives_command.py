@@ -20,7 +20,7 @@ from tests.drive_descriptions import eds, maker_drive
 
 pytestmark = pytest.mark.vcan
 
-BUS = ["--interface", "socketcan", "--channel", "vcan0"]
+BUS = ["--bus", "socketcan:vcan0"]
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def armload(*arguments):
 
 
 def test_scan(drives):
-    done = armload("scan", *BUS)
+    done = armload("scan", BUS[1])
     assert done.exit_code == 0, done.output
     assert [f"│ {node} " in done.output for node in range(3, 9)] == [True] * 6
     assert "IP" in done.output

@@ -17,7 +17,7 @@ from tests.bounded import await_that, overheard
 pytestmark = pytest.mark.vcan
 
 CYCLE_HZ = 50.0
-BUS = ("--interface", "socketcan", "--channel", "vcan0")
+BUS = ("--bus", "socketcan:vcan0")
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from armload_controller.cli.options import bus_address
+
 if TYPE_CHECKING:
     from armload_controller.config.measured_arm import MeasuredArm
+    from armload_controller.config.robot import Robot
 
 
 def given_arm(robot: str | None, urdf: Path | None, base: str | None, flange: str | None) -> MeasuredArm:
@@ -36,3 +39,22 @@ def given_arm(robot: str | None, urdf: Path | None, base: str | None, flange: st
     if robot is None:
         raise typer.BadParameter("no arm: give ROBOT, a shipped robot or the path of its TOML, or --urdf arm.urdf")
     return load_robot(robot)
+
+
+def arm_on_bus(robot: str, bus: str | None, bitrate: int | None = None, cycle_hz: float | None = None) -> Robot:
+    """The arm of a ROBOT argument, on the bus of the options.
+
+    Args:
+        robot: Name or path of a robot's file.
+        bus: INTERFACE:CHANNEL, instead of the configured bus.
+        bitrate: Bit rate in bit/s, instead of the configured one.
+        cycle_hz: SYNC rate, instead of the configured one.
+
+    Raises:
+        BadParameter: the bus has another form.
+        ConfigurationError: the file cannot be used, or has no bus.
+    """
+    from armload_controller.config.robot import load_robot
+
+    interface, channel = (None, None) if bus is None else bus_address(bus, "--bus")
+    return load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)

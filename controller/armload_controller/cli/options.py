@@ -19,10 +19,13 @@ BaseOption = Annotated[str | None, typer.Option("--base", help="First link of th
 FlangeOption = Annotated[
     str | None, typer.Option("--flange", help="Last link of the arm; required if the URDF is ambiguous.")
 ]
-InterfaceOption = Annotated[
-    str | None, typer.Option("--interface", help="python-can interface, instead of the configured one.")
+BUS_FORM = "INTERFACE:CHANNEL"
+BusOption = Annotated[
+    str | None,
+    typer.Option(
+        "--bus", metavar=BUS_FORM, help="The bus, such as socketcan:can0, instead of the one in the robot's file."
+    ),
 ]
-ChannelOption = Annotated[str | None, typer.Option("--channel", help="Channel of the interface, such as can0.")]
 BitrateOption = Annotated[int | None, typer.Option("--bitrate", help="Bit rate of the bus in bit/s.")]
 CycleOption = Annotated[float | None, typer.Option("--cycle-hz", help="SYNC rate in Hz.")]
 LoadedOption = Annotated[Path, typer.Option("--loaded", help="Recording with the payload: MCAP, ROS 2 bag, CSV, ...")]
@@ -79,3 +82,19 @@ def seconds_of(text: str, option: str, *, above_zero: bool = True) -> float:
     if above_zero and seconds == 0.0:
         raise typer.BadParameter(f"{text!r}: expected a time above zero, such as 10s", param_hint=option)
     return seconds
+
+
+def bus_address(text: str, option: str) -> tuple[str, str]:
+    """The python-can interface and its channel that an option states.
+
+    Args:
+        text: Value of the option, such as socketcan:can0.
+        option: Name of the option.
+
+    Raises:
+        BadParameter: the text does not have this form.
+    """
+    interface, _, channel = text.partition(":")
+    if not interface or not channel:
+        raise typer.BadParameter(f"{text!r}: expected {BUS_FORM}, such as socketcan:can0", param_hint=option)
+    return interface, channel

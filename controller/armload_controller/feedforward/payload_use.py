@@ -54,7 +54,7 @@ def why_not_usable(payload: PayloadResult, chain: Chain, robot: str, use: str) -
     if len(payload.residual_rms_nm) != chain.n:
         return (
             f"identified on {len(payload.residual_rms_nm)} joints, but {robot} has {chain.n}; "
-            "give --robot the arm that the payload was identified on"
+            "give the arm that the payload was identified on"
         )
     other = another_arms(payload, chain, robot)
     if other is not None:

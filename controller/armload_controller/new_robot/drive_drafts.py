@@ -121,18 +121,6 @@ def nodes_described(description: DeviceDescription, n: int) -> tuple[DriveDraft,
     return tuple(drive_described(description, first + joint) for joint in range(n))
 
 
-def bus_address(text: str) -> tuple[str, str]:
-    """Interface and channel of INTERFACE:CHANNEL.
-
-    Raises:
-        ConfigurationError: the text does not have this form.
-    """
-    interface, colon, channel = text.partition(":")
-    if not interface or not colon or not channel:
-        raise ConfigurationError("command line", "--scan", text, "INTERFACE:CHANNEL, such as socketcan:can0")
-    return interface, channel
-
-
 def path_beside(file: Path, output: Path) -> str:
     """A file's path relative to the folder of a robot's file."""
     return Path(os.path.relpath(file.resolve(), output.resolve().parent)).as_posix()

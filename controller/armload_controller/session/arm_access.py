@@ -158,7 +158,7 @@ def drives_alone(
     if robot.bus.interface == VIRTUAL:
         raise UnsafeBus(
             "drives alone on the virtual bus cannot be reached from another process: "
-            "give --interface and --channel, such as --interface socketcan --channel vcan0"
+            "give another bus, such as --bus socketcan:vcan0"
         )
     plant = ArmPlant(robot.simulation.plant_spec(payload, int(payload != NO_PAYLOAD), changes))
     traits = _traits(robot, described)

@@ -44,8 +44,8 @@ def heard_cycles(robot: Robot) -> Iterator[Iterator[OverheardCycle | None]]:
     """
     if robot.bus.interface == VIRTUAL:
         raise UnsafeBus(
-            "give a RECORDING, or watch the arm's bus with --interface and --channel, such as "
-            "--interface socketcan --channel can0"
+            "the virtual bus carries nothing from outside this process: give a RECORDING, or the arm's bus, such as "
+            "--bus socketcan:can0"
         )
     robot.drives.require_scales()
     arm = OverheardArm(robot.drives.settings)

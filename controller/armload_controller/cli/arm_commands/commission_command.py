@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armload_controller.cli.attendance import attended, operator_at
+from armload_controller.cli.given_arm import arm_on_bus
 from armload_controller.cli.options import (
     BitrateOption,
+    BusOption,
     CalibrationOption,
-    ChannelOption,
     CycleOption,
-    InterfaceOption,
     LiveAddressOption,
     LiveOption,
     MountedOption,
@@ -59,8 +59,7 @@ class Runs(StrEnum):
 
 def commission(
     robot: RobotArgument,
-    interface: InterfaceOption = None,
-    channel: ChannelOption = None,
+    bus: BusOption = None,
     bitrate: BitrateOption = None,
     cycle_hz: CycleOption = None,
     simulated_drives: SimulatedDrivesOption = False,
@@ -92,7 +91,6 @@ def commission(
     from armload_controller.cli.keyboard import Keyboard
     from armload_controller.cli.output.result_documents import half_document
     from armload_controller.cli.screen import Screen
-    from armload_controller.config.robot import load_robot
     from armload_controller.session.arm_access import require_rules
     from armload_controller.session.commissioning import CommissioningPlan, missing_roles, require_recordings
     from armload_controller.session.folder_claim import claimed
@@ -106,7 +104,7 @@ def commission(
     allowed = Tolerance(*tolerance)
     shown = live_at(live, live_address)
     known = None if mass_kg is None else KnownPayload(mass_kg=mass_kg)
-    arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
+    arm = arm_on_bus(robot, bus, bitrate, cycle_hz)
     if mounted is not None:
         arm = arm.with_simulated_payload(mounted)
     arm_in_use(arm, calibration)

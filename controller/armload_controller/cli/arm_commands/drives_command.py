@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armload_controller.cli.command_group import CommandGroup
-from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOption, InterfaceOption, RobotArgument
+from armload_controller.cli.given_arm import arm_on_bus
+from armload_controller.cli.options import BUS_FORM, BitrateOption, BusOption, CycleOption, RobotArgument, bus_address
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.control_errors import CommissioningError, ConfigurationError, UnsafeBus
 from armload_controller.motion.motion_control import MotionControl
@@ -34,8 +35,7 @@ drives = typer.Typer(cls=CommandGroup, help="Inspect the drives on a bus. Nothin
 
 @drives.command("scan")
 def scan_command(
-    interface: Annotated[str, typer.Option("--interface", help="python-can interface, such as socketcan.")],
-    channel: Annotated[str, typer.Option("--channel", help="Channel of the interface, such as can0.")],
+    bus: Annotated[str, typer.Argument(metavar=BUS_FORM, help="The bus, such as socketcan:can0.")],
     bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of the bus in bit/s.")] = 1_000_000,
     as_json: JsonOption = False,
 ) -> None:
@@ -47,11 +47,12 @@ def scan_command(
     from armload_controller.session.arm_access import open_bus
     from armload_drivers.bring_up.inspection import find_nodes
 
+    interface, channel = bus_address(bus, BUS_FORM)
     if interface == VIRTUAL:
         raise UnsafeBus("a virtual bus has no nodes outside this process: give the interface of a real bus")
     screen = Screen(as_json=as_json)
-    with open_bus(interface, channel, bitrate) as bus:
-        found = find_nodes(bus)
+    with open_bus(interface, channel, bitrate) as opened:
+        found = find_nodes(opened)
     screen.document(partial(nodes_document, interface, channel, found))
     if not found:
         screen.step(f"no node answers on {interface}:{channel} at {bitrate} bit/s")
@@ -62,8 +63,7 @@ def scan_command(
 @drives.command("check")
 def check_command(
     robot: RobotArgument,
-    interface: InterfaceOption = None,
-    channel: ChannelOption = None,
+    bus: BusOption = None,
     bitrate: BitrateOption = None,
     cycle_hz: CycleOption = None,
     as_json: JsonOption = False,
@@ -72,15 +72,14 @@ def check_command(
     from armload_controller.cli.output.drive_result_tables import check_table, safety_table
     from armload_controller.cli.output.result_documents import checks_document
     from armload_controller.cli.screen import Screen
-    from armload_controller.config.robot import load_robot
     from armload_drivers.bring_up.drive_check import Verdict, check
 
-    arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
+    arm = arm_on_bus(robot, bus, bitrate, cycle_hz)
     screen = Screen(as_json=as_json)
     for text in arm.drives.peculiarities:
         screen.step(text)
-    with _bus_of(arm) as bus:
-        found = check(arm.drives.settings, bus)
+    with _bus_of(arm) as opened:
+        found = check(arm.drives.settings, opened)
     rows = found.steps
     screen.table(check_table(rows))
     if found.safety:
@@ -96,8 +95,7 @@ def check_command(
 @drives.command("show")
 def show_command(
     robot: RobotArgument,
-    interface: InterfaceOption = None,
-    channel: ChannelOption = None,
+    bus: BusOption = None,
     bitrate: BitrateOption = None,
     once: Annotated[bool, typer.Option("--once", help="Print one table instead of a new one every second.")] = False,
     as_json: JsonOption = False,
@@ -106,16 +104,15 @@ def show_command(
     from armload_controller.cli.output.drive_result_tables import bus_line, status_table
     from armload_controller.cli.output.result_documents import status_document
     from armload_controller.cli.screen import Screen
-    from armload_controller.config.robot import load_robot
     from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.bring_up.inspection import LISTEN_S, show
 
-    arm = load_robot(robot).with_bus(interface, channel, bitrate)
+    arm = arm_on_bus(robot, bus, bitrate)
     screen = Screen(as_json=as_json)
     control = MotionControl()
-    with StopSignals(control), _bus_of(arm) as bus:
+    with StopSignals(control), _bus_of(arm) as opened:
         while control.goal.stop is None:
-            status = show(arm.drives.settings, bus, LISTEN_S)
+            status = show(arm.drives.settings, opened, LISTEN_S)
             screen.table(status_table(status))
             screen.result(bus_line(status))
             screen.document(partial(status_document, arm.name, status))
@@ -127,8 +124,7 @@ def show_command(
 def reset_command(
     robot: RobotArgument,
     joint: Annotated[str, typer.Argument(metavar="JOINT", help="Name of the joint, as in the configuration.")],
-    interface: InterfaceOption = None,
-    channel: ChannelOption = None,
+    bus: BusOption = None,
     bitrate: BitrateOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="The cause has been removed: do not ask.")] = False,
     as_json: JsonOption = False,
@@ -136,16 +132,15 @@ def reset_command(
     """Reset the fault of one drive, once its cause is removed. On a real arm, asks first. Nothing is enabled."""
     from armload_controller.cli.output.result_documents import reset_document
     from armload_controller.cli.screen import Screen
-    from armload_controller.config.robot import load_robot
     from armload_drivers.bring_up.drive_check import reset
 
-    arm = load_robot(robot).with_bus(interface, channel, bitrate)
+    arm = arm_on_bus(robot, bus, bitrate)
     if joint not in arm.joint_names:
         raise ConfigurationError(arm.file, "JOINT", joint, f"one of: {', '.join(arm.joint_names)}")
     node_id = arm.drives.settings.drives[arm.joint_names.index(joint)].node_id
     screen = Screen(as_json=as_json)
-    with _bus_of(arm) as bus:
-        state = reset(arm.drives.settings, joint, bus, lambda question: yes or screen.confirm(question))
+    with _bus_of(arm) as opened:
+        state = reset(arm.drives.settings, joint, opened, lambda question: yes or screen.confirm(question))
     if state is None:
         raise CommissioningError("not confirmed: nothing was reset")
     screen.document(partial(reset_document, arm.name, joint, node_id, state))

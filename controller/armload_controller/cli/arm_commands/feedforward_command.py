@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armload_controller.cli.attendance import attended, operator_at
+from armload_controller.cli.given_arm import arm_on_bus
 from armload_controller.cli.options import (
     BitrateOption,
+    BusOption,
     CalibrationOption,
-    ChannelOption,
     CycleOption,
-    InterfaceOption,
     LiveAddressOption,
     LiveOption,
     MountedOption,
@@ -77,8 +77,7 @@ def feedforward(
     calibration: CalibrationOption = None,
     mounted: MountedOption = None,
     picture: Annotated[Path, typer.Option(help="Picture of the comparison, .svg or .png.")] = Path("feedforward.svg"),
-    interface: InterfaceOption = None,
-    channel: ChannelOption = None,
+    bus: BusOption = None,
     bitrate: BitrateOption = None,
     cycle_hz: CycleOption = None,
     simulated_drives: SimulatedDrivesOption = False,
@@ -103,7 +102,6 @@ def feedforward(
     from armload_controller.cli.keyboard import Keyboard
     from armload_controller.cli.output.result_documents import feedforward_document
     from armload_controller.cli.screen import Screen
-    from armload_controller.config.robot import load_robot
     from armload_controller.feedforward.adaptation_rules import DeclaredMass
     from armload_controller.session.arm_access import open_arm, require_rules
     from armload_controller.session.comparison_figure import require_picture
@@ -112,7 +110,7 @@ def feedforward(
     from armload_drivers.servos import JointServos
 
     require_one_kind(payload, expect, adapt=adapt, compare=compare)
-    arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
+    arm = arm_on_bus(robot, bus, bitrate, cycle_hz)
     require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     if mounted is not None:
         arm = arm.with_simulated_payload(mounted)

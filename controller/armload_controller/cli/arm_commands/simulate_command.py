@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOption, InterfaceOption, RobotArgument
+from armload_controller.cli.given_arm import arm_on_bus
+from armload_controller.cli.options import BitrateOption, BusOption, CycleOption, RobotArgument
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.motion_control import MotionControl
 
@@ -22,8 +23,7 @@ POLL_S = 0.1
 
 def simulate(
     robot: RobotArgument,
-    interface: InterfaceOption = None,
-    channel: ChannelOption = None,
+    bus: BusOption = None,
     bitrate: BitrateOption = None,
     cycle_hz: CycleOption = None,
     payload: Annotated[
@@ -56,14 +56,13 @@ def simulate(
 ) -> None:
     """Serve simulated CiA 402 drives and their simulated arm, until Ctrl-C."""
     from armload_controller.cli.screen import Screen
-    from armload_controller.config.robot import load_robot
     from armload_controller.session.arm_access import drives_alone
     from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.bring_up.description_file import read_description
     from armload_drivers.simulation.drives.drive_eds import drive_eds
     from armload_identification.storage.strict_toml import write_text
 
-    arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
+    arm = arm_on_bus(robot, bus, bitrate, cycle_hz)
     name = arm.simulation.payload_name if payload is None else payload
     changes = payload_changes(payload_at or [], arm.simulation)
     screen = Screen()

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armload_controller.cli.given_arm import arm_on_bus
 from armload_controller.cli.options import (
     BitrateOption,
+    BusOption,
     CalibrationOption,
-    ChannelOption,
-    InterfaceOption,
     RobotArgument,
     seconds_of,
 )
@@ -36,8 +36,7 @@ def watch(
         typer.Argument(metavar="[RECORDING]", help="Recording, finished or still growing; by default the arm's bus."),
     ] = None,
     calibration: CalibrationOption = None,
-    interface: InterfaceOption = None,
-    channel: ChannelOption = None,
+    bus: BusOption = None,
     bitrate: BitrateOption = None,
     record: Annotated[
         Path | None,
@@ -70,7 +69,7 @@ def watch(
     from armload_controller.config.robot import load_robot
     from armload_drivers.driver_errors import DriverError
 
-    of_bus = {"--interface": interface, "--channel": channel, "--record": record, "--load": load, "--for": for_s}
+    of_bus = {"--bus": bus, "--record": record, "--load": load, "--for": for_s}
     if recording is not None and any(value is not None for value in of_bus.values()):
         given = ", ".join(name for name, value in of_bus.items() if value is not None)
         raise typer.BadParameter("applies to a bus and cannot be combined with a RECORDING", param_hint=given)
@@ -87,7 +86,7 @@ def watch(
     if recording is not None and payload is not None:
         watched, moments = str(recording), _recording_moments(payload, recording, every_s, follow=follow)
     else:
-        arm = arm.with_bus(interface, channel, bitrate, None)
+        arm = arm_on_bus(robot, bus, bitrate)
         watched = f"{arm.bus.interface}:{arm.bus.channel}"
         duration_s = float("inf") if for_s is None else seconds_of(for_s, "--for")
         moments = _bus_moments(screen, arm, payload, every_s, record, _stated_load(load), duration_s)

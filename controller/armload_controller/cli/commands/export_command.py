@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.options import CalibrationOption
+from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.export.format_registry import ExportFormat, exporter
 
@@ -20,14 +20,12 @@ if TYPE_CHECKING:
 
 
 def export(
+    robot: RobotArgument,
     payload: Annotated[
         Path,
         typer.Argument(
             metavar="FILE", help="Payload file (TOML) to export; or an arm's calibration, with --format urdf."
         ),
-    ],
-    robot: Annotated[
-        str, typer.Option("--robot", metavar="ROBOT", help="The arm that carries it: a shipped robot, or a TOML file.")
     ],
     export_format: Annotated[
         ExportFormat,

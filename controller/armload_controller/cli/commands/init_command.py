@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armload_controller.cli.attendance import attended
-from armload_controller.cli.options import BaseOption, FlangeOption
+from armload_controller.cli.options import BUS_FORM, BaseOption, FlangeOption, bus_address
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_folder
 
@@ -44,7 +44,7 @@ def init(
     ] = None,
     scan: Annotated[
         str | None,
-        typer.Option("--scan", metavar="INTERFACE:CHANNEL", help="Use the drives that answer on this bus. Only reads."),
+        typer.Option("--scan", metavar=BUS_FORM, help="Use the drives that answer on this bus. Only reads."),
     ] = None,
     bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of that bus in bit/s.")] = 1_000_000,
     description: Annotated[Path | None, typer.Option("--description", help="EDS or DCF file of the drives.")] = None,
@@ -177,7 +177,6 @@ def _bus(n: int, scan: str | None, bitrate: int, description: Path | None, outpu
     """The drives from a scan or a device description; None without either."""
     from armload_controller.new_robot.drive_drafts import (
         BusDraft,
-        bus_address,
         drives_found,
         nodes_described,
         path_beside,
@@ -190,7 +189,7 @@ def _bus(n: int, scan: str | None, bitrate: int, description: Path | None, outpu
         from armload_controller.session.arm_access import open_bus
         from armload_drivers.bring_up.inspection import find_nodes
 
-        interface, channel = bus_address(scan)
+        interface, channel = bus_address(scan, "--scan")
         with open_bus(interface, channel, bitrate) as bus:
             drives = drives_found(find_nodes(bus), n, described)
         return BusDraft(drives, interface, channel, bitrate, beside, f"found on {scan}")

@@ -263,7 +263,7 @@ def test_a_key_brings_the_arm_to_rest(short_robot, tmp_path, number):
 
 @pytest.mark.parametrize("interface", ["socketcan", "slcan"])
 def test_any_other_bus_is_refused(armload, interface, tmp_path):
-    result = armload("commission", "er50", "--interface", interface, "--channel", "can0", "--output", tmp_path / "x")
+    result = armload("commission", "er50", "--bus", "interface:can0", "--output", tmp_path / "x")
     assert result.exit_code == 1
     assert "--simulated-drives" in str(result.exception)
     assert not (tmp_path / "x").exists()
@@ -275,8 +275,16 @@ def test_a_cycle_that_does_not_fit_the_bus_is_refused(armload, tmp_path):
     assert not (tmp_path / "x").exists()
 
 
+@pytest.mark.parametrize("text", ["can0", ":can0", "socketcan:"])
+@pytest.mark.parametrize("command", ["commission er50 --bus", "drives check er50 --bus", "drives scan"])
+def test_an_address_of_a_bus_has_two_parts(armload, command, text):
+    result = armload(*command.split(), text)
+    assert result.exit_code == 2
+    assert "expected INTERFACE:CHANNEL, such as socketcan:can0" in result.output
+
+
 def test_simulate_needs_a_bus_that_others_can_reach(armload):
-    assert "--interface" in str(armload("simulate", "er50").exception)
+    assert "--bus" in str(armload("simulate", "er50").exception)
 
 
 def test_simulate_writes_the_descriptions_of_its_drives(armload, tmp_path):
@@ -291,14 +299,14 @@ def test_simulate_writes_the_descriptions_of_its_drives(armload, tmp_path):
 def test_simulate_takes_one_description_or_one_per_joint(armload, tmp_path):
     armload("simulate", "er50", "--write-eds", str(tmp_path))
     two = [f"--description={path}" for path in sorted(tmp_path.glob("*.eds"))[:2]]
-    result = armload("simulate", "er50", "--interface", "socketcan", "--channel", "vcan0", *two)
+    result = armload("simulate", "er50", "--bus", "socketcan:vcan0", *two)
     assert "one for all joints, or one per joint: 6" in str(result.exception)
     result = armload("simulate", "er50", "--description", str(tmp_path / "none.eds"))
     assert "none.eds" in str(result.exception)
 
 
 def test_simulate_names_the_payloads(armload):
-    result = armload("simulate", "er50", "--interface", "socketcan", "--channel", "vcan0", "--payload", "crate")
+    result = armload("simulate", "er50", "--bus", "socketcan:vcan0", "--payload", "crate")
     assert "paper" in str(result.exception)
 
 

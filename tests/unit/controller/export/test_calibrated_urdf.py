@@ -123,7 +123,7 @@ def test_what_no_links_have_becomes_the_nearest_that_can_exist(arm, calibration)
 def test_the_command_writes_the_arm_of_a_calibration(arm, calibration, tmp_path):
     file = tmp_path / "arm.calibration.toml"
     write_calibration(file, calibration)
-    words = ["export", str(file), "--robot", "prbt", "--output", str(tmp_path / "arm.urdf"), "--format"]
+    words = ["export", "prbt", str(file), "--output", str(tmp_path / "arm.urdf"), "--format"]
     refused = CliRunner().invoke(app, [*words, "c"], env={"COLUMNS": "300"})
     assert refused.exit_code == 2
     assert "is an arm's calibration: expected urdf" in refused.output

@@ -13,7 +13,7 @@ from armload_controller.control_errors import ConfigurationError
 from armload_controller.new_robot.arm_draft import draft_of_urdf
 from armload_controller.new_robot.arm_interview import interviewed
 from armload_controller.new_robot.draft_text import draft_file
-from armload_controller.new_robot.drive_drafts import BusDraft, bus_address, drives_found, nodes_described
+from armload_controller.new_robot.drive_drafts import BusDraft, drives_found, nodes_described
 from armload_controller.new_robot.payload_draft import tool_sphere
 from armload_controller.new_robot.workspace_draft import workspace_of_urdf
 from armload_drivers.bring_up.inspection import FoundNode
@@ -228,12 +228,6 @@ def test_a_description_gives_objects_and_identity_and_with_the_holes_filled_the_
     robot = load_robot(str(path))
     assert [drive.node_id for drive in robot.drives.settings.drives] == [1, 2, 3, 4, 5]
     assert {place.split(".")[-1] for place in file.holes} <= {"has_brake", "max_torque_permille"}
-
-
-@pytest.mark.parametrize("text", ["can0", ":can0", "socketcan:"])
-def test_an_address_of_a_bus_has_two_parts(text):
-    with pytest.raises(ConfigurationError, match="INTERFACE:CHANNEL"):
-        bus_address(text)
 
 
 def answers(*lines):

@@ -198,7 +198,7 @@ def at_a_terminal(tmp_path):
 
     def at_a_terminal(words, answer):
         keyboard, terminal = pty.openpty()
-        command = [sys.executable, str(program), *map(str, words), "--interface", "bench", "--channel", "floor"]
+        command = [sys.executable, str(program), *map(str, words), "--bus", "bench:floor"]
         os.write(keyboard, answer)
         its_input = terminal if answer else subprocess.DEVNULL
         done = subprocess.run(command, check=False, stdin=its_input, capture_output=True, text=True, timeout=60)

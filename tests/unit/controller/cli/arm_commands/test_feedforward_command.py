@@ -150,7 +150,7 @@ def test_an_unknown_payload_to_mount_is_refused(armload, folder):
 def test_a_payload_is_mounted_only_on_the_simulated_arm_of_this_process(armload, tmp_path, monkeypatch, words):
     monkeypatch.setattr("armload_controller.session.arm_access.open_arm", None)
     monkeypatch.chdir(tmp_path)
-    bus = ("--interface", "socketcan", "--channel", "vcan0", "--simulated-drives")
+    bus = ("--bus", "socketcan:vcan0", "--simulated-drives")
     result = armload(*words, *bus, "--mounted", "gripper")
     assert "--mounted is 'gripper'" in str(result.exception)
     assert "armload simulate --payload" in str(result.exception)
@@ -172,7 +172,7 @@ def test_a_picture_that_cannot_be_written_is_refused_before_anything_moves(armlo
 
 
 def test_any_other_bus_is_refused(armload, folder):
-    result = armload("feedforward", "prbt", folder / "payload.toml", "--interface", "socketcan", "--channel", "can0")
+    result = armload("feedforward", "prbt", folder / "payload.toml", "--bus", "socketcan:can0")
     assert "--simulated-drives" in str(result.exception)
 
 

@@ -195,7 +195,7 @@ def test_the_next_payload_of_an_arm_is_known_better(calibrated, today):
 
 
 def test_an_export_with_it_has_the_payloads_friction(armload, calibrated, today, tmp_path):
-    words = [today / "payload.toml", "--robot", "er50", "--format", "c", "--calibration", calibrated[0], "-o", tmp_path]
+    words = ["er50", today / "payload.toml", "--format", "c", "--calibration", calibrated[0], "-o", tmp_path]
     result = armload("export", *words)
     assert result.exit_code == 0, result.output
     header = (tmp_path / "armload_er50.h").read_text()

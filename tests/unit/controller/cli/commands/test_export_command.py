@@ -29,7 +29,7 @@ def export(armload, tmp_path, make_subject):
         payload = make_subject("prbt").payload
         known = np.array([name not in undetermined for name in PARAMETER_NAMES])
         write_payload(path, replace(payload, determined=known))
-        return armload("export", path, "--robot", robot, *words, columns=300)
+        return armload("export", robot, path, *words, columns=300)
 
     return export
 

@@ -59,7 +59,7 @@ def test_another_robots_payload_is_refused_by_name(armload, today, sister, tmp_p
 
     def words(robot):
         if command == "export":
-            return ["export", today / "payload.toml", "--robot", robot, *more]
+            return ["export", robot, today / "payload.toml", *more]
         return [command, robot, today / "payload.toml", *more]
 
     refused = armload(*words(renamed))
@@ -74,7 +74,7 @@ def test_a_payload_whose_file_does_not_name_a_robot_is_taken(armload, today, sis
     text = (today / "payload.toml").read_text("utf-8")
     old = tmp_path / "old.toml"
     old.write_text(re.sub(r"^(robot|kinematics_sha256) = .*\n", "", text, flags=re.MULTILINE))
-    result = armload("export", old, "--robot", sister[0], "--format", "kuka", "--output", tmp_path / "out")
+    result = armload("export", sister[0], old, "--format", "kuka", "--output", tmp_path / "out")
     assert result.exit_code == 0, result.output
 
 

@@ -90,7 +90,7 @@ COMMANDS = {
     "validate": "validate er50 {payload} --loaded {l2} --unloaded {u2}",
     "report": "report er50 {payload} --identified {l1} {u1} --validation {l2} {u2} -o {out}/again.html",
     "compare": "compare {payload} {payload}",
-    "export": "export {payload} --robot er50 --format urdf -o {out}",
+    "export": "export er50 {payload} --format urdf -o {out}",
     "design": "design prbt -o {out}/path.toml --restarts 1 --harmonics 2 --period-s 5",
     "recordings show": "recordings show {l1} {l2}",
     "drives check": "drives check er50",
