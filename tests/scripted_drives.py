@@ -80,7 +80,7 @@ class ScriptedArm:
         ]
         self.rhythms = Rhythm("SYNC", arm.cycle_s), Rhythm("feedback", arm.cycle_s)
         units = ArmUnits(arm, [0] * len(arm.drives))
-        self.cycle = CanopenCycle(arm, self.nodes, self.link, self.sync, MASTER_ID, units, self.rhythms)
+        self.cycle = CanopenCycle(arm, self.nodes, self.link, self.sync, units, self.rhythms)
         self.words = {drive.node_id: [SWITCHED_ON] for drive in arm.drives}
         self.counts = dict.fromkeys(self.words, 0)
         self.bus.at_sync = self._answer

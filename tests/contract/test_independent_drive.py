@@ -11,6 +11,7 @@ import pytest
 
 from armload_drivers.bring_up.drive_check import reset
 from armload_drivers.bus.sync_sources import TimerSync
+from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import Identity, OperationMode
 from armload_drivers.cia402.timeouts import Timeouts
@@ -106,7 +107,7 @@ def test_its_fault_in_motion_is_reported_and_reset_by_name(bench):
     servos.stop()
     servos.disable()
     assert [drive.state for drive in drives] == [DISABLED, FAULT, DISABLED]
-    reset(arm, "joint_3", bus, lambda question: True, PATIENT)
+    reset(CanopenBringUp(arm, bus, PATIENT), "joint_3", lambda question: True)
     servos.enable()
     assert [drive.state for drive in drives] == [ENABLED] * 3
 

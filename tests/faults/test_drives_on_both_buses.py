@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from armload_drivers.bring_up.drive_check import reset
+from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import Identity, VendorEffort
 from armload_drivers.cia402.device_description import DeviceDescription
@@ -44,7 +45,7 @@ def test_a_drive_fault_in_motion_and_the_way_back(fault_arm):
     arm.comes_to_rest()
     with pytest.raises(ServoFault, match="0x2310"):
         arm.servos.enable()
-    reset(arm.arm, "joint_3", arm.bus, lambda question: False, arm.timeouts)
+    reset(CanopenBringUp(arm.arm, arm.bus, arm.timeouts), "joint_3", lambda question: False)
     arm.has_no_torque()
     arm.target_rad = arm.servos.enable().position_rad
     arm.move(5)

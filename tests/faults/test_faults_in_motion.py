@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from armload_drivers.bring_up.drive_check import reset
+from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.device_description import parse_description
@@ -90,7 +91,7 @@ def test_a_fault_is_reset_by_name_and_the_arm_enabled_again(virtual_arm):
     arm.drives.fail(3, 0x4310)
     move_until_error(arm, start, ServoFault)
     arm.servos.disable()
-    reset(arm.arm, "joint_3", arm.bus, lambda question: False)
+    reset(CanopenBringUp(arm.arm, arm.bus), "joint_3", lambda question: False)
     assert not any(arm.plant.powered)
     feedback = arm.servos.enable()
     assert [decode(int(word)) for word in feedback.statusword] == [State.OPERATION_ENABLED] * 3

@@ -7,9 +7,9 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.bring_up.safe_reset import reset_drives
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.canopen.safe_reset import reset_drives
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, OperationMode
 from armload_drivers.cia402.drive_safety import Safety

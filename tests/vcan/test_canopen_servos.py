@@ -8,6 +8,7 @@ import pytest
 
 from armload_drivers.bring_up.drive_check import reset
 from armload_drivers.bus.sync_sources import TimerSync
+from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.driver_errors import ServoFault
 from armload_drivers.servos import JointCommand
@@ -68,6 +69,6 @@ def test_a_drive_fault_in_motion(bench):
         move(servos, start)
     servos.stop()
     servos.disable()
-    reset(arm, "joint_3", bus, lambda question: False)
+    reset(CanopenBringUp(arm, bus), "joint_3", lambda question: False)
     servos.enable()
     assert all(plant.powered)

@@ -1,10 +1,8 @@
-"""Booting, checking and configuring one drive by SDO, up to the point where it could be enabled.
+"""Checking and configuring one drive by SDO, up to the point where it could be enabled.
 
-The order for an arm: `check_identity` of every node that is already up, so that another arm is refused before anything
-is sent that changes it; NMT reset, unless a drive carries torque (`safe_reset`); `check_identity` again; `configure`. A
-node that does not answer yet may still be reset, because that is how drives boot, unless only a simulation is allowed:
-then every node must identify itself first.
-Nothing here energises a drive. Missing objects are reported, not guessed.
+The order for an arm: `check_identity`, `configure`, and `secure` once the units of all drives are known. What differs
+between buses is in `canopen.canopen_setup` and `ethercat.ethercat_setup`: how a drive is found and started, its PDOs,
+and the objects of its cycle. Nothing here energises a drive. Missing objects are reported, not guessed.
 
 References:
     CiA 301, 7.5.2; CiA 402-2, 6 to 8.
@@ -12,30 +10,23 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from armload_drivers.bring_up.drive_dialogue import DriveDialogue
-from armload_drivers.bring_up.drive_objects import DriveObjects, write_cycle
+from armload_drivers.bring_up.drive_objects import DriveObjects
 from armload_drivers.bring_up.drive_securing import require_safety, secure
-from armload_drivers.bring_up.pdo_setup import map_pdo, switch_others_off
-from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.bus.sdo_channel import SdoChannel
+from armload_drivers.bring_up.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, ArmSettings, DriveSettings, Identity
 from armload_drivers.cia402.drive_safety import SafetyFinding, SafetyValues
 from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_data.drive_scale import ReportedScale, resolve
 from armload_drivers.cia402.process_data.drive_units import ArmUnits, AxisUnits
-from armload_drivers.cia402.process_data.process_image import DriveImage, drive_image
+from armload_drivers.cia402.process_data.process_image import feedback_entries, setpoint_entries
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import (
-    CommandError,
-    ServoTimeout,
-    WrongDevice,
-)
-
-HIGHEST_NODE_ID = 127
+from armload_drivers.driver_errors import CommandError, ServoTimeout, WrongDevice
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,74 +54,20 @@ class DriveReport:
     device_type: int
 
 
-class DriveSetup(DriveDialogue):
-    """Bring-up of one drive; its arguments are those of `DriveDialogue`.
+class DriveSetup(DriveDialogue, ABC):
+    """Bring-up of one drive on either bus; its arguments are those of `DriveDialogue`.
 
     Attributes:
         settings: The drive's settings; complete once its scale has been read.
     """
 
-    def __init__(
-        self,
-        drive: DriveSettings,
-        arm: ArmSettings,
-        *,
-        image: DriveImage,
-        sdo: SdoChannel,
-        timeouts: Timeouts,
-        master_node_id: int,
-    ) -> None:
-        super().__init__(drive, arm, image=image, sdo=sdo, timeouts=timeouts, master_node_id=master_node_id)
+    def __init__(self, drive: DriveSettings, arm: ArmSettings, sdo: SdoChannel, timeouts: Timeouts) -> None:
+        super().__init__(drive, arm, sdo, timeouts)
         self._objects = DriveObjects(sdo)
         self._identity = Identity(None, None)
         self._polarity = self._device_type = 0
         self._rated_current_a: float | None = None
         self._safety: tuple[SafetyFinding, ...] = ()
-
-    def identify_before_reset(self) -> bool:
-        """Identify the node before anything is sent that changes it; only reads.
-
-        Returns:
-            Whether it answers.
-
-        Raises:
-            ServoTimeout: only a simulation is allowed, and the node does not answer: it could be any device.
-            WrongDevice: the node is another device.
-            ServoError: an SDO failed.
-        """
-        simulation = is_simulation(self.settings.identity)
-        self._sdo.step = "looking for the node"
-        wait_s = self._timeouts.sdo_s if simulation else self._timeouts.probe_s
-        if self._sdo.answers(od.DEVICE_TYPE, wait_s):
-            self.check_identity()
-            return True
-        if simulation:
-            raise ServoTimeout(
-                self.settings.node_id,
-                self.settings.joint,
-                "looking for the node",
-                f"no answer within {wait_s} s; only simulated drives are allowed, so no node is reset that has not "
-                "identified itself as one",
-                "Is the simulated drive running and connected, with this node id? One that was stopped by NMT does not "
-                "answer: restart the simulation",
-            )
-        return False
-
-    def require_alive(self) -> None:
-        """Require an SDO answer from a node that was reset and sent no boot-up message.
-
-        Raises:
-            ServoTimeout: the node does not answer.
-        """
-        self._sdo.step = "booting"
-        if not self._sdo.answers(od.DEVICE_TYPE, self._timeouts.sdo_s):
-            raise ServoTimeout(
-                self.settings.node_id,
-                self.settings.joint,
-                "booting",
-                f"no boot-up message within {self._timeouts.boot_s} s of the reset and no answer after it",
-                "Is the drive powered and connected, with this node id and bit rate?",
-            )
 
     def check_identity(self) -> Identity:
         """Check device type and identity against the configuration or, if it states none, the device description.
@@ -186,8 +123,8 @@ class DriveSetup(DriveDialogue):
         return (
             ("modes", self._check_mode),
             ("scaling", self._read_scale),
-            ("cycle", lambda: write_cycle(self._objects, self._arm)),
-            ("PDOs", self._write_pdos),
+            ("cycle", self._write_cycle),
+            ("PDOs", self._map_pdos),
             ("mode", self._select_mode),
         )
 
@@ -213,19 +150,30 @@ class DriveSetup(DriveDialogue):
             MissingSafety: the drive lacks a property, and the configuration does not accept that.
             ServoError: the drive does not answer.
         """
-        values = SafetyValues.of(self.settings, self._arm, units, self._master_node_id, self._rated_current_a)
+        values = SafetyValues.of(self.settings, self._arm, units, self._rated_current_a)
         self._safety = secure(self._objects, values)
         # Only verified here; the watch itself starts with the cycle.
         self.watch_master(on=False)
         require_safety(self._objects, values, self._safety)
 
-    def watch_master(self, *, on: bool) -> int | None:
-        """As `DriveDialogue.watch_master`; while it is on, its value must not change."""
-        watch = super().watch_master(on=on)
-        self._objects.held.pop(od.HEARTBEAT_CONSUMER, None)
-        if watch:
-            self._objects.held[od.HEARTBEAT_CONSUMER] = watch
-        return watch
+    @abstractmethod
+    def require_alive(self) -> None:
+        """Require an answer from a drive that was started and did not report this.
+
+        Raises:
+            ServoTimeout: the drive does not answer.
+        """
+
+    def watch_master(self, *, on: bool) -> None:
+        """Switch the drive's watch on its master on or off, if it is a setting of the drive."""
+
+    @abstractmethod
+    def _write_cycle(self) -> None:
+        """Write the objects of the cycle."""
+
+    @abstractmethod
+    def _map_pdos(self) -> None:
+        """Map the objects of the cycle."""
 
     @property
     def objects(self) -> DriveObjects:
@@ -308,21 +256,10 @@ class DriveSetup(DriveDialogue):
         except CommandError as error:
             raise self._wrong(str(error), "Correct the configuration, or the drive's parameters") from error
 
-    def _write_pdos(self) -> None:
-        """Map the PDOs of each direction and switch the others off."""
-        self._require_mapped_objects()
-        for layout in self._image.layouts:
-            self._sdo.step = f"mapping the {layout.direction.name.lower()} PDO {layout.number + 1}"
-            self._objects.held |= map_pdo(self._sdo, layout)
-        self._sdo.step = "switching unused PDOs off"
-        for direction in od.PdoDirection:
-            used = sum(layout.direction is direction for layout in self._image.layouts)
-            switch_others_off(self._sdo, direction, used)
-
     def _require_mapped_objects(self) -> None:
         """Require the objects of the PDOs, with the size that the configuration expects."""
         self._sdo.step = "looking for the objects of its PDOs"
-        for entry in [entry for layout in self._image.layouts for entry in layout.entries]:
+        for entry in (*setpoint_entries(self.settings), *feedback_entries(self.settings)):
             bits = self._sdo.bits_if_there(entry)
             if bits is None:
                 raise self._wrong(f"the drive has no {entry}", self._instead_of(entry))
@@ -360,27 +297,7 @@ class DriveSetup(DriveDialogue):
         self._objects.held[od.MODE_DISPLAY] = mode
 
 
-def master_node_id(arm: ArmSettings) -> int:
-    """Node id of the master's heartbeat: the highest that no other node has."""
-    return max(set(range(1, HIGHEST_NODE_ID + 1)) - {drive.node_id for drive in arm.drives} - arm.other_nodes)
-
-
-def arm_setups(arm: ArmSettings, link: BusLink, timeouts: Timeouts) -> list[DriveSetup]:
-    """Bring-up of every drive of an arm."""
-    return [
-        DriveSetup(
-            drive,
-            arm,
-            image=drive_image(drive),
-            sdo=SdoChannel(drive.node_id, drive.joint, link, timeouts.sdo_s),
-            timeouts=timeouts,
-            master_node_id=master_node_id(arm),
-        )
-        for drive in arm.drives
-    ]
-
-
-def arm_with(arm: ArmSettings, setups: list[DriveSetup]) -> ArmSettings:
+def arm_with(arm: ArmSettings, setups: Sequence[DriveSetup]) -> ArmSettings:
     """The arm's settings with the scales that its drives reported."""
     return replace(arm, drives=tuple(setup.settings for setup in setups))
 

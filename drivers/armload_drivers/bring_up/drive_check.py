@@ -12,18 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
-import can
-
+from armload_drivers.bring_up.arm_bring_up import ArmBringUp
 from armload_drivers.bring_up.description_check import description_gaps
-from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_setups, arm_with, is_simulation
-from armload_drivers.bring_up.safe_reset import powered_drives, reset_drives
-from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.bus.bus_scan import require_no_strangers
+from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_with, is_simulation
 from armload_drivers.cia402.arm_settings import ArmSettings, Identity
 from armload_drivers.cia402.drive_safety import SafetyFinding
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.state_machine import State
-from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import ServoError, WrongDevice
 
 
@@ -83,25 +78,27 @@ class ArmCheck:
     safety: tuple[DriveSafety, ...] = ()
 
 
-def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -> ArmCheck:
+def check(bring_up: ArmBringUp) -> ArmCheck:
     """Perform bring-up short of enabling, every step of every drive.
+
+    Args:
+        bring_up: The arm on its bus.
 
     Raises:
         BusError: the bus failed.
     """
-    link, limits = BusLink(bus), timeouts or Timeouts()
-    setups = arm_setups(arm, link, limits)
+    arm, setups = bring_up.arm, bring_up.setups
     rows: list[Check] = []
     for setup in setups:
         rows += [_row(setup, "description", Verdict.MISSING, gap) for gap in description_gaps(setup.settings)]
     of_the_arm = [setup for setup in setups if _identify(setup, rows)]
     named = [setup for setup in of_the_arm if _is_named(setup, rows)]
-    strangers = _strangers(link, arm, limits)
-    if _carries_torque(of_the_arm, arm, link, rows):
+    strangers = _strangers(bring_up)
+    if _carries_torque(bring_up, of_the_arm, rows):
         what = "not while a drive of the arm carries torque, or does not report whether it does"
         rows += [_row(setup, "reset", Verdict.NOT_DONE, what) for setup in setups]
         return ArmCheck((*_by_joint(rows, arm), *strangers))
-    silent = reset_drives(named, (), link, limits.boot_s)
+    silent = bring_up.restart(named)
     sound = [_check_alone(setup, rows, booted=setup not in silent) for setup in named]
     if not all(sound) or len(named) < len(setups):
         what = "requires the scale of every drive, and not all drives have passed"
@@ -123,10 +120,10 @@ def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -
     return ArmCheck((*_by_joint(rows, arm), *strangers), tuple(safety))
 
 
-def _strangers(link: BusLink, arm: ArmSettings, limits: Timeouts) -> list[Check]:
+def _strangers(bring_up: ArmBringUp) -> list[Check]:
     """A row if the bus has a drive that the configuration does not name. Only reads."""
     try:
-        require_no_strangers(link, arm, limits.scan_s)
+        bring_up.require_no_strangers()
     except WrongDevice as error:
         return [Check(error.joint, error.node_id, "other drives", Verdict.WRONG, str(error))]
     return []
@@ -152,10 +149,10 @@ def _identify(setup: DriveSetup, rows: list[Check]) -> bool:
     return True
 
 
-def _carries_torque(setups: list[DriveSetup], arm: ArmSettings, link: BusLink, rows: list[Check]) -> bool:
+def _carries_torque(bring_up: ArmBringUp, setups: list[DriveSetup], rows: list[Check]) -> bool:
     """Whether a drive carries torque, or does not report its state. Only reads."""
     try:
-        powered = powered_drives(setups, arm, link)
+        powered = bring_up.powered_drives(setups)
     except ServoError as error:
         rows.append(Check(error.joint, error.node_id, "torque", Verdict.WRONG, str(error)))
         return True
@@ -210,21 +207,13 @@ def _row(setup: DriveSetup, step: str, verdict: Verdict, detail: str) -> Check:
     return Check(setup.settings.joint, setup.settings.node_id, step, verdict, detail)
 
 
-def reset(
-    arm: ArmSettings,
-    joint: str,
-    bus: can.BusABC,
-    consent: Callable[[str], bool],
-    timeouts: Timeouts | None = None,
-) -> State | None:
+def reset(bring_up: ArmBringUp, joint: str, consent: Callable[[str], bool]) -> State | None:
     """Reset the fault of one drive, by a bounded number of rising edges. No other is written to, and none is enabled.
 
     Args:
-        arm: The arm.
+        bring_up: The arm on its bus.
         joint: Name of the joint.
-        bus: An open bus.
         consent: Asked before a real drive is written to, with a description of the action.
-        timeouts: Limits of all waits.
 
     Returns:
         The drive's state afterwards; None if consent was refused and nothing was done.
@@ -234,13 +223,12 @@ def reset(
         ServoError: the drive is not in FAULT, or stays there; or a drive of the arm carries torque.
         BusError: the bus failed.
     """
-    link = BusLink(bus)
-    setups = arm_setups(arm, link, timeouts or Timeouts())
+    setups = bring_up.setups
     setup = next(setup for setup in setups if setup.settings.joint == joint)
     found = setup.check_identity()
     if _is_anonymous(setup):
         raise WrongDevice(setup.settings.node_id, joint, "identifying", _name_it(found), "Then reset it again")
-    for drive in powered_drives([other for other in setups if other.is_up()], arm, link):
+    for drive in bring_up.powered_drives([other for other in setups if other.is_up()]):
         raise drive.refusal()
     cause = setup.read_fault()
     node = f"{joint} (node {setup.settings.node_id})"
@@ -248,4 +236,4 @@ def reset(
         f"{node} is in FAULT: {cause}. Has the cause been removed, and should the fault be reset?"
     ):
         return None
-    return setup.reset_fault()
+    return bring_up.reset_fault(setup)

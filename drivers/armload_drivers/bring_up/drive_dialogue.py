@@ -1,7 +1,6 @@
 """SDO access to one drive while no cycle runs, or after the drive has left it.
 
-Reads are allowed at any time. Writes never energise: they set targets that hold, the watch on the master's heartbeat, a
-fault reset, or remove torque.
+Reads are allowed at any time. Writes never energise: they set targets that hold, a fault reset, or remove torque.
 
 References:
     CiA 301, 7.2.4; CiA 402-2, 8.
@@ -12,13 +11,12 @@ from __future__ import annotations
 import time
 from contextlib import suppress
 
-from armload_drivers.bus.sdo_channel import SdoChannel
+from armload_drivers.bring_up.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
-from armload_drivers.cia402.drive_safety import Safety, master_watch
 from armload_drivers.cia402.emergency import describe
 from armload_drivers.cia402.object_dictionary import Entry
-from armload_drivers.cia402.process_data.process_image import DriveImage, temperature_entry
+from armload_drivers.cia402.process_data.process_image import setpoint_entries, temperature_entry
 from armload_drivers.cia402.state_machine import POWERED, MasterMachine, State, decode
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import SdoRefused, ServoFault, StatuswordError, TransitionError
@@ -30,29 +28,17 @@ class DriveDialogue:
     Args:
         drive: Its settings.
         arm: The arm's settings.
-        image: Its PDOs.
         sdo: SDO access to it.
         timeouts: Limits of the waits.
-        master_node_id: Node id whose heartbeat the drive watches.
 
     Attributes:
         settings: The drive's settings.
     """
 
-    def __init__(
-        self,
-        drive: DriveSettings,
-        arm: ArmSettings,
-        *,
-        image: DriveImage,
-        sdo: SdoChannel,
-        timeouts: Timeouts,
-        master_node_id: int,
-    ) -> None:
+    def __init__(self, drive: DriveSettings, arm: ArmSettings, sdo: SdoChannel, timeouts: Timeouts) -> None:
         self.settings = drive
         self._arm = arm
-        self._image, self._sdo, self._timeouts = image, sdo, timeouts
-        self._master_node_id = master_node_id
+        self._sdo, self._timeouts = sdo, timeouts
 
     def is_up(self) -> bool:
         """Whether the node answers, within a short time."""
@@ -148,25 +134,12 @@ class DriveDialogue:
         """Write the present position to the target, and a torque offset of zero; returns the position in counts."""
         self._sdo.step = "presetting the target"
         counts = self._sdo.read(od.POSITION_ACTUAL)
-        offset = self._image.offset
-        for entry in (*self._image.rpdo.entries, *(offset.entries if offset else ())):
+        for entry in setpoint_entries(self.settings):
             if entry is od.TARGET_POSITION or entry is od.INTERPOLATION_SETPOINT:
                 self._sdo.write(entry, counts)
             elif entry.key == od.TORQUE_OFFSET.key:
                 self._sdo.write(entry, 0)
         return counts
-
-    def watch_master(self, *, on: bool) -> int | None:
-        """Switch the drive's watch on the master's heartbeat on or off; the value written, None if it has no 1016."""
-        self._sdo.step = "configuring the heartbeat consumer"
-        watch = master_watch(self._master_node_id, self._arm.heartbeat_s) if on else 0
-        try:
-            written = self._sdo.write_if_there(od.HEARTBEAT_CONSUMER, watch)
-        except SdoRefused:
-            if Safety.MASTER_LOST.key not in self.settings.accept_missing:
-                raise
-            written = False
-        return watch if written else None
 
     def reset_fault(self) -> State:
         """Reset a fault by SDO, by a bounded number of rising edges; nothing is enabled.

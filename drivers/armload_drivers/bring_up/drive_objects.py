@@ -1,4 +1,4 @@
-"""Writing objects of one drive, reading them back, and setting the cycle, before the drive is enabled.
+"""Writing objects of one drive, reading them back, and its interpolation time, before the drive is enabled.
 
 Objects that a drive lacks, or does not allow to be written, are collected. The safety properties are defined in
 `cia402.drive_safety` and written by `drive_securing`.
@@ -11,11 +11,10 @@ from __future__ import annotations
 
 import math
 
-from armload_drivers.bus.sdo_channel import READ_ONLY, SdoChannel
+from armload_drivers.bring_up.sdo_channel import READ_ONLY, SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.object_dictionary import Entry
-from armload_drivers.cia402.process_data.drive_units import interpolation_time, microseconds
+from armload_drivers.cia402.process_data.drive_units import interpolation_time
 from armload_drivers.driver_errors import SdoRefused, SettingChanged
 
 
@@ -100,34 +99,12 @@ class DriveObjects:
         return f"{name} is {found}, and {value} was refused (0x{refused.abort_code:08X})"
 
 
-def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
-    """Set the cycle, in the objects of CiA 301 and of CiA 402.
-
-    A drive that produces SYNC is configured not to. 1019 may be changed only while 1006 is 0.
+def set_interpolation(drive: DriveObjects, cycle_s: float) -> None:
+    """Set 60C2; a drive that has it must interpolate over the cycle.
 
     Raises:
-        ServoError: the configuration requires a SYNC counter and the drive has none, or the drive's interpolation time
-            differs from the cycle.
+        ServoError: the drive's interpolation time differs from the cycle.
     """
-    sdo = drive.sdo
-    sdo.step = "setting the cycle"
-    if sdo.read_if_there(od.SYNC_COB_ID) not in {None, od.SYNC_DEFAULT_COB_ID}:
-        sdo.write(od.SYNC_COB_ID, od.SYNC_DEFAULT_COB_ID)
-    counter = sdo.read_if_there(od.SYNC_COUNTER_OVERFLOW)
-    if counter is None and arm.sync_counter:
-        raise sdo.failure(
-            "the drive does not support a SYNC counter (1019)", "Set sync_counter = 0 in the configuration"
-        )
-    if counter is not None and counter != arm.sync_counter:
-        sdo.write_if_there(od.CYCLE_PERIOD_US, 0)
-        sdo.write(od.SYNC_COUNTER_OVERFLOW, arm.sync_counter)
-    if drive.hold(od.CYCLE_PERIOD_US, microseconds(arm.cycle_s)):
-        drive.miss(od.CYCLE_PERIOD_US)
-    _set_interpolation(drive, arm.cycle_s)
-
-
-def _set_interpolation(drive: DriveObjects, cycle_s: float) -> None:
-    """Set 60C2; a drive that has it must interpolate over the cycle."""
     sdo = drive.sdo
     value, exponent = interpolation_time(cycle_s)
     for entry, wanted in ((od.INTERPOLATION_TIME, value), (od.INTERPOLATION_EXPONENT, exponent)):

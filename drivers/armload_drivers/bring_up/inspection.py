@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
-import can
-
-from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_setups
-from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.bus.bus_scan import NODE_IDS, scan
-from armload_drivers.bus.sdo_channel import SdoChannel
+from armload_drivers.bring_up.drive_bring_up import DriveSetup
+from armload_drivers.bring_up.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback, Identity
+from armload_drivers.cia402.arm_settings import EffortFeedback, Identity
 from armload_drivers.cia402.drive_safety import Safety, has_a_way
 from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_data.process_image import effort_entry
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import DriverError
-
-LISTEN_S = 1.0
-"""How long a status listens to the bus, for a load that means something."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,23 +88,14 @@ class ArmStatus:
     error_passive: bool
 
 
-def find_nodes(bus: can.BusABC, timeouts: Timeouts | None = None) -> list[FoundNode]:
-    """All nodes that answer on a bus. Only reads.
+def describe(sdo: SdoChannel, node_id: int, device_types: list[int | None]) -> FoundNode:
+    """What one node reports about itself.
 
-    Raises:
-        ServoError: a node stops answering.
-        BusError: the bus failed.
+    Args:
+        sdo: SDO access to it.
+        node_id: Its number.
+        device_types: Its 1000 and those of further nodes with the same number; None if the node refuses the request.
     """
-    limits = timeouts or Timeouts()
-    link = BusLink(bus)
-    return [
-        _describe(SdoChannel(node_id, "unknown joint", link, limits.sdo_s), node_id, device_types)
-        for node_id, device_types in scan(link, NODE_IDS, limits.scan_s).items()
-    ]
-
-
-def _describe(sdo: SdoChannel, node_id: int, device_types: list[int | None]) -> FoundNode:
-    """What one node reports about itself."""
     sdo.step = "scanning"
     modes = sdo.read_if_there(od.SUPPORTED_MODES) or 0
     there: dict[int, bool] = {}
@@ -135,28 +118,7 @@ def _describe(sdo: SdoChannel, node_id: int, device_types: list[int | None]) -> 
     )
 
 
-def show(arm: ArmSettings, bus: can.BusABC, listen_s: float, timeouts: Timeouts | None = None) -> ArmStatus:
-    """Status of the drives of an arm. Only reads, so it can be used while another program moves the arm.
-
-    Args:
-        arm: The arm.
-        bus: Where its drives are.
-        listen_s: Time over which the bus load is measured.
-        timeouts: Limits of all waits.
-
-    Raises:
-        BusError: the bus failed.
-    """
-    link, limits = BusLink(bus), timeouts or Timeouts()
-    begun_s = time.monotonic()
-    while (left_s := begun_s + listen_s - time.monotonic()) > 0.0:
-        link.pump(left_s)
-    bits, listened_s = link.bits, time.monotonic() - begun_s
-    drives = tuple(_status(setup, limits) for setup in arm_setups(arm, link, limits))
-    return ArmStatus(drives, bits / (arm.bitrate * listened_s), link.error_frames, link.error_passive)
-
-
-def _status(setup: DriveSetup, limits: Timeouts) -> DriveStatus:
+def drive_status(setup: DriveSetup, limits: Timeouts) -> DriveStatus:
     """Status of one drive."""
     joint, node_id = setup.settings.joint, setup.settings.node_id
     unit = "A" if setup.settings.feedback is EffortFeedback.CURRENT else "N m"

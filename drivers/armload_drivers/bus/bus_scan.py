@@ -11,10 +11,9 @@ from collections.abc import Iterable
 
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import ArmSettings
+from armload_drivers.cia402.arm_settings import NODE_IDS, ArmSettings
 from armload_drivers.driver_errors import WrongDevice
 
-NODE_IDS = range(1, 128)
 _UPLOAD = struct.Struct("<BHB4x").pack(0x40, od.DEVICE_TYPE.index, 0)
 _ANSWER = struct.Struct("<BHBI")
 
@@ -65,7 +64,7 @@ def require_no_strangers(link: BusLink, arm: ArmSettings, wait_s: float) -> None
         BusError: the bus failed.
     """
     joints = {drive.node_id: drive.joint for drive in arm.drives}
-    for node_id, device_types in scan(link, sorted(set(NODE_IDS) - arm.other_nodes), wait_s).items():
+    for node_id, device_types in scan(link, sorted(NODE_IDS - arm.other_nodes), wait_s).items():
         if node_id in joints:
             if len(device_types) > 1:
                 raise WrongDevice(

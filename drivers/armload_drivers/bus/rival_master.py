@@ -24,7 +24,6 @@ class ForeignTraffic:
     Args:
         arm: The arm.
         link: The bus.
-        master_node_id: Node id of this master's heartbeat.
         sync_is_ours: Whether this master's own SYNCs are received back; then the SYNC source detects others.
 
     Attributes:
@@ -32,12 +31,13 @@ class ForeignTraffic:
         requests: SDO request of another client to a drive, as text; empty if there was none.
     """
 
-    def __init__(self, arm: ArmSettings, link: BusLink, master_node_id: int, *, sync_is_ours: bool) -> None:
+    def __init__(self, arm: ArmSettings, link: BusLink, *, sync_is_ours: bool) -> None:
         self.commands = ""
         self.requests = ""
         self._joints = {drive.node_id: drive.joint for drive in arm.drives}
         link.subscribe(od.NMT_COB_ID, self._take_nmt)
-        self._accuse(link, od.HEARTBEAT_BASE + master_node_id, f"uses this master's node id {master_node_id}")
+        own = arm.master_node_id
+        self._accuse(link, od.HEARTBEAT_BASE + own, f"uses this master's node id {own}")
         if not sync_is_ours:
             self._accuse(link, od.SYNC_DEFAULT_COB_ID, "also produces SYNC")
         for drive in arm.drives:

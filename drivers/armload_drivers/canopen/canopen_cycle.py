@@ -42,7 +42,6 @@ class CanopenCycle:
         nodes: Its drives.
         link: The bus.
         sync: Source of SYNC.
-        master_node_id: Node id of the master's heartbeat.
         units: Conversion of setpoints and feedback.
         rhythms: Those of SYNC and of the feedback.
 
@@ -60,7 +59,6 @@ class CanopenCycle:
         nodes: list[DriveNode],
         link: BusLink,
         sync: SyncSource,
-        master_node_id: int,
         units: ArmUnits,
         rhythms: tuple[Rhythm, Rhythm],
     ) -> None:
@@ -69,7 +67,7 @@ class CanopenCycle:
         self.units = units
         self.bus_load = 0.0
         self._arm = arm
-        self.foreign = ForeignTraffic(arm, link, master_node_id, sync_is_ours=sync.heard)
+        self.foreign = ForeignTraffic(arm, link, sync_is_ours=sync.heard)
         self._sync_counter = arm.sync_counter
         self._bitrate = arm.bitrate
         self._load_since_s, self._load_bits = 0.0, 0
@@ -78,7 +76,7 @@ class CanopenCycle:
         self._link, self._sync = link, sync
         self._sync_rhythm, self._feedback_rhythm = rhythms
         self._heartbeat = can.Message(
-            arbitration_id=od.HEARTBEAT_BASE + master_node_id,
+            arbitration_id=od.HEARTBEAT_BASE + arm.master_node_id,
             data=[NmtState.OPERATIONAL.value],
             is_extended_id=False,
         )

@@ -24,15 +24,16 @@ from functools import partial
 import can
 
 from armload_core.arrays import FloatArray
-from armload_drivers.bring_up.drive_bring_up import DriveReport, arm_setups, arm_with, is_simulation, master_node_id
-from armload_drivers.bring_up.safe_reset import answering_drives, powered_drives, reset_drives
+from armload_drivers.bring_up.drive_bring_up import DriveReport, arm_with, is_simulation
 from armload_drivers.bus.bus_link import BusErrors, BusLink
 from armload_drivers.bus.bus_scan import require_no_strangers
 from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.canopen.bus_remarks import BusRemarks
 from armload_drivers.canopen.canopen_cycle import CanopenCycle
+from armload_drivers.canopen.canopen_setup import canopen_setups
 from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.canopen.rhythm import Rhythm
+from armload_drivers.canopen.safe_reset import answering_drives, powered_drives, reset_drives
 from armload_drivers.canopen.settings_watch import SettingsWatch
 from armload_drivers.canopen.torque_removal import STILL_CYCLES, TorqueRemoval, raise_first, torque_remains
 from armload_drivers.cia402.arm_settings import ArmSettings
@@ -87,8 +88,7 @@ class CanopenServos:
         self._timeouts = timeouts or Timeouts()
         self._phase = _Phase.NEW
         self._link = link = BusLink(bus)
-        self._master_node_id = master_node_id(arm)
-        self._setups = arm_setups(arm, link, self._timeouts)
+        self._setups = canopen_setups(arm, link, self._timeouts)
         self._nodes = [
             DriveNode(
                 drive,
@@ -142,9 +142,7 @@ class CanopenServos:
         for node, report in zip(self._nodes, self.reports, strict=True):
             if any(finding.of is Safety.DRIVE_LOST and finding.way is None for finding in report.safety):
                 node.heartbeat_limit_s = math.inf
-        self._running = CanopenCycle(
-            self._arm, self._nodes, self._link, self._sync, self._master_node_id, units, self._rhythms
-        )
+        self._running = CanopenCycle(self._arm, self._nodes, self._link, self._sync, units, self._rhythms)
         self.simulated = all(map(is_simulation, identities))
         self._phase = _Phase.CONNECTED
 

@@ -14,6 +14,9 @@ from armload_core.arrays import FloatArray
 from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType, Entry
 
+NODE_IDS = frozenset(range(1, 128))
+"""Node ids of CANopen."""
+
 
 class OperationMode(IntEnum):
     """Modes of operation (6060) that this driver streams in. CiA 402-2, 6.3."""
@@ -190,3 +193,8 @@ class ArmSettings:
     max_missing_cycles: int
     sync_counter: int = 0
     other_nodes: frozenset[int] = frozenset()
+
+    @property
+    def master_node_id(self) -> int:
+        """Node id of the master's heartbeat: the highest that no other node has."""
+        return max(NODE_IDS - {drive.node_id for drive in self.drives} - self.other_nodes)

@@ -76,16 +76,13 @@ class SafetyValues:
     rated_current_a: float | None
 
     @classmethod
-    def of(
-        cls, drive: DriveSettings, arm: ArmSettings, units: ArmUnits, master_node_id: int, rated_current_a: float | None
-    ) -> SafetyValues:
+    def of(cls, drive: DriveSettings, arm: ArmSettings, units: ArmUnits, rated_current_a: float | None) -> SafetyValues:
         """The values of one drive of an arm.
 
         Args:
             drive: The drive, its scale complete.
             arm: The arm.
             units: Units of all drives, because motors may be coupled.
-            master_node_id: Node id whose heartbeat the drive watches.
             rated_current_a: 6075 as reported by the drive.
         """
         axis = [other.node_id for other in arm.drives].index(drive.node_id)
@@ -93,7 +90,7 @@ class SafetyValues:
         return cls(
             drive=drive,
             heartbeat_ms=milliseconds(arm.heartbeat_s),
-            master_watch=master_watch(master_node_id, arm.heartbeat_s),
+            master_watch=master_watch(arm),
             setpoint_timeout_ms=milliseconds(max(arm.heartbeat_s, (arm.max_missing_cycles + 1) * arm.cycle_s)),
             sync_period_us=microseconds(arm.cycle_s),
             following_error_counts=round(drive.following_error_rad * abs(units.axes[axis].counts_per_rad)),
@@ -103,9 +100,9 @@ class SafetyValues:
         )
 
 
-def master_watch(master_node_id: int, heartbeat_s: float) -> int:
+def master_watch(arm: ArmSettings) -> int:
     """Value of 1016 for watching the master's heartbeat."""
-    return master_node_id << 16 | milliseconds(HEARTBEAT_TOLERANCE * heartbeat_s)
+    return arm.master_node_id << 16 | milliseconds(HEARTBEAT_TOLERANCE * arm.heartbeat_s)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 class Timeouts:
     """Limits of all waits. Errors name the wait that timed out.
 
-    How long bring-up listens for another master follows from the heartbeat: `bring_up.safe_reset`.
+    How long bring-up listens for another master follows from the heartbeat: `canopen.safe_reset`.
 
     Attributes:
         probe_s: First query of a node by one SDO, before it is reset.

@@ -45,7 +45,7 @@ def scan_command(
     from armload_controller.cli.screen import Screen
     from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.session.arm_access import open_bus
-    from armload_drivers.bring_up.inspection import find_nodes
+    from armload_drivers.canopen.canopen_inspection import find_nodes
 
     interface, channel = bus_address(bus, BUS_FORM)
     if interface == VIRTUAL:
@@ -73,13 +73,14 @@ def check_command(
     from armload_controller.cli.output.result_documents import checks_document
     from armload_controller.cli.screen import Screen
     from armload_drivers.bring_up.drive_check import Verdict, check
+    from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 
     arm = arm_on_bus(robot, bus, bitrate, cycle_hz)
     screen = Screen(as_json=as_json)
     for text in arm.drives.peculiarities:
         screen.step(text)
     with _bus_of(arm) as opened:
-        found = check(arm.drives.settings, opened)
+        found = check(CanopenBringUp(arm.drives.settings, opened))
     rows = found.steps
     screen.table(check_table(rows))
     if found.safety:
@@ -105,7 +106,7 @@ def show_command(
     from armload_controller.cli.output.result_documents import status_document
     from armload_controller.cli.screen import Screen
     from armload_controller.session.stop_signals import StopSignals
-    from armload_drivers.bring_up.inspection import LISTEN_S, show
+    from armload_drivers.canopen.canopen_inspection import LISTEN_S, show
 
     arm = arm_on_bus(robot, bus, bitrate)
     screen = Screen(as_json=as_json)
@@ -133,6 +134,7 @@ def reset_command(
     from armload_controller.cli.output.result_documents import reset_document
     from armload_controller.cli.screen import Screen
     from armload_drivers.bring_up.drive_check import reset
+    from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 
     arm = arm_on_bus(robot, bus, bitrate)
     if joint not in arm.joint_names:
@@ -140,7 +142,9 @@ def reset_command(
     node_id = arm.drives.settings.drives[arm.joint_names.index(joint)].node_id
     screen = Screen(as_json=as_json)
     with _bus_of(arm) as opened:
-        state = reset(arm.drives.settings, joint, opened, lambda question: yes or screen.confirm(question))
+        state = reset(
+            CanopenBringUp(arm.drives.settings, opened), joint, lambda question: yes or screen.confirm(question)
+        )
     if state is None:
         raise CommissioningError("not confirmed: nothing was reset")
     screen.document(partial(reset_document, arm.name, joint, node_id, state))

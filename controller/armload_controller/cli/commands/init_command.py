@@ -187,7 +187,7 @@ def _bus(n: int, scan: str | None, bitrate: int, description: Path | None, outpu
     beside = None if description is None else path_beside(description, output)
     if scan is not None:
         from armload_controller.session.arm_access import open_bus
-        from armload_drivers.bring_up.inspection import find_nodes
+        from armload_drivers.canopen.canopen_inspection import find_nodes
 
         interface, channel = bus_address(scan, "--scan")
         with open_bus(interface, channel, bitrate) as bus:

@@ -105,25 +105,28 @@ def _layout(direction: PdoDirection, number: int, node_id: int, entries: list[En
     return PdoLayout(direction, number, direction.default_cob_id(number, node_id), tuple(entries))
 
 
+def setpoint_entries(drive: DriveSettings) -> list[Entry]:
+    """Objects that the master sends in every cycle; the torque offset is the last."""
+    entries = [od.CONTROLWORD, target_entry(drive.mode)]
+    return [*entries, offset_entry(drive)] if drive.torque_offset else entries
+
+
+def feedback_entries(drive: DriveSettings) -> list[Entry]:
+    """Objects that the drive sends in every cycle; the effort is the last."""
+    return [od.STATUSWORD, od.POSITION_ACTUAL, effort_entry(drive)]
+
+
 def drive_image(drive: DriveSettings) -> DriveImage:
     """PDOs of a configured drive."""
-    receive, rpdo2 = _split(
-        PdoDirection.RECEIVE,
-        drive,
-        [od.CONTROLWORD, target_entry(drive.mode)],
-        offset_entry(drive) if drive.torque_offset else None,
-    )
-    transmit, tpdo2 = _split(PdoDirection.TRANSMIT, drive, [od.STATUSWORD, od.POSITION_ACTUAL], effort_entry(drive))
+    receive, rpdo2 = _split(PdoDirection.RECEIVE, drive, setpoint_entries(drive))
+    transmit, tpdo2 = _split(PdoDirection.TRANSMIT, drive, feedback_entries(drive))
     return DriveImage(receive, transmit, effort=tpdo2, offset=rpdo2)
 
 
-def _split(
-    direction: PdoDirection, drive: DriveSettings, always: list[Entry], last: Entry | None
-) -> tuple[PdoLayout, PdoLayout | None]:
-    """One PDO, and another for the last entry if it does not fit."""
+def _split(direction: PdoDirection, drive: DriveSettings, entries: list[Entry]) -> tuple[PdoLayout, PdoLayout | None]:
+    """One PDO, and another for the third entry if it does not fit."""
     node_id = drive.node_id
-    if last is None:
-        return _layout(direction, 0, node_id, always), None
-    if len(always) < drive.pdo_objects_max and sum(entry.type.bits for entry in (*always, last)) <= MAX_PDO_BITS:
-        return _layout(direction, 0, node_id, [*always, last]), None
-    return _layout(direction, 0, node_id, always), _layout(direction, 1, node_id, [last])
+    fits = len(entries) <= drive.pdo_objects_max and sum(entry.type.bits for entry in entries) <= MAX_PDO_BITS
+    if fits:
+        return _layout(direction, 0, node_id, entries), None
+    return _layout(direction, 0, node_id, entries[:2]), _layout(direction, 1, node_id, entries[2:])

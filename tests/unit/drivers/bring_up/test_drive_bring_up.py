@@ -6,11 +6,12 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_with, is_simulation, master_node_id
-from armload_drivers.bring_up.drive_objects import DriveObjects, write_cycle
+from armload_drivers.bring_up.drive_bring_up import arm_with, is_simulation
+from armload_drivers.bring_up.drive_objects import DriveObjects
 from armload_drivers.bring_up.drive_securing import require_safety
 from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.bus.sdo_channel import SdoChannel
+from armload_drivers.canopen.canopen_sdo import CanopenSdo
+from armload_drivers.canopen.canopen_setup import CanopenSetup, write_cycle
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, EffortFeedback, Identity, TemperatureObject
 from armload_drivers.cia402.drive_safety import Safety
@@ -55,10 +56,8 @@ class Bench:
         self.values = self.drive.dictionary.values
         settings, self.arm = arm.drives[0], arm
         self.link = BusLink(self)
-        self.sdo = SdoChannel(settings.node_id, settings.joint, self.link, SHORT.sdo_s)
-        self.setup = DriveSetup(
-            settings, arm, image=drive_image(settings), sdo=self.sdo, timeouts=SHORT, master_node_id=MASTER
-        )
+        self.sdo = CanopenSdo(settings.node_id, settings.joint, self.link, SHORT.sdo_s)
+        self.setup = CanopenSetup(settings, arm, self.sdo, SHORT)
 
     def _send(self, cob_id, data):
         if cob_id == od.SDO_TX_BASE + self.drive.node_id:
@@ -140,7 +139,7 @@ def test_configured_it_has_mode_cycle_and_pdos(bench):
     assert values[od.MODE_DISPLAY.key] == 8
     assert values[od.CYCLE_PERIOD_US.key] == 10_000
     in_use = {pdo.cob_id for pdo in (*made.drive.rpdos, *made.drive.tpdos) if pdo.cob_id}
-    image = drive_image(made.setup.settings)
+    image = drive_image(made.arm.drives[0])
     assert in_use == {layout.cob_id for layout in image.layouts}
     assert made.setup.objects.held[od.POLARITY] == 0x80
     assert made.setup.objects.held[od.MODE_DISPLAY] == 8
@@ -231,11 +230,13 @@ def test_secured_it_has_every_safety_property_and_watches_nobody_yet(bench):
 
 def test_the_watch_on_the_master_is_held_while_it_is_on(bench):
     made = secured(bench())
-    watch = made.setup.watch_master(on=True)
+    made.setup.watch_master(on=True)
+    watch = made.values[od.HEARTBEAT_CONSUMER.key]
     assert watch >> 16 == MASTER
     assert watch & 0xFFFF > 1e3 * made.arm.heartbeat_s
-    assert made.setup.objects.held[od.HEARTBEAT_CONSUMER] == made.values[od.HEARTBEAT_CONSUMER.key] == watch
-    assert made.setup.watch_master(on=False) == 0
+    assert made.setup.objects.held[od.HEARTBEAT_CONSUMER] == watch
+    made.setup.watch_master(on=False)
+    assert made.values[od.HEARTBEAT_CONSUMER.key] == 0
     assert od.HEARTBEAT_CONSUMER not in made.setup.objects.held
 
 
@@ -361,8 +362,8 @@ def test_a_temperature_is_read_where_one_is_configured_in_its_unit(bench):
 
 def test_the_masters_node_is_the_highest_that_nobody_has(arm_settings):
     arm = arm_settings()
-    assert master_node_id(arm) == 127
-    assert master_node_id(replace(arm, other_nodes=frozenset({127, 126}))) == 125
+    assert arm.master_node_id == 127
+    assert replace(arm, other_nodes=frozenset({127, 126})).master_node_id == 125
 
 
 def test_the_arm_gets_the_scales_that_its_drives_reported(bench, arm_settings):

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from armload_drivers.bring_up.drive_check import Verdict, check, reset
-from armload_drivers.bring_up.inspection import find_nodes, show
+from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
+from armload_drivers.canopen.canopen_inspection import find_nodes, show
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, TemperatureObject
 from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.drive_safety import Safety
@@ -98,7 +99,7 @@ def test_check_goes_on_after_what_is_wrong(bench):
         3: DriveTraits(takes_mode=False),
         5: DriveTraits(identity=Identity(1, 2)),
     })  # fmt: skip
-    rows = check(rig.arm, rig.bus, LIMITS).steps
+    rows = check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps
     wrong = {(row.node_id, row.step) for row in rows if row.verdict is Verdict.WRONG}
     assert wrong == {(3, "mode"), (5, "identity")}
     assert [row.node_id for row in rows] == sorted(row.node_id for row in rows)
@@ -109,7 +110,7 @@ def test_check_goes_on_after_what_is_wrong(bench):
 
 def test_check_reports_what_is_missing_and_what_must_not_be(bench):
     rig = bench({2: DriveTraits(absent=frozenset({0x1029})), 3: DriveTraits(absent=frozenset({0x605A}))})
-    found = check(rig.arm, rig.bus, LIMITS)
+    found = check(CanopenBringUp(rig.arm, rig.bus, LIMITS))
     missing = [(row.node_id, row.detail) for row in found.steps if row.verdict is Verdict.MISSING]
     assert missing == [(2, "1029:1 communication error behaviour"), (3, "605A:0 quick stop option code")]
     refused = [row for row in found.steps if row.verdict is Verdict.WRONG]
@@ -121,10 +122,10 @@ def test_check_reports_what_is_missing_and_what_must_not_be(bench):
 
 def test_check_of_an_arm_in_order_and_of_one_that_is_not_there(bench):
     rig = bench()
-    assert {row.verdict for row in check(rig.arm, rig.bus, LIMITS).steps} == {Verdict.OK}
+    assert {row.verdict for row in check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps} == {Verdict.OK}
     for node in (2, 3, 5):
         rig.drives.switch_off(node)
-    rows = check(rig.arm, rig.bus, LIMITS).steps
+    rows = check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps
     assert [row.step for row in rows if row.verdict is Verdict.WRONG] == ["answers"] * 3
 
 
@@ -132,7 +133,7 @@ def test_check_keeps_away_from_a_drive_that_carries_torque(bench):
     rig = bench()
     energise(rig, 3)
     rig.frames()
-    rows = check(rig.arm, rig.bus, LIMITS).steps
+    rows = check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps
     (wrong,) = (row for row in rows if row.verdict is Verdict.WRONG)
     assert (wrong.node_id, wrong.step) == (3, "torque")
     assert wrong.detail.startswith("the drive carries torque in OPERATION ENABLED: another program")
@@ -146,11 +147,11 @@ def test_check_and_reset_report_a_drive_whose_master_has_ended(bench):
     energise(rig, 3, STOP_AND_STAY)
     rig.drives.fail(5, 0x4310)
     rig.frames()
-    (wrong,) = (row for row in check(rig.arm, rig.bus, LIMITS).steps if row.verdict is Verdict.WRONG)
+    (wrong,) = (row for row in check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps if row.verdict is Verdict.WRONG)
     held = "the drive holds its position with torque, in QUICK STOP ACTIVE; its master has ended. Press the emergency"
     assert (wrong.node_id, wrong.detail[: len(held)]) == (3, held)
     with pytest.raises(ServoError, match=held):
-        reset(rig.arm, "joint_5", rig.bus, never_asked, LIMITS)
+        reset(CanopenBringUp(rig.arm, rig.bus, LIMITS), "joint_5", never_asked)
     assert only_read(rig.frames()), "not taken over either"
     assert rig.plant.powered == [False, True, False]
 
@@ -158,7 +159,7 @@ def test_check_and_reset_report_a_drive_whose_master_has_ended(bench):
 def test_check_writes_to_nothing_while_a_drive_does_not_report_its_state(bench):
     rig = bench({3: DriveTraits(on_request=lambda request: 0x0800_0000 if request[:3] == b"\x40\x41\x60" else None)})
     rig.frames()
-    rows = check(rig.arm, rig.bus, LIMITS).steps
+    rows = check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps
     assert [(row.node_id, row.step) for row in rows if row.verdict is Verdict.WRONG] == [(3, "torque")]
     assert only_read(rig.frames())
 
@@ -180,11 +181,11 @@ def test_a_statusword_that_matches_no_state_is_no_state_without_torque(bench):
     rig = bench()
     lying(rig, 0x583, b"\x41\x60\x00", 0x0001)
     rig.frames()
-    (wrong,) = (row for row in check(rig.arm, rig.bus, LIMITS).steps if row.verdict is Verdict.WRONG)
+    (wrong,) = (row for row in check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps if row.verdict is Verdict.WRONG)
     assert (wrong.node_id, wrong.step) == (3, "torque")
     assert "statusword 0x0001 matches no state of CiA 402" in wrong.detail
     with pytest.raises(ServoError, match=r"joint_3.*0x0001 matches no state"):
-        reset(rig.arm, "joint_5", rig.bus, never_asked, LIMITS)
+        reset(CanopenBringUp(rig.arm, rig.bus, LIMITS), "joint_5", never_asked)
     assert only_read(rig.frames())
 
 
@@ -192,7 +193,7 @@ def test_check_reports_a_drive_that_does_not_come_back(bench):
     rig = bench({3: DriveTraits(boot_message=False)})
     with LockstepBus(rig.bus.wire) as supply:
         supply.listen(lambda message: message.arbitration_id == 0 and rig.drives.switch_off(3))
-        rows = check(rig.arm, rig.bus, LIMITS).steps
+        rows = check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps
     wrong = [row for row in rows if row.verdict is Verdict.WRONG]
     assert {row.node_id for row in wrong} == {3}
     assert wrong[0].step == "boot"
@@ -201,12 +202,12 @@ def test_check_reports_a_drive_that_does_not_come_back(bench):
 def test_check_reports_a_drive_that_the_configuration_does_not_name(bench):
     rig = bench()
     fewer = replace(rig.arm, drives=rig.arm.drives[:2], coupling=np.eye(2))
-    wrong = [row for row in check(fewer, rig.bus, LIMITS).steps if row.verdict is not Verdict.OK]
+    wrong = [row for row in check(CanopenBringUp(fewer, rig.bus, LIMITS)).steps if row.verdict is not Verdict.OK]
     assert [(row.node_id, row.step) for row in wrong] == [(5, "other drives")]
     assert "other_nodes" in wrong[0].detail
     assert not [
         row
-        for row in check(replace(fewer, other_nodes=frozenset({5})), rig.bus, LIMITS).steps
+        for row in check(CanopenBringUp(replace(fewer, other_nodes=frozenset({5})), rig.bus, LIMITS)).steps
         if row.verdict is Verdict.WRONG
     ]
 
@@ -214,7 +215,7 @@ def test_check_reports_a_drive_that_the_configuration_does_not_name(bench):
 def test_check_writes_to_no_real_drive_that_nobody_named(bench, arm_settings):
     rig = bench({3: DriveTraits(identity=REAL)}, arm_settings(identity=Identity(None, None)))
     rig.frames()
-    rows = check(rig.arm, rig.bus, LIMITS).steps
+    rows = check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps
     anonymous = [row for row in rows if row.step == "identity" and row.verdict is Verdict.NOT_DONE]
     assert [row.node_id for row in anonymous] == [3]
     assert "identity = { vendor_id = 0x000002DC, product_code = 0x12345678 }" in anonymous[0].detail
@@ -229,14 +230,14 @@ def test_a_description_names_a_drive_by_vendor_and_product(bench, arm_settings, 
     arm = arm_settings(identity=Identity(None, None), description=described)
     assert {drive.is_named for drive in arm.drives} == {named}
     rig = bench(dict.fromkeys((2, 3, 5), DriveTraits(identity=REAL)), arm)
-    rows = check(rig.arm, rig.bus, LIMITS).steps
+    rows = check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps
     assert {row.verdict for row in rows if row.step == "identity"} == {Verdict.OK if named else Verdict.NOT_DONE}
 
 
 def test_check_of_a_real_arm_that_the_file_names(bench, arm_settings):
     traits = dict.fromkeys((2, 3, 5), DriveTraits(identity=REAL))
     rig = bench(traits, arm_settings(identity=REAL))
-    assert {row.verdict for row in check(rig.arm, rig.bus, LIMITS).steps} == {Verdict.OK}
+    assert {row.verdict for row in check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps} == {Verdict.OK}
 
 
 def test_show_only_reads(bench):
@@ -280,7 +281,7 @@ def test_one_fault_is_reset_by_name(bench):
     rig = bench()
     rig.drives.fail(3, 0x4310)
     rig.drives.fail(5, 0x4310)
-    assert reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS) is State.SWITCH_ON_DISABLED
+    assert reset(CanopenBringUp(rig.arm, rig.bus, LIMITS), "joint_3", never_asked) is State.SWITCH_ON_DISABLED
     states = [drive.state for drive in show(rig.arm, rig.bus, 0.01, LIMITS).drives]
     assert states == [State.SWITCH_ON_DISABLED, State.SWITCH_ON_DISABLED, State.FAULT]
     assert not any(rig.plant.powered)
@@ -290,27 +291,27 @@ def test_a_fault_is_reset_while_another_drive_is_switched_off(bench):
     rig = bench()
     rig.drives.fail(3, 0x4310)
     rig.drives.switch_off(5)
-    assert reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS) is State.SWITCH_ON_DISABLED
+    assert reset(CanopenBringUp(rig.arm, rig.bus, LIMITS), "joint_3", never_asked) is State.SWITCH_ON_DISABLED
 
 
 def test_a_fault_whose_cause_stays_is_reported(bench):
     rig = bench()
     rig.drives.fail(3, 0x4310, persistent=True)
     with pytest.raises(ServoFault, match="0x4310"):
-        reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS)
+        reset(CanopenBringUp(rig.arm, rig.bus, LIMITS), "joint_3", never_asked)
 
 
 def test_without_a_fault_there_is_nothing_to_reset(bench):
     rig = bench()
     with pytest.raises(ServoError, match="No reset is required"):
-        reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS)
+        reset(CanopenBringUp(rig.arm, rig.bus, LIMITS), "joint_3", never_asked)
 
 
 def test_nobody_is_asked_about_a_real_drive_that_has_no_fault(bench, arm_settings):
     rig = bench(dict.fromkeys((2, 3, 5), DriveTraits(identity=REAL)), arm_settings(identity=REAL))
     rig.frames()
     with pytest.raises(ServoError, match=r"the drive is in SWITCH ON DISABLED\. No reset is required"):
-        reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS)
+        reset(CanopenBringUp(rig.arm, rig.bus, LIMITS), "joint_3", never_asked)
     assert only_read(rig.frames())
 
 
@@ -325,7 +326,11 @@ def real_fault(bench, arm_settings):
 
 def test_a_real_drive_is_reset_with_consent(real_fault):
     questions = []
-    state = reset(real_fault.arm, "joint_3", real_fault.bus, lambda text: bool(questions.append(text)) or True, LIMITS)
+    state = reset(
+        CanopenBringUp(real_fault.arm, real_fault.bus, LIMITS),
+        "joint_3",
+        lambda text: bool(questions.append(text)) or True,
+    )
     assert state is State.SWITCH_ON_DISABLED
     assert len(questions) == 1
     assert "joint_3 (node 3) is in FAULT: 0x4310" in questions[0]
@@ -336,14 +341,14 @@ def test_a_real_drive_is_reset_with_consent(real_fault):
 
 
 def test_without_consent_a_real_drive_is_not_written_to(real_fault):
-    assert reset(real_fault.arm, "joint_3", real_fault.bus, lambda text: False, LIMITS) is None
+    assert reset(CanopenBringUp(real_fault.arm, real_fault.bus, LIMITS), "joint_3", lambda text: False) is None
     assert only_read(real_fault.frames())
 
 
 def test_a_real_drive_that_nobody_named_is_not_reset(real_fault):
     anybody = real_arm(real_fault.arm, Identity(None, None))
     with pytest.raises(WrongDevice, match="does not name"):
-        reset(anybody, "joint_3", real_fault.bus, never_asked, LIMITS)
+        reset(CanopenBringUp(anybody, real_fault.bus, LIMITS), "joint_3", never_asked)
     assert only_read(real_fault.frames())
 
 
@@ -353,7 +358,7 @@ def test_nothing_is_reset_while_another_drive_of_the_arm_carries_torque(bench):
     energise(rig, 5)
     rig.frames()
     with pytest.raises(ServoError, match=r"joint_5.*carries torque"):
-        reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS)
+        reset(CanopenBringUp(rig.arm, rig.bus, LIMITS), "joint_3", never_asked)
     assert only_read(rig.frames())
 
 
@@ -365,7 +370,7 @@ def test_a_fault_that_somebody_else_resets_meanwhile_is_not_reset_again(real_fau
         return True
 
     with pytest.raises(ServoError, match="only FAULT can be reset, the drive is in SWITCH ON DISABLED"):
-        reset(real_fault.arm, "joint_3", real_fault.bus, consent, LIMITS)
+        reset(CanopenBringUp(real_fault.arm, real_fault.bus, LIMITS), "joint_3", consent)
     assert only_read(real_fault.frames())
 
 

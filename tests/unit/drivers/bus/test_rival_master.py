@@ -29,7 +29,7 @@ class Wire:
 def watched(arm_settings):
     def watched(sync_is_ours=False):
         wire = Wire()
-        return wire, ForeignTraffic(arm_settings(), wire, MASTER, sync_is_ours=sync_is_ours)
+        return wire, ForeignTraffic(arm_settings(), wire, sync_is_ours=sync_is_ours)
 
     return watched
 

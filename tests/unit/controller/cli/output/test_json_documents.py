@@ -33,8 +33,9 @@ from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.fleet.fleet_run import FleetProblem, FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
 from armload_controller.session.feedforward_comparison import FollowingComparison, Measure
-from armload_drivers.bring_up import drive_check, inspection
+from armload_drivers.bring_up import drive_check
 from armload_drivers.bring_up.inspection import FoundNode
+from armload_drivers.canopen import canopen_inspection
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.state_machine import State
 from armload_identification.calibration.run_health import RunHealth
@@ -115,7 +116,7 @@ def document(armload, recorded_er50, tmp_path_factory):
         return json.loads(line)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(inspection, "LISTEN_S", 0.01)
+        patch.setattr(canopen_inspection, "LISTEN_S", 0.01)
         patch.setattr(drive_check, "reset", lambda *_: State.SWITCH_ON_DISABLED)  # no drive is in FAULT
         yield printed
 

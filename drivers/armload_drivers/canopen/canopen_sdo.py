@@ -1,4 +1,4 @@
-"""Reading and writing objects of one node by SDO, with errors that name node, joint, step and object.
+"""SDO over CAN.
 
 The client is canopen's, but waits by pumping the bus instead of using a receive thread. So there is never more than one
 request to a node in progress, and every wait has a limit.
@@ -7,7 +7,6 @@ request to a node in progress, and every wait has a limit.
 from __future__ import annotations
 
 import logging
-import math
 import struct
 from collections import deque
 from collections.abc import Iterator
@@ -18,24 +17,13 @@ from canopen import ObjectDictionary
 from canopen.sdo import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
+from armload_drivers.bring_up.sdo_channel import SdoChannel
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.cia402.object_dictionary import SDO_RX_BASE, SDO_TX_BASE, Entry
-from armload_drivers.driver_errors import SdoRefused, ServoError, ServoTimeout
+from armload_drivers.driver_errors import ServoTimeout
 
 # canopen logs every abort, which its caller reports; without a handler Python would print it to the operator.
 logging.getLogger("canopen").addHandler(logging.NullHandler())
-
-NO_SUBINDEX = 0x0609_0011
-"""Abort code for a missing sub-index."""
-
-_MISSING = frozenset({0x0602_0000, NO_SUBINDEX})
-"""Abort codes for a missing object or sub-index."""
-
-READ_ONLY = 0x0601_0002
-"""Abort code for a read-only object."""
-
-POLL_S = 5e-3
-"""Time between two reads of an object that is expected to reach a value."""
 
 _INITIATE = frozenset({1, 2})
 """Client commands whose response repeats index and sub-index: initiate download, initiate upload."""
@@ -129,7 +117,7 @@ class _PumpedSdoClient(SdoClient):  # type: ignore[misc]
         return answer
 
 
-class SdoChannel:
+class CanopenSdo(SdoChannel):
     """SDO access to one node.
 
     Args:
@@ -137,119 +125,17 @@ class SdoChannel:
         joint: Name of its joint, for errors.
         link: The bus.
         timeout_s: Limit of one request.
-
-    Attributes:
-        step: The step in progress, for errors; set by the user of the channel.
-        node: Node id, and name of the joint.
     """
 
     def __init__(self, node_id: int, joint: str, link: BusLink, timeout_s: float) -> None:
-        self.step = "SDO transfer"
-        self.node = node_id, joint
-        self._node_id, self._joint, self._link = node_id, joint, link
+        super().__init__(node_id, joint)
+        self._link = link
         self._timeout_s = timeout_s
         self._client = _PumpedSdoClient(node_id, link, timeout_s)
-
-    def read(self, entry: Entry) -> int:
-        """Value of an integer object.
-
-        Raises:
-            SdoRefused: the node answers with an abort code.
-            ServoTimeout: the node does not answer.
-            ServoError: the answer is invalid.
-        """
-        return self._integer(entry, self._transfer(entry, None))
-
-    @staticmethod
-    def _integer(entry: Entry, data: bytes) -> int:
-        """Value of an integer object."""
-        return int.from_bytes(data[: max(1, entry.type.bits // 8)], "little", signed=entry.type.code.islower())
-
-    def read_if_there(self, entry: Entry) -> int | None:
-        """As `read`, but None if the node does not have the object."""
-        try:
-            return self.read(entry)
-        except SdoRefused as refusal:
-            if refusal.abort_code in _MISSING:
-                return None
-            raise
-
-    def bits_if_there(self, entry: Entry) -> int | None:
-        """Size of an object in bits as sent by the node; None if it does not have it. Raises as `read`."""
-        try:
-            return 8 * len(self._transfer(entry, None))
-        except SdoRefused as refusal:
-            if refusal.abort_code in _MISSING:
-                return None
-            raise
-
-    def has(self, entry: Entry) -> bool:
-        """Whether the node has an object, even if it cannot be read."""
-        try:
-            self.read(entry)
-        except SdoRefused as refusal:
-            return refusal.abort_code not in _MISSING
-        return True
-
-    def read_real_if_there(self, entry: Entry) -> float | None:
-        """Value of an integer or floating-point object; None if the node does not have it."""
-        if not entry.type.is_real:
-            return self.read_if_there(entry)
-        try:
-            data = self._transfer(entry, None)
-        except SdoRefused as refusal:
-            if refusal.abort_code in _MISSING:
-                return None
-            raise
-        if len(data) != entry.type.bits // 8:
-            raise self.failure(f"reading {entry}: {len(data)} bytes are not a REAL32", "See the drive's manual")
-        (value,) = struct.unpack("<f", data)
-        return float(value)
 
     def ask(self, entry: Entry) -> None:
         """Request an object of up to four bytes without waiting for the answer."""
         self._client.ask(entry)
-
-    def answer(self, entry: Entry) -> int | None:
-        """Value of the integer object that was asked for last; None if no value has arrived."""
-        found = self._client.take()
-        return None if found is None else self._integer(entry, found[4:])
-
-    def read_text(self, entry: Entry) -> str:
-        """Value of a string object; invalid bytes are replaced. Raises as `read`."""
-        return self._transfer(entry, None).decode("utf-8", errors="replace").rstrip("\0")
-
-    def read_text_if_there(self, entry: Entry) -> str:
-        """As `read_text`, but empty if the node refuses the request."""
-        try:
-            return self.read_text(entry)
-        except SdoRefused:
-            return ""
-
-    def write(self, entry: Entry, value: int) -> None:
-        """Write an integer object. Raises as `read`."""
-        self._transfer(entry, struct.pack("<" + entry.type.code, value))
-
-    def write_if_there(self, entry: Entry, value: int) -> bool:
-        """As `write`, but False if the node does not have the object or it is read-only."""
-        try:
-            self.write(entry, value)
-        except SdoRefused as refusal:
-            if refusal.abort_code in _MISSING or refusal.abort_code == READ_ONLY:
-                return False
-            raise
-        return True
-
-    def answers(self, entry: Entry, timeout_s: float) -> bool:
-        """Whether the node answers a read within the given time, even with an abort code."""
-        with self.limited_to(timeout_s):
-            try:
-                self.read(entry)
-            except ServoTimeout:
-                return False
-            except SdoRefused:
-                return True
-        return True
 
     @contextmanager
     def limited_to(self, timeout_s: float) -> Iterator[None]:
@@ -260,19 +146,14 @@ class SdoChannel:
         finally:
             self._client.timeout_s = self._timeout_s
 
-    def read_until(self, entry: Entry, value: int, timeout_s: float) -> int:
-        """Read until an object has a value or the time is over; returns the last value. Raises as `read`."""
-        found = self.read(entry)
-        for _ in range(math.ceil(timeout_s / POLL_S)):
-            if found == value:
-                break
-            self._link.pump_for(POLL_S)
-            found = self.read(entry)
-        return found
+    def _take(self) -> bytes | None:
+        """The answer to `ask`; None if no value has arrived."""
+        found = self._client.take()
+        return None if found is None else found[4:]
 
-    def failure(self, what: str, remedy: str) -> ServoError:
-        """Error of this node at the present step."""
-        return ServoError(self._node_id, self._joint, self.step, what, remedy)
+    def _wait(self, time_s: float) -> None:
+        """Pump the bus for this time."""
+        self._link.pump_for(time_s)
 
     def _transfer(self, entry: Entry, data: bytes | None) -> bytes:
         """Write `data`, or read if it is None."""
@@ -283,18 +164,10 @@ class SdoChannel:
             self._client.write_expedited(entry, data)
         except SdoAbortedError as error:
             text = SdoAbortedError.CODES.get(error.code, "a code that CiA 301 does not list")
-            raise SdoRefused(
-                self._node_id,
-                self._joint,
-                self.step,
-                f"{verb} {entry} was refused with 0x{error.code:08X}, {text}",
-                "The drive does not support this, at least not in its present state; see its manual",
-                error.code,
-            ) from error
+            raise self._refused(verb, entry, error.code, text) from error
         except _NoAnswer as error:
             raise ServoTimeout(
-                self._node_id,
-                self._joint,
+                *self.node,
                 self.step,
                 f"{verb} {entry}: {error}",
                 "Is the drive powered and connected, with this node id and bit rate?",

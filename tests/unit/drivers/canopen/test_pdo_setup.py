@@ -5,9 +5,9 @@ from dataclasses import replace
 import can
 import pytest
 
-from armload_drivers.bring_up.pdo_setup import map_pdo, switch_others_off
 from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.bus.sdo_channel import SdoChannel
+from armload_drivers.canopen.canopen_sdo import CanopenSdo
+from armload_drivers.canopen.pdo_setup import map_pdo, switch_others_off
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import Access, PdoDirection
 from armload_drivers.cia402.process_data.process_image import PdoLayout
@@ -40,7 +40,7 @@ class Drive:
 
     @property
     def sdo(self):
-        channel = SdoChannel(5, "joint_2", BusLink(self), timeout_s=0.01)
+        channel = CanopenSdo(5, "joint_2", BusLink(self), timeout_s=0.01)
         channel.step = "mapping the transmit PDO"
         return channel
 

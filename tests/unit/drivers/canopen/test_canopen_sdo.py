@@ -7,7 +7,7 @@ import canopen.sdo.exceptions
 import pytest
 
 from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.bus.sdo_channel import SdoChannel
+from armload_drivers.canopen.canopen_sdo import CanopenSdo
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.driver_errors import BusError, DriverError, SdoRefused, ServoError, ServoTimeout
 from armload_drivers.simulation.drives.sdo_server import Dictionary, SdoServer
@@ -40,7 +40,7 @@ class Bus:
 
 
 def channel(bus):
-    sdo = SdoChannel(5, "joint_2", BusLink(bus), timeout_s=0.01)
+    sdo = CanopenSdo(5, "joint_2", BusLink(bus), timeout_s=0.01)
     sdo.step = "identifying"
     return sdo
 

@@ -16,43 +16,20 @@ Rules of this file:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from armload_drivers.bring_up.drive_bring_up import DriveSetup, master_node_id
+from armload_drivers.bring_up.drive_bring_up import DriveSetup
+from armload_drivers.bring_up.powered_drive import PoweredDrive, judged
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.rival_master import ForeignTraffic
+from armload_drivers.canopen.canopen_setup import CanopenSetup
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings
-from armload_drivers.cia402.axis_brakes import STANDSTILL_RAD_S
 from armload_drivers.cia402.drive_safety import HEARTBEAT_TOLERANCE
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState
 from armload_drivers.cia402.state_machine import State
-from armload_drivers.driver_errors import ServoError
 
 
-@dataclass(frozen=True, slots=True)
-class PoweredDrive:
-    """A drive that carries torque before bring-up.
-
-    Attributes:
-        setup: The drive.
-        what: What was found, as text.
-        remedy: What the operator can do about it.
-        abandoned: Whether its master has ended, and a reset may remove the torque.
-    """
-
-    setup: DriveSetup
-    what: str
-    remedy: str
-    abandoned: bool = False
-
-    def refusal(self) -> ServoError:
-        """The error that refuses to continue with this drive."""
-        settings = self.setup.settings
-        return ServoError(settings.node_id, settings.joint, "looking for torque", self.what, self.remedy)
-
-
-def answering_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLink) -> list[DriveSetup]:
+def answering_drives(setups: Sequence[CanopenSetup], arm: ArmSettings, link: BusLink) -> list[CanopenSetup]:
     """Identified drives. A silent node is set to PRE-OPERATIONAL and asked again, the only command before the reset.
 
     A node that NMT has stopped answers no SDO, and may hold its axis with torque. A drive in OPERATIONAL that is only
@@ -77,9 +54,9 @@ def answering_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLi
     silent = [setup for setup in setups if setup not in answering]
     if not silent:
         return answering
-    operational: list[DriveSetup] = []
+    operational: list[CanopenSetup] = []
 
-    def listen(setup: DriveSetup) -> None:
+    def listen(setup: CanopenSetup) -> None:
         def take(data: bytearray) -> None:
             if data and data[0] & 0x7F == NmtState.OPERATIONAL.value:
                 operational.append(setup)
@@ -87,7 +64,7 @@ def answering_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLi
         link.subscribe(od.HEARTBEAT_BASE + setup.settings.node_id, take)
 
     with link.subscribed_meanwhile():
-        foreign = ForeignTraffic(arm, link, master_node_id(arm), sync_is_ours=False)
+        foreign = ForeignTraffic(arm, link, sync_is_ours=False)
         for setup in silent:
             listen(setup)
         link.pump_for(HEARTBEAT_TOLERANCE * arm.heartbeat_s)
@@ -95,7 +72,7 @@ def answering_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLi
     for setup in setups:
         if setup in answering:
             if setup.read_powered_state() is State.OPERATION_ENABLED:
-                raise _judged(setup, State.OPERATION_ENABLED, foreign.commands, 0.0).refusal()
+                raise judged(setup, State.OPERATION_ENABLED, foreign.commands, 0.0).refusal()
         elif foreign.commands or setup in operational:
             what = f"it does not answer, and {foreign.commands or 'its heartbeat shows that it is in OPERATIONAL'}"
             raise PoweredDrive(setup, what, "End its master, then repeat this command").refusal()
@@ -121,44 +98,13 @@ def powered_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLink
     if not powered:
         return []
     with link.subscribed_meanwhile():
-        foreign = ForeignTraffic(arm, link, master_node_id(arm), sync_is_ours=False)
+        foreign = ForeignTraffic(arm, link, sync_is_ours=False)
         before = {setup: setup.read_position() for setup in powered}
         # A drive whose master's heartbeat (1016) is missing for this long regards it as ended.
         listened_s = HEARTBEAT_TOLERANCE * arm.heartbeat_s
         link.pump_for(listened_s)
         speed = {setup: abs(setup.read_position() - before[setup]) / listened_s for setup in powered}
-    return [_judged(setup, state, foreign.commands, speed[setup]) for setup, state in powered.items()]
-
-
-def _judged(setup: DriveSetup, state: State, commands: str, speed_counts_s: float) -> PoweredDrive:
-    """Whether the reset of a drive that carries torque would be safe, and why not."""
-    carries = f"the drive carries torque in {state.title}"
-    if commands:
-        return PoweredDrive(setup, f"{carries}, and {commands}", "Then repeat this command")
-    if state is State.OPERATION_ENABLED:
-        return PoweredDrive(
-            setup,
-            f"{carries}: another program, the manufacturer's tool or the drive itself may be moving it",
-            "Stop it, or press the emergency stop, then repeat this command",
-        )
-    speed_rad_s = speed_counts_s / abs(setup.read_units().counts_per_rad)
-    if speed_rad_s > STANDSTILL_RAD_S:
-        return PoweredDrive(
-            setup, f"{carries} and moves at {speed_rad_s:.3f} rad/s", "Repeat this command when the arm stands still"
-        )
-    holds = f"the drive holds its position with torque, in {state.title}; its master has ended"
-    if not setup.settings.has_brake:
-        return PoweredDrive(
-            setup,
-            f"{holds}. Its axis has no brake and falls without torque",
-            "Support the arm, press the emergency stop, then repeat this command",
-        )
-    return PoweredDrive(
-        setup,
-        holds,
-        "Press the emergency stop, or run `armload commission`: it resets the drive, and the brake holds the axis",
-        abandoned=True,
-    )
+    return [judged(setup, state, foreign.commands, speed[setup]) for setup, state in powered.items()]
 
 
 def reset_drives(

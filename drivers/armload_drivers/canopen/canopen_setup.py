@@ -1,0 +1,142 @@
+"""Booting and configuring one drive over CANopen: what is CANopen's own in `bring_up.drive_bring_up`.
+
+The order for an arm: `check_identity` of every node that is already up, so that another arm is refused before anything
+is sent that changes it; NMT reset, unless a drive carries torque (`safe_reset`); `check_identity` again; `configure`. A
+node that does not answer yet may still be reset, because that is how drives boot, unless only a simulation is allowed:
+then every node must identify itself first.
+
+References:
+    CiA 301, 7.5.2.
+"""
+
+from __future__ import annotations
+
+from armload_drivers.bring_up.drive_bring_up import DriveSetup, is_simulation
+from armload_drivers.bring_up.drive_objects import DriveObjects, set_interpolation
+from armload_drivers.bring_up.sdo_channel import SdoChannel
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.canopen.canopen_sdo import CanopenSdo
+from armload_drivers.canopen.pdo_setup import map_pdo, switch_others_off
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
+from armload_drivers.cia402.drive_safety import Safety, master_watch
+from armload_drivers.cia402.process_data.drive_units import microseconds
+from armload_drivers.cia402.process_data.process_image import drive_image
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import SdoRefused, ServoTimeout
+
+
+class CanopenSetup(DriveSetup):
+    """Bring-up of one drive over CANopen; its arguments are those of `DriveDialogue`."""
+
+    def __init__(self, drive: DriveSettings, arm: ArmSettings, sdo: SdoChannel, timeouts: Timeouts) -> None:
+        super().__init__(drive, arm, sdo, timeouts)
+        self._image = drive_image(drive)
+
+    def identify_before_reset(self) -> bool:
+        """Identify the node before anything is sent that changes it; only reads.
+
+        Returns:
+            Whether it answers.
+
+        Raises:
+            ServoTimeout: only a simulation is allowed, and the node does not answer: it could be any device.
+            WrongDevice: the node is another device.
+            ServoError: an SDO failed.
+        """
+        simulation = is_simulation(self.settings.identity)
+        self._sdo.step = "looking for the node"
+        wait_s = self._timeouts.sdo_s if simulation else self._timeouts.probe_s
+        if self._sdo.answers(od.DEVICE_TYPE, wait_s):
+            self.check_identity()
+            return True
+        if simulation:
+            raise ServoTimeout(
+                self.settings.node_id,
+                self.settings.joint,
+                "looking for the node",
+                f"no answer within {wait_s} s; only simulated drives are allowed, so no node is reset that has not "
+                "identified itself as one",
+                "Is the simulated drive running and connected, with this node id? One that was stopped by NMT does not "
+                "answer: restart the simulation",
+            )
+        return False
+
+    def require_alive(self) -> None:
+        """Require an SDO answer from a node that was reset and sent no boot-up message.
+
+        Raises:
+            ServoTimeout: the node does not answer.
+        """
+        self._sdo.step = "booting"
+        if not self._sdo.answers(od.DEVICE_TYPE, self._timeouts.sdo_s):
+            raise ServoTimeout(
+                self.settings.node_id,
+                self.settings.joint,
+                "booting",
+                f"no boot-up message within {self._timeouts.boot_s} s of the reset and no answer after it",
+                "Is the drive powered and connected, with this node id and bit rate?",
+            )
+
+    def watch_master(self, *, on: bool) -> None:
+        """Switch the drive's watch on the master's heartbeat on or off; while it is on, its value must not change."""
+        self._sdo.step = "configuring the heartbeat consumer"
+        watch = master_watch(self._arm) if on else 0
+        try:
+            written = self._sdo.write_if_there(od.HEARTBEAT_CONSUMER, watch)
+        except SdoRefused:
+            if Safety.MASTER_LOST.key not in self.settings.accept_missing:
+                raise
+            written = False
+        self._objects.held.pop(od.HEARTBEAT_CONSUMER, None)
+        if written and watch:
+            self._objects.held[od.HEARTBEAT_CONSUMER] = watch
+
+    def _write_cycle(self) -> None:
+        """Set the cycle; see `write_cycle`."""
+        write_cycle(self._objects, self._arm)
+
+    def _map_pdos(self) -> None:
+        """Map the PDOs of each direction and switch the others off."""
+        self._require_mapped_objects()
+        for layout in self._image.layouts:
+            self._sdo.step = f"mapping the {layout.direction.name.lower()} PDO {layout.number + 1}"
+            self._objects.held |= map_pdo(self._sdo, layout)
+        self._sdo.step = "switching unused PDOs off"
+        for direction in od.PdoDirection:
+            used = sum(layout.direction is direction for layout in self._image.layouts)
+            switch_others_off(self._sdo, direction, used)
+
+
+def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
+    """Set the cycle, in the objects of CiA 301 and of CiA 402.
+
+    A drive that produces SYNC is configured not to. 1019 may be changed only while 1006 is 0.
+
+    Raises:
+        ServoError: the configuration requires a SYNC counter and the drive has none, or the drive's interpolation time
+            differs from the cycle.
+    """
+    sdo = drive.sdo
+    sdo.step = "setting the cycle"
+    if sdo.read_if_there(od.SYNC_COB_ID) not in {None, od.SYNC_DEFAULT_COB_ID}:
+        sdo.write(od.SYNC_COB_ID, od.SYNC_DEFAULT_COB_ID)
+    counter = sdo.read_if_there(od.SYNC_COUNTER_OVERFLOW)
+    if counter is None and arm.sync_counter:
+        raise sdo.failure(
+            "the drive does not support a SYNC counter (1019)", "Set sync_counter = 0 in the configuration"
+        )
+    if counter is not None and counter != arm.sync_counter:
+        sdo.write_if_there(od.CYCLE_PERIOD_US, 0)
+        sdo.write(od.SYNC_COUNTER_OVERFLOW, arm.sync_counter)
+    if drive.hold(od.CYCLE_PERIOD_US, microseconds(arm.cycle_s)):
+        drive.miss(od.CYCLE_PERIOD_US)
+    set_interpolation(drive, arm.cycle_s)
+
+
+def canopen_setups(arm: ArmSettings, link: BusLink, timeouts: Timeouts) -> list[CanopenSetup]:
+    """Bring-up of every drive of an arm."""
+    return [
+        CanopenSetup(drive, arm, CanopenSdo(drive.node_id, drive.joint, link, timeouts.sdo_s), timeouts)
+        for drive in arm.drives
+    ]
