@@ -21,6 +21,7 @@ References:
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -46,7 +47,7 @@ from armload_controller.export.straight_line.arm_functions import (
 from armload_controller.export.straight_line.c_function import c_statements
 from armload_controller.export.straight_line.planar_groups import planar_groups
 from armload_controller.export.straight_line.precision import Precision
-from armload_controller.export.text_format import comment, exact, provenance
+from armload_controller.export.text_format import comment, exact, provenance, spdx
 from armload_core.arrays import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.reading_options import Effort
@@ -86,6 +87,7 @@ def export_c(subject: ExportSubject, precision: Precision = Precision.DOUBLE) ->
         "payload_sha256": subject.payload_sha256,
         "swing": exact(FULL_SWING_S),
         "vectors": str(VECTORS),
+        "version": ".".join(re.findall(r"\d+", subject.armload_version)[:3]),
     }
     fields |= {key: precision.literal(value) for key, value in _PIVOTS[precision].items()}
     fields |= _numbers(subject, precision, error) | _functions(subject, precision)
@@ -105,14 +107,18 @@ def export_c(subject: ExportSubject, precision: Precision = Precision.DOUBLE) ->
     if subject.calibration is not None and subject.estimator is not None:
         effort = _EFFORT[subject.calibration.effort]
         body = subject.calibration.body
-        texts = estimator_texts(name, _block(about), subject.chain, body, subject.estimator, effort)
+        texts = estimator_texts(name, _headed(subject, about), subject.chain, body, subject.estimator, effort)
         fields |= {"sources": f"{name}.c {name}_estimator.c", "headers": f"{name}.h {name}.hpp {name}_estimator.h"}
     source = [*about[:2], f"C99; needs math.h. Written by a generator; see {name}.h."]
     return texts | {
-        f"{name}.h": filled("payload.h", fields | {"about": _block(about), "contract": _block(_contract(subject))}),
-        f"{name}.c": filled("payload.c", fields | {"about": _block(source)}),
-        f"{name}.hpp": filled("payload.hpp", fields | {"about": _block([about[0], "C++17."])}),
-        "CMakeLists.txt": filled("CMakeLists.txt", fields | {"about": "\n".join(comment([about[0]], "#"))}),
+        f"{name}.h": filled(
+            "payload.h", fields | {"about": _headed(subject, about), "contract": _block(_contract(subject))}
+        ),
+        f"{name}.c": filled("payload.c", fields | {"about": _headed(subject, source)}),
+        f"{name}.hpp": filled("payload.hpp", fields | {"about": _headed(subject, [about[0], "C++17."])}),
+        "CMakeLists.txt": filled(
+            "CMakeLists.txt", fields | {"about": "\n".join([spdx(subject, "#"), *comment([about[0]], "#")])}
+        ),
     }
 
 
@@ -211,6 +217,11 @@ def _table(values: FloatArray, precision: Precision) -> str:
     """(rows, arrays, n) numbers as the inside of an initialiser."""
     rows = (",\n     ".join(f"{{{precision.listed(array)}}}" for array in row) for row in values)
     return ",\n".join(f"    {{{row}}}" for row in rows)
+
+
+def _headed(subject: ExportSubject, paragraphs: list[str]) -> str:
+    """The inside of a file's first C comment: its licence, and paragraphs."""
+    return f"{spdx(subject, ' *')}\n{_block(paragraphs)}"
 
 
 def _block(paragraphs: list[str]) -> str:

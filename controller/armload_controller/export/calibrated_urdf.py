@@ -46,11 +46,11 @@ def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
     chain, limits = robot.chain, robot.limits.motion
     lines = [
         '<?xml version="1.0"?>',
-        *_comment(robot, calibration, possible, made_from),
+        *arm_comment(robot, calibration, possible, made_from, "URDF", _absent(calibration)),
         f'<robot name="{identifier}">',
     ]
     lines += ['  <link name="world"/>', '  <link name="base"/>']
-    lines += _fixed("base_joint", '"world"', '"base"', _upright_base(calibration.level(chain).gravity_m_s2))
+    lines += _fixed("base_joint", '"world"', '"base"', upright_base(calibration.level(chain).gravity_m_s2))
     for i, (name, parent, child) in enumerate(zip(names, ['"base"', *links[:-1]], links, strict=True)):
         link = inertial_lines(InertialParameters(possible.links[i]))
         lines += [f"  <link name={child}>", *(f"    {line}" for line in link), "  </link>"]
@@ -59,7 +59,7 @@ def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
             f"    <parent link={parent}/>",
             f"    <child link={child}/>",
             f"    {_origin(chain.placement[i])}",
-            f'    <axis xyz="{_numbers(chain.axis[i])}"/>',
+            f'    <axis xyz="{numbers(chain.axis[i])}"/>',
             f'    <limit lower="{exact(limits.position_min_rad[i])}" upper="{exact(limits.position_max_rad[i])}" '
             f'velocity="{exact(limits.velocity_max_rad_s[i])}" effort="{exact(robot.limits.torque_max_nm[i])}"/>',
             f'    <dynamics damping="{exact(max(calibration.body.viscous_nm_s_rad[i], 0.0))}" '
@@ -70,33 +70,51 @@ def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
     return {f"{identifier}_calibrated.urdf": "\n".join(lines) + "\n"}
 
 
-def _comment(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks, made_from: str) -> list[str]:
-    """The comment: origin of the file, and the values for which URDF has no element."""
+def _absent(calibration: ArmCalibration) -> Mapping[str, FloatArray]:
+    """The values for which URDF has no element."""
+    return {
+        "Rotors, kg m2 at the joint (armature), row by row:": calibration.body.rotor_mass_kg_m2,
+        **further_friction(calibration),
+    }
+
+
+def further_friction(calibration: ArmCalibration) -> Mapping[str, FloatArray]:
+    """The parts of the friction that are neither viscous nor constant, which no description of arms has."""
     body = calibration.body
-    of = {
-        "Rotors, kg m2 at the joint (armature), row by row:": body.rotor_mass_kg_m2,
+    return {
         "Friction per torque of the links:": body.load_friction,
         "Friction per root of the speed, N m / sqrt(rad/s):": body.root_nm,
         "Torque reported at no load, N m:": body.offset_nm,
     }
+
+
+def arm_comment(
+    robot: Robot,
+    calibration: ArmCalibration,
+    possible: PossibleLinks,
+    made_from: str,
+    language: str,
+    absent: Mapping[str, FloatArray],
+) -> list[str]:
+    """The comment: origin of the file, and the values for which the language of the file has no element."""
     if possible.exact:
         fit = "The links resemble rods, and give the torque of the identified base parameters."
     else:
         fit = (
             "No physically possible links have the identified base parameters: these are the nearest, off by "
             f"{possible.off:.2f} standard deviations (RMS), at random states by N m (RMS, joint by joint): "
-            f"{_numbers(np.round(possible.left_nm, 6))}."
+            f"{numbers(np.round(possible.left_nm, 6))}."
         )
     paragraphs = (
         f"{robot.name} as calibrated, without payload, written by {made_from}.",
         f"{fit} A single link's mass or inertia is not measured; the arm's torque is.",
-        "URDF has no elements for these:",
-        *(f"{what} {_numbers(np.asarray(values).ravel())}" for what, values in of.items()),
+        f"{language} has no elements for these:",
+        *(f"{what} {numbers(np.asarray(values).ravel())}" for what, values in absent.items()),
     )
     return xml_comment(paragraphs)
 
 
-def _upright_base(gravity_m_s2: FloatArray) -> FloatArray:
+def upright_base(gravity_m_s2: FloatArray) -> FloatArray:
     """(4, 4) pose of the base in a world with gravity along -z, by the smallest rotation."""
     down = gravity_m_s2 / np.sqrt(np.sum(gravity_m_s2**2))
     pose = np.eye(4)
@@ -120,8 +138,9 @@ def _fixed(name: str, parent: str, child: str, pose: FloatArray) -> list[str]:
 
 
 def _origin(pose: FloatArray) -> str:
-    return f'<origin xyz="{_numbers(pose[:3, 3])}" rpy="{_numbers(rpy_rad(pose[:3, :3]))}"/>'
+    return f'<origin xyz="{numbers(pose[:3, 3])}" rpy="{numbers(rpy_rad(pose[:3, :3]))}"/>'
 
 
-def _numbers(values: FloatArray) -> str:
+def numbers(values: FloatArray) -> str:
+    """Numbers that read back as the same doubles."""
     return " ".join(exact(value) for value in values)

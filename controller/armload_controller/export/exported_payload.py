@@ -12,6 +12,7 @@ import numpy as np
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ExportError
 from armload_controller.cycle.torque_gate import FULL_SWING_S
+from armload_controller.export.format_registry import DEFAULT_LICENCE
 from armload_controller.feedforward.payload_use import why_not_usable
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_core.arrays import FloatArray
@@ -19,6 +20,9 @@ from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PayloadResult
 from armload_identification.pipeline.estimator_constants import EstimatorConstants, estimator_constants
+
+_LICENCE = re.compile(r"[A-Za-z0-9.+-]+(?: (?:AND|OR|WITH) [A-Za-z0-9.+-]+)*")
+"""SPDX expressions without brackets; nothing that could end a comment."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,9 @@ class ExportSubject:
         calibration: The arm's gains, links and friction; None if it is not calibrated.
         estimator: Constants of the recursive estimator; None if the arm is not calibrated.
         calibration_sha256: Hash of the calibration file by its name.
+        flange_rpy_rad: Roll, pitch and yaw of the maker's flange in the configuration's, for load data; None for the
+            same axes.
+        licence: SPDX expression for generated source code.
 
     Raises:
         ExportError: mass or centre of mass is not determined, the payload is not in the flange frame, was identified on
@@ -59,11 +66,19 @@ class ExportSubject:
     calibration: ArmCalibration | None = None
     estimator: EstimatorConstants | None = None
     calibration_sha256: Mapping[str, str] = field(default_factory=dict)
+    flange_rpy_rad: tuple[float, float, float] | None = None
+    licence: str = DEFAULT_LICENCE
 
     def __post_init__(self) -> None:
         problem = why_not_usable(self.payload, self.chain, self.robot, "exported")
         if problem is not None:
             raise ExportError(self.payload_file, problem)
+        if not _LICENCE.fullmatch(self.licence):
+            raise ExportError(
+                self.payload_file,
+                f"the licence {self.licence!r} is no SPDX expression; expected one such as {DEFAULT_LICENCE}, "
+                "BSD-3-Clause or 'MIT OR Apache-2.0'",
+            )
 
     @staticmethod
     def of(
@@ -73,6 +88,9 @@ class ExportSubject:
         payload_sha256: str,
         calibration: ArmCalibration | None = None,
         calibration_sha256: Mapping[str, str] | None = None,
+        *,
+        flange_rpy_rad: tuple[float, float, float] | None = None,
+        licence: str = DEFAULT_LICENCE,
     ) -> ExportSubject:
         """A payload on a robot.
 
@@ -83,6 +101,8 @@ class ExportSubject:
             payload_sha256: Hash of that file.
             calibration: The arm's calibration, if any.
             calibration_sha256: Hash of the calibration file by its name.
+            flange_rpy_rad: See the class.
+            licence: See the class.
         """
         constants = None
         if calibration is not None:
@@ -101,6 +121,8 @@ class ExportSubject:
             calibration=calibration,
             estimator=constants,
             calibration_sha256=calibration_sha256 or {},
+            flange_rpy_rad=flange_rpy_rad,
+            licence=licence,
         )
 
     @property

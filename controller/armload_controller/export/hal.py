@@ -31,7 +31,7 @@ from armload_controller.export.c99 import export_c
 from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
-from armload_controller.export.text_format import comment, exact, printable, provenance
+from armload_controller.export.text_format import comment, exact, printable, provenance, spdx
 
 LONGEST_NAME = 22
 """Greatest length of a component's name, so that its longest parameter, with .0.compute.tmax-increased, has at most 47
@@ -70,6 +70,7 @@ def _component(subject: ExportSubject, component: str) -> str:
             "name": name,
             "GUARD": name.upper(),
             "n": str(n),
+            "licence": subject.licence,
             "description": "\n\n".join(_quotable(paragraph) for paragraph in _description(subject)),
             "payload_pins": "\n".join(payload),
             "friction": friction,
@@ -128,7 +129,7 @@ def _wiring(subject: ExportSubject, prefix: str, component: str) -> str:
         "changes by the added torque, in sign and magnitude. Then set lag to the servos' delay: joint.N.f-error "
         "divided by joint.N.vel-cmd at constant speed.",
     )
-    lines = comment(paragraphs, "#")
+    lines = [spdx(subject, "#"), *comment(paragraphs, "#")]
     lines += [
         "",
         f"loadrt {component}",

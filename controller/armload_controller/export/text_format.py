@@ -43,16 +43,24 @@ def provenance(subject: ExportSubject) -> str:
 
 def load_data(subject: ExportSubject) -> tuple[str, str, str]:
     """First paragraphs of any controller's load data: provenance, frame, and definition of the load."""
+    rpy = subject.flange_rpy_rad
+    turned = "" if rpy is None else f", turned by roll, pitch, yaw = {', '.join(f'{a:.6g}' for a in rpy)} rad"
     return (
         provenance(subject),
-        f"Frame: the flange of {subject.robot}'s configuration, assumed to be the flange frame of the robot's own "
-        "controller, with z pointing out of the flange; check that x and y also agree.",
+        f"Frame: the flange of {subject.robot}'s configuration{turned}. Checked: its z is the last joint's axis, out "
+        "of the flange, as in the controller's flange frame. NOT CHECKED, because no kinematics state it: that x and y "
+        "agree with the controller's, and where along the axis the origin is.",
         "Load: everything mounted between the empty and the loaded run. A tool that was on the flange in both runs is "
         "not included and must be added.",
     )
 
 
-def heading(subject: ExportSubject, fields: str, inertia: str, prefix: str, *more: str) -> list[str]:
+def spdx(subject: ExportSubject, prefix: str) -> str:
+    """The comment line that states the licence of generated source code."""
+    return f"{prefix} SPDX-License-Identifier: {subject.licence}"
+
+
+def heading(subject: ExportSubject, fields: str, inertia: str, prefix: str, manual: str, *more: str) -> list[str]:
     """First comment lines of any controller's load data.
 
     Args:
@@ -60,9 +68,10 @@ def heading(subject: ExportSubject, fields: str, inertia: str, prefix: str, *mor
         fields: Units, points and axes of the numbers that follow.
         inertia: Statement on the source of the inertia.
         prefix: Prefix of every line.
+        manual: Limits of the fields, and the document that defines them.
         more: Further paragraphs.
     """
-    return comment((*load_data(subject), fields, inertia, *more), prefix)
+    return comment((*load_data(subject), fields, manual, inertia, *more), prefix)
 
 
 def comment(paragraphs: Iterable[str], prefix: str) -> list[str]:

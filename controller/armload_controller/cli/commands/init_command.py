@@ -154,6 +154,7 @@ def _arm(
     from armload_controller.new_robot.arm_draft import draft_of_urdf
     from armload_controller.new_robot.arm_interview import interviewed
     from armload_controller.new_robot.drive_drafts import path_beside
+    from armload_controller.new_robot.flange_notes import flange_notes
     from armload_controller.new_robot.payload_draft import tool_sphere
     from armload_controller.new_robot.workspace_draft import workspace_of_spheres, workspace_of_urdf
     from armload_identification.identification_errors import ModelError
@@ -164,6 +165,8 @@ def _arm(
     found = read_urdf_arm(urdf, base, flange)
     arm = draft_of_urdf(found)
     screen.step(f"{urdf}: {arm.n} joints from {found.base} to {found.flange}: {', '.join(arm.joint_names)}")
+    for note in flange_notes(found):
+        screen.step(note)
     if found.other_joints:
         screen.step(f"not part of the arm, and assumed fixed: {', '.join(found.other_joints)}")
     tool = tool_sphere(arm.n, payload_kg)

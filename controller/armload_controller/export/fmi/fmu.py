@@ -1,4 +1,4 @@
-"""FMI 3.0 co-simulation: the payload's torque as an FMU, sources and a Linux library inside; see `fmu_parts`.
+"""FMI 3.0, model exchange and co-simulation: an FMU with its sources and a Linux library; see `fmu_parts`.
 
 References:
     Modelica Association, Functional Mock-up Interface 3.0.2, sections 2.2 to 2.5 and 4: the C interface is written from
@@ -53,7 +53,9 @@ def fmu_texts(subject: ExportSubject) -> dict[str, str]:
 
 def _model_description(subject: ExportSubject, token: str) -> str:
     """Variables, units and dependencies."""
-    root, _ = roots(subject, "3.0", {"instantiationToken": token}, "FMUState")
+    root, _ = roots(
+        subject, "3.0", {"instantiationToken": token}, "FMUState", {"needsCompletedIntegratorStep": "false"}
+    )
     units(root)
     log_and_experiment(root)
     listed = ElementTree.SubElement(root, "ModelVariables")

@@ -1,4 +1,4 @@
-"""FMI 2.0 co-simulation, for tools without FMI 3.0: the same FMU; see `fmu_parts`.
+"""FMI 2.0, model exchange and co-simulation, for tools without FMI 3.0: the same FMU; see `fmu_parts`.
 
 References:
     Modelica Association, Functional Mock-up Interface for Model Exchange and Co-Simulation 2.0.4, sections 2 and 4: the
@@ -53,10 +53,12 @@ def fmu2_texts(subject: ExportSubject) -> dict[str, str]:
 
 def _model_description(subject: ExportSubject, token: str) -> str:
     """Variables, units and dependencies."""
-    root, slave = roots(subject, "2.0", {"guid": token}, "FMUstate")
-    files = ElementTree.SubElement(slave, "SourceFiles")
-    for file in ("fmi2.c", f"{model_name(subject)}.c"):
-        ElementTree.SubElement(files, "File", name=file)
+    not_needed = {"completedIntegratorStepNotNeeded": "true"}
+    root, kinds = roots(subject, "2.0", {"guid": token}, "FMUstate", not_needed)
+    for kind in kinds:
+        files = ElementTree.SubElement(kind, "SourceFiles")
+        for file in ("fmi2.c", f"{model_name(subject)}.c"):
+            ElementTree.SubElement(files, "File", name=file)
     units(root)
     log_and_experiment(root)
     listed = ElementTree.SubElement(root, "ModelVariables")

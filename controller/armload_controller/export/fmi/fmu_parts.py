@@ -3,10 +3,12 @@
     inputs q[i], dq[i], ddq[i] -> outputs tau[i]        i = 1 .. n; the joints from the base to the flange
     tunable parameters mass, com_x .. com_z, ixx .. iyz, transition; friction, for a calibrated arm
 
-The torque at the end of a step is that of the inputs at its beginning, one call of the exported C's `compute`. The
+Co-simulation: the torque at the end of a step is that of the inputs at its beginning, one call of the exported C's
+`compute`. Model exchange: the torque is that of the present inputs; there are no states and no event indicators. The
 parameters are mass in kg, centre of mass in m in the flange frame, and inertia in kg m2 about the centre of mass as
 tensor elements (ixy = -int xy dm) in the flange's axes. Values set before the simulation starts apply at once; values
-changed while it runs are reached without a step after `transition`, or later if the torque would change too fast.
+changed while it runs are reached without a step after `transition`, or later if the torque would change too fast; in
+model exchange they apply at once, at the event at which they are set.
 Physically impossible values end the simulation with an error.
 
 What is not determined: as in `c99`.
@@ -28,7 +30,7 @@ from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.compiled_library import compiled_library
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
-from armload_controller.export.text_format import comment, exact, printable, provenance
+from armload_controller.export.text_format import comment, exact, printable, provenance, spdx
 
 UNITS = {
     "s": {"s": 1},
@@ -83,15 +85,16 @@ def model_name(subject: ExportSubject) -> str:
 
 
 def roots(
-    subject: ExportSubject, fmi_version: str, token: Mapping[str, str], state: str
-) -> tuple[ElementTree.Element, ElementTree.Element]:
-    """The model description's root and its element CoSimulation.
+    subject: ExportSubject, fmi_version: str, token: Mapping[str, str], state: str, no_step_needed: Mapping[str, str]
+) -> tuple[ElementTree.Element, tuple[ElementTree.Element, ElementTree.Element]]:
+    """The model description's root and its elements ModelExchange and CoSimulation.
 
     Args:
         subject: The payload and the arm.
         fmi_version: Version of the standard.
         token: The token of the sources, by the attribute's name in that version.
         state: The FMU's state as that version spells it in attributes' names.
+        no_step_needed: That version's attribute for "completed integrator steps need not be reported".
     """
     name = model_name(subject)
     about = {
@@ -103,8 +106,10 @@ def roots(
         "variableNamingConvention": "structured",
     }
     root = ElementTree.Element("fmiModelDescription", about)
-    able = (f"canGetAndSet{state}", f"canSerialize{state}", "canHandleVariableCommunicationStepSize")
-    return root, ElementTree.SubElement(root, "CoSimulation", {"modelIdentifier": name} | dict.fromkeys(able, "true"))
+    able = {"modelIdentifier": name} | dict.fromkeys((f"canGetAndSet{state}", f"canSerialize{state}"), "true")
+    exchange = ElementTree.SubElement(root, "ModelExchange", able | dict(no_step_needed))
+    variable_step = {"canHandleVariableCommunicationStepSize": "true"}
+    return root, (exchange, ElementTree.SubElement(root, "CoSimulation", able | variable_step))
 
 
 def variables(subject: ExportSubject) -> list[FmuVariable]:
@@ -142,7 +147,10 @@ def sources(subject: ExportSubject, wrapper: str) -> tuple[dict[str, str], str]:
     start = [variable.start for variable in variables(subject) if variable.causality == "parameter"]
     values = ",\n".join(f"    {exact(value)}" for value in start if value is not None)
     token = hashlib.sha256("".join((*code.values(), values)).encode()).hexdigest()
-    about = comment([provenance(subject), "An FMU for co-simulation; see modelDescription.xml."], " *")
+    about = [spdx(subject, " *")]
+    about += comment(
+        [provenance(subject), "An FMU for model exchange and co-simulation; see modelDescription.xml."], " *"
+    )
     fields = {
         "name": name,
         "GUARD": name.upper(),
@@ -182,9 +190,11 @@ def documentation(subject: ExportSubject) -> str:
         "of the empty arm. Positions, velocities, accelerations and torques are the joints', with the zeros "
         "and directions of the robot's configuration; gear ratios and motor coupling are not included.",
         f"Gravity in the base frame: {', '.join(exact(g) for g in subject.chain.gravity_m_s2)} m/s2.",
-        "tau at the end of a step corresponds to the inputs at its beginning. Payload parameters set before the "
-        "simulation starts apply at once; if they are changed while it runs, they are reached smoothly after the time "
-        "transition. The step size may vary; during a change, all steps are assumed to be as long as the first.",
+        "Payload parameters set before the simulation starts apply at once. In co-simulation tau at the end of a step "
+        "corresponds to the inputs at its beginning; parameters that are changed while it runs are reached smoothly "
+        "after the time transition. The step size may vary; during a change, all steps are assumed to be as long as "
+        "the first. In model exchange tau corresponds to the present inputs, and changed parameters apply at the event "
+        "at which they are set.",
     )
     head = f'<head><meta charset="utf-8"><title>{model_name(subject)}</title></head>'
     lines = [f"<p>{escape(printable(paragraph))}</p>" for paragraph in paragraphs]

@@ -26,6 +26,7 @@ import numpy as np
 
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, inertia_or_point_mass, principal_inertia
+from armload_controller.export.load_data.makers_flange import in_makers_flange
 from armload_controller.export.text_format import bracketed, heading, positional
 from armload_core.arrays import FloatArray
 
@@ -35,8 +36,9 @@ LONGEST_NAME = 32
 
 def export_abb(subject: ExportSubject) -> dict[str, str]:
     """A RAPID module with the payload as persistent loaddata."""
-    body = subject.payload.model
-    inertia = inertia_or_point_mass(subject.payload, TENSOR)
+    payload = in_makers_flange(subject)
+    body = payload.model
+    inertia = inertia_or_point_mass(payload, TENSOR)
     principal = principal_inertia(inertia.tensor_kg_m2)
     cog = bracketed(body.center_of_mass_m * 1e3)
     aom = bracketed(_quaternion(principal.rotation))
@@ -50,6 +52,9 @@ def export_abb(subject: ExportSubject) -> dict[str, str]:
         "it as tload of a tooldata, or with GripLoad while the tool frame is tool0.",
         inertia.statement,
         "  !",
+        "No limits of the numbers are stated in: ABB, RAPID Reference Manual, data types loaddata and tooldata (order, "
+        "units, frames; ix = iy = iz = 0 is a point mass). A name has at most 32 characters. Principal axes have no "
+        "products of inertia.",
     )
     lines.append(f"  PERS loaddata {name}_load := [{positional(body.mass_kg)},{cog},{aom},{moments}];")
     lines.append("ENDMODULE")

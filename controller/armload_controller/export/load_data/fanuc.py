@@ -27,6 +27,7 @@ import numpy as np
 
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import MOMENTS, inertia_or_point_mass
+from armload_controller.export.load_data.makers_flange import in_makers_flange
 from armload_controller.export.text_format import heading, positional
 
 KG_M2_PER_KGF_CM_S2 = 0.0980665
@@ -35,8 +36,9 @@ KG_M2_PER_KGF_CM_S2 = 0.0980665
 
 def export_fanuc(subject: ExportSubject) -> dict[str, str]:
     """The lines of the payload screen."""
-    body = subject.payload.model
-    inertia = inertia_or_point_mass(subject.payload, MOMENTS)
+    payload = in_makers_flange(subject)
+    body = payload.model
+    inertia = inertia_or_point_mass(payload, MOMENTS)
     lines = heading(
         subject,
         "Enter these values in MOTION / PAYLOAD SET. First compare the units in brackets with those on the screen. "
@@ -45,6 +47,8 @@ def export_fanuc(subject: ExportSubject) -> dict[str, str]:
         "from users' comparisons, not from the vendor's manual.",
         inertia.statement,
         "#",
+        "No limits of the fields are stated in: Lincoln Electric, online help on the robot payload, table 2 "
+        "MOTION/PAYLOAD SET (names, units and axes of mass and centre).",
     )
     lines.append(f"PAYLOAD [kg] = {positional(body.mass_kg)}")
     for axis, center_m in zip("XYZ", body.center_of_mass_m, strict=True):

@@ -25,14 +25,16 @@ import math
 
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia, principal_inertia
+from armload_controller.export.load_data.makers_flange import in_makers_flange
 from armload_controller.export.text_format import heading, positional
 from armload_core.arrays import FloatArray
 
 
 def export_kuka(subject: ExportSubject) -> dict[str, str]:
     """LOAD_DATA for $config.dat."""
-    body = subject.payload.model
-    inertia = complete_inertia(subject.payload, TENSOR)
+    payload = in_makers_flange(subject)
+    body = payload.model
+    inertia = complete_inertia(payload, TENSOR)
     principal = principal_inertia(inertia.tensor_kg_m2)
     x, y, z = (positional(c * 1e3) for c in body.center_of_mass_m)
     a, b, c = (positional(math.degrees(angle)) for angle in _abc_rad(principal.rotation))
@@ -43,6 +45,8 @@ def export_kuka(subject: ExportSubject) -> dict[str, str]:
         "Rz(A) Ry(B) Rx(C). J: principal moments of inertia about the centre of mass in kg m2.",
         inertia.statement,
         ";",
+        "No limits of the fields are stated in: KUKA, MA KR IONTEC V4, section 4, fig. 4-5 (units, axes, order of A, "
+        "B, C); Beckhoff TF5120, KRC_WriteLoadData (frame). J is never negative, and has no products of inertia.",
         "For $config.dat; put your tool number in the brackets.",
     )
     lines.append(

@@ -1,41 +1,78 @@
-"""Universal Robots: the URScript line that sets the payload.
+"""Universal Robots: the URScript line that sets the payload, and the same for UR's ROS 2 driver.
 
     set_target_payload(m, cog, inertia=[0, 0, 0, 0, 0, 0], transition_time=0)
 
 - m: mass in kg.
 - cog: centre of mass in m from the tool mount, in the flange's axes.
 - inertia: [Ixx, Iyy, Izz, Ixy, Ixz, Iyz] in kg m2, origin in the centre of mass, axes along the flange's. The manual
-  calls them elements of the inertia matrix, so the products are tensor elements, Ixy = -int xy dm.
-- transition_time in s: omitted, so the change is immediate.
+  calls them elements of the inertia matrix, so the products are tensor elements, Ixy = -int xy dm. Each at most 133 in
+  magnitude, moments not negative, or the call throws.
+- transition_time in s: the payload changes gradually, so that the arm does not jump.
+- The call zeroes the force and torque readings, as `zero_ftsensor()` does.
 
-What is not determined: the argument `inertia` is omitted, which means zero, if none of it is determined; the complete
-model is written and marked if a part is.
+What is not determined: zeros, the manual's value of an omitted inertia, if none of it is determined; the complete model
+is written and marked if a part is.
 
 References:
-    Universal Robots, Script Manual (PolyScope X 10.6, also PolyScope 5), "set_target_payload".
+    Universal Robots, Script Manual (PolyScope X 10.6, also PolyScope 5), "set_target_payload": limits, force sensor.
+    ur_msgs 2.5 (Jazzy), SetPayload: mass, center_of_gravity, ixx .. iyz, transition_time; ur_msgs 3.0 (Rolling):
+        geometry_msgs/Inertia payload. UR's driver, pull requests 1808 (3.0) and 1811 (2.5).
 """
 
 from __future__ import annotations
 
+import numpy as np
+
+from armload_controller.control_errors import ExportError
+from armload_controller.export.body_parameters import TRANSITION_S
 from armload_controller.export.exported_payload import ExportSubject
-from armload_controller.export.inertia import TENSOR, InertiaSource, inertia_or_point_mass
+from armload_controller.export.inertia import TENSOR, inertia_or_point_mass
+from armload_controller.export.load_data.makers_flange import in_makers_flange
 from armload_controller.export.text_format import bracketed, heading, positional
-from armload_identification.model.payload import tensor_elements
+from armload_identification.model.payload import TENSOR_ELEMENTS, tensor_elements
+
+GREATEST_ELEMENT_KG_M2 = 133.0
+"""Greatest magnitude of an element of the inertia (Script Manual)."""
 
 
 def export_ur(subject: ExportSubject) -> dict[str, str]:
-    """A URScript file with one line."""
-    body = subject.payload.model
-    inertia = inertia_or_point_mass(subject.payload, TENSOR)
-    arguments = [positional(body.mass_kg), bracketed(body.center_of_mass_m)]
-    if inertia.source is not InertiaSource.POINT_MASS:
-        arguments.append(bracketed(tensor_elements(inertia.tensor_kg_m2)))
+    """A URScript file with one line.
+
+    Raises:
+        ExportError: an element of the inertia is beyond what the call accepts.
+    """
+    payload = in_makers_flange(subject)
+    body = payload.model
+    inertia = inertia_or_point_mass(payload, TENSOR)
+    elements = tensor_elements(inertia.tensor_kg_m2)
+    if np.abs(elements).max() > GREATEST_ELEMENT_KG_M2:
+        raise ExportError(
+            subject.payload_file,
+            f"an element of the inertia is {np.abs(elements).max():.4g} kg m2; set_target_payload accepts at most "
+            f"{GREATEST_ELEMENT_KG_M2:g}. No UR arm carries such a payload: check the recordings' units",
+        )
+    transition = positional(TRANSITION_S)
+    arguments = [positional(body.mass_kg), bracketed(body.center_of_mass_m), bracketed(elements), transition]
     lines = heading(
         subject,
         "Mass in kg, centre of mass in m from the tool mount, inertia [Ixx, Iyy, Izz, Ixy, Ixz, Iyz] in kg m2 "
-        "about the centre of mass in the flange's axes, products as tensor elements (Ixy = -int xy dm).",
+        "about the centre of mass in the flange's axes, products as tensor elements (Ixy = -int xy dm), transition "
+        "time in s: the payload changes gradually, so that the arm does not jump.",
         inertia.statement,
         "#",
+        "Universal Robots, Script Manual, set_target_payload: elements of the inertia at most 133 kg m2 in magnitude, "
+        "moments not negative.",
+        "THE CALL ZEROES THE READINGS OF THE FORCE/TORQUE SENSOR, as zero_ftsensor() does: not while the tool is in "
+        "contact.",
+        "UR's ROS 2 driver, ur_msgs 2.5 (with ur_msgs 3.0, the first three are in geometry_msgs/Inertia payload):",
     )
-    lines.append(f"set_target_payload({', '.join(arguments)})")
+    x, y, z = (positional(c) for c in body.center_of_mass_m)
+    tensor = ", ".join(f"{name}: {positional(v)}" for name, v in zip(TENSOR_ELEMENTS, elements, strict=True))
+    duration = f"{{sec: {int(TRANSITION_S)}, nanosec: {round(TRANSITION_S % 1.0 * 1e9)}}}"
+    lines += [
+        "# ros2 service call /io_and_status_controller/set_payload ur_msgs/srv/SetPayload \\",
+        f"#   '{{mass: {positional(body.mass_kg)}, center_of_gravity: {{x: {x}, y: {y}, z: {z}}}, \\",
+        f"#   {tensor}, transition_time: {duration}}}'",
+        f"set_target_payload({', '.join(arguments)})",
+    ]
     return {f"{subject.identifier}_payload.script": "\n".join(lines) + "\n"}

@@ -26,19 +26,23 @@ import numpy as np
 
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import MOMENTS, inertia_or_point_mass
+from armload_controller.export.load_data.makers_flange import in_makers_flange
 from armload_controller.export.text_format import bracketed, heading, positional
 
 
 def export_yaskawa(subject: ExportSubject) -> dict[str, str]:
     """A preset file with one tool."""
-    body = subject.payload.model
-    inertia = inertia_or_point_mass(subject.payload, MOMENTS)
+    payload = in_makers_flange(subject)
+    body = payload.model
+    inertia = inertia_or_point_mass(payload, MOMENTS)
     lines = heading(
         subject,
         "weight: kg. com: centre of mass in mm. moi: Ixx, Iyy, Izz in kg m2 about axes through the centre of mass, "
         "parallel to the flange's; the format has no fields for products of inertia, so they are omitted.",
         inertia.statement,
         "//",
+        "No limits of the fields are stated in: Yaskawa, Smart Pendant SDK, Tool Presets (fields, units); NX100 "
+        "instructions, section 9.11 (frame of the centre of mass, point and axes of the moments).",
         "The tool centre point is not part of this preset and is set to zero: enter your own. An earlier preset with "
         "the same id must be deleted on the pendant first.",
     )

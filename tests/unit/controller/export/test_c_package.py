@@ -22,7 +22,7 @@ set(CMAKE_CXX_STANDARD 17)
 set(CMAKE_CXX_EXTENSIONS OFF)
 add_compile_options(-Wall -Wextra -Wconversion -Werror -pedantic)
 add_executable(my_controller main.cpp)
-find_package(armload_er50 REQUIRED)
+find_package(armload_er50 1.2 REQUIRED)
 target_link_libraries(my_controller PRIVATE armload_er50::armload_er50)
 """
 MAIN = """\
@@ -66,6 +66,13 @@ def run(*command, cwd):
     return done.stdout
 
 
+def run_unchecked(cmake, user, tmp_path, text):
+    """CMake's message for a project."""
+    (user / "CMakeLists.txt").write_text(text)
+    command = [cmake, "-S", ".", "-B", "refused", f"-DCMAKE_PREFIX_PATH={tmp_path / 'installed'}"]
+    return subprocess.run(command, cwd=user, capture_output=True, text=True, check=False, timeout=120).stderr
+
+
 @pytest.mark.long
 def test_find_package_and_a_class_give_pythons_torque(calibrated, tmp_path):
     subject = calibrated
@@ -81,6 +88,8 @@ def test_find_package_and_a_class_give_pythons_torque(calibrated, tmp_path):
     run(CMAKE, "--install", "build", "--prefix", tmp_path / "installed", cwd=package)
     shutil.rmtree(package)
 
+    refused = run_unchecked(CMAKE, user, tmp_path, USER.replace(" 1.2 ", " 1.3 "))
+    assert 'requested version "1.3"' in " ".join(refused.split())
     (user / "CMakeLists.txt").write_text(USER)
     (user / "main.cpp").write_text(MAIN)
     run(CMAKE, "-S", ".", "-B", "build", f"-DCMAKE_PREFIX_PATH={tmp_path / 'installed'}", cwd=user)

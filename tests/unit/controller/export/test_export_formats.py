@@ -5,9 +5,12 @@ from __future__ import annotations
 import ast
 import json
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -18,9 +21,11 @@ from armload_controller.export.format_registry import ExportFormat, exporter
 from armload_controller.export.inertia import principal_inertia
 from armload_controller.export.load_data.abb import export_abb
 from armload_controller.export.load_data.fanuc import export_fanuc
+from armload_controller.export.load_data.franka import export_franka
 from armload_controller.export.load_data.kuka import export_kuka
 from armload_controller.export.load_data.ur import export_ur
 from armload_controller.export.load_data.yaskawa import export_yaskawa
+from armload_controller.export.mjcf import export_mjcf
 from armload_controller.export.ros2 import export_ros2
 from armload_controller.export.text_format import comment, exact, positional
 from armload_controller.export.urdf import export_urdf
@@ -72,10 +77,29 @@ def read_ur(text):
     call = ast.parse(text).body[0].value
     assert call.func.id == "set_target_payload"
     mass, center, *inertia = (ast.literal_eval(argument) for argument in call.args)
-    if not inertia:
-        return mass, np.array(center), np.zeros((3, 3))
+    assert inertia[1] == 0.5
     xx, yy, zz, xy, xz, yz = inertia[0]
     return mass, np.array(center), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def read_franka(text):
+    """The header's constants."""
+    (mass,) = re.search(r"load_mass = (\S+);", text).groups()
+    center, inertia = (
+        ast.literal_eval(f"[{re.search(name + chr(123) * 2 + '(.*?)' + chr(125), text)[1]}]")
+        for name in ("F_x_Cload", "load_inertia")
+    )
+    return float(mass), np.array(center), np.array(inertia).reshape(3, 3).T
+
+
+def read_mjcf(text):
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><worldbody><body name="flange"><joint axis="0 0 1"/><geom size="0.1" mass="0.001"/>{text}'
+        "</body></worldbody></mujoco>"
+    )
+    at = model.body("er50_payload").id
+    turn = Rotation.from_quat(model.body_iquat[at], scalar_first=True).as_matrix()
+    return model.body_mass[at], model.body_ipos[at], turn @ np.diag(model.body_inertia[at]) @ turn.T
 
 
 def read_yaskawa(text):
@@ -147,12 +171,14 @@ READERS = {
     "kuka": (export_kuka, read_kuka),
     "abb": (export_abb, read_abb),
     "ur": (export_ur, read_ur),
+    "franka": (lambda subject: {"x": export_franka(subject)["er50_franka_load.hpp"]}, read_franka),
     "yaskawa": (export_yaskawa, read_yaskawa),
     "fanuc": (export_fanuc, read_fanuc),
     "urdf": (export_urdf, read_urdf),
+    "mjcf": (export_mjcf, read_mjcf),
     "ros2": (lambda subject: {"x": export_ros2(subject)["er50_payload.urdf.xacro"]}, read_xacro),
 }
-WHOLE_TENSOR = ("kuka", "abb", "ur", "urdf", "ros2")
+WHOLE_TENSOR = ("kuka", "abb", "ur", "franka", "urdf", "mjcf", "ros2")
 POINT_MASS = ("abb", "ur", "yaskawa", "fanuc")
 
 
@@ -225,9 +251,50 @@ def test_a_point_mass_has_the_flanges_axes(make_subject):
     assert "[1.0, 0.0, 0.0, 0.0],0.0,0.0,0.0]" in only_text(export_abb(make_subject(undetermined=ALL_INERTIA)))
 
 
-def test_ur_leaves_the_inertia_of_a_point_mass_out(make_subject):
-    line = only_text(export_ur(make_subject(undetermined=ALL_INERTIA))).splitlines()[-1]
-    assert line == "set_target_payload(2.7, [0.031, -0.012, 0.094])"
+def test_ur_changes_gradually_and_says_what_happens_to_the_force_sensor(make_subject):
+    text = only_text(export_ur(make_subject(undetermined=ALL_INERTIA)))
+    inertia = "[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"
+    assert text.splitlines()[-1] == f"set_target_payload(2.7, [0.031, -0.012, 0.094], {inertia}, 0.5)"
+    assert "ZEROES THE READINGS OF THE FORCE/TORQUE SENSOR" in unwrapped(text)
+
+
+def test_urs_driver_gets_the_same_numbers(make_subject):
+    text = only_text(export_ur(make_subject()))
+    request = re.search(r"'(\{mass.*?\})'", text.replace("\\\n#", ""), re.DOTALL)[1]
+    found = ast.literal_eval(re.sub(r"(\w+):", r"'\1':", request))
+    body = make_subject().payload.model
+    assert found["mass"] == pytest.approx(body.mass_kg)
+    np.testing.assert_allclose(list(found["center_of_gravity"].values()), body.center_of_mass_m, atol=ROUNDED)
+    np.testing.assert_allclose([found[name] for name in ALL_INERTIA], body.values[4:], atol=ROUNDED)
+    assert found["transition_time"] == {"sec": 0, "nanosec": 500000000}
+
+
+def test_ur_refuses_an_inertia_beyond_its_field(make_subject):
+    base = make_subject()
+    huge = replace(base, payload=replace(base.payload, model=body_of(900.0, [0, 0, 0], np.diag([140.0, 90.0, 90.0]))))
+    with pytest.raises(
+        ExportError, match=r"an element of the inertia is 140 kg m2; set_target_payload accepts at most"
+    ):
+        export_ur(huge)
+
+
+def test_desk_and_set_load_get_the_same_numbers(make_subject):
+    texts = export_franka(make_subject())
+    desk = json.loads(texts["endeffector-config.json"])
+    assert set(desk) == {"id", "name", "color", "mass", "centerOfMass", "transformation", "inertia"}
+    assert not desk["id"].startswith("ee-")
+    np.testing.assert_array_equal(np.reshape(desk["transformation"], (4, 4)), np.eye(4))
+    mass, center, tensor = read_franka(texts["er50_franka_load.hpp"])
+    assert (desk["mass"], desk["centerOfMass"]) == (mass, center.tolist())
+    np.testing.assert_array_equal(np.reshape(desk["inertia"], (3, 3)), tensor)
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no g++ on this machine")
+def test_frankas_header_compiles(make_subject, tmp_path):
+    (tmp_path / "load.hpp").write_text(export_franka(make_subject())["er50_franka_load.hpp"])
+    (tmp_path / "main.cpp").write_text('#include "load.hpp"\nstatic_assert(armload_er50::load_mass == 2.7);\n')
+    command = ["g++", "-std=c++17", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", "main.cpp"]
+    assert subprocess.run(command, cwd=tmp_path, check=False).returncode == 0
 
 
 @pytest.mark.parametrize("name", [n for n in READERS if n not in POINT_MASS])
@@ -260,7 +327,7 @@ def test_sign_of_the_products(make_subject):
     body = InertialParameters(np.array([2.0, 0, 0, 0, 0.021, 0.021, 0.04, -0.0199, 0, 0]))
     base = make_subject()
     subject = replace(base, payload=replace(base.payload, model=body))
-    assert "0.04, -0.0199, 0.0, 0.0])" in only_text(export_ur(subject))
+    assert "0.04, -0.0199, 0.0, 0.0], 0.5)" in only_text(export_ur(subject))
     assert 'ixy="-0.0199"' in only_text(export_urdf(subject))
     # the smallest moment is about the diagonal that the masses lie on
     for name in ("kuka", "abb"):
@@ -311,14 +378,16 @@ def test_a_payload_of_another_frame_arm_or_world_is_refused(make_subject):
 @pytest.mark.parametrize("name", [name for name in ExportFormat if "fmu" not in name])
 def test_every_text_says_where_it_comes_from_and_is_ascii(make_subject, name):
     subject = replace(make_subject(), robot="Ünit--3", payload_file="last-->\n\u2603.toml")
-    for text in exporter(name)(subject).values():
+    for file, text in exporter(name)(subject).items():
         assert text.isascii()
+        if file.endswith(".json"):  # has no comments
+            continue
         assert "written by armload 1.2.3" in text
         assert "sha256 0123abcd" in unwrapped(text)
         assert text.endswith("\n")
 
 
-@pytest.mark.parametrize("name", ["urdf", "ros2"])
+@pytest.mark.parametrize("name", ["urdf", "mjcf", "ros2"])
 def test_names_from_files_cannot_end_an_xml_comment(make_subject, name):
     subject = replace(make_subject(), payload_file="a-->b--c-.toml")
     ElementTree.fromstring(next(iter(exporter(name)(subject).values())))

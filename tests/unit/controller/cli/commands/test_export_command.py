@@ -41,7 +41,7 @@ def test_every_format_writes_files_and_says_so(export, tmp_path, monkeypatch, ex
     result = export("--format", export_format, "--output", folder)
     assert result.exit_code == 0, result.output
     written = sorted(folder.iterdir())
-    assert len(written) == {"c": 4, "hal": 2, "ros2": 2}.get(export_format, 1)
+    assert len(written) == {"c": 4, "hal": 2, "ros2": 2, "franka": 2}.get(export_format, 1)
     assert sorted(result.output.splitlines()) == [f"written: {path}" for path in written]
     again = export("--format", export_format, "--output", folder)
     assert sorted(again.output.splitlines()) == [f"unchanged: {path}" for path in written]
@@ -120,3 +120,23 @@ def test_a_file_where_a_folder_is_needed_is_an_error_that_names_it(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ExportError, match=r"file: cannot be written: (File exists|Not a directory)"):
         write_files(TWO, tmp_path / "file")
+
+
+def test_a_rotation_is_for_load_data(export, tmp_path):
+    refused = export("--format", "c", "--flange-rpy-rad", "0", "0", "1", "--output", tmp_path)
+    assert refused.exit_code == 2
+    assert "can only be used with abb, fanuc, franka, kuka, ur, yaskawa, not with c" in refused.output
+    turned = export("--format", "ur", "--flange-rpy-rad", "0", "0", "1.5708", "--output", tmp_path)
+    assert turned.exit_code == 0, turned.output
+    text = (tmp_path / "prbt_payload.script").read_text()
+    assert text.splitlines()[-1].startswith("set_target_payload(2.7, [-0.012, -0.031, 0.094], ")
+    assert "turned by roll, pitch, yaw = 0, 0, 1.5708 rad" in " ".join(text.replace("#", "").split())
+
+
+def test_generated_code_has_the_users_licence(export, tmp_path):
+    assert export("--format", "c", "--licence", "MIT OR BSD-3-Clause", "--output", tmp_path).exit_code == 0
+    for path in tmp_path.glob("armload*"):
+        assert "SPDX-License-Identifier: MIT OR BSD-3-Clause\n" in path.read_text()
+    refused = export("--format", "c", "--licence", "MIT */ int x", "--output", tmp_path / "other")
+    assert isinstance(refused.exception, ExportError)
+    assert "the licence 'MIT */ int x' is no SPDX expression" in str(refused.exception)
