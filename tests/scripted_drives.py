@@ -8,11 +8,11 @@ import can
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.canopen_cycle import CanopenCycle
 from armload_drivers.canopen.drive_node import DriveNode
-from armload_drivers.canopen.rhythm import Rhythm
 from armload_drivers.cia402.object_dictionary import NmtState
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_drivers.cia402.state_machine import State
+from armload_drivers.cyclic.rhythm import Rhythm
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.virtual_clock import VirtualClock
 

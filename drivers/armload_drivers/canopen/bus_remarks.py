@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.drive_node import DriveNode
-from armload_drivers.canopen.rhythm import Rhythm
+from armload_drivers.cyclic.rhythm import Rhythm
 
 
 class BusRemarks:

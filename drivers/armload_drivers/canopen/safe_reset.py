@@ -2,7 +2,7 @@
 
 Rules of this file:
 - No NMT reset is sent before the power states of the drives were read. Elsewhere it is sent only to a drive that keeps
-  its torque against every other request (`canopen.torque_removal`).
+  its torque against every other request (`cyclic.torque_removal`).
 - OPERATION ENABLED: never reset. Something commands the drive, even if nothing is received on the bus: another make of
   master may move it by SDO, its manufacturer's tool over a separate cable, or a program in the drive itself.
 - QUICK STOP ACTIVE (and FAULT REACTION ACTIVE): drives remain in this state after their master has ended (6007, and

@@ -34,6 +34,10 @@ def test_where_it_is_done(pattern, files):
 
 
 def test_one_function_resets_drives_and_requires_their_states_and_one_where_torque_must_go():
-    modules = Path(armload_drivers.__file__).parent.rglob("*.py")
-    sending = {path.name for path in modules if re.search(r"command\(NmtCommand\.RESET", path.read_text("utf-8"))}
-    assert sending == {"safe_reset.py", "torque_removal.py"}
+    modules = {path.name: path.read_text("utf-8") for path in Path(armload_drivers.__file__).parent.rglob("*.py")}
+
+    def using(pattern):
+        return {name for name, text in modules.items() if re.search(pattern, text)}
+
+    assert using(r"command\(NmtCommand\.RESET") == {"safe_reset.py", "drive_node.py"}
+    assert using(r"\bnode\.restart\b") == {"torque_removal.py"}

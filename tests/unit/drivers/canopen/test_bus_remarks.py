@@ -6,7 +6,7 @@ import can
 
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.bus_remarks import BusRemarks
-from armload_drivers.canopen.rhythm import Rhythm
+from armload_drivers.cyclic.rhythm import Rhythm
 
 
 class FullOnce:

@@ -6,9 +6,9 @@ from itertools import pairwise
 import pytest
 
 from armload_drivers.bring_up.drive_objects import DriveObjects
-from armload_drivers.canopen.settings_watch import ANSWER_S, SettingsWatch
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.bus_budget import READ_AGAIN_S
+from armload_drivers.cyclic.settings_watch import ANSWER_S, SettingsWatch
 from armload_drivers.driver_errors import SettingChanged
 
 CYCLE_S = 0.01

@@ -1,4 +1,4 @@
-"""Stops of the drives of one arm over CANopen, and removal of their torque.
+"""Stops of the drives of one arm, and removal of their torque.
 
 At standstill, in this order: fade torque offsets to zero; wait for standstill; drives whose axes have a brake; drives
 whose axes have none, once all others are held; check that the arm does not move.
@@ -8,8 +8,8 @@ the next cycle, and its brake engages; the others finish their ramp. If more tha
 does not come to rest in time, the torque of all is removed at once. No wait keeps torque on.
 
 A drive that does not report by its feedback that it has obeyed, or whose feedback has stopped, is asked by SDO, and
-then reset (NMT), which also ends FAULT REACTION ACTIVE; its answer is read back. Nothing follows an error before every
-drive was asked.
+then restarted (NMT reset; INIT on EtherCAT), which also ends FAULT REACTION ACTIVE; its answer is read back. Nothing
+follows an error before every drive was asked.
 """
 
 from __future__ import annotations
@@ -17,15 +17,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from typing import Any
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup
-from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.canopen.canopen_cycle import CanopenCycle
-from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, axis_moves
-from armload_drivers.cia402.object_dictionary import NmtCommand
 from armload_drivers.cia402.state_machine import POWERED, State
 from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.cyclic.arm_cycle import ArmCycle
+from armload_drivers.cyclic.cyclic_drive import CyclicDrive
 from armload_drivers.driver_errors import AxisMoves, BusError, ServoTimeout, TorqueRemains
 from armload_drivers.servos import JointFeedback
 
@@ -46,27 +45,25 @@ class TorqueRemoval:
         cycle: Its cycle.
         nodes: Its drives.
         setups: SDO access to them, in the same order.
-        link: The bus.
         timeouts: Limits of the waits.
     """
 
     def __init__(
         self,
-        cycle: CanopenCycle,
-        nodes: Sequence[DriveNode],
+        cycle: ArmCycle[Any],
+        nodes: Sequence[CyclicDrive],
         setups: Sequence[DriveSetup],
-        link: BusLink,
         timeouts: Timeouts,
     ) -> None:
         self._cycle, self._nodes = cycle, nodes
         self._setups = dict(zip(nodes, setups, strict=True))
-        self._link, self._timeouts = link, timeouts
-        self._astray: list[DriveNode] = []
-        self._dropped: dict[DriveNode, int] = {}
-        self._asked_by_sdo: list[DriveNode] = []
-        self._awaited: set[DriveNode] = set()
-        self._followed: dict[DriveNode, float] = {}
-        self._mute: set[DriveNode] = set()
+        self._timeouts = timeouts
+        self._astray: list[CyclicDrive] = []
+        self._dropped: dict[CyclicDrive, int] = {}
+        self._asked_by_sdo: list[CyclicDrive] = []
+        self._awaited: set[CyclicDrive] = set()
+        self._followed: dict[CyclicDrive, float] = {}
+        self._mute: set[CyclicDrive] = set()
 
     def slow_down(self) -> None:
         """Wait until drives that were asked for a quick stop stand still; torque is removed at once where that fails.
@@ -106,10 +103,10 @@ class TorqueRemoval:
         strays = [node.astray(_STEP) for node in self._astray[known:]]
         raise_first([torque_remains(outside), *strays, *troubles, late, moving])
 
-    def without_cycle(self, nodes: list[DriveNode]) -> None:
-        """Remove the torque of drives by SDO, or else by NMT reset: what remains if cycles cannot be run.
+    def without_cycle(self, nodes: list[CyclicDrive]) -> None:
+        """Remove the torque of drives by SDO, or else by a restart: what remains if cycles cannot be run.
 
-        A boot-up message alone is no proof: some drives keep their torque while they reset their communication.
+        That it has restarted is no proof: some drives keep their torque while they reset their communication.
 
         Args:
             nodes: The drives. Those of which it was read back that they carry no torque are taken out at once, so that
@@ -121,10 +118,10 @@ class TorqueRemoval:
             self._reset(node)
         self._awaited |= set(nodes)
         with suppress(BusError):
-            self._link.pump_until(lambda: all(node.booted for node in nodes), boot_s)
+            self._cycle.await_restart(nodes, boot_s)
         self._take_out(nodes, self._timeouts.sdo_s)
 
-    def _take_out(self, nodes: list[DriveNode], limit_s: float) -> None:
+    def _take_out(self, nodes: list[CyclicDrive], limit_s: float) -> None:
         """Ask drives by SDO, and take out those that carry no torque."""
         for node in list(nodes):
             if self._off_by_sdo(node, limit_s):
@@ -132,7 +129,7 @@ class TorqueRemoval:
 
     # At once -------------------------------------------------------------------------------------------------
 
-    def _drop_astray(self) -> list[DriveNode]:
+    def _drop_astray(self) -> list[CyclicDrive]:
         """Drop the torque of axes that have left their course, or of all if there is more than one.
 
         Returns:
@@ -152,7 +149,7 @@ class TorqueRemoval:
         self._drop(self._nodes)
         self._run_until(_is_off, self._timeouts.disable_s)
 
-    def _drop(self, nodes: Iterable[DriveNode]) -> None:
+    def _drop(self, nodes: Iterable[CyclicDrive]) -> None:
         """Ask drives to remove torque at once, from the next cycle on."""
         for node in nodes:
             if node not in self._dropped:
@@ -171,24 +168,28 @@ class TorqueRemoval:
                     self._reset(node)
                 self._asked_by_sdo.append(node)
 
-    def _off_by_sdo(self, node: DriveNode, limit_s: float) -> bool:
+    def _off_by_sdo(self, node: CyclicDrive, limit_s: float) -> bool:
         """Remove a drive's torque by SDO; whether this was read back."""
+        setup = self._setups[node]
+
+        def remove() -> None:
+            node.leave_cycle()
+            setup.remove_torque(limit_s)
+
         try:
-            self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
-            self._setups[node].remove_torque(limit_s)
+            self._cycle.meanwhile(remove)
         except Exception:  # noqa: BLE001 - whatever fails, the other drives must be asked too
             return False
         return True
 
-    def _reset(self, node: DriveNode) -> None:
+    def _reset(self, node: CyclicDrive) -> None:
         """Reset a drive, which removes its torque."""
-        node.booted = False
         with suppress(Exception):  # the other drives must be reset too
-            self._link.command(NmtCommand.RESET_NODE, node.settings.node_id)
+            self._cycle.meanwhile(node.restart)
 
     # At standstill -------------------------------------------------------------------------------------------
 
-    def _run_until(self, done: Callable[[DriveNode], bool], limit_s: float, step: str = _STEP) -> ServoTimeout | None:
+    def _run_until(self, done: Callable[[CyclicDrive], bool], limit_s: float, step: str = _STEP) -> ServoTimeout | None:
         """Run cycles until a condition holds for every drive in the cycle, and no torque offset is fading.
 
         Meanwhile the torque of axes that leave their course is dropped. Of dropped drives only this is awaited.
@@ -199,8 +200,8 @@ class TorqueRemoval:
         Raises:
             BusError: the bus failed.
         """
-        waiting: list[DriveNode] = []
-        gone: list[DriveNode] = []
+        waiting: list[CyclicDrive] = []
+        gone: list[CyclicDrive] = []
         for _ in range(self._cycle.count(limit_s)):
             last = self._run_cycle()
             gone += [node for node in self._in_cycle() if node.is_gone and node not in gone]
@@ -231,8 +232,7 @@ class TorqueRemoval:
                 continue
             setup, asked_s = self._setups[node], self._followed.get(node)
             if asked_s is None:
-                # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and ignores late setpoints.
-                self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
+                node.leave_cycle()  # a stopped node answers no SDO
                 node.forget_rest()
             elif (counts := setup.answered_position()) is not None:
                 node.take_position(counts, asked_s, now_s)
@@ -244,11 +244,11 @@ class TorqueRemoval:
             setup.ask_position()
             self._followed[node] = now_s
 
-    def _in_cycle(self) -> list[DriveNode]:
+    def _in_cycle(self) -> list[CyclicDrive]:
         """Drives whose feedback tells what they do."""
         return [node for node in self._nodes if not (node.lost or node in self._asked_by_sdo)]
 
-    def _switch_off(self, nodes: list[DriveNode]) -> ServoTimeout | None:
+    def _switch_off(self, nodes: list[CyclicDrive]) -> ServoTimeout | None:
         """Remove the torque of some drives; the error for one that does not report this in time, else None."""
         self._cycle.ask(
             State.SWITCH_ON_DISABLED,
@@ -272,10 +272,10 @@ class TorqueRemoval:
                 return axis_moves(node.settings, moved_rad)
         return None
 
-    def _await_rest(self, nodes: list[DriveNode]) -> None:
+    def _await_rest(self, nodes: list[CyclicDrive]) -> None:
         """Wait until axes stand still, no longer than for a quick stop, and not for those that answer nothing."""
 
-        def may_move(node: DriveNode) -> bool:
+        def may_move(node: CyclicDrive) -> bool:
             unknown = (node.lost or node.is_gone) and node not in self._followed
             return unknown or not (node in self._mute or node in self._dropped or _is_still(node))
 
@@ -284,7 +284,7 @@ class TorqueRemoval:
             self._run_cycle()
 
 
-def torque_remains(nodes: Sequence[DriveNode]) -> TorqueRemains | None:
+def torque_remains(nodes: Sequence[CyclicDrive]) -> TorqueRemains | None:
     """Error for drives of which it is not known that they carry no torque; None if there are none."""
     if not nodes:
         return None
@@ -303,16 +303,16 @@ def raise_first(errors: Iterable[BaseException | None]) -> None:
         raise found[0]
 
 
-def _is_off(node: DriveNode) -> bool:
+def _is_off(node: CyclicDrive) -> bool:
     """Whether a drive carries no torque and has reached the requested state, or is in a fault."""
     return node.state in _WITHOUT_TORQUE and (node.machine.reached or node.faulty)
 
 
-def _is_still(node: DriveNode) -> bool:
+def _is_still(node: CyclicDrive) -> bool:
     """Whether an axis is at standstill."""
     return node.still_for(STILL_CYCLES)
 
 
-def _stands_still(node: DriveNode) -> bool:
+def _stands_still(node: CyclicDrive) -> bool:
     """Whether an axis is at standstill, and its drive keeps it there."""
     return node.state not in _MOVING and _is_still(node)

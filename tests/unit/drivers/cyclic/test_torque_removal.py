@@ -6,10 +6,10 @@ from dataclasses import replace
 import pytest
 
 from armload_drivers.bring_up.drive_dialogue import DriveDialogue
-from armload_drivers.canopen.torque_removal import OBEYS_CYCLES, TorqueRemoval, torque_remains
 from armload_drivers.cia402.object_dictionary import NmtState
 from armload_drivers.cia402.state_machine import POWERED, DriveMachine, State
 from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.cyclic.torque_removal import OBEYS_CYCLES, TorqueRemoval, torque_remains
 from armload_drivers.driver_errors import AxisMoves, LoopLost, ServoError, ServoTimeout, TorqueRemains
 from tests.scripted_drives import ENABLED, ScriptedArm
 
@@ -81,7 +81,7 @@ class Rig(ScriptedArm):
         super().__init__(arm)
         self.drives = {node_id: Drive() for node_id in (2, 3, 5)}
         self.setups = [Setup(drive) for drive in self.drives.values()]
-        self.removal = TorqueRemoval(self.cycle, self.nodes, self.setups, self.link, LIMITS)
+        self.removal = TorqueRemoval(self.cycle, self.nodes, self.setups, LIMITS)
         self.cycle.begin()
         self.run()
         self.cycle.ask(State.OPERATION_ENABLED, "enabling", lambda node: True)
