@@ -96,7 +96,7 @@ REAL = {
         "pilz_prbt_0_1.dcf",
         {"feedback": Effort.TORQUE},
         error=WrongDevice,
-        reason=r"mode 8 .* not offered, only 1, 2, 7",
+        reason=r'mode 8 .* not offered, only 1 .*, 2 .*, 7 .*Set mode = "ip"',
     ),
     "maxon": Row("maxon_epos4_50_15.dcf", MAXON, ways(torque_limit=3, setpoints_lost=0), ("setpoints_lost",)),
     "maxon, its limit set in the drive": Row(
@@ -115,20 +115,26 @@ REAL = {
     ),
     "roboteq": Row(
         "roboteq_v80.eds",
-        {"feedback": Effort.TORQUE, "pdo_objects_max": 2},
+        {"feedback": Effort.TORQUE, "pdo_objects_max": 2, "second_axis_unused": True},
         ways(torque_limit=4, disable_reaction=2, **dict.fromkeys(NO_REACTIONS, 0)),
         (*NO_REACTIONS, CONSENT),
     ),
     "roboteq with three objects in a PDO": Row(
         "roboteq_v80.eds",
-        {"feedback": Effort.TORQUE},
+        {"feedback": Effort.TORQUE, "second_axis_unused": True},
         reason="carries at most 2 objects, 3 are required. Set pdo_objects_max = 2",
     ),
     "ros2's fake": Row(
         "ros2_fake_cia402_slave.eds",
         {"torque_offset": False},
         error=WrongDevice,
-        reason=r"no 6078:0 .* Name the manufacturer's object for current or torque: effort_object",
+        reason=r"no 6078:0 .* must report current \(6078\) or torque \(6077\).* effort_object",
+    ),
+    "roboteq with a second axis": Row(
+        "roboteq_v80.eds",
+        {"feedback": Effort.TORQUE, "pdo_objects_max": 2},
+        error=WrongDevice,
+        reason="several axes with one node id: it has 6840:0 .*second_axis_unused = true",
     ),
 }
 
@@ -197,7 +203,79 @@ WRITTEN = {
         error=WrongDevice,
         reason="32 bits instead of 16. Set torque_offset_bits = 32",
     ),
-    "60B2 not mappable": own(changes={"60B2": {"PDOMapping": "0"}}, reason="0x06040041"),
+    "60B2 not mappable": own(
+        changes={"60B2": {"PDOMapping": "0"}}, reason=r"does not allow 60B2:0 .*0x06040041.* torque_offset = false"
+    ),
+    "6077 not mappable, 6078 is": own(
+        {"feedback": Effort.TORQUE},
+        changes={"6077": {"PDOMapping": "0"}},
+        reason='does not allow 6077:0 .*It has 6078:0 .*feedback = "current"',
+    ),
+    "neither 6077 nor 6078 mappable": own(
+        changes={"6077": {"PDOMapping": "0"}, "6078": {"PDOMapping": "0"}},
+        reason=r"does not allow 6078:0 .*must report current \(6078\) or torque \(6077\).*effort_object",
+    ),
+    "nothing mappable by the file": own(
+        changes={name: {"PDOMapping": "0"} for name in maker_drive() if name >= "6"}, expected=ways()
+    ),
+    "6078 of 32 bits": own({"effort_bits": 32}, changes={"6078": {"DataType": "4"}}, expected=ways()),
+    "6078 of 32 bits, 16 expected": own(
+        changes={"6078": {"DataType": "4"}}, error=WrongDevice, reason="32 bits instead of 16. Set effort_bits = 32"
+    ),
+    "objects of another size than the standard's": own(
+        changes={
+            "6065": {"DataType": "4"},
+            "6066": {"DataType": "7"},
+            "6072": {"DataType": "7"},
+            "605A": {"DataType": "4"},
+        },
+        expected=ways(),
+    ),
+    "targets that cannot be read": own(
+        changes={name: {"AccessType": "wo"} for name in ("6040", "607A", "60B2")}, expected=ways()
+    ),
+    "PP and PV only": own(
+        changes={"6502": {"DefaultValue": "0x5"}},
+        error=WrongDevice,
+        reason=r"only 1 \(profile position\), 3 \(profile velocity\) \(6502\).*607A.* or 7 .*60C1.*another drive",
+    ),
+    "no value of 6502": own(changes={"6502": {"DefaultValue": "0"}}, expected=ways()),
+    "no value of 6502, no object of a cyclic mode": own(
+        {"torque_offset": False},
+        without=[0x60B2, 0x60C1, 0x60C2],
+        changes={"6502": {"DefaultValue": ""}},
+        error=WrongDevice,
+        reason=r"6060 refuses mode 8 .*with 0x06090030\. .*another drive",
+    ),
+    "6060 that takes another mode": own(
+        changes={"6060": {"LowLimit": "0", "HighLimit": "7"}}, error=WrongDevice, reason='6060 refuses.* mode = "ip"'
+    ),
+    "no 6061": own(without=[0x6061], expected=ways()),
+    "a second axis": own(
+        changes={"6840": {"DataType": "6", "AccessType": "rww", "DefaultValue": "0", "PDOMapping": "1"}},
+        error=WrongDevice,
+        reason="several axes with one node id.*second_axis_unused = true",
+    ),
+    "two objects in a PDO": own(
+        changes={f"{index}sub0": {"HighLimit": "2", "LowLimit": "0"} for index in ("1600", "1A00")},
+        reason="carries at most 2 objects, 3 are required. Set pdo_objects_max = 2",
+    ),
+    "60C2 of a fixed exponent": own(changes={"60C2sub2": ro(-4)}, expected=ways()),
+    "60C2 without an exponent": own(without=["60C2sub2"], expected=ways()),
+    "60C2 that is 0": own(changes={"60C2sub1": ro(0)}, expected=ways()),
+    "a period that no bus carries": own(
+        changes={"60C2sub1": ro(10), "60C2sub2": ro(-4)},
+        reason=r"interpolates over 0.001 s .*the drive accepts no such cycle.*fewer drives on a bus",
+    ),
+    "SYNC with bits that mean nothing": own(
+        changes={"1005": {"DefaultValue": "0x80000080", "AccessType": "ro"}}, expected=ways()
+    ),
+    "1016 that cannot be 0 and no 6007": own(
+        without=[0x6007, 0x1029],
+        changes={"1016sub1": {"LowLimit": "1", "HighLimit": "0xFFFF"}},
+        error=MissingSafety,
+        reason="master_lost",
+    ),
     "only 6077": own({"feedback": Effort.TORQUE}, without=[0x6078], expected=ways()),
     "only 6077, 6078 expected": own(without=[0x6078], error=WrongDevice, reason='set feedback = "torque"'),
     "only a maker's current": own(

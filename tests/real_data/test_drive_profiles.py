@@ -19,7 +19,10 @@ PROFILES = {
     "pilz_prbt": ("pilz_prbt_0_1.dcf", {"accept_missing": NO_REACTIONS}),
     "maxon_epos4": ("maxon_epos4_50_15.dcf", {"accept_missing": ["setpoints_lost"], "vendor_settings": [LIMIT]}),
     "elmo_gold": ("elmo_cob4.dcf", {}),
-    "roboteq": ("roboteq_v80.eds", {"accept_missing": NO_REACTIONS, "torque_limit_in_drive": True}),
+    "roboteq": (
+        "roboteq_v80.eds",
+        {"accept_missing": NO_REACTIONS, "torque_limit_in_drive": True, "second_axis_unused": True},
+    ),
 }
 """The description, and the robot file's settings besides the scale."""
 

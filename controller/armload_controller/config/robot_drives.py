@@ -154,6 +154,9 @@ class RobotDrives:
         told = [drive.joint for drive in drives if drive.torque_limit_in_drive]
         if told:
             found.append(f"{', '.join(told)}: the torque limit is set in the drive, and cannot be read")
+        several = [drive.joint for drive in drives if drive.second_axis_unused]
+        if several:
+            found.append(f"{', '.join(several)}: nothing watches or stops the further axes of these drives")
         return tuple(found)
 
     def require_identities(self) -> None:

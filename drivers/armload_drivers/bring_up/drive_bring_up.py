@@ -12,21 +12,47 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 from armload_drivers.bring_up.drive_dialogue import DriveDialogue
 from armload_drivers.bring_up.drive_objects import DriveObjects
 from armload_drivers.bring_up.drive_securing import require_safety, secure
 from armload_drivers.bring_up.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, ArmSettings, DriveSettings, Identity
+from armload_drivers.cia402.arm_settings import (
+    SIMULATION_IDENTITY,
+    ArmSettings,
+    DriveSettings,
+    Identity,
+    OperationMode,
+)
 from armload_drivers.cia402.drive_safety import SafetyFinding, SafetyValues
 from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_data.drive_scale import ReportedScale, resolve
 from armload_drivers.cia402.process_data.drive_units import ArmUnits, AxisUnits
-from armload_drivers.cia402.process_data.process_image import feedback_entries, setpoint_entries
+from armload_drivers.cia402.process_data.process_image import feedback_entries, setpoint_entries, target_entry
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import CommandError, ServoTimeout, WrongDevice
+from armload_drivers.driver_errors import CommandError, SdoRefused, ServoTimeout, WrongDevice
+
+Step = tuple[str, Callable[[], None]]
+"""A step of the configuration, by name."""
+
+_MODE_KEYS = {OperationMode.CYCLIC_SYNCHRONOUS_POSITION: "csp", OperationMode.INTERPOLATED_POSITION: "ip"}
+"""Values of the key `mode`."""
+_EFFORTS = (od.TORQUE_ACTUAL, od.CURRENT_ACTUAL, od.TORQUE_ACTUAL_32, od.CURRENT_ACTUAL_32)
+
+_NO_CYCLIC_MODE = (
+    "An arm's joints move in step only in mode 8 (cyclic synchronous position, 607A) or 7 (interpolated position, "
+    "60C1); a profile mode plans a motion of its own. Use firmware or a licence of the manufacturer that has one of "
+    "these, or another drive"
+)
+_NO_EFFORT = (
+    "A drive must report current (6078) or torque (6077) in a PDO. If it has an object of its manufacturer for one of "
+    "these, name it with its scale in effort_object, or in a profile of the product; otherwise use other firmware or "
+    "another drive"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +128,13 @@ class DriveSetup(DriveDialogue, ABC):
                 text = "nothing" if is_ is None else f"0x{is_:08X}"
                 raise self._wrong(
                     f"{what} (1018) is {text} instead of 0x{should:08X}",
-                    "If this is the arm that the configuration describes, correct the identity there",
+                    f"If this is the arm that the configuration describes, correct the identity there: {stated(found)}",
                 )
+        if self.settings.is_named and wanted.product_code is None and found.product_code is not None:
+            raise self._wrong(
+                "the drive reports a product code (1018:2), and the configuration states none",
+                f"If it belongs to this arm, state it: {stated(found)}",
+            )
         return found
 
     @property
@@ -118,11 +149,18 @@ class DriveSetup(DriveDialogue, ABC):
 
     # Configuration -------------------------------------------------------------------------------------------
 
-    def steps(self) -> tuple[tuple[str, Callable[[], None]], ...]:
-        """The steps of `configure`, by name and in order."""
+    def reading_steps(self) -> tuple[Step, ...]:
+        """The first steps of `configure`, which only read."""
         return (
+            ("axes", self._check_axes),
             ("modes", self._check_mode),
             ("scaling", self._read_scale),
+            ("objects", self._find_mapped_objects),
+        )
+
+    def writing_steps(self) -> tuple[Step, ...]:
+        """The other steps of `configure`."""
+        return (
             ("cycle", self._write_cycle),
             ("PDOs", self._map_pdos),
             ("mode", self._select_mode),
@@ -139,7 +177,7 @@ class DriveSetup(DriveDialogue, ABC):
             SdoRefused: a necessary object was refused.
             ServoError: the drive does not keep a written value.
         """
-        for _, step in self.steps():
+        for _, step in (*self.reading_steps(), *self.writing_steps()):
             step()
         return self._polarity
 
@@ -152,9 +190,9 @@ class DriveSetup(DriveDialogue, ABC):
         """
         values = SafetyValues.of(self.settings, self._arm, units, self._rated_current_a)
         self._safety = secure(self._objects, values)
+        require_safety(self._objects, values, self._safety)
         # Only verified here; the watch itself starts with the cycle.
         self.watch_master(on=False)
-        require_safety(self._objects, values, self._safety)
 
     @abstractmethod
     def require_alive(self) -> None:
@@ -222,17 +260,49 @@ class DriveSetup(DriveDialogue, ABC):
         self._sdo.step = "reading the name"
         return self._sdo.read_text_if_there(od.DEVICE_NAME)
 
+    def _check_axes(self) -> None:
+        """Require a drive of one axis: nothing here watches or stops a second one."""
+        self._sdo.step = "looking for a second axis"
+        if not self.settings.second_axis_unused and self._sdo.has(od.SECOND_CONTROLWORD):
+            raise self._wrong(
+                f"the drive serves several axes with one node id: it has {od.SECOND_CONTROLWORD}, and only the first "
+                "axis is watched and stopped",
+                "Use a drive for each axis, or let the manufacturer's tool give each axis a node id of its own. If "
+                "nothing is connected to the others: second_axis_unused = true",
+            )
+        if self._sdo.has(od.SECOND_POSITION):
+            raise self._wrong(
+                f"the drive serves several axes with one node id: it has {od.SECOND_POSITION}",
+                "A drive whose axes are sub-indices of one object cannot be used: use a drive for each axis",
+            )
+
     def _check_mode(self) -> None:
-        """Require the configured mode to be among 6502."""
+        """Require the configured mode to be among 6502, with the object for its setpoint."""
         self._sdo.step = "checking the mode"
         modes = self._objects.read(od.SUPPORTED_MODES)
         mode = self.settings.mode
-        if modes is not None and not modes >> (mode - 1) & 1:
-            offered = [str(number + 1) for number in range(32) if modes >> number & 1]
-            raise self._wrong(
-                f"mode {int(mode)} ({mode.name}) is not offered, only {', '.join(offered) or 'none'} (6502)",
-                "Set this drive's mode in the configuration to one it offers: 7 or 8",
-            )
+        # 0 is the value of firmware that does not maintain 6502; 6061 then decides.
+        if modes and not modes >> (mode - 1) & 1:
+            what = f"mode {_named(mode)} is not offered, only {od.named_modes(modes)} (6502)"
+        elif not self._sdo.has(target_entry(mode)):
+            what = f"the drive has no {target_entry(mode)}, which mode {_named(mode)} requires"
+        else:
+            return
+        raise self._wrong(what, self._other_mode(lambda other: not modes or bool(modes >> (other - 1) & 1)))
+
+    def _other_mode(self, offered: Callable[[OperationMode], bool]) -> str:
+        """What to do about a drive that cannot be used in the configured mode."""
+        for other, name in _MODE_KEYS.items():
+            if other is not self.settings.mode and self._sdo.has(target_entry(other)) and offered(other):
+                return f'Set mode = "{name}"'
+        return _NO_CYCLIC_MODE
+
+    def _takes_mode(self, mode: OperationMode) -> bool:
+        """Whether 6060 takes a mode; the drive is disabled."""
+        with suppress(SdoRefused):
+            self._sdo.write(od.MODE, int(mode))
+            return True
+        return False
 
     def _read_scale(self) -> None:
         """Read polarity and scale, and check them against the configuration."""
@@ -256,50 +326,89 @@ class DriveSetup(DriveDialogue, ABC):
         except CommandError as error:
             raise self._wrong(str(error), "Correct the configuration, or the drive's parameters") from error
 
-    def _require_mapped_objects(self) -> None:
-        """Require the objects of the PDOs, with the size that the configuration expects."""
+    def _find_mapped_objects(self) -> None:
+        """Require the objects of the cycle, with the size that the configuration expects; all errors in one."""
         self._sdo.step = "looking for the objects of its PDOs"
+        wrong = []
         for entry in (*setpoint_entries(self.settings), *feedback_entries(self.settings)):
             bits = self._sdo.bits_if_there(entry)
+            if bits is None and entry is target_entry(self.settings.mode):
+                continue  # `_check_mode` reports it
             if bits is None:
-                raise self._wrong(f"the drive has no {entry}", self._instead_of(entry))
-            if bits != entry.type.bits:
-                remedy = "The configuration expects another data type: see the manufacturer's manual"
-                if entry.key == od.TORQUE_OFFSET.key:
-                    remedy = f"Set torque_offset_bits = {bits}"
-                raise self._wrong(f"{entry} has {bits} bits instead of {entry.type.bits}", remedy)
+                wrong.append((f"the drive has no {entry}", self.instead_of(entry, self._sdo.has)))
+            elif bits != entry.type.bits:
+                wrong.append((f"{entry} has {bits} bits instead of {entry.type.bits}", self._resized(entry, bits)))
+        if wrong:
+            raise self._wrong("; ".join(what for what, _ in wrong), ". ".join(remedy for _, remedy in wrong))
 
-    def _instead_of(self, entry: Entry) -> str:
-        """How the configuration can avoid a missing object."""
+    def instead_of(self, entry: Entry, can_be_used: Callable[[Entry], bool]) -> str:
+        """How the configuration can avoid an object that is missing or cannot be mapped to a PDO.
+
+        Args:
+            entry: The object.
+            can_be_used: Whether the same is not true of another object.
+        """
         if entry.key == od.TORQUE_OFFSET.key:
             return "Set torque_offset = false; feed-forward is then refused on this drive"
+        if entry not in _EFFORTS:
+            return f"A joint requires {entry.index:04X}: use other firmware, or another drive"
         for other, name in ((od.TORQUE_ACTUAL, "torque"), (od.CURRENT_ACTUAL, "current")):
-            if entry in {od.TORQUE_ACTUAL, od.CURRENT_ACTUAL} and self._sdo.has(other):
+            if entry.key != other.key and can_be_used(other):
                 return f'It has {other}: set feedback = "{name}"'
-        if entry in {od.TORQUE_ACTUAL, od.CURRENT_ACTUAL}:
-            return "Name the manufacturer's object for current or torque: effort_object"
-        return "A joint requires it: use another mode or another drive"
+        return _NO_EFFORT
+
+    def _resized(self, entry: Entry, bits: int) -> str:
+        """How the configuration can use an object of another size."""
+        key = {od.TORQUE_OFFSET.key: "torque_offset_bits"} | {effort.key: "effort_bits" for effort in _EFFORTS}
+        if entry.key not in key or bits not in {16, 32}:
+            return f"A drive of CiA 402 has {entry.type.bits}: ask its manufacturer for firmware that conforms"
+        name = key[entry.key]
+        return f"Set {name} = {bits}{self._rate_for(**{name: bits})}"
+
+    def _rate_for(self, **of_drives: Any) -> str:
+        """What advice about every drive must add so that it fits the bus, as text; see `bus_budget.with_rate_for`."""
+        return ""
 
     def _select_mode(self) -> None:
-        """Write 6060 and wait for 6061."""
+        """Write 6060 and wait for 6061, which some drives lack."""
         self._sdo.step = "selecting the mode"
         mode = int(self.settings.mode)
-        self._sdo.write(od.MODE, mode)
-        found = self._sdo.read_until(od.MODE_DISPLAY, mode, self._timeouts.mode_s)
+        try:
+            self._sdo.write(od.MODE, mode)
+        except SdoRefused as refusal:
+            what = f"6060 refuses mode {_named(self.settings.mode)} with 0x{refusal.abort_code:08X}"
+            raise self._wrong(what, self._other_mode(self._takes_mode)) from refusal
+        shown = od.MODE_DISPLAY if self._objects.read(od.MODE_DISPLAY) is not None else od.MODE
+        found = self._sdo.read_until(shown, mode, self._timeouts.mode_s)
         if found != mode:
             raise ServoTimeout(
                 self.settings.node_id,
                 self.settings.joint,
                 self._sdo.step,
-                f"6061 reports mode {found} after {self._timeouts.mode_s} s, {mode} was requested",
+                f"{shown.index:04X} reports mode {found} after {self._timeouts.mode_s} s, {mode} was requested",
                 "Is the mode licensed and allowed in the drive's present state?",
             )
-        self._objects.held[od.MODE_DISPLAY] = mode
+        self._objects.held[shown] = mode
+
+
+def _named(mode: OperationMode) -> str:
+    """A mode by number and name."""
+    return f"{int(mode)} ({mode.name})"
 
 
 def arm_with(arm: ArmSettings, setups: Sequence[DriveSetup]) -> ArmSettings:
     """The arm's settings with the scales that its drives reported."""
     return replace(arm, drives=tuple(setup.settings for setup in setups))
+
+
+def stated(found: Identity) -> str:
+    """An identity as the robot's file states it."""
+    numbers = ", ".join(
+        f"{key} = 0x{value:08X}"
+        for key, value in (("vendor_id", found.vendor_id), ("product_code", found.product_code))
+        if value is not None
+    )
+    return f"identity = {{ {numbers} }}"
 
 
 def is_simulation(identity: Identity) -> bool:

@@ -14,7 +14,7 @@ from enum import Enum
 
 from armload_drivers.bring_up.arm_bring_up import ArmBringUp
 from armload_drivers.bring_up.description_check import description_gaps
-from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_with, is_simulation
+from armload_drivers.bring_up.drive_bring_up import DriveSetup, Step, arm_with, is_simulation, stated
 from armload_drivers.cia402.arm_settings import ArmSettings, Identity
 from armload_drivers.cia402.drive_safety import SafetyFinding
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
@@ -164,6 +164,7 @@ def _is_named(setup: DriveSetup, rows: list[Check]) -> bool:
     """Whether a drive may be written to: the configuration states its identity, or it is a simulated one."""
     if _is_anonymous(setup):
         rows.append(_row(setup, "identity", Verdict.NOT_DONE, _name_it(setup.identity)))
+        _passed(setup, setup.reading_steps(), rows)
         return False
     rows.append(_row(setup, "identity", Verdict.OK, f"device type 0x{setup.device_type:08X}"))
     return True
@@ -176,21 +177,22 @@ def _is_anonymous(setup: DriveSetup) -> bool:
 
 def _name_it(found: Identity) -> str:
     """How to state the identity of an anonymous drive."""
-    identity = ", ".join(
-        f"{key} = 0x{value:08X}"
-        for key, value in (("vendor_id", found.vendor_id), ("product_code", found.product_code))
-        if value is not None
-    )
     return (
         "a real drive that the configuration does not name is not written to. If it belongs to this arm, name it: "
-        f"identity = {{ {identity} }}"
+        f"{stated(found)}"
     )
 
 
 def _check_alone(setup: DriveSetup, rows: list[Check], *, booted: bool) -> bool:
     """All steps that concern only one drive, which has been reset; True if nothing is wrong."""
+    if not booted and not _passed(setup, (("boot", setup.require_alive),), rows):
+        return False
+    return _passed(setup, setup.reading_steps(), rows) and _passed(setup, setup.writing_steps(), rows)
+
+
+def _passed(setup: DriveSetup, steps: tuple[Step, ...], rows: list[Check]) -> bool:
+    """All of some steps on one drive; True if nothing is wrong."""
     sound = True
-    steps = setup.steps() if booted else (("boot", setup.require_alive), *setup.steps())
     for name, step in steps:
         try:
             step()

@@ -9,12 +9,13 @@ References:
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 
 from armload_drivers.bring_up.sdo_channel import READ_ONLY, SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.bus_budget import USUAL_RATES_HZ
 from armload_drivers.cia402.object_dictionary import Entry
-from armload_drivers.cia402.process_data.drive_units import interpolation_time
+from armload_drivers.cia402.process_data.drive_units import interpolation_times
 from armload_drivers.driver_errors import SdoRefused, SettingChanged
 
 
@@ -99,21 +100,55 @@ class DriveObjects:
         return f"{name} is {found}, and {value} was refused (0x{refused.abort_code:08X})"
 
 
-def set_interpolation(drive: DriveObjects, cycle_s: float) -> None:
+def set_interpolation(
+    drive: DriveObjects,
+    cycle_s: float,
+    rates_hz: Sequence[int] = USUAL_RATES_HZ,
+    otherwise: str = "Set 60C2 with the manufacturer's tool",
+) -> None:
     """Set 60C2; a drive that has it must interpolate over the cycle.
 
+    Args:
+        drive: The drive.
+        cycle_s: The cycle.
+        rates_hz: Other rates that the bus carries.
+        otherwise: What to do about a drive that accepts none of them.
+
     Raises:
-        ServoError: the drive's interpolation time differs from the cycle.
+        ServoError: the drive does not interpolate over the cycle; names a rate that it accepts.
     """
     sdo = drive.sdo
-    value, exponent = interpolation_time(cycle_s)
-    for entry, wanted in ((od.INTERPOLATION_TIME, value), (od.INTERPOLATION_EXPONENT, exponent)):
-        if drive.hold(entry, wanted):
-            drive.miss(entry)
-    found, power = sdo.read_if_there(od.INTERPOLATION_TIME), sdo.read_if_there(od.INTERPOLATION_EXPONENT)
-    if found is not None and power is not None and not math.isclose(found * 10.0**power, cycle_s, rel_tol=1e-6):
-        period_s = found * 10.0**power
-        remedy = f"Set cycle_hz = {1 / period_s:g}" if period_s > 0 else "Set it with the manufacturer's tool"
-        raise sdo.failure(
-            f"the drive interpolates over {period_s:g} s (60C2) and does not accept the cycle of {cycle_s:g} s", remedy
-        )
+    drive.read(od.INTERPOLATION_EXPONENT)  # notes it if it is missing
+    if _interpolates_over(drive, cycle_s):
+        return
+    found = sdo.read_if_there(od.INTERPOLATION_TIME)
+    if not found:  # 0 is no period: the drive has no interpolation time of its own
+        drive.miss(od.INTERPOLATION_TIME)
+        return
+    power = sdo.read_if_there(od.INTERPOLATION_EXPONENT)
+    period_s = found * 10.0 ** (_MILLISECONDS if power is None else power)
+    nearest = sorted(rates_hz, key=lambda rate_hz: abs(rate_hz * cycle_s - 1.0))
+    accepted = next((rate_hz for rate_hz in nearest if _interpolates_over(drive, 1 / rate_hz)), None)
+    raise sdo.failure(
+        f"the drive interpolates over {period_s:g} s (60C2) and does not accept the cycle of {cycle_s:g} s",
+        otherwise if accepted is None else f"Set cycle_hz = {accepted}",
+    )
+
+
+_MILLISECONDS = -3
+"""60C2:2 of a drive that has only 60C2:1."""
+
+
+def _interpolates_over(drive: DriveObjects, cycle_s: float) -> bool:
+    """Try to set 60C2 to a cycle, in a form that the drive accepts; the exponent is fixed in some drives."""
+    present = drive.sdo.read_if_there(od.INTERPOLATION_EXPONENT)
+    for value, exponent in sorted(interpolation_times(cycle_s), key=lambda form: form[1] != present):
+        if present is None and exponent != _MILLISECONDS:
+            continue
+        if present is not None and drive.hold(od.INTERPOLATION_EXPONENT, exponent):
+            continue
+        if not drive.hold(od.INTERPOLATION_TIME, value):
+            return True
+    for entry in (od.INTERPOLATION_EXPONENT, od.INTERPOLATION_TIME):
+        drive.held.pop(entry, None)
+    return False

@@ -21,6 +21,11 @@ _MISSING = frozenset({0x0602_0000, NO_SUBINDEX})
 
 READ_ONLY = 0x0601_0002
 """Abort code for a read-only object."""
+_WRITE_ONLY = 0x0601_0001
+_LENGTHS = frozenset({0x0607_0010, 0x0607_0012, 0x0607_0013})
+"""Abort codes for a value of another size than that of the object."""
+_LARGEST_NUMBER = 4
+"""Bytes of the largest integer that is written."""
 
 POLL_S = 5e-3
 """Time between two reads of an object that is expected to reach a value."""
@@ -73,6 +78,8 @@ class SdoChannel(ABC):
         except SdoRefused as refusal:
             if refusal.abort_code in _MISSING:
                 return None
+            if refusal.abort_code == _WRITE_ONLY:
+                return entry.type.bits
             raise
 
     def has(self, entry: Entry) -> bool:
@@ -119,8 +126,14 @@ class SdoChannel(ABC):
             return ""
 
     def write(self, entry: Entry, value: int) -> None:
-        """Write an integer object. Raises as `read`."""
-        self._transfer(entry, struct.pack("<" + entry.type.code, value))
+        """Write an integer object, in the node's size if it is not the standard's. Raises as `read`."""
+        try:
+            self._transfer(entry, struct.pack("<" + entry.type.code, value))
+        except SdoRefused as refusal:
+            size = len(self._transfer(entry, None)) if refusal.abort_code in _LENGTHS else 0
+            if not 0 < size <= _LARGEST_NUMBER or not -(1 << 8 * size - 1) <= value < 1 << 8 * size:
+                raise
+            self._transfer(entry, (value & (1 << 8 * size) - 1).to_bytes(size, "little"))
 
     def write_if_there(self, entry: Entry, value: int) -> bool:
         """As `write`, but False if the node does not have the object or it is read-only."""

@@ -11,6 +11,8 @@ References:
 
 from __future__ import annotations
 
+from typing import Any
+
 from armload_drivers.bring_up.drive_bring_up import DriveSetup, is_simulation
 from armload_drivers.bring_up.drive_objects import DriveObjects, set_interpolation
 from armload_drivers.bring_up.sdo_channel import SdoChannel
@@ -19,6 +21,7 @@ from armload_drivers.canopen.canopen_sdo import CanopenSdo
 from armload_drivers.canopen.pdo_setup import map_pdo, switch_others_off
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
+from armload_drivers.cia402.bus_budget import USUAL_RATES_HZ, forecast, with_rate_for
 from armload_drivers.cia402.drive_safety import Safety, master_watch
 from armload_drivers.cia402.process_data.drive_units import microseconds
 from armload_drivers.cia402.process_data.process_image import drive_image
@@ -92,16 +95,23 @@ class CanopenSetup(DriveSetup):
         if written and watch:
             self._objects.held[od.HEARTBEAT_CONSUMER] = watch
 
+    def fewer_objects(self, most: int) -> str:
+        """How the configuration can use PDOs of fewer objects."""
+        return f"Set pdo_objects_max = {most}{self._rate_for(pdo_objects_max=most)}: the rest is sent in a second PDO"
+
+    def _rate_for(self, **of_drives: Any) -> str:
+        """See `DriveSetup`."""
+        return with_rate_for(self._arm, **of_drives)
+
     def _write_cycle(self) -> None:
         """Set the cycle; see `write_cycle`."""
         write_cycle(self._objects, self._arm)
 
     def _map_pdos(self) -> None:
         """Map the PDOs of each direction and switch the others off."""
-        self._require_mapped_objects()
         for layout in self._image.layouts:
             self._sdo.step = f"mapping the {layout.direction.name.lower()} PDO {layout.number + 1}"
-            self._objects.held |= map_pdo(self._sdo, layout)
+            self._objects.held |= map_pdo(self._sdo, layout, self)
         self._sdo.step = "switching unused PDOs off"
         for direction in od.PdoDirection:
             used = sum(layout.direction is direction for layout in self._image.layouts)
@@ -114,12 +124,13 @@ def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
     A drive that produces SYNC is configured not to. 1019 may be changed only while 1006 is 0.
 
     Raises:
-        ServoError: the configuration requires a SYNC counter and the drive has none, or the drive's interpolation time
-            differs from the cycle.
+        ServoError: the configuration requires a SYNC counter and the drive has none, or the drive cannot interpolate
+            over the cycle.
     """
     sdo = drive.sdo
     sdo.step = "setting the cycle"
-    if sdo.read_if_there(od.SYNC_COB_ID) not in {None, od.SYNC_DEFAULT_COB_ID}:
+    present = sdo.read_if_there(od.SYNC_COB_ID)
+    if present is not None and present & od.SYNC_MEANING != od.SYNC_DEFAULT_COB_ID:
         sdo.write(od.SYNC_COB_ID, od.SYNC_DEFAULT_COB_ID)
     counter = sdo.read_if_there(od.SYNC_COUNTER_OVERFLOW)
     if counter is None and arm.sync_counter:
@@ -131,7 +142,14 @@ def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
         sdo.write(od.SYNC_COUNTER_OVERFLOW, arm.sync_counter)
     if drive.hold(od.CYCLE_PERIOD_US, microseconds(arm.cycle_s)):
         drive.miss(od.CYCLE_PERIOD_US)
-    set_interpolation(drive, arm.cycle_s)
+    most_hz = forecast(arm).cycle_hz
+    set_interpolation(
+        drive,
+        arm.cycle_s,
+        [rate_hz for rate_hz in USUAL_RATES_HZ if rate_hz <= most_hz],
+        f"At {arm.bitrate} bit/s the bus carries at most {most_hz} Hz, and the drive accepts no such cycle. Set 60C2 "
+        "with the manufacturer's tool, raise the bit rate, or put fewer drives on a bus",
+    )
 
 
 def canopen_setups(arm: ArmSettings, link: BusLink, timeouts: Timeouts) -> list[CanopenSetup]:

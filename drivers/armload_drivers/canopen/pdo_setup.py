@@ -10,6 +10,9 @@ References:
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Protocol
+
 from armload_drivers.bring_up.sdo_channel import NO_SUBINDEX, READ_ONLY, SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
@@ -17,14 +20,30 @@ from armload_drivers.cia402.process_data.process_image import PdoLayout
 from armload_drivers.driver_errors import SdoRefused, ServoError
 
 _MOST_PDOS = 512
+_FIXED = frozenset({READ_ONLY})
+_OUT_OF_RANGE = frozenset({0x0604_0043, 0x0609_0030, 0x0609_0031, 0x0609_0032, 0x0800_0000, 0x0800_0020, 0x0800_0022})
+"""Abort codes of drives that do not take a value, or not in this state."""
+_FEWEST_OBJECTS = 2
+"""Fewest objects in the first PDO of a direction: controlword and setpoint, statusword and position."""
 
 
-def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> dict[Entry, int]:
+class MappingAdvice(Protocol):
+    """What the configuration can do about a drive that cannot map what it requires."""
+
+    def instead_of(self, entry: Entry, can_be_used: Callable[[Entry], bool]) -> str:
+        """About an object that is missing or cannot be mapped; `can_be_used` tells it of another object."""
+
+    def fewer_objects(self, most: int) -> str:
+        """About PDOs that carry at most so many objects."""
+
+
+def map_pdo(sdo: SdoChannel, layout: PdoLayout, advice: MappingAdvice) -> dict[Entry, int]:
     """Map one of a drive's PDOs as the layout specifies, with synchronous transmission.
 
     Args:
         sdo: Access to the drive; its `step` names the step in progress.
         layout: The PDO.
+        advice: What the configuration can do about a drive that cannot map it.
 
     Returns:
         Its parameters, as read back.
@@ -36,9 +55,14 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> dict[Entry, int]:
     direction, number = layout.direction, layout.number
     cob_id, count = direction.cob_id_entry(number), direction.count_entry(number)
     # Bit 30 (no remote request) is kept: some drives refuse a TPDO without it.
-    present = sdo.read(cob_id)
+    present = sdo.read_if_there(cob_id)
+    if present is None:
+        raise sdo.failure(
+            f"the drive has no {cob_id}: it has {number} PDOs in this direction, {number + 1} are required",
+            "Use firmware that has this PDO, or another drive",
+        )
     word = layout.cob_id | present & od.PDO_NO_RTR
-    free = _write(sdo, cob_id, word | od.PDO_DISABLED)
+    free = _write(sdo, cob_id, word | od.PDO_DISABLED, _FIXED | _OUT_OF_RANGE)
     if not free and present != word:
         raise sdo.failure(
             f"{cob_id} is 0x{present:08X}, which is not this node's 0x{word:08X}, and cannot be written",
@@ -48,19 +72,23 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> dict[Entry, int]:
     wanted = [
         (direction.map_entry(number, position), entry.mapping) for position, entry in enumerate(layout.entries, start=1)
     ]
-    if _mapped(sdo, direction, number) != [value for _, value in wanted]:
-        done = _write(sdo, count, 0) and all(_map(sdo, entry, value, len(wanted)) for entry, value in wanted)
-        if not (done and _write(sdo, count, len(wanted))):
-            raise _fixed(sdo, layout)
-    kind = direction.type_entry(number)
-    if sdo.read(kind) != od.PDO_SYNCHRONOUS and not _write(sdo, kind, od.PDO_SYNCHRONOUS):
+    if sdo.read_if_there(count) is None:
         raise sdo.failure(
-            f"{kind} is {sdo.read(kind)} and cannot be written; {od.PDO_SYNCHRONOUS} is required (with every SYNC)",
-            "Set it with the manufacturer's tool",
+            f"the drive has no {count}: what this PDO contains cannot be read or set",
+            "Use firmware that has it, or another drive",
         )
+    if _mapped(sdo, direction, number) != [value for _, value in wanted]:
+        if not _write(sdo, count, 0):
+            raise _fixed(sdo, layout)
+        for position, entry in enumerate(layout.entries, start=1):
+            _map(sdo, layout, position, entry, advice)
+        if not _write(sdo, count, len(wanted), _FIXED | _OUT_OF_RANGE):
+            raise _too_many(sdo, _FEWEST_OBJECTS, len(wanted), advice)
+    kind = direction.type_entry(number)
+    transmission = _synchronous(sdo, kind, direction)
     if free:
         sdo.write(cob_id, word)
-    parameters = dict([*wanted, (count, len(wanted)), (kind, od.PDO_SYNCHRONOUS), (cob_id, word)])
+    parameters = dict([*wanted, (count, len(wanted)), (kind, transmission), (cob_id, word)])
     for entry, value in parameters.items():
         found = sdo.read(entry)
         if found != value:
@@ -71,29 +99,69 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> dict[Entry, int]:
     return parameters
 
 
-def _write(sdo: SdoChannel, entry: Entry, value: int) -> bool:
-    """Write an object; False if it is read-only."""
+def _write(sdo: SdoChannel, entry: Entry, value: int, refusals: frozenset[int] = _FIXED) -> bool:
+    """Write an object; False if it is refused for one of the reasons."""
     try:
         sdo.write(entry, value)
     except SdoRefused as refusal:
-        if refusal.abort_code == READ_ONLY:
+        if refusal.abort_code in refusals:
             return False
         raise
     return True
 
 
-def _map(sdo: SdoChannel, entry: Entry, value: int, needed: int) -> bool:
-    """Write one entry of a mapping; False if it is read-only."""
-    try:
-        return _write(sdo, entry, value)
-    except SdoRefused as refusal:
-        if refusal.abort_code != NO_SUBINDEX:
-            raise
-        most = entry.subindex - 1
+def _synchronous(sdo: SdoChannel, kind: Entry, direction: PdoDirection) -> int:
+    """Make a PDO synchronous with every SYNC, and return its transmission type.
+
+    The standard has one meaning for all synchronous types of an RPDO.
+    """
+    present = sdo.read_if_there(kind)
+    if present is None:
         raise sdo.failure(
-            f"a PDO of this drive carries at most {most} objects, {needed} are required",
-            f"Set pdo_objects_max = {most}: the rest is sent in a second PDO",
+            f"the drive has no {kind}: nothing says whether this PDO follows SYNC",
+            "Use firmware that has it, or another drive",
+        )
+    if direction is PdoDirection.RECEIVE and present <= od.PDO_SYNCHRONOUS_LAST:
+        return present
+    for transmission in (od.PDO_SYNCHRONOUS, 0) if direction is PdoDirection.RECEIVE else (od.PDO_SYNCHRONOUS,):
+        if present == transmission or _write(sdo, kind, transmission, _FIXED | _OUT_OF_RANGE):
+            return transmission
+    raise sdo.failure(
+        f"{kind} is {present} and cannot be written; {od.PDO_SYNCHRONOUS} is required (with every SYNC)",
+        "Set it with the manufacturer's tool",
+    )
+
+
+def _map(sdo: SdoChannel, layout: PdoLayout, position: int, entry: Entry, advice: MappingAdvice) -> None:
+    """Write one entry of a mapping."""
+    place = layout.direction.map_entry(layout.number, position)
+    try:
+        if not _write(sdo, place, entry.mapping):
+            raise _fixed(sdo, layout)
+    except SdoRefused as refusal:
+        if refusal.abort_code == NO_SUBINDEX:
+            raise _too_many(sdo, position - 1, len(layout.entries), advice) from refusal
+        raise sdo.failure(
+            f"the drive does not allow {entry} in this PDO (0x{refusal.abort_code:08X} from {place})",
+            advice.instead_of(entry, lambda other: sdo.has(other) and _accepts(sdo, place, other)),
         ) from refusal
+
+
+def _accepts(sdo: SdoChannel, place: Entry, other: Entry) -> bool:
+    """Whether a PDO accepts another object."""
+    try:
+        return _write(sdo, place, other.mapping)
+    except SdoRefused:
+        return False
+
+
+def _too_many(sdo: SdoChannel, most: int, needed: int, advice: MappingAdvice) -> ServoError:
+    """Error for PDOs that carry too few objects."""
+    if most < min(needed, _FEWEST_OBJECTS):
+        remedy = f"A drive must carry {_FEWEST_OBJECTS} objects in a PDO: use other firmware, or another drive"
+    else:
+        remedy = advice.fewer_objects(most)
+    return sdo.failure(f"a PDO of this drive carries at most {most} objects, {needed} are required", remedy)
 
 
 def _mapped(sdo: SdoChannel, direction: PdoDirection, number: int) -> list[int]:
@@ -108,7 +176,8 @@ def _fixed(sdo: SdoChannel, layout: PdoLayout) -> ServoError:
     needed = ", ".join(f"{entry.index:04X}:{entry.subindex}" for entry in layout.entries)
     return sdo.failure(
         f"the mapping is fixed to {there or 'nothing'}; required are {needed}",
-        "A drive with a fixed mapping can be used only if it carries these objects in this order",
+        "Set this mapping with the manufacturer's tool if it can; a drive with a fixed mapping can be used only if it "
+        "carries these objects in this order",
     )
 
 
@@ -124,7 +193,9 @@ def switch_others_off(sdo: SdoChannel, direction: PdoDirection, used: int) -> No
         word = sdo.read_if_there(entry)
         if word is None and number >= od.PDO_COUNT:
             return
-        if word is None or word & od.PDO_DISABLED or _write(sdo, entry, word | od.PDO_DISABLED):
+        if word is None or word & od.PDO_DISABLED:
+            continue
+        if _write(sdo, entry, word | od.PDO_DISABLED, _FIXED | _OUT_OF_RANGE):
             continue
         if not _write(sdo, direction.count_entry(number), 0) and direction is PdoDirection.TRANSMIT:
             raise sdo.failure(

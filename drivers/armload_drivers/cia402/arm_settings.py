@@ -126,8 +126,10 @@ class DriveSettings:
         torque_limit_in_drive: Whether `max_torque_permille` is set in the drive by other means and cannot be read.
         vendor_settings: Vendor's objects that provide safety properties.
         torque_offset_bits: Size of 60B2, 16 or 32.
+        effort_bits: Size of 6078 or 6077, 16 or 32.
         pdo_objects_max: Greatest number of objects in one PDO, whatever their size.
         rated_torque_unit_nm: Value of one unit of 6076, in N m.
+        second_axis_unused: Whether nothing is connected to the further axes of a drive that serves several.
     """
 
     joint: str
@@ -154,8 +156,10 @@ class DriveSettings:
     torque_limit_in_drive: bool = False
     vendor_settings: tuple[VendorSetting, ...] = ()
     torque_offset_bits: int = 16
+    effort_bits: int = 16
     pdo_objects_max: int = 8
     rated_torque_unit_nm: float = 1e-3
+    second_axis_unused: bool = False
 
     @property
     def wanted_identity(self) -> Identity:
@@ -166,8 +170,8 @@ class DriveSettings:
 
     @property
     def is_named(self) -> bool:
-        """Whether vendor and product are stated; otherwise nothing is written to a real drive."""
-        return None not in {self.wanted_identity.vendor_id, self.wanted_identity.product_code}
+        """Whether a vendor is stated, otherwise nothing is written to a real drive; some report no product code."""
+        return self.wanted_identity.vendor_id is not None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,8 @@ References:
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.process_image import drive_image
@@ -23,6 +22,8 @@ from armload_drivers.driver_errors import BusOverload
 
 MAX_BUS_LOAD: Final = 0.7
 """Greatest permitted worst-case load, as a share of the bus."""
+USUAL_RATES_HZ: Final = (1000, 500, 250, 200, 125, 100, 50, 40, 25, 20, 10)
+"""Rates whose cycle is a whole number of milliseconds, as many drives require (60C2)."""
 
 READ_AGAIN_S: Final = 1.9
 """Time in which every setting of every drive is read again in motion; 2 s are required."""
@@ -44,14 +45,14 @@ class BusLoad:
         cycle_share: `cycle_us` as a share of the cycle.
         heartbeat_share: Share of the heartbeats of master and drives.
         settings_share: Share of reading the drives' settings again.
-        highest_cycle_hz: The highest integer rate within the limit; 0 if there is none.
+        cycle_hz: The highest usual rate within the limit; 0 if there is none.
     """
 
     cycle_us: float
     cycle_share: float
     heartbeat_share: float
     settings_share: float
-    highest_cycle_hz: int
+    cycle_hz: int
 
     @property
     def share(self) -> float:
@@ -83,7 +84,7 @@ def forecast(arm: ArmSettings) -> BusLoad:
         cycle_share=cycle_bus_s / arm.cycle_s,
         heartbeat_share=heartbeat_share,
         settings_share=settings_share,
-        highest_cycle_hz=math.floor(room / cycle_bus_s),
+        cycle_hz=next((rate for rate in USUAL_RATES_HZ if rate * cycle_bus_s <= room), 0),
     )
 
 
@@ -96,11 +97,24 @@ def require_room(arm: ArmSettings) -> BusLoad:
     load = forecast(arm)
     if load.fits:
         return load
-    if load.highest_cycle_hz:
-        remedy = f"at {arm.bitrate} bit/s at most {load.highest_cycle_hz} Hz fit"
+    if load.cycle_hz:
+        remedy = f"at {arm.bitrate} bit/s this fits: cycle_hz = {load.cycle_hz}"
     else:
         remedy = f"no cycle rate fits at {arm.bitrate} bit/s; raise the bit rate"
     raise BusOverload(
         f"{len(arm.drives)} drives at {1 / arm.cycle_s:.0f} Hz load the bus by up to {100.0 * load.share:.0f} %, the "
         f"limit is {100.0 * MAX_BUS_LOAD:.0f} %: {remedy}"
     )
+
+
+def with_rate_for(arm: ArmSettings, **of_drives: Any) -> str:
+    """What advice about every drive must add so that it fits the bus, as text; empty if it fits as it is.
+
+    Args:
+        arm: The arm.
+        of_drives: Fields of `DriveSettings` as the advice would set them.
+    """
+    load = forecast(replace(arm, drives=tuple(replace(drive, **of_drives) for drive in arm.drives)))
+    if load.fits or not load.cycle_hz:
+        return ""
+    return f", together with cycle_hz = {load.cycle_hz}, since the bus carries no more of these PDOs"

@@ -22,6 +22,7 @@ from armload_drivers.cia402.object_dictionary import (
     CONTROLWORD,
     DEVICE_TYPE,
     HEARTBEAT_CONSUMER,
+    SECOND_POSITION,
     Access,
     DataType,
     Entry,
@@ -188,6 +189,9 @@ class _Reader:
         self._check_lists()
         if CONTROLWORD.key not in objects:
             raise DescriptionError(self._source, "6040", "", "no controlword: this device is not a CiA 402 drive")
+        if SECOND_POSITION.key in objects:
+            what = "a drive with several axes as sub-indices of one object cannot be used: use a drive for each axis"
+            raise DescriptionError(self._source, "6064sub2", "", what)
         profile = objects.get(DEVICE_TYPE.key)
         if profile is not None and profile.value is not None:
             number = profile.value.constant

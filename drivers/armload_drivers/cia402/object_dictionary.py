@@ -124,12 +124,15 @@ SHUTDOWN_OPTION = Entry(0x605B, 0, "shutdown option code", _T.I16)
 DISABLE_OPTION = Entry(0x605C, 0, "disable operation option code", _T.I16)
 HALT_OPTION = Entry(0x605D, 0, "halt option code", _T.I16)
 FAULT_REACTION_OPTION = Entry(0x605E, 0, "fault reaction option code", _T.I16)
+SECOND_CONTROLWORD = Entry(0x6840, 0, "controlword of a second axis", _T.U16, _A.RW, _M.RPDO)
+"""Objects of further axes of one node follow at intervals of 0x800."""
 MODE = Entry(0x6060, 0, "modes of operation", _T.I8, _A.RW, _M.RPDO)
 MODE_DISPLAY = Entry(0x6061, 0, "modes of operation display", _T.I8, _A.RO, _M.TPDO)
 SUPPORTED_MODES = Entry(0x6502, 0, "supported drive modes", _T.U32, _A.RO)
 
 # CiA 402-2: position, torque and current.
 POSITION_ACTUAL = Entry(0x6064, 0, "position actual value", _T.I32, _A.RO, _M.TPDO)
+SECOND_POSITION = Entry(0x6064, 2, "position actual value of a second axis", _T.I32, _A.RO, _M.TPDO)
 FOLLOWING_ERROR_WINDOW = Entry(0x6065, 0, "following error window", _T.U32)
 FOLLOWING_ERROR_TIMEOUT_MS = Entry(0x6066, 0, "following error time out", _T.U16)
 VELOCITY_ACTUAL = Entry(0x606C, 0, "velocity actual value", _T.I32, _A.RO, _M.TPDO)
@@ -139,6 +142,9 @@ RATED_CURRENT_MA = Entry(0x6075, 0, "motor rated current", _T.U32, _A.RO)
 RATED_TORQUE_MNM = Entry(0x6076, 0, "motor rated torque", _T.U32, _A.RO)
 TORQUE_ACTUAL = Entry(0x6077, 0, "torque actual value", _T.I16, _A.RO, _M.TPDO)
 CURRENT_ACTUAL = Entry(0x6078, 0, "current actual value", _T.I16, _A.RO, _M.TPDO)
+TORQUE_ACTUAL_32 = Entry(0x6077, 0, "torque actual value", _T.I32, _A.RO, _M.TPDO)
+CURRENT_ACTUAL_32 = Entry(0x6078, 0, "current actual value", _T.I32, _A.RO, _M.TPDO)
+"""The variants of some manufacturers."""
 TARGET_POSITION = Entry(0x607A, 0, "target position", _T.I32, _A.RW, _M.RPDO)
 POSITION_LIMIT_MIN = Entry(0x607D, 1, "software position limit, min", _T.I32)
 POSITION_LIMIT_MAX = Entry(0x607D, 2, "software position limit, max", _T.I32)
@@ -150,6 +156,8 @@ GEAR_MOTOR_REVOLUTIONS = Entry(0x6091, 1, "gear ratio, motor revolutions", _T.U3
 GEAR_SHAFT_REVOLUTIONS = Entry(0x6091, 2, "gear ratio, shaft revolutions", _T.U32, _A.RO)
 FEED = Entry(0x6092, 1, "feed constant, feed", _T.U32, _A.RO)
 FEED_SHAFT_REVOLUTIONS = Entry(0x6092, 2, "feed constant, shaft revolutions", _T.U32, _A.RO)
+POSITION_OFFSET = Entry(0x60B0, 0, "position offset", _T.I32, _A.RW, _M.RPDO)
+VELOCITY_OFFSET = Entry(0x60B1, 0, "velocity offset", _T.I32, _A.RW, _M.RPDO)
 TORQUE_OFFSET = Entry(0x60B2, 0, "torque offset", _T.I16, _A.RW, _M.RPDO)
 TORQUE_OFFSET_32 = Entry(0x60B2, 0, "torque offset", _T.I32, _A.RW, _M.RPDO)
 """The variant of some manufacturers."""
@@ -160,6 +168,20 @@ FOLLOWING_ERROR_ACTUAL = Entry(0x60F4, 0, "following error actual value", _T.I32
 
 DEVICE_TYPE_SERVO = 0x0002_0192
 """Device profile 402 (0x192), servo drive."""
+
+
+MODE_NAMES = {
+    1: "profile position", 2: "velocity", 3: "profile velocity", 4: "profile torque", 6: "homing",
+    7: "interpolated position", 8: "cyclic synchronous position", 9: "cyclic synchronous velocity",
+    10: "cyclic synchronous torque",
+}  # fmt: skip
+"""Modes of operation of the standard, by number (CiA 402-2, 6060)."""
+
+
+def named_modes(modes: int) -> str:
+    """The modes in a value of 6502, by number and name."""
+    offered = [number + 1 for number in range(32) if modes >> number & 1]
+    return ", ".join(f"{number} ({MODE_NAMES.get(number, 'manufacturer-specific')})" for number in offered)
 
 
 def is_drive(device_type: int) -> bool:
@@ -200,6 +222,8 @@ PDO_NO_RTR = 0x4000_0000
 """Bit 30 of a TPDO's COB-ID: no remote request."""
 PDO_SYNCHRONOUS = 1
 """Transmission type: with every SYNC."""
+PDO_SYNCHRONOUS_LAST = 240
+"""Highest synchronous transmission type."""
 PDO_EVENT_DRIVEN = 254
 """Transmission types from this one on are event-driven."""
 PDO_MAX_ENTRIES = 8
@@ -213,6 +237,8 @@ POLARITY_TORQUE = 0x20
 
 NMT_COB_ID = 0x000
 SYNC_DEFAULT_COB_ID = 0x080
+SYNC_MEANING = 0x4000_07FF
+"""Bits of 1005 that matter: whether the node produces SYNC, and its COB-ID."""
 EMERGENCY_BASE = 0x080
 SDO_TX_BASE = 0x580
 SDO_RX_BASE = 0x600

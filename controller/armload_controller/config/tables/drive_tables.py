@@ -83,7 +83,7 @@ class IdentityTable(Table):
     """Expected content of object 1018."""
 
     vendor_id: int
-    product_code: int
+    product_code: int | None = None
     revision: int | None = None
 
 
@@ -155,6 +155,7 @@ class ProductKeys(Table):
     counts_per_axis_turn: Positive | None = None
     torque_offset: bool = True
     torque_offset_bits: Literal[16, 32] = 16
+    effort_bits: Literal[16, 32] = 16
     pdo_objects_max: Annotated[int, Field(ge=2, le=8)] = 8
     rated_torque_unit_nm: Positive = 1e-3
     effort_object: EffortObjectTable | None = None
@@ -176,6 +177,7 @@ class DriveTable(ProductKeys):
     following_lag_s: Positive | None = None
     has_brake: bool
     torque_limit_in_drive: bool = False
+    second_axis_unused: bool = False
     accept_missing: list[str] = Field(default=[])
     description: str | None = None
     identity: IdentityTable | None = None
@@ -242,8 +244,10 @@ class DriveTable(ProductKeys):
             description=description,
             temperature=None if heat is None else heat.temperature(),
             torque_limit_in_drive=self.torque_limit_in_drive,
+            second_axis_unused=self.second_axis_unused,
             vendor_settings=tuple(table.setting() for table in self.vendor_settings),
             torque_offset_bits=self.torque_offset_bits,
+            effort_bits=self.effort_bits,
             pdo_objects_max=self.pdo_objects_max,
             rated_torque_unit_nm=self.rated_torque_unit_nm,
         )

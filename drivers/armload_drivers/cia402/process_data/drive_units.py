@@ -27,20 +27,24 @@ _COUNTS_LIMIT = DataType.I32.bounds[1]
 _PERMILLE_LIMIT = DataType.I16.bounds[1]
 
 
-def interpolation_time(cycle_s: float) -> tuple[int, int]:
-    """Cycle time in the form of 60C2: value (1 to 255) and power of ten, in seconds.
+def interpolation_times(cycle_s: float) -> list[tuple[int, int]]:
+    """The cycle time in the forms that 60C2 can hold: value (1 to 255) and power of ten, in seconds.
 
     Raises:
         CommandError: no such pair equals the cycle time.
     """
-    for exponent in range(0, -7, -1):
-        value = cycle_s / 10.0**exponent
-        if 1 <= round(value) <= DataType.U8.bounds[1] and math.isclose(value, round(value), rel_tol=1e-9):
-            return round(value), exponent
-    raise CommandError(
-        f"cycle {cycle_s} s cannot be configured in a drive (60C2 holds 1 to 255 times a power of ten); "
-        "choose a cycle such as 1, 2, 4, 5, 8, 10 or 20 ms"
-    )
+    forms = [(cycle_s / 10.0**exponent, exponent) for exponent in range(0, -7, -1)]
+    found = [
+        (round(value), exponent)
+        for value, exponent in forms
+        if 1 <= round(value) <= DataType.U8.bounds[1] and math.isclose(value, round(value), rel_tol=1e-9)
+    ]
+    if not found:
+        raise CommandError(
+            f"cycle {cycle_s} s cannot be configured in a drive (60C2 holds 1 to 255 times a power of ten); "
+            "choose a cycle such as 1, 2, 4, 5, 8, 10 or 20 ms"
+        )
+    return found
 
 
 def microseconds(time_s: float) -> int:

@@ -5,7 +5,7 @@ Every drive has one RPDO and one TPDO, both synchronous:
     RPDO1  6040 controlword (2), 607A target position or 60C1:1 set-point (4), 60B2 torque offset (2)
     TPDO1  6041 statusword (2), 6064 position actual (4), 6078 current or 6077 torque actual (2)
 
-Drives without 60B2 get an RPDO of six bytes. If 60B2 or a vendor's object for the effort has 32 bits, it does not fit
+Drives without 60B2 get an RPDO of six bytes. If 60B2 or the object for the effort has 32 bits, it does not fit
 into the frame with the other two and is sent separately, in RPDO2 or TPDO2; likewise if a PDO can hold only two
 objects.
 """
@@ -20,6 +20,12 @@ from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback, O
 from armload_drivers.cia402.object_dictionary import Access, Entry, Mappable, PdoDirection
 
 MAX_PDO_BITS = 64
+
+_EFFORT = {
+    EffortFeedback.CURRENT: (od.CURRENT_ACTUAL, od.CURRENT_ACTUAL_32),
+    EffortFeedback.TORQUE: (od.TORQUE_ACTUAL, od.TORQUE_ACTUAL_32),
+}
+"""The standard's object for the effort, in 16 and in 32 bits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +95,8 @@ def effort_entry(drive: DriveSettings) -> Entry:
     vendor = drive.vendor_effort
     if vendor is not None:
         return Entry(vendor.index, vendor.subindex, "vendor's effort", vendor.type, Access.RO, Mappable.TPDO)
-    return od.CURRENT_ACTUAL if drive.feedback is EffortFeedback.CURRENT else od.TORQUE_ACTUAL
+    of_16, of_32 = _EFFORT[drive.feedback]
+    return of_16 if drive.effort_bits == of_16.type.bits else of_32
 
 
 def temperature_entry(drive: DriveSettings) -> Entry | None:

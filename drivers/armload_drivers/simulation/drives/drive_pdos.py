@@ -130,7 +130,9 @@ class Pdo:
 
     def _check_disabled(self) -> None:
         """The mapping may change only while the PDO is disabled, if it can be."""
-        if self._dictionary.entries[self._cob_entry.key].access is od.Access.RO:
+        allowed = self._dictionary.allowed.get(self._cob_entry.key)
+        fixed = allowed is not None and self._dictionary.values[self._cob_entry.key] | od.PDO_DISABLED not in allowed
+        if fixed or self._dictionary.entries[self._cob_entry.key].access is od.Access.RO:
             return
         if not self._dictionary.values[self._cob_entry.key] & od.PDO_DISABLED:
             raise SdoAbort(Abort.UNSUPPORTED_ACCESS)

@@ -4,12 +4,17 @@ Rules of this file:
 
 - The description determines which objects exist, their types, access, limits and PDO mappability; other objects are not
   accessible by SDO or PDO.
+- What contradicts the file itself, or would make it no device, is not taken from it: objects that a PDO contains after
+  a reset can be mapped; if no object of the profile could be, the file states nothing about that; a PDO's count and
+  1016 can be 0; 1000 and the vendor id exist; an object without a type, or a scale too large for its type, has the
+  standard's.
 - Values are those of the description, except those that no description can contain: measured values, and the scale of
   the arm's motors and gears, which was set when the drive was commissioned.
 - If an object is absent, the drive behaves as the standard specifies for a drive without it, or does nothing if the
   standard specifies nothing: a drive without 6007 does not react to a lost master, one without 6065 has no following
   error limit.
-- The parts of the identity that the description leaves open are those of a simulation.
+- The parts of the identity that the description leaves open are those of a simulation. Of a file that lists no modes
+  (6502), or none as its value, the drive has those streaming modes for which it has all objects.
 
 References:
     CiA 306-1; CiA 301, 7.5; CiA 402-2, 8.
@@ -46,10 +51,15 @@ _OWN = frozenset(
         od.ENCODER_REVOLUTIONS,
         od.GEAR_MOTOR_REVOLUTIONS,
         od.GEAR_SHAFT_REVOLUTIONS,
+        od.FEED,
+        od.FEED_SHAFT_REVOLUTIONS,
         od.QUICK_STOP_DECELERATION,
     )
 )
 """Objects whose values come from the simulation: measured values, and values in the arm's units."""
+_MEASURED = frozenset(entry.key for entry in (od.CONTROLWORD, od.STATUSWORD, od.POSITION_ACTUAL))
+"""Those of them that a drive must have with the standard's size."""
+_ONLY_IN_CYCLIC_MODES = (od.INTERPOLATION_TIME, od.POSITION_OFFSET, od.VELOCITY_OFFSET, od.TORQUE_OFFSET)
 
 _WITHOUT = {
     od.ABORT_CONNECTION_OPTION: 0,
@@ -61,6 +71,8 @@ _WITHOUT = {
 _NAMELESS_CURRENT_MA = 1000
 """6075 of a motor whose rated current is not given."""
 
+_PROFILE = 0x6000
+"""First object of device profiles."""
 _PDO_PARAMETERS = range(0x1400, 0x1C00)
 _MOST_PDOS = 512
 
@@ -84,7 +96,12 @@ def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int)
     known = dictionary.entries
     for key, found in described.objects.items():
         _require_number(described, found, known.get(key))
-    dictionary.entries = {key: _entry(found) for key, found in described.objects.items()}
+    mapped = _mapped_by_default(described)
+    if all(found.mappable is od.Mappable.NO for found in described.objects.values() if found.index >= _PROFILE):
+        mapped |= {key for key, entry in known.items() if entry.mappable is not od.Mappable.NO}
+    dictionary.entries = {od.DEVICE_TYPE.key: od.DEVICE_TYPE, od.VENDOR_ID.key: od.VENDOR_ID} | {
+        key: _entry(found, known.get(key), mapped=key in mapped) for key, found in described.objects.items()
+    }
     for key, found in described.objects.items():
         _take_value(dictionary, key, found, node_id, own=key in _OWN and key in known)
     for direction in PdoDirection:
@@ -96,44 +113,90 @@ def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int)
     for entry, value in _WITHOUT.items():
         if entry.key not in dictionary.entries:
             dictionary.values[entry.key] = value
-    if described.value(od.SUPPORTED_MODES, node_id) is not None:
-        modes = dictionary.values[od.SUPPORTED_MODES.key]
-        dictionary.allowed[od.MODE.key] = {0} | {number + 1 for number in range(32) if modes >> number & 1}
+    modes = described.value(od.SUPPORTED_MODES, node_id) or _modes_by_objects(described)
+    dictionary.values[od.SUPPORTED_MODES.key] = modes
+    dictionary.allowed[od.MODE.key] = {0} | {number + 1 for number in range(32) if modes >> number & 1}
+    if not described.value(od.DEVICE_TYPE, node_id):
+        dictionary.values[od.DEVICE_TYPE.key] = od.DEVICE_TYPE_SERVO
     for key, found in described.objects.items():
         limits = _limits(found, node_id)
         if limits is not None:
             old = dictionary.allowed.get(key)
             dictionary.allowed[key] = limits if old is None else {value for value in old if value in limits}
+    counts = [way.count_entry(number) for way in PdoDirection for number in range(pdo_count(described, way))]
+    for entry in (*counts, od.HEARTBEAT_CONSUMER):
+        limits = dictionary.allowed.get(entry.key)
+        if isinstance(limits, range):
+            dictionary.allowed[entry.key] = range(min(0, limits.start), limits.stop)
     dictionary.complete = True
 
 
 def _require_number(described: DeviceDescription, found: DescribedObject, known: Entry | None) -> None:
     """Refuse an object of the standard that is not an integer as required, or cannot hold a drive's measured values."""
     is_parameter = found.index in _PDO_PARAMETERS
-    if not is_parameter and (known is None or known.type is DataType.STRING or known.type.is_real):
+    if not is_parameter and (
+        known is None
+        or found.type is None
+        or known.key in _OWN - _MEASURED
+        or not known.type.code
+        or known.type.is_real
+    ):
         return
-    least_bits = known.type.bits if known is not None and known.key in _OWN else 1
+    least_bits = known.type.bits if known is not None and known.key in _MEASURED else 1
     if found.bits is None or found.bits < least_bits:
         title = f"{found.index:04X}" + (f"sub{found.subindex}" if found.subindex else "")
         what = f"an integer of at least {least_bits} bits" if least_bits > 1 else "an integer"
         raise DescriptionError(described.source, title, "DataType", f"expected {what}: {found.name or 'no name'}")
 
 
-def _entry(found: DescribedObject) -> Entry:
-    """An entry; values that are not numbers are handled as bytes."""
-    kind = DataType.STRING if found.type is None else found.type
-    return Entry(found.index, found.subindex, found.name, kind, found.access, found.mappable)
+def _mapped_by_default(described: DeviceDescription) -> frozenset[int]:
+    """Keys of the objects that PDOs contain after a reset."""
+    words = (
+        found.value.constant
+        for direction in PdoDirection
+        for number in range(pdo_count(described, direction))
+        for position in range(1, od.PDO_MAX_ENTRIES + 1)
+        if (found := described.find(direction.map_entry(number, position))) is not None and found.value is not None
+    )
+    return frozenset(word >> 8 for word in words)
+
+
+def _modes_by_objects(described: DeviceDescription) -> int:
+    """A value of 6502 from the objects of a file that gives none."""
+    cyclic = described.find(od.TARGET_POSITION) and any(map(described.find, _ONLY_IN_CYCLIC_MODES))
+    interpolated = described.find(od.INTERPOLATION_SETPOINT)
+    return bool(cyclic) << 7 | bool(interpolated) << 6
+
+
+def _entry(found: DescribedObject, known: Entry | None, *, mapped: bool) -> Entry:
+    """An entry; values that are not numbers are handled as bytes.
+
+    Args:
+        found: Its description.
+        known: The same object of the simulation.
+        mapped: Whether a PDO contains it after a reset.
+    """
+    kind, mappable = found.type or DataType.STRING, found.mappable
+    too_small = known is not None and known.key in _OWN and (found.bits is None or found.bits < known.type.bits)
+    if known is not None and (found.type is None or too_small):
+        kind = known.type
+    # Makers confuse "rwr" and "rww".
+    if mapped or (
+        known is not None and mappable is not known.mappable and od.Mappable.NO not in {mappable, known.mappable}
+    ):
+        mappable = od.Mappable.BOTH
+    return Entry(found.index, found.subindex, found.name, kind, found.access, mappable)
 
 
 def _take_value(dictionary: Dictionary, key: int, found: DescribedObject, node_id: int, *, own: bool) -> None:
     """Set the initial value of an object."""
-    if found.type is None or found.type is DataType.STRING:
+    if not dictionary.entries[key].type.code:
         dictionary.texts[key] = found.text.encode() or dictionary.texts.get(key, b"")
         return
     value = None if found.value is None else found.value.of(node_id)
     if key == od.RATED_CURRENT_MA.key and not dictionary.values.get(key):
         dictionary.values[key] = value or _NAMELESS_CURRENT_MA
-    elif value is not None and not own:
+    elif value is not None and found.type is not None and not own:
         least, greatest = found.type.bounds
         dictionary.values[key] = value if found.type.is_real else min(max(value, least), greatest)
     else:

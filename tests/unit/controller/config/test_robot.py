@@ -94,7 +94,7 @@ def test_every_assumed_number_is_marked():
         ("node_id = 2 ", "node_id = 128 ", "joints[2].drive.node_id", "127"),
         ('mode = "csp"', 'mode = "pp"', "joints[1].drive.mode", "'csp' or 'ip'"),
         ("rated_current_a = 10.0", "", "joints[1].drive.rated_current_a", "needs its scale"),
-        ("cycle_hz = 250.0", "cycle_hz = 900.0", "bus.cycle_hz", "most"),
+        ("cycle_hz = 250.0", "cycle_hz = 900.0", "bus.cycle_hz", "this fits: cycle_hz = 250"),
         ("mass_kg = 9.814", "mass_kg = 40.0", "expected_payload.mass_kg", "rated_payload_kg = 16"),
         (
             "center_of_mass_m = [0.0, 0.102, 0.1]",

@@ -224,14 +224,37 @@ def test_check_writes_to_no_real_drive_that_nobody_named(bench, arm_settings):
     assert {m.data[1] for m in frames if m.arbitration_id == 0} == {2, 5}, "the simulated ones are"
 
 
-@pytest.mark.parametrize(("product", "named"), [(0x1234_5678, True), (0, False)])
-def test_a_description_names_a_drive_by_vendor_and_product(bench, arm_settings, product, named):
-    described = parse_description(eds(maker_drive(), 0x02DC, product).encode(), "drive.eds")
+@pytest.mark.parametrize(
+    ("vendor", "product", "verdict"),
+    [(0x02DC, 0x1234_5678, Verdict.OK), (0x02DC, 0, Verdict.WRONG), (0, 0, Verdict.NOT_DONE)],
+)
+def test_a_description_names_a_drive_by_vendor_and_product(bench, arm_settings, vendor, product, verdict):
+    described = parse_description(eds(maker_drive(), vendor, product).encode(), "drive.eds")
     arm = arm_settings(identity=Identity(None, None), description=described)
-    assert {drive.is_named for drive in arm.drives} == {named}
+    assert {drive.is_named for drive in arm.drives} == {vendor != 0}
     rig = bench(dict.fromkeys((2, 3, 5), DriveTraits(identity=REAL)), arm)
+    rows = [row for row in check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps if row.step == "identity"]
+    assert {row.verdict for row in rows} == {verdict}
+    if verdict is not Verdict.OK:
+        assert all("identity = { vendor_id = 0x000002DC, product_code = 0x12345678 }" in row.detail for row in rows)
+
+
+def test_the_vendor_is_sufficient_where_a_drive_reports_no_product_code(bench, arm_settings):
+    named = arm_settings(identity=Identity(0x02DC, None))
+    nameless = DriveTraits(identity=REAL, on_request=lambda data: 0x0609_0011 if data[1:4] == b"\x18\x10\2" else None)
+    rig = bench(dict.fromkeys((2, 3, 5), nameless), named)
+    assert {row.verdict for row in check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps} == {Verdict.OK}
+
+
+def test_a_drive_that_is_not_named_is_read_and_not_written_to(bench, arm_settings):
+    """What else must be set is said at once."""
+    traits = DriveTraits(identity=REAL, absent=frozenset({0x6078, 0x60B2}))
+    rig = bench(dict.fromkeys((2, 3, 5), traits), arm_settings(identity=Identity(None, None)))
     rows = check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps
-    assert {row.verdict for row in rows if row.step == "identity"} == {Verdict.OK if named else Verdict.NOT_DONE}
+    said = "\n".join(row.detail for row in rows if row.node_id == 3)
+    for advice in ("identity = {", 'feedback = "torque"', "torque_offset = false"):
+        assert advice in said
+    assert not [frame for frame in rig.frames() if frame.arbitration_id >> 7 == 0xC and frame.data[0] >> 5 == 1]
 
 
 def test_check_of_a_real_arm_that_the_file_names(bench, arm_settings):

@@ -11,12 +11,25 @@ from armload_drivers.canopen.pdo_setup import map_pdo, switch_others_off
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import Access, PdoDirection
 from armload_drivers.cia402.process_data.process_image import PdoLayout
-from armload_drivers.driver_errors import SdoRefused, ServoError
+from armload_drivers.driver_errors import ServoError
 from armload_drivers.simulation.drives.drive_pdos import Pdo
 from armload_drivers.simulation.drives.sdo_server import Dictionary, SdoServer
 
 TRANSMIT = PdoDirection.TRANSMIT
 LAYOUT = PdoLayout(TRANSMIT, 0, 0x185, (od.STATUSWORD, od.POSITION_ACTUAL, od.TORQUE_ACTUAL))
+
+
+class Advice:
+    """Repeats what it is asked about."""
+
+    def instead_of(self, entry, can_be_used):
+        return f"instead of {entry.index:04X}: {can_be_used(od.POSITION_ACTUAL)} {can_be_used(od.CURRENT_ACTUAL)}"
+
+    def fewer_objects(self, most):
+        return f"at most {most}"
+
+
+ADVICE = Advice()
 
 
 class Drive:
@@ -47,7 +60,7 @@ class Drive:
 
 def test_a_mapping_is_written_in_an_order_that_the_standard_allows():
     drive = Drive()
-    map_pdo(drive.sdo, LAYOUT)
+    map_pdo(drive.sdo, LAYOUT, ADVICE)
     pdo = drive.pdos[0]
     assert (pdo.cob_id, pdo.type, pdo.length) == (0x185, od.PDO_SYNCHRONOUS, LAYOUT.length)
     assert all(pdo.carries(entry) for entry in LAYOUT.entries)
@@ -56,8 +69,8 @@ def test_a_mapping_is_written_in_an_order_that_the_standard_allows():
 
 def test_a_mapping_can_be_written_again():
     drive = Drive()
-    map_pdo(drive.sdo, LAYOUT)
-    map_pdo(drive.sdo, LAYOUT)
+    map_pdo(drive.sdo, LAYOUT, ADVICE)
+    map_pdo(drive.sdo, LAYOUT, ADVICE)
     assert drive.pdos[0].length == LAYOUT.length
 
 
@@ -70,15 +83,55 @@ def test_a_drive_that_keeps_something_else_is_found_out():
 
     drive.dictionary.reactions[kind.key] = stubborn
     with pytest.raises(ServoError, match="transmission type reads 0xFF after 0x1") as raised:
-        map_pdo(drive.sdo, LAYOUT)
+        map_pdo(drive.sdo, LAYOUT, ADVICE)
     assert raised.value.step == "mapping the transmit PDO"
 
 
 def test_a_drive_that_cannot_map_an_object_says_so():
     drive = Drive()
     drive.dictionary.remove([od.TORQUE_ACTUAL.index])
-    with pytest.raises(SdoRefused, match="1A00:3"):
-        map_pdo(drive.sdo, LAYOUT)
+    # Position can be mapped there instead, and current, which this drive does not have, cannot.
+    with pytest.raises(ServoError, match=r"does not allow 6077:0 .*from 1A00:3.*instead of 6077: True False"):
+        map_pdo(drive.sdo, LAYOUT, ADVICE)
+
+
+def test_a_drive_whose_pdos_carry_less_says_how_much():
+    drive = Drive()
+    drive.dictionary.allowed[TRANSMIT.count_entry(0).key] = range(3)
+    with pytest.raises(ServoError, match=r"carries at most 2 objects, 3 are required\. at most 2"):
+        map_pdo(drive.sdo, LAYOUT, ADVICE)
+    few = Drive()
+    few.dictionary.entries = {key: e for key, e in few.dictionary.entries.items() if key not in (0x1A0002, 0x1A0003)}
+    with pytest.raises(ServoError, match=r"carries at most 1 objects, 3 are required\. A drive must carry 2"):
+        map_pdo(few.sdo, LAYOUT, ADVICE)
+
+
+@pytest.mark.parametrize("part", [TRANSMIT.cob_id_entry(0), TRANSMIT.count_entry(0), TRANSMIT.type_entry(0)])
+def test_a_pdo_without_a_parameter_is_named(part):
+    drive = Drive()
+    del drive.dictionary.entries[part.key]
+    with pytest.raises(ServoError, match=f"the drive has no {part.index:04X}:{part.subindex}.*another drive"):
+        map_pdo(drive.sdo, LAYOUT, ADVICE)
+
+
+@pytest.mark.parametrize("transmission", [0, 240])
+def test_every_synchronous_type_of_an_rpdo_is_the_same(transmission):
+    drive, receive = Drive(), PdoDirection.RECEIVE
+    drive.dictionary.add(od.CONTROLWORD, 0)
+    pdo = Pdo(receive, 0, 5, drive.dictionary, (od.CONTROLWORD,))
+    kind = receive.type_entry(0)
+    drive.dictionary.entries[kind.key] = replace(kind, access=Access.RO)
+    drive.dictionary.values[kind.key] = transmission
+    map_pdo(drive.sdo, PdoLayout(receive, 0, 0x205, (od.CONTROLWORD,)), ADVICE)
+    assert (pdo.type, pdo.synchronous) == (transmission, True)
+
+
+def test_a_cob_id_that_cannot_be_switched_off_is_sufficient():
+    drive = Drive()
+    drive.dictionary.allowed[TRANSMIT.cob_id_entry(0).key] = range(1, 0x8000_0000)
+    map_pdo(drive.sdo, LAYOUT, ADVICE)
+    assert drive.pdos[0].length == LAYOUT.length
+    switch_others_off(drive.sdo, TRANSMIT, 1)
 
 
 def test_other_pdos_are_switched_off_where_there_are_any():
@@ -104,38 +157,38 @@ def fixed(drive, entry, value):
 def test_another_nodes_cob_id_is_replaced(disabled):
     drive = Drive()
     drive.dictionary.values[TRANSMIT.cob_id_entry(0).key] = ANOTHERS | disabled
-    map_pdo(drive.sdo, LAYOUT)
+    map_pdo(drive.sdo, LAYOUT, ADVICE)
     assert drive.pdos[0].cob_id == 0x185
 
 
 def test_a_cob_id_that_is_right_need_not_be_writable():
     drive = Drive()
     fixed(drive, TRANSMIT.cob_id_entry(0), OURS)
-    map_pdo(drive.sdo, LAYOUT)
+    map_pdo(drive.sdo, LAYOUT, ADVICE)
     assert drive.pdos[0].carries(od.TORQUE_ACTUAL)
     fixed(drive, TRANSMIT.cob_id_entry(0), ANOTHERS)
     with pytest.raises(ServoError, match="is 0x40000285, which is not this node's 0x40000185, and cannot be written"):
-        map_pdo(drive.sdo, LAYOUT)
+        map_pdo(drive.sdo, LAYOUT, ADVICE)
 
 
 def test_a_transmission_type_that_is_right_need_not_be_writable():
     drive = Drive()
     fixed(drive, TRANSMIT.type_entry(0), od.PDO_SYNCHRONOUS)
-    map_pdo(drive.sdo, LAYOUT)
+    map_pdo(drive.sdo, LAYOUT, ADVICE)
     fixed(drive, TRANSMIT.type_entry(0), 255)
     with pytest.raises(ServoError, match="is 255 and cannot be written; 1 is required"):
-        map_pdo(drive.sdo, LAYOUT)
+        map_pdo(drive.sdo, LAYOUT, ADVICE)
 
 
 @pytest.mark.parametrize("part", [TRANSMIT.count_entry(0), TRANSMIT.map_entry(0, 2)], ids=["count", "entry"])
 def test_a_mapping_that_is_right_need_not_be_writable_and_another_is_named(part):
     drive = Drive()
-    map_pdo(drive.sdo, LAYOUT)
+    map_pdo(drive.sdo, LAYOUT, ADVICE)
     fixed(drive, part, drive.dictionary.values[part.key])
-    map_pdo(drive.sdo, LAYOUT)
+    map_pdo(drive.sdo, LAYOUT, ADVICE)
     other = replace(LAYOUT, entries=(od.STATUSWORD, od.TORQUE_ACTUAL))
     with pytest.raises(ServoError, match=r"the mapping is fixed to .*; required are 6041:0, 6077:0"):
-        map_pdo(drive.sdo, other)
+        map_pdo(drive.sdo, other, ADVICE)
 
 
 def test_pdos_beyond_the_usual_ones_and_behind_a_hole_are_switched_off_too():

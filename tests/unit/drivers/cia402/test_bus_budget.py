@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback, Identity, OperationMode
-from armload_drivers.cia402.bus_budget import forecast, frame_bits, require_room
+from armload_drivers.cia402.bus_budget import USUAL_RATES_HZ, forecast, frame_bits, require_room, with_rate_for
 from armload_drivers.driver_errors import BusOverload
 
 pytestmark = pytest.mark.pure
 
 
-def arm(joints, cycle_hz, *, bitrate=1_000_000, heartbeat_s=0.1, torque_offset=True):
+def arm(joints, cycle_hz, *, bitrate=1_000_000, heartbeat_s=0.1, **of_drives):
     drives = tuple(
         DriveSettings(
             joint=f"joint_{node}",
@@ -30,7 +30,7 @@ def arm(joints, cycle_hz, *, bitrate=1_000_000, heartbeat_s=0.1, torque_offset=T
             acceleration_max_rad_s2=5.0,
             has_brake=True,
             identity=Identity(None, None),
-            torque_offset=torque_offset,
+            **of_drives,
         )
         for node in range(1, joints + 1)
     )
@@ -82,11 +82,24 @@ def test_reading_the_settings_again_is_counted():
 def test_too_fast_a_cycle_is_refused_with_the_rate_that_fits():
     with pytest.raises(BusOverload) as refusal:
         require_room(arm(6, 500))
-    highest = forecast(arm(6, 500)).highest_cycle_hz
-    assert f"{highest} Hz" in str(refusal.value)
-    assert require_room(arm(6, highest)).fits
+    fitting = forecast(arm(6, 500)).cycle_hz
+    assert f"cycle_hz = {fitting}" in str(refusal.value)
+    assert require_room(arm(6, fitting)).fits
+    faster = USUAL_RATES_HZ[USUAL_RATES_HZ.index(fitting) - 1]
     with pytest.raises(BusOverload):
-        require_room(arm(6, highest + 1))
+        require_room(arm(6, faster))
+
+
+@pytest.mark.parametrize("rate", USUAL_RATES_HZ)
+def test_a_rate_that_is_advised_is_a_number_of_milliseconds(rate):
+    assert 1000 % rate == 0
+
+
+def test_advice_that_needs_more_of_the_bus_names_the_rate_for_it():
+    assert with_rate_for(arm(7, 250), torque_offset=False) == ""
+    assert "cycle_hz = 200" in with_rate_for(arm(7, 250), effort_bits=32, torque_offset_bits=32)
+    assert not forecast(arm(7, 250, effort_bits=32, torque_offset_bits=32)).fits
+    assert forecast(arm(7, 200, effort_bits=32, torque_offset_bits=32)).fits
 
 
 def test_where_nothing_fits_the_bit_rate_is_named():

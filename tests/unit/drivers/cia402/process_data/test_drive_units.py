@@ -20,7 +20,7 @@ from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.cia402.process_data.drive_units import (
     ArmUnits,
     AxisUnits,
-    interpolation_time,
+    interpolation_times,
     microseconds,
     milliseconds,
     saturate,
@@ -166,18 +166,23 @@ def test_position_limits_contain_every_coupled_position():
 
 @pytest.mark.parametrize(
     ("cycle_s", "written"),
-    [(0.004, (4, -3)), (0.01, (1, -2)), (0.0025, (25, -4)), (1 / 80, (125, -4)), (1.0, (1, 0))],
+    [
+        (0.004, [(4, -3), (40, -4)]),
+        (0.01, [(1, -2), (10, -3), (100, -4)]),
+        (0.0025, [(25, -4), (250, -5)]),
+        (1 / 80, [(125, -4)]),
+        (1.0, [(1, 0), (10, -1), (100, -2)]),
+    ],
 )
 def test_cycle_times_as_60c2_has_them(cycle_s, written):
-    value, exponent = interpolation_time(cycle_s)
-    assert (value, exponent) == written
-    assert value * 10.0**exponent == pytest.approx(cycle_s)
+    assert interpolation_times(cycle_s) == written
+    assert [value * 10.0**exponent for value, exponent in written] == pytest.approx([cycle_s] * len(written))
 
 
 @pytest.mark.parametrize("cycle_s", [1 / 300, 0.004001, 0.0])
 def test_a_cycle_that_60c2_cannot_hold_is_refused(cycle_s):
     with pytest.raises(CommandError, match="60C2"):
-        interpolation_time(cycle_s)
+        interpolation_times(cycle_s)
 
 
 def test_times_of_the_communication_profile():
