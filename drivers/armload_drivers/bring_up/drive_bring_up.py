@@ -19,7 +19,7 @@ from typing import Any
 from armload_drivers.bring_up.drive_dialogue import DriveDialogue
 from armload_drivers.bring_up.drive_objects import DriveObjects
 from armload_drivers.bring_up.drive_securing import require_safety, secure
-from armload_drivers.bring_up.sdo_channel import SdoChannel
+from armload_drivers.bring_up.sdo_channel import OUT_OF_RANGE, SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import (
     SIMULATION_IDENTITY,
@@ -41,6 +41,8 @@ Step = tuple[str, Callable[[], None]]
 
 _MODE_KEYS = {OperationMode.CYCLIC_SYNCHRONOUS_POSITION: "csp", OperationMode.INTERPOLATED_POSITION: "ip"}
 """Values of the key `mode`."""
+_COUNT_BITS = 8
+"""Size of sub-index 0 of a record or array."""
 _EFFORTS = (od.TORQUE_ACTUAL, od.CURRENT_ACTUAL, od.TORQUE_ACTUAL_32, od.CURRENT_ACTUAL_32)
 
 _NO_CYCLIC_MODE = (
@@ -263,14 +265,15 @@ class DriveSetup(DriveDialogue, ABC):
     def _check_axes(self) -> None:
         """Require a drive of one axis: nothing here watches or stops a second one."""
         self._sdo.step = "looking for a second axis"
-        if not self.settings.second_axis_unused and self._sdo.has(od.SECOND_CONTROLWORD):
+        if not self.settings.second_axis_unused and self._sdo.bits_if_there(od.SECOND_CONTROLWORD):
             raise self._wrong(
                 f"the drive serves several axes with one node id: it has {od.SECOND_CONTROLWORD}, and only the first "
                 "axis is watched and stopped",
                 "Use a drive for each axis, or let the manufacturer's tool give each axis a node id of its own. If "
                 "nothing is connected to the others: second_axis_unused = true",
             )
-        if self._sdo.has(od.SECOND_POSITION):
+        # Some drives answer for any sub-index; the number of sub-indices has a size of its own.
+        if self._sdo.bits_if_there(od.POSITION_ACTUAL) == _COUNT_BITS and self._sdo.has(od.SECOND_POSITION):
             raise self._wrong(
                 f"the drive serves several axes with one node id: it has {od.SECOND_POSITION}",
                 "A drive whose axes are sub-indices of one object cannot be used: use a drive for each axis",
@@ -376,6 +379,8 @@ class DriveSetup(DriveDialogue, ABC):
         try:
             self._sdo.write(od.MODE, mode)
         except SdoRefused as refusal:
+            if refusal.abort_code not in OUT_OF_RANGE:
+                raise
             what = f"6060 refuses mode {_named(self.settings.mode)} with 0x{refusal.abort_code:08X}"
             raise self._wrong(what, self._other_mode(self._takes_mode)) from refusal
         shown = od.MODE_DISPLAY if self._objects.read(od.MODE_DISPLAY) is not None else od.MODE

@@ -21,6 +21,8 @@ _MISSING = frozenset({0x0602_0000, NO_SUBINDEX})
 
 READ_ONLY = 0x0601_0002
 """Abort code for a read-only object."""
+OUT_OF_RANGE = frozenset({0x0604_0043, 0x0609_0030, 0x0609_0031, 0x0609_0032})
+"""Abort codes for a value that the object does not take."""
 _WRITE_ONLY = 0x0601_0001
 _LENGTHS = frozenset({0x0607_0010, 0x0607_0012, 0x0607_0013})
 """Abort codes for a value of another size than that of the object."""

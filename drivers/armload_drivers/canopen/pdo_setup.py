@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from armload_drivers.bring_up.sdo_channel import NO_SUBINDEX, READ_ONLY, SdoChannel
+from armload_drivers.bring_up.sdo_channel import NO_SUBINDEX, OUT_OF_RANGE, READ_ONLY, SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
 from armload_drivers.cia402.process_data.process_image import PdoLayout
@@ -21,7 +21,7 @@ from armload_drivers.driver_errors import SdoRefused, ServoError
 
 _MOST_PDOS = 512
 _FIXED = frozenset({READ_ONLY})
-_OUT_OF_RANGE = frozenset({0x0604_0043, 0x0609_0030, 0x0609_0031, 0x0609_0032, 0x0800_0000, 0x0800_0020, 0x0800_0022})
+_NOT_TAKEN = _FIXED | OUT_OF_RANGE | {0x0800_0020, 0x0800_0022}
 """Abort codes of drives that do not take a value, or not in this state."""
 _FEWEST_OBJECTS = 2
 """Fewest objects in the first PDO of a direction: controlword and setpoint, statusword and position."""
@@ -62,7 +62,7 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout, advice: MappingAdvice) -> dict[E
             "Use firmware that has this PDO, or another drive",
         )
     word = layout.cob_id | present & od.PDO_NO_RTR
-    free = _write(sdo, cob_id, word | od.PDO_DISABLED, _FIXED | _OUT_OF_RANGE)
+    free = _write(sdo, cob_id, word | od.PDO_DISABLED, _NOT_TAKEN)
     if not free and present != word:
         raise sdo.failure(
             f"{cob_id} is 0x{present:08X}, which is not this node's 0x{word:08X}, and cannot be written",
@@ -82,7 +82,7 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout, advice: MappingAdvice) -> dict[E
             raise _fixed(sdo, layout)
         for position, entry in enumerate(layout.entries, start=1):
             _map(sdo, layout, position, entry, advice)
-        if not _write(sdo, count, len(wanted), _FIXED | _OUT_OF_RANGE):
+        if not _write(sdo, count, len(wanted), _NOT_TAKEN):
             raise _too_many(sdo, _FEWEST_OBJECTS, len(wanted), advice)
     kind = direction.type_entry(number)
     transmission = _synchronous(sdo, kind, direction)
@@ -124,7 +124,7 @@ def _synchronous(sdo: SdoChannel, kind: Entry, direction: PdoDirection) -> int:
     if direction is PdoDirection.RECEIVE and present <= od.PDO_SYNCHRONOUS_LAST:
         return present
     for transmission in (od.PDO_SYNCHRONOUS, 0) if direction is PdoDirection.RECEIVE else (od.PDO_SYNCHRONOUS,):
-        if present == transmission or _write(sdo, kind, transmission, _FIXED | _OUT_OF_RANGE):
+        if present == transmission or _write(sdo, kind, transmission, _NOT_TAKEN):
             return transmission
     raise sdo.failure(
         f"{kind} is {present} and cannot be written; {od.PDO_SYNCHRONOUS} is required (with every SYNC)",
@@ -195,7 +195,7 @@ def switch_others_off(sdo: SdoChannel, direction: PdoDirection, used: int) -> No
             return
         if word is None or word & od.PDO_DISABLED:
             continue
-        if _write(sdo, entry, word | od.PDO_DISABLED, _FIXED | _OUT_OF_RANGE):
+        if _write(sdo, entry, word | od.PDO_DISABLED, _NOT_TAKEN):
             continue
         if not _write(sdo, direction.count_entry(number), 0) and direction is PdoDirection.TRANSMIT:
             raise sdo.failure(
