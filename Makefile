@@ -76,5 +76,5 @@ wheels: .venv-wheels/.requirements
 # addresses of this machine's configuration would stand, are taken out.
 lock:
 	$(PYTHON) -m piptools compile --quiet --strip-extras --allow-unsafe --generate-hashes --no-header \
-	  --extra identify --extra report --extra sim --extra urdf --extra ros --extra parquet --extra live --extra fleet --extra dev --output-file requirements.lock pyproject.toml
+	  --extra identify --extra report --extra sim --extra urdf --extra ros --extra parquet --extra live --extra ros2 --extra fleet --extra dev --output-file requirements.lock pyproject.toml
 	sed -i '/^--/d; /^$$/d' requirements.lock

@@ -211,7 +211,7 @@ def test_the_command_listens_and_records(robot, armload, tmp_path, monkeypatch, 
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (["a.mcap", "--bus", "socketcan:can0"], "applies to a bus"),
+        (["a.mcap", "--bus", "socketcan:can0"], "applies to an arm that moves now"),
         (["--load", "loaded"], "requires --record"),
         (["--follow"], "requires a RECORDING"),
         (["--record", "x.mcap", "--load", "heavy"], "expected unloaded or loaded"),

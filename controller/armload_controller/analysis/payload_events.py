@@ -5,8 +5,10 @@
     contact                 at rest, an external force exceeds what friction could hold
     friction drifting       a joint's friction differs from the calibration by `DRIFTING` standard deviations
     calibration out of date the same with `OUTDATED` of them; or the estimated mass is below zero
+    controller told wrong   the payload that the arm's controller was told is outside the interval of the mass
 
-Friction and a negative mass are assessed after `MOVED_S` of motion, and count only if they have persisted for `HELD_S`.
+Friction, a negative mass and what the controller was told are assessed after `MOVED_S` of motion, and count only if
+they have persisted for `HELD_S`.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from typing import Final
 import numpy as np
 
 from armload_controller.feedforward.adaptation_rules import friction_size
+from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.verdict.recording_checks.friction_validity import FAR
@@ -43,8 +46,10 @@ class PayloadEvent:
     Attributes:
         time_s: Time on the clock of the recording's stamps.
         kind: "changed" as soon as a change is detected; then "grasped", "dropped" or "changed tool" once its size is
-            known; "contact" at rest, and "contact over"; "friction drifting"; "calibration out of date".
-        mass_kg: Change of the payload's mass; None if unknown or not applicable.
+            known; "contact" at rest, and "contact over"; "friction drifting"; "calibration out of date"; "controller
+            told wrong".
+        mass_kg: Change of the payload's mass, or how much more it is than the controller was told; None if unknown or
+            not applicable.
         joint: Name of the joint whose friction has changed; None for other events.
     """
 
@@ -71,10 +76,32 @@ class PayloadEvents:
         self._in_contact = False
         self._present_since_s: dict[tuple[str, str | None], float] = {}
         self._reported: set[tuple[str, str | None]] = set()
+        self._wrong_since_s = np.inf
+        self._told_reported: tuple[int, ToldPayload | None] | None = None
 
-    def of(self, found: LivePayload) -> tuple[PayloadEvent, ...]:
-        """The events since the previous estimate."""
-        return (*self._changed(found), *self._contact(found), *self._outdated(found))
+    def of(self, found: LivePayload, told: ToldPayload | None = None) -> tuple[PayloadEvent, ...]:
+        """The events since the previous estimate.
+
+        Args:
+            found: The estimate.
+            told: The payload that the arm's controller was told; None if unknown.
+        """
+        return (*self._changed(found), *self._contact(found), *self._outdated(found), *self._told_wrong(found, told))
+
+    def _told_wrong(self, found: LivePayload, told: ToldPayload | None) -> list[PayloadEvent]:
+        """The controller's payload is not what the arm carries, once for each payload and each thing told."""
+        more_kg = 0.0 if told is None else found.mass_kg - told.mass_kg
+        wrong = found.determined[0] or found.half_width_95[0] < WEIGHED_WITHIN * abs(more_kg)
+        wrong = told is not None and wrong and found.moving_s.max() >= MOVED_S and abs(more_kg) > found.half_width_95[0]
+        if not wrong:
+            self._wrong_since_s = np.inf
+            return []
+        self._wrong_since_s = min(self._wrong_since_s, found.time_s)
+        key = (found.changes, told)
+        if found.time_s - self._wrong_since_s < HELD_S or key == self._told_reported:
+            return []
+        self._told_reported = key
+        return [PayloadEvent(found.time_s, "controller told wrong", more_kg)]
 
     def _changed(self, found: LivePayload) -> list[PayloadEvent]:
         """A change of payload: when it is detected, and again once both payloads are known well enough."""

@@ -13,6 +13,7 @@ from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
 from armload_controller.analysis.payload_events import PayloadEvent, PayloadEvents
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_core.arrays import FloatArray
+from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.identification_errors import RecordingError
 from armload_identification.pipeline.payload_estimator import LivePayload, PayloadEstimator
 from armload_identification.recording.garbage_rows import GarbageFilter
@@ -37,12 +38,16 @@ class HeardBus:
         missing: Per joint, number of cycles without its feedback.
         enabled: Whether the drives are in OPERATION ENABLED; otherwise no payload is estimated.
         silent_s: Time since the last frame.
+        lost: Number of whole cycles lost, where that is known.
+        told: The payload that the arm's controller was told; None if unknown.
     """
 
     cycles: int
     missing: tuple[int, ...]
     enabled: bool
     silent_s: float
+    lost: int = 0
+    told: ToldPayload | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +66,10 @@ class WatchedMoment:
     events: tuple[PayloadEvent, ...] = ()
     bus: HeardBus | None = None
 
+    def to_numbers(self) -> dict[str, Any]:
+        """The estimate and the state of its source, without events: the fields of `to_dict`."""
+        return {**_payload_fields(self.payload), **(_bus_fields(self.bus) or {})}
+
     def to_dict(self, robot: str, version: str) -> dict[str, Any]:
         """Numbers, texts, lists and dictionaries: the schema `armload/watch/1`."""
         return {
@@ -70,8 +79,16 @@ class WatchedMoment:
             "time_s": self.time_s,
             **_payload_fields(self.payload),
             "events": [asdict(event) for event in self.events],
-            "bus": self.bus and asdict(self.bus) | {"missing": list(self.bus.missing)},
+            "bus": _bus_fields(self.bus),
         }
+
+
+def _bus_fields(bus: HeardBus | None) -> dict[str, Any] | None:
+    """The state of the source in a document."""
+    if bus is None:
+        return None
+    told = bus.told and {"mass_kg": bus.told.mass_kg, "center_of_mass_m": list(bus.told.center_of_mass_m)}
+    return asdict(bus) | {"missing": list(bus.missing), "told": told}
 
 
 def _payload_fields(found: LivePayload | None) -> dict[str, Any]:
@@ -201,7 +218,7 @@ class PayloadWatch:
             bus: State of the bus, for an arm on its bus.
         """
         found = self._estimator.estimate()
-        return WatchedMoment(found.time_s, found, self._events.of(found), bus)
+        return WatchedMoment(found.time_s, found, self._events.of(found, None if bus is None else bus.told), bus)
 
 
 def follow(watch: PayloadWatch, path: Path, wait: Callable[[float], None], every_s: float) -> Iterator[WatchedMoment]:

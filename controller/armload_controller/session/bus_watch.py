@@ -22,7 +22,7 @@ from armload_controller.session.arm_access import bus_of
 from armload_controller.session.run_session import Load
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.listening.bus_listener import overheard
-from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle
+from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle, ToldPayload
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, OVERHEARD, RUN_ATTACHMENT
 
@@ -75,6 +75,12 @@ def recorder_of(robot: Robot, path: Path, load: Load | None) -> Recorder:
     return Recorder(path, attachments, frames=ArmFrames(robot.chain, robot.joint_names))
 
 
+def _effort_of_drives(robot: Robot) -> Effort:
+    """What the configured drives report."""
+    reported = {drive.feedback for drive in robot.drives.settings.drives}
+    return Effort.CURRENT if EffortFeedback.CURRENT in reported else Effort.TORQUE
+
+
 class BusWatch:
     """Processes overheard cycles: estimates, events, rows of a recording.
 
@@ -86,9 +92,10 @@ class BusWatch:
         recorder: Records; None to estimate only.
         every_s: Time between two moments.
         clock: Monotonic time in s, to measure silence.
+        effort: What the cycles contain; None for what the configured drives report.
 
     Raises:
-        CommissioningError: the drives report another kind of effort than the arm was calibrated with.
+        CommissioningError: the cycles contain another kind of effort than the arm was calibrated with.
     """
 
     def __init__(
@@ -98,14 +105,16 @@ class BusWatch:
         recorder: Recorder | None,
         every_s: float = 1.0,
         clock: Callable[[], float] = time.monotonic,
+        effort: Effort | None = None,
     ) -> None:
-        reported = {drive.feedback for drive in robot.drives.settings.drives}
-        with_current = EffortFeedback.CURRENT in reported
-        if payload is not None and (payload.effort is Effort.TORQUE) == with_current:
-            kind = "current" if with_current else "torque"
+        reported = effort or _effort_of_drives(robot)
+        if payload is not None and payload.effort is not reported:
+            remedy = "Calibrate it from recordings of this bus (`armload watch --record`)"
+            if effort is not None:
+                remedy = f"Give --effort {payload.effort} if the topic's effort is that; else c{remedy[1:]}"
             raise CommissioningError(
-                f"{robot.file}: the drives report {kind}, but the arm was calibrated "
-                f"with {payload.effort}. Calibrate it from recordings of this bus (`armload watch --record`)"
+                f"{robot.file}: the drives report {reported}, but the arm was calibrated "
+                f"with {payload.effort}. {remedy}"
             )
         self._payload, self._recorder, self._every_s, self._clock = payload, recorder, every_s, clock
         self._n = robot.n
@@ -125,13 +134,14 @@ class BusWatch:
             BusError: the bus failed, or nothing is received.
             RecordingFailed: the recording could not be written.
         """
-        count, shown, time_s, enabled = 0, 0, 0.0, False
+        count, shown, time_s, enabled, lost = 0, 0, 0.0, False, 0
+        told: ToldPayload | None = None
         missing = np.zeros(self._n, dtype=np.int64)
         heard_s = shown_s = self._clock()
         next_s: float | None = None
 
         def moment(silent_s: float) -> WatchedMoment:
-            return self._moment(time_s, HeardBus(count, tuple(missing.tolist()), enabled, silent_s))
+            return self._moment(time_s, HeardBus(count, tuple(missing.tolist()), enabled, silent_s, lost, told))
 
         while goes_on():
             cycle = next(cycles, None)
@@ -140,6 +150,7 @@ class BusWatch:
             if cycle is not None:
                 heard_s, time_s, enabled = now_s, cycle.feedback.time_s, cycle.enabled
                 count += 1
+                lost, told = lost + cycle.lost, cycle.told
                 missing += cycle.feedback.missing
                 self._process(cycle)
                 next_s = time_s + self._every_s if next_s is None else next_s

@@ -25,6 +25,19 @@ _ENABLED = State.OPERATION_ENABLED
 
 
 @dataclass(frozen=True, slots=True)
+class ToldPayload:
+    """The payload that an arm's controller was told.
+
+    Attributes:
+        mass_kg: Its mass.
+        center_of_mass_m: (x, y, z) in the flange frame.
+    """
+
+    mass_kg: float
+    center_of_mass_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class OverheardCycle:
     """One cycle of another master.
 
@@ -33,11 +46,15 @@ class OverheardCycle:
         command: The setpoints before it; None until every drive has been sent one. Its velocity is unknown and set
             to 0.
         enabled: Whether all drives are in OPERATION ENABLED: only then do the motors carry the joints' load.
+        lost: Number of whole cycles lost before this one, where that is known.
+        told: The payload that the arm's controller was told; None where that is unknown.
     """
 
     feedback: JointFeedback
     command: JointCommand | None
     enabled: bool
+    lost: int = 0
+    told: ToldPayload | None = None
 
 
 class OverheardArm:

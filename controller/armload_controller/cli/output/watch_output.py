@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armload_controller.analysis.payload_watch import SHOWN_S, WatchedMoment
+from armload_controller.analysis.payload_watch import SHOWN_S, HeardBus, WatchedMoment
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,8 +79,8 @@ def moment_text(moment: WatchedMoment) -> str:
     if bus is not None and not bus.cycles:
         return f"{at}nothing received from the arm yet"
     if bus is not None and bus.silent_s > _SILENT_S:
-        return f"{at}the bus has been silent for {bus.silent_s:.0f} s"
-    lost = "" if bus is None or not any(bus.missing) else f"  {sum(bus.missing)} feedback frames missing"
+        return f"{at}nothing has been received for {bus.silent_s:.0f} s"
+    lost = "" if bus is None else _lost(bus)
     if bus is not None and not bus.enabled:
         return f"{at}the drives are not enabled{lost}"
     if found is None:
@@ -92,3 +92,11 @@ def moment_text(moment: WatchedMoment) -> str:
         return at + mass + lost
     center = zip(1e3 * found.values[1:], 1e3 * np.asarray(found.half_width_95[1:]), found.determined[1:], strict=True)
     return f"{at}{mass}  centre {', '.join(f'{c:z.0f} +- {w:.0f}' if sure else '?' for c, w, sure in center)} mm{lost}"
+
+
+def _lost(bus: HeardBus) -> str:
+    """What was not received, and what the controller was told, if anything."""
+    parts = [f"{sum(bus.missing)} feedback frames missing"] if any(bus.missing) else []
+    parts += [f"{bus.lost} of {bus.cycles + bus.lost} cycles lost"] if bus.lost else []
+    parts += [] if bus.told is None else [f"the controller was told {bus.told.mass_kg:.3f} kg"]
+    return "".join(f"  {part}" for part in parts)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from armload_controller.analysis.payload_events import HELD_S, MOVED_S, PayloadEvents
+from armload_drivers.listening.overheard_arm import ToldPayload
 from tests.live_estimates import live_estimate
 
 N = 3
@@ -76,3 +77,27 @@ def test_less_than_nothing_is_a_calibration_that_does_not_hold():
     times = np.arange(0.0, 2.0 * HELD_S)
     assert events(*(found(t, -0.2) for t in times)) == ["calibration out of date"]
     assert not events(*(found(t, -0.04) for t in times))
+
+
+@pytest.mark.parametrize(
+    ("told_kg", "width_kg", "expected"),
+    [
+        (1.0, 0.1, ["controller told wrong (+1.50 kg)"]),
+        (2.45, 0.1, []),
+        (1.0, 2.0, []),
+    ],
+)
+def test_what_the_controller_was_told_is_compared_with_what_was_found(told_kg, width_kg, expected):
+    of = PayloadEvents(CALIBRATION, NAMES)
+    told = ToldPayload(told_kg, (0.0, 0.0, 0.05))
+    times = np.arange(0.0, 3.0 * HELD_S)
+    assert [str(event) for time_s in times for event in of.of(found(time_s, 2.5, width_kg), told)] == expected
+    corrected = [
+        event for time_s in times for event in of.of(found(100.0 + time_s, 2.5, 0.1), ToldPayload(2.5, (0, 0, 0)))
+    ]
+    assert not corrected
+
+
+def test_a_controller_that_states_no_payload_was_told_nothing_wrong():
+    of = PayloadEvents(CALIBRATION, NAMES)
+    assert not [event for time_s in np.arange(0.0, 3.0 * HELD_S) for event in of.of(found(time_s, 2.5))]

@@ -25,6 +25,7 @@ HEAVY = (
     "distributed",
     "pyarrow",
     "fsspec",
+    "cyclonedds",
     "multiprocessing",
     "asyncio",
 )

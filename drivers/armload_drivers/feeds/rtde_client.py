@@ -1,0 +1,231 @@
+"""The joints of an arm of Universal Robots over its Real-Time Data Exchange (RTDE, protocol version 2): outputs only.
+
+A session: version 2 is requested, the controller's version read, a recipe of outputs set up, and started; from then on
+the controller sends a package per period. No inputs are set up, so nothing that is sent here can move the arm.
+
+`ur-rtde` from PyPI is not used: its getters return the latest value of one field each, so that positions and currents
+of a row come from different packages, and packages between two calls are lost unnoticed.
+
+References:
+    Universal Robots, "Real-Time Data Exchange (RTDE) Guide": header, package types, data types and output names.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+from collections.abc import Callable, Iterator
+from enum import IntEnum
+from typing import Final, Self
+
+import numpy as np
+
+from armload_drivers.driver_errors import BusError
+from armload_drivers.listening.overheard_arm import OverheardCycle, ToldPayload
+from armload_drivers.servos import JointFeedback
+
+PORT: Final = 30004
+JOINTS: Final = 6
+LOOK_S: Final = 0.1
+"""Longest wait for a package."""
+PATIENCE_S: Final = 5.0
+"""Longest wait for a connection or an answer."""
+RUNNING: Final = 7
+"""The `robot_mode` in which brakes are released and the motors carry the arm."""
+_VERSION: Final = 2
+_FAST_SINCE: Final = 5
+"""First major version of controllers that send at 500 Hz; earlier ones (CB3) send at 125 Hz."""
+_HEADER: Final = struct.Struct(">HB")
+_DATA_TYPES: Final = {"DOUBLE": "d", "VECTOR3D": "3d", "VECTOR6D": "6d", "INT32": "i"}
+_NOT_FOUND: Final = "NOT_FOUND"
+_REQUIRED: Final = {
+    "timestamp": "DOUBLE",
+    "robot_mode": "INT32",
+    "actual_q": "VECTOR6D",
+    "actual_qd": "VECTOR6D",
+    "actual_current": "VECTOR6D",
+}
+_OPTIONAL: Final = {"payload": "DOUBLE", "payload_cog": "VECTOR3D"}
+
+
+class Package(IntEnum):
+    """Types of packages, as the guide numbers them."""
+
+    TEXT = ord("M")
+    SETUP_OUTPUTS = ord("O")
+    PROTOCOL_VERSION = ord("V")
+    CONTROLLER_VERSION = ord("v")
+    START = ord("S")
+    DATA = ord("U")
+
+
+class RtdeClient:
+    """A connection to a controller; a context manager that closes it.
+
+    Args:
+        host: Its name or address; `HOST:PORT` for another port than 30004.
+
+    Attributes:
+        rate_hz: Rate of the packages.
+
+    Raises:
+        BusError: no connection, or the controller does not send what is needed.
+    """
+
+    def __init__(self, host: str) -> None:
+        self._name = host
+        address, _, port = host.partition(":")
+        if not address or (port and not port.isdecimal()):
+            raise BusError(f"{host!r}: expected the name or address of the controller, such as 192.168.0.10")
+        self._buffer = b""
+        self._unread: list[tuple[int, bytes]] = []
+        try:
+            self._socket = socket.create_connection((address, int(port or PORT)), PATIENCE_S)
+        except OSError as error:
+            raise BusError(
+                f"{host}: no connection to RTDE ({error.strerror or error}). Is the controller on, its address right, "
+                "and RTDE enabled under Settings > Security > Services?"
+            ) from error
+        try:
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._set_up()
+        except BaseException:
+            self._socket.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *ignored: object) -> None:
+        self._socket.close()
+
+    def _set_up(self) -> None:
+        """Agree on version, rate and outputs, and start."""
+        if self._ask(Package.PROTOCOL_VERSION, struct.pack(">H", _VERSION)) != b"\x01":
+            raise BusError(
+                f"{self._name}: the controller does not support RTDE version 2. It needs software 3.10 or later."
+            )
+        major = struct.unpack_from(">I", self._ask(Package.CONTROLLER_VERSION, b""))[0]
+        self.rate_hz = 500.0 if major >= _FAST_SINCE else 125.0
+        outputs = _REQUIRED | _OPTIONAL
+        types = self._recipe(outputs)
+        missing = [name for name, kind in types.items() if kind == _NOT_FOUND]
+        if missing and not set(missing) & _REQUIRED.keys():
+            outputs = {name: kind for name, kind in outputs.items() if name not in missing}
+            types = self._recipe(outputs)
+        wrong = [f"{name} ({kind} instead of {outputs[name]})" for name, kind in types.items() if kind != outputs[name]]
+        if wrong:
+            raise BusError(f"{self._name}: the controller does not send {', '.join(wrong)}")
+        self._names = tuple(types)
+        self._format = struct.Struct(">B" + "".join(_DATA_TYPES[kind] for kind in types.values()))
+        if self._ask(Package.START, b"") != b"\x01":
+            raise BusError(f"{self._name}: the controller does not start to send. Is another RTDE client using it up?")
+
+    def _recipe(self, outputs: dict[str, str]) -> dict[str, str]:
+        """Request outputs; their types by name."""
+        answer = self._ask(Package.SETUP_OUTPUTS, struct.pack(">d", self.rate_hz) + ",".join(outputs).encode())
+        types = answer[1:].decode(errors="replace").split(",")
+        if len(types) != len(outputs):
+            raise BusError(f"{self._name}: {len(types)} types were answered for {len(outputs)} outputs")
+        return dict(zip(outputs, types, strict=True))
+
+    def _ask(self, kind: Package, payload: bytes) -> bytes:
+        """Send a request; its answer."""
+        try:
+            self._socket.sendall(_HEADER.pack(_HEADER.size + len(payload), kind) + payload)
+        except OSError as error:
+            raise BusError(f"{self._name}: the controller closed the connection") from error
+        end_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end_s:
+            unread = self._packages()
+            for place, (found, answer) in enumerate(unread):
+                if found == kind:
+                    # data may follow the answer to the start at once
+                    self._unread = unread[place + 1 :]
+                    return answer
+        raise BusError(f"{self._name}: no answer to request {kind.name} within {PATIENCE_S:g} s. Is this port RTDE's?")
+
+    def _packages(self) -> list[tuple[int, bytes]]:
+        """Type and content of the packages received; empty after `LOOK_S` without one."""
+        if self._unread:
+            unread, self._unread = self._unread, []
+            return unread
+        self._socket.settimeout(LOOK_S)
+        try:
+            received = self._socket.recv(65536)
+        except TimeoutError:
+            return []
+        except OSError as error:
+            raise BusError(f"{self._name}: receiving failed: {error}") from error
+        if not received:
+            raise BusError(f"{self._name}: the controller closed the connection")
+        self._buffer += received
+        found = []
+        while len(self._buffer) >= _HEADER.size:
+            size, kind = _HEADER.unpack_from(self._buffer)
+            if size < _HEADER.size:
+                raise BusError(f"{self._name}: a package of {size} bytes. Is this port RTDE's?")
+            if len(self._buffer) < size:
+                break
+            found.append((kind, self._buffer[_HEADER.size : size]))
+            self._buffer = self._buffer[size:]
+        return found
+
+    def cycles(self, clock: Callable[[], float] = time.monotonic) -> Iterator[OverheardCycle | None]:
+        """The cycles of the arm, without end; times are measured from the first package, on the controller's clock.
+
+        Args:
+            clock: Monotonic time in s.
+
+        Yields:
+            Cycles; None after `LOOK_S` without one.
+
+        Raises:
+            BusError: the connection ended, or no package arrived at first.
+        """
+        begun_s: float | None = None
+        last_s, count, started_s = 0.0, 0, clock()
+        while True:
+            packages = [content for kind, content in self._packages() if kind == Package.DATA]
+            for content in packages:
+                if len(content) != self._format.size:
+                    raise BusError(
+                        f"{self._name}: a data package of {len(content)} bytes instead of {self._format.size}"
+                    )
+                fields = self._fields(content)
+                begun_s = fields["timestamp"][0] if begun_s is None else begun_s
+                time_s = fields["timestamp"][0] - begun_s
+                lost = max(round((time_s - last_s) * self.rate_hz) - 1, 0) if count else 0
+                last_s, count = time_s, count + 1
+                yield _cycle(fields, time_s, count, lost)
+            if not count and clock() - started_s > PATIENCE_S:
+                raise BusError(f"{self._name}: the controller sends nothing after the start was accepted")
+            if not packages:
+                yield None
+
+    def _fields(self, content: bytes) -> dict[str, tuple[float, ...]]:
+        """Values of a data package by name."""
+        values = iter(self._format.unpack(content)[1:])
+        sizes = {"DOUBLE": 1, "INT32": 1, "VECTOR3D": 3, "VECTOR6D": 6}
+        kinds = _REQUIRED | _OPTIONAL
+        return {name: tuple(next(values) for _ in range(sizes[kinds[name]])) for name in self._names}
+
+
+def _cycle(fields: dict[str, tuple[float, ...]], time_s: float, count: int, lost: int) -> OverheardCycle:
+    """A data package as a cycle."""
+    told = None
+    if "payload" in fields and "payload_cog" in fields:
+        x, y, z = fields["payload_cog"]
+        told = ToldPayload(fields["payload"][0], (x, y, z))
+    feedback = JointFeedback(
+        cycle=count,
+        time_s=time_s,
+        position_rad=np.array(fields["actual_q"]),
+        velocity_rad_s=np.array(fields["actual_qd"]),
+        current_a=np.array(fields["actual_current"]),
+        torque_nm=None,
+        statusword=np.zeros(JOINTS, dtype=np.uint16),
+        missing=np.zeros(JOINTS, dtype=np.bool_),
+    )
+    return OverheardCycle(feedback, None, enabled=fields["robot_mode"][0] == RUNNING, lost=lost, told=told)

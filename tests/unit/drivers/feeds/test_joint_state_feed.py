@@ -1,0 +1,119 @@
+"""Joint states as cycles: joints by name, other publishers, other orders, restarts, and what is of no use."""
+
+from __future__ import annotations
+
+from itertools import count, islice
+
+import numpy as np
+import pytest
+
+pytest.importorskip("cyclonedds", reason="needs the extra ros2")
+
+from armload_drivers.driver_errors import BusError
+from armload_drivers.feeds.joint_state_feed import JointStates, joint_state_cycles
+from armload_drivers.feeds.ros2_messages import Header, JointState, Stamp
+
+NAMES = ("shoulder", "elbow", "wrist")
+START_NS = 1_700_000_000_123_456_789
+
+
+def message(stamp_ns, names=NAMES, position=(1.0, 2.0, 3.0), effort=(10.0, 20.0, 30.0)):
+    return JointState(Header(Stamp(*divmod(stamp_ns, 10**9)), ""), list(names), list(position), [], list(effort))
+
+
+def test_joints_are_found_by_name_in_any_order():
+    states = JointStates(NAMES, current=True)
+    first = states.take(message(START_NS), 0.0)
+    turned = message(START_NS + 4_000_000, ("wrist", "gripper", "elbow", "shoulder"), (3, 9, 2, 1), (30, 90, 20, 10))
+    second = states.take(turned, 0.004)
+    for cycle in (first, second):
+        assert cycle.enabled
+        assert cycle.feedback.position_rad.tolist() == [1.0, 2.0, 3.0]
+        assert cycle.feedback.current_a.tolist() == [10.0, 20.0, 30.0]
+        assert cycle.feedback.torque_nm is None
+    assert (first.feedback.time_s, second.feedback.time_s) == (0.0, 0.004)
+    assert states.stamp_ns(second.feedback.time_s) == START_NS + 4_000_000
+
+
+def test_effort_is_torque_unless_stated():
+    feedback = JointStates(NAMES, current=False).take(message(START_NS), 0.0).feedback
+    assert feedback.current_a is None
+    assert feedback.torque_nm.tolist() == [10.0, 20.0, 30.0]
+
+
+def test_messages_of_other_joints_are_counted_and_of_no_use():
+    states = JointStates(NAMES, current=False)
+    assert states.take(message(START_NS, ("finger",), (1.0,), (1.0,)), 0.0) is None
+    assert (states.of_others, states.other_names) == (1, ("finger",))
+
+
+@pytest.mark.parametrize(
+    "values", [{"effort": ()}, {"position": (1.0, 2.0)}, {"effort": (1.0, np.nan, 2.0)}, {"position": (np.inf, 0, 0)}]
+)
+def test_messages_without_position_and_effort_of_each_joint_are_counted(values):
+    states = JointStates(NAMES, current=False)
+    assert states.take(message(START_NS, **values), 0.0) is None
+    assert states.incomplete == 1
+
+
+def test_messages_that_are_not_later_are_dropped():
+    states = JointStates(NAMES, current=False)
+    assert states.take(message(START_NS), 0.0) is not None
+    assert states.take(message(START_NS), 0.1) is None
+    assert states.take(message(START_NS - 500_000_000), 0.2) is None
+    assert states.late == 2
+    assert states.take(message(START_NS + 1), 0.3) is not None
+
+
+def test_after_a_restart_with_another_clock_time_goes_on():
+    states = JointStates(NAMES, current=False)
+    states.take(message(START_NS), 10.0)
+    states.take(message(START_NS + 2_000_000_000), 12.0)
+    again = states.take(message(5_000_000), 15.0)
+    assert again.feedback.time_s == pytest.approx(5.0, abs=1e-6)
+    assert states.take(message(9_000_000), 15.004).feedback.time_s == pytest.approx(5.004, abs=1e-6)
+    assert states.stamp_ns(5.004) == pytest.approx(9_000_000, abs=2)
+
+
+class Played:
+    """A subscription that gives lists of messages, then nothing."""
+
+    def __init__(self, *batches, lost=()):
+        self._batches, self._lost = iter(batches), iter(lost)
+
+    def take(self, timeout_s):
+        return next(self._batches, [])
+
+    def newly_lost(self):
+        return next(self._lost, 0)
+
+
+def cycles_of(played, patience_s=3.0):
+    ticks = count()
+    states = JointStates(NAMES, current=False)
+    return joint_state_cycles(played, "/joint_states", states, patience_s, clock=lambda: float(next(ticks)))
+
+
+def test_lost_samples_belong_to_the_next_cycle():
+    played = Played([message(START_NS)], [message(START_NS + 5), message(START_NS + 6)], [], lost=(0, 3))
+    found = list(islice(cycles_of(played), 4))
+    assert [cycle and cycle.lost for cycle in found] == [0, 3, 0, None]
+
+
+@pytest.mark.parametrize(
+    ("batch", "text"),
+    [
+        ([], "nothing is published.*ROS_DOMAIN_ID"),
+        ([message(START_NS, ("finger",), (1.0,), (1.0,))], "1 messages name other joints, the last one finger"),
+        ([message(START_NS, effort=())], "not a position and an effort for each.*joint_state_broadcaster"),
+    ],
+)
+def test_what_is_missing_is_said(batch, text):
+    with pytest.raises(BusError, match=rf"^/joint_states: no usable message within 3 s.*{text}"):
+        list(islice(cycles_of(Played(batch)), 10))
+
+
+def test_silence_after_the_first_cycle_is_no_error():
+    found = list(islice(cycles_of(Played([message(START_NS)])), 30))
+    assert found[0] is not None
+    assert not any(found[1:])
