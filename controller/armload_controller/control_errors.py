@@ -33,7 +33,7 @@ class ControlError(Exception):
         ...     armload.load_robot("none.toml")
         ... except armload.ControlError as error:
         ...     print(error)
-        command line: ROBOT is 'none.toml': no such file, and no shipped robot: er50, prbt, ur10e
+        none.toml: no such file, and no shipped robot: er50, prbt, ur10e
     """
 
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from armload_controller.config.measured_arm import MeasuredArm
+from armload_controller.config.objects_or_paths import FilePath, wrong_type
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
@@ -18,8 +19,10 @@ from armload_identification.signals.joint_torque import Transmission
 
 if TYPE_CHECKING:
     from armload_identification.calibration.calibration_result import ArmCalibration
+    from armload_identification.results.calibrated_arm import CalibratedArm
 
-FilePath = str | PathLike[str]
+Calibration: TypeAlias = "ArmCalibration | CalibratedArm | FilePath"
+"""A calibration, or the path of its file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,50 +54,74 @@ class ArmInUse:
         """
         if self.calibration is None or self.known is None:
             raise EstimationError(
-                f"{why}: calibrate it once with `armload calibrate` and give that file as --calibration."
+                f"{why}: calibrate it once with `armload calibrate` and give that file as `calibration=`."
             )
         return self.calibration, self.known
 
 
-def arm_in_use(robot: MeasuredArm, calibration: FilePath | None = None) -> ArmInUse:
+def arm_in_use(robot: MeasuredArm, calibration: Calibration | None = None) -> ArmInUse:
     """The arm model, calibrated if a calibration is given or the robot's file names one.
 
     Args:
         robot: The arm.
-        calibration: Calibration file; takes precedence over the one that the robot's file names.
+        calibration: Calibration or its file; takes precedence over the one that the robot's file names.
 
     Raises:
         ConfigurationError: the calibration that the robot's file names does not exist.
         CalibrationFileError: the calibration cannot be used.
         ModelError: the calibration belongs to another arm.
     """
-    path = robot.calibration_file if calibration is None else Path(calibration)
-    if path is None:
+    given = robot.calibration_file if calibration is None else calibration
+    if given is None:
         return ArmInUse(robot.chain, robot.transmission)
     import hashlib
 
-    arm = calibration_of(robot, path)
+    from armload_identification.files.calibration_file import format_calibration
+
+    arm = calibration_of(robot, given)
+    name, content = f"calibration of {arm.robot}", format_calibration(arm).encode()
+    if isinstance(given, str | PathLike):
+        name, content = Path(given).name, Path(given).read_bytes()
     return ArmInUse(
         chain=arm.level(robot.chain),
         transmission=arm.transmission(robot.transmission),
         known=arm.known_arm(robot.chain),
         calibration=arm,
-        calibration_sha256={path.name: hashlib.sha256(path.read_bytes()).hexdigest()},
+        calibration_sha256={name: hashlib.sha256(content).hexdigest()},
     )
 
 
-def calibration_of(robot: MeasuredArm, path: Path) -> ArmCalibration:
-    """The calibration of an arm, from its file.
+def calibration_of(robot: MeasuredArm, given: Calibration) -> ArmCalibration:
+    """The calibration of an arm, from its file if that is given.
 
     Raises:
         CalibrationFileError: the calibration cannot be used.
         ModelError: the calibration belongs to another arm.
+        TypeError: it is something else.
     """
-    from armload_identification.files.calibration_file import read_calibration
-
-    arm = read_calibration(path)
+    arm = calibration_from(given)
     try:
         arm.require_arm(robot.chain, robot.transmission.coupling)
     except ModelError as error:
-        raise ModelError(f"{path}: {error}") from error
+        raise ModelError(f"{given if isinstance(given, str | PathLike) else '`calibration=`'}: {error}") from error
     return arm
+
+
+def calibration_from(given: Calibration) -> ArmCalibration:
+    """A calibration, read if its file is given.
+
+    Raises:
+        CalibrationFileError: the file cannot be used.
+        TypeError: it is something else.
+    """
+    from armload_identification.calibration.calibration_result import ArmCalibration
+    from armload_identification.files.calibration_file import read_calibration
+    from armload_identification.results.calibrated_arm import CalibratedArm
+
+    if isinstance(given, CalibratedArm):
+        return given.calibration
+    if isinstance(given, ArmCalibration):
+        return given
+    if isinstance(given, str | PathLike):
+        return read_calibration(given)
+    raise wrong_type("calibration", given, "a calibration (calibrate, read_calibration) or the path of its file")

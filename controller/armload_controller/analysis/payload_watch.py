@@ -9,9 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
+from armload_controller.analysis.arm_in_use import Calibration, arm_in_use
 from armload_controller.analysis.payload_events import PayloadEvent, PayloadEvents
 from armload_controller.config.measured_arm import MeasuredArm
+from armload_controller.config.objects_or_paths import FilePath, arm_of
 from armload_core.arrays import FloatArray
 from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.identification_errors import RecordingError
@@ -113,7 +114,7 @@ class PayloadWatch:
 
     Args:
         robot: The arm.
-        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
+        calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
         every_s: Time between the moments that are shown of a recording.
 
     Attributes:
@@ -126,7 +127,7 @@ class PayloadWatch:
         ModelError: it belongs to another arm.
     """
 
-    def __init__(self, robot: MeasuredArm, calibration: FilePath | None = None, every_s: float = 1.0) -> None:
+    def __init__(self, robot: MeasuredArm, calibration: Calibration | None = None, every_s: float = 1.0) -> None:
         used = arm_in_use(robot, calibration)
         found, _ = used.calibrated("identifying a payload during operation requires the arm's calibration")
         self._robot, self._every_s = robot, every_s
@@ -219,6 +220,38 @@ class PayloadWatch:
         """
         found = self._estimator.estimate()
         return WatchedMoment(found.time_s, found, self._events.of(found, None if bus is None else bus.told), bus)
+
+
+def watch(
+    robot: MeasuredArm | FilePath,
+    recording: FilePath,
+    *,
+    calibration: Calibration | None = None,
+    every_s: float = 1.0,
+) -> Iterator[WatchedMoment]:
+    """The payload of a calibrated arm along a recording of any motion: its mass over time, grasped, released.
+
+    Args:
+        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML or URDF.
+        recording: A recording of any format; one that still grows is read as far as it goes.
+        calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
+        every_s: Time between two moments.
+
+    Returns:
+        Moments, each with the estimate and the events since the previous one.
+
+    Raises:
+        EstimationError: the arm is not calibrated.
+        RecordingError: the recording cannot be read, or does not fit the arm.
+
+    Examples:
+        >>> import armload
+        >>> runs = [f"runs/today/{load}_identification.mcap" for load in ("unloaded", "loaded")]
+        >>> *_, last = armload.watch("er50", runs[1], calibration=armload.calibrate("er50", runs))
+        >>> 9 < last.payload.mass_kg < 11
+        True
+    """
+    return PayloadWatch(arm_of(robot), calibration, every_s).file(Path(recording))
 
 
 def follow(watch: PayloadWatch, path: Path, wait: Callable[[float], None], every_s: float) -> Iterator[WatchedMoment]:

@@ -4,44 +4,65 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
-from pathlib import Path
+from os import PathLike
 
-from armload_controller.config.robot import Robot
+from armload_controller.config.measured_arm import MeasuredArm
+from armload_controller.config.objects_or_paths import FilePath, arm_of
 from armload_controller.config.robot_runs import ArmRuns, read_runs
 from armload_identification.calibration.calibrate_arm import calibrate_arm
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.extras import Extra, require_extra
+from armload_identification.recording.recording import Recording
+from armload_identification.results.calibrated_arm import CalibratedArm
 
 _PARTS = 100
 """Steps of progress for each half: reading, then calibrating."""
 
 
-def calibrate_from_files(
-    robot: Robot, paths: Sequence[Path], progress: Callable[[int, int], None] | None = None
-) -> ArmCalibration:
-    """Calibrate an arm from files.
+def calibrate(
+    robot: MeasuredArm | FilePath,
+    runs: FilePath | Sequence[Recording | FilePath],
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> CalibratedArm:
+    """Calibrate an arm from all its runs: gains, body and friction, with intervals.
 
     Args:
-        robot: The arm.
-        paths: One table of runs, or recordings that state their payload.
+        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML or URDF.
+        runs: A table of runs (CSV with the columns recording, mounting, mass_kg, payload), or recordings that state
+            what the arm carried, as armload's own do.
         progress: Called with the steps done and their total.
 
     Raises:
-        RunTableError: the table of runs is invalid.
+        RunTableError: the table of runs is invalid, or a recording does not state what the arm carried.
         EstimationError: no usable run, a mounting other than entered, or runs that contradict each other.
+
+    Examples:
+        >>> import armload
+        >>> run = "runs/today/{}_identification.mcap".format
+        >>> arm = armload.calibrate("er50", [run("unloaded"), run("loaded")])
+        >>> isinstance(arm, armload.CalibratedArm)
+        True
+        >>> found = armload.identify("er50", run("loaded"), calibration=arm)
+        >>> arm.save("arm.calibration.toml")
+        >>> armload.read_calibration("arm.calibration.toml").robot
+        'er50'
     """
     require_extra(Extra.IDENTIFY, "calibrating an arm")
+    arm = arm_of(robot)
 
     def half(first: int) -> Callable[[int, int], None] | None:
         if progress is None:
             return None
         return lambda done, total: progress(first + _PARTS * done // total, 2 * _PARTS)
 
-    return calibrate_from_runs(robot, read_runs(robot, paths, half(0)), half(_PARTS))
+    given = [runs] if isinstance(runs, str | PathLike) else runs
+    result = calibrate_from_runs(arm, read_runs(arm, given, half(0)), half(_PARTS))
+    return CalibratedArm(arm.description, tuple(arm.joint_names), result, version("armload"))
 
 
 def calibrate_from_runs(
-    robot: Robot, runs: ArmRuns, progress: Callable[[int, int], None] | None = None
+    robot: MeasuredArm, runs: ArmRuns, progress: Callable[[int, int], None] | None = None
 ) -> ArmCalibration:
     """Calibrate an arm from recordings in memory.
 

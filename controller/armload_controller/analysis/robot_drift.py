@@ -4,52 +4,60 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
-from pathlib import Path
+from os import PathLike
 
-from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
-from armload_controller.config.robot import Robot
-from armload_controller.config.robot_recordings import read_of
+from armload_controller.analysis.arm_in_use import Calibration, arm_in_use
+from armload_controller.config.measured_arm import MeasuredArm
+from armload_controller.config.objects_or_paths import FilePath, arm_of, recording_of
 from armload_controller.config.robot_runs import UNLOADED, listed_runs
 from armload_controller.control_errors import CommissioningError
 from armload_identification.calibration.run_health import RunHealth, run_health
 from armload_identification.identification_errors import EstimationError, IdentificationError
 from armload_identification.pipeline.arm_drift import arm_drift
+from armload_identification.recording.recording import Recording
 from armload_identification.results.arm_history import ArmHistory
 
 
 def drift(
-    robot: Robot,
-    paths: Sequence[Path],
+    robot: MeasuredArm | FilePath,
+    runs: FilePath | Sequence[Recording | FilePath],
     *,
-    calibration: FilePath | None = None,
+    calibration: Calibration | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ArmHistory:
     """Compare an arm's runs with its calibration, one after the other.
 
     Args:
-        robot: The arm.
-        paths: Recordings of any motions, or one table of runs. A payload that is not named in the table, or is unknown
+        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML or URDF.
+        runs: Recordings of any motions, or one table of runs. A payload that is not named in the table, or is unknown
             to the calibration, is estimated with the run.
-        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
+        calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
         progress: Called with the number of recordings read and their total.
 
     Raises:
         EstimationError: the arm is not calibrated, or no run can be used.
         RunTableError: the table of runs is invalid, or is given together with recordings.
+
+    Examples:
+        >>> import armload
+        >>> runs = [f"runs/today/{load}_identification.mcap" for load in ("unloaded", "loaded")]
+        >>> armload.drift("er50", runs, calibration=armload.calibrate("er50", runs)).drift.out_of_date
+        False
     """
-    used = arm_in_use(robot, calibration)
+    arm = arm_of(robot)
+    used = arm_in_use(arm, calibration)
     known, _ = used.calibrated("comparing runs requires the arm's calibration")
-    rows, from_table = listed_runs(paths)
+    rows, from_table = listed_runs([runs] if isinstance(runs, str | PathLike) else runs)
     health: list[RunHealth] = []
     left_out: list[tuple[str, str]] = []
-    for done, row in enumerate(rows, 1):
+    for done, (given, row) in enumerate(rows, 1):
         name = row.recording.name
         try:
-            run = read_of(robot, row.recording)
+            run = recording_of(arm, given, "runs")
             unloaded = run.source.run().get("load") == UNLOADED
             mounting = row.mounting if from_table else "" if unloaded else None
-            arm = (known, robot.chain, robot.transmission)
-            health.append(run_health(run, *arm, name=name, mounting=mounting, recorded=row.recorded))
+            model = (known, arm.chain, arm.transmission)
+            health.append(run_health(run, *model, name=name, mounting=mounting, recorded=row.recorded))
         except (IdentificationError, CommissioningError) as problem:
             left_out.append((name, str(problem).removeprefix(f"{row.recording}: ")))
         if progress is not None:
@@ -58,9 +66,9 @@ def drift(
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out)
         raise EstimationError(f"no recording can be used ({reasons})")
     return ArmHistory(
-        robot=robot.name,
-        description=robot.description,
-        joint_names=robot.joint_names,
+        robot=arm.name,
+        description=arm.description,
+        joint_names=tuple(arm.joint_names),
         calibration=known,
         calibration_name=next(iter(used.calibration_sha256)),
         drift=arm_drift(known, health),

@@ -16,7 +16,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from armload_controller.config.robot import Robot, load_robot, shipped_robots
+from armload_controller.config.objects_or_paths import robot_of
+from armload_controller.config.robot import Robot, shipped_robots
 from armload_controller.control_errors import ControlError
 from armload_controller.motion.paths import PLANNED_SPEED_M_S, bound_phase
 from armload_controller.motion.setpoints import CYCLE_ROUNDING
@@ -228,7 +229,7 @@ def design(
         >>> excitation.save("excitation.toml")
     """
     require_extra(Extra.IDENTIFY, "designing an excitation")
-    arm = robot if isinstance(robot, Robot) else load_robot(robot)
+    arm = robot_of(robot)
     frequency = _frequency(arm, period_s, harmonics)
     envelope = design_envelope(arm)
     objective = named_criterion(
@@ -299,6 +300,6 @@ def _require_streamable(period_s: float, harmonics: int, cycle_hz: float) -> Non
     if cycles < _LEAST_CYCLES * harmonics:
         raise UnstreamablePeriod(
             f"harmonic {harmonics} of {period_s:g} s has {cycles / harmonics:.1f} setpoints per period at {cycle_hz:g} "
-            f"Hz, at least {_LEAST_CYCLES} are required: give --period-s {_LEAST_CYCLES * harmonics / cycle_hz:g} or "
-            "more, or fewer --harmonics"
+            f"Hz, at least {_LEAST_CYCLES} are required: give `period_s=` {_LEAST_CYCLES * harmonics / cycle_hz:g} or "
+            "more, or fewer `harmonics=`"
         )

@@ -8,25 +8,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
-from os import PathLike
 from pathlib import Path
 
-from armload_controller.analysis.arm_in_use import ArmInUse, FilePath, arm_in_use
+from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
 from armload_controller.config.measured_arm import MeasuredArm
-from armload_controller.config.robot import load_robot
+from armload_controller.config.objects_or_paths import FilePath, arm_of, payload_from, recording_of
 from armload_controller.config.robot_recordings import RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
 from armload_identification.estimation.estimator_names import Estimator, EstimatorName, named_estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.extras import Extra, require_extra
-from armload_identification.files.payload_file import read_payload
 from armload_identification.identification_errors import EstimationError, PayloadFileError, RecordingError
 from armload_identification.model.payload import PayloadResult
 from armload_identification.pipeline import payload_identification, payload_validation
 from armload_identification.pipeline.any_motion import SHORTEST_WINDOW_S, identify_windows
 from armload_identification.pipeline.payload_identification import FLANGE, payload_result
+from armload_identification.recording import file_reading
 from armload_identification.recording.csv_columns import CsvColumns, parse_columns
-from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.recording import Recording
 from armload_identification.report.report_content import ReportContent, ShownRuns
@@ -39,7 +37,7 @@ RunPair = tuple[Recording | FilePath, Recording | FilePath]
 """A loaded run, and one of the same motion without the payload."""
 
 
-def read_run(
+def read_recording(
     path: FilePath,
     robot: MeasuredArm | FilePath | None = None,
     *,
@@ -77,9 +75,9 @@ def read_run(
     known = parse_columns(columns) if isinstance(columns, str) else columns
     choice = RecordingChoice(known, Effort(effort), between_s, episode, tuple(joints))
     if robot is not None:
-        return read_of(_loaded_robot(robot), Path(path), choice)
+        return read_of(arm_of(robot), Path(path), choice)
     options = ReadingOptions(known, choice.effort, episode=episode)
-    recording = read_recording(Path(path), options, between_s=between_s)
+    recording = file_reading.read_recording(Path(path), options, between_s=between_s)
     return chosen_joints(recording, choice.joints)
 
 
@@ -89,7 +87,7 @@ def identify(
     unloaded: Recording | FilePath | None = None,
     *,
     validation: RunPair | None = None,
-    calibration: FilePath | None = None,
+    calibration: Calibration | None = None,
     known: KnownPayload | None = None,
     estimator: Estimator | EstimatorName = Estimator.FRICTION,
     tolerance: Tolerance | None = None,
@@ -97,11 +95,11 @@ def identify(
     """Identify the payload from a run that carried it and one that did not.
 
     Args:
-        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
+        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML or URDF.
         loaded: Run with the payload.
         unloaded: Run of the same motion without it; may be omitted if the arm is calibrated.
         validation: A loaded and an unloaded run of another motion, to judge the result.
-        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
+        calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
         known: Prior knowledge of the payload.
         estimator: Estimation method: "friction", "robust", "wls" or "ols".
         tolerance: Permitted error of the payload; 2 % of its mass and 10 mm if not given.
@@ -133,9 +131,10 @@ def identify(
     """
     require_extra(Extra.IDENTIFY, "identifying a payload")
     method = named_estimator(estimator)
-    arm = _loaded_robot(robot)
+    arm = arm_of(robot)
     used = arm_in_use(arm, calibration)
-    run, empty = _own_recording(arm, loaded), None if unloaded is None else _own_recording(arm, unloaded)
+    run = recording_of(arm, loaded, "loaded")
+    empty = None if unloaded is None else recording_of(arm, unloaded, "unloaded")
     unnamed = _taken_in_order(arm, run)
     try:
         identification = payload_identification.identify(
@@ -162,15 +161,19 @@ def identify(
 
 
 def identify_over_time(
-    robot: MeasuredArm | FilePath, loaded: Recording | FilePath, every_s: float, *, calibration: FilePath | None = None
+    robot: MeasuredArm | FilePath,
+    loaded: Recording | FilePath,
+    every_s: float,
+    *,
+    calibration: Calibration | None = None,
 ) -> PayloadOverTime:
     """Identify the payload of a calibrated arm in successive windows of one run of any motion.
 
     Args:
-        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
+        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML or URDF.
         loaded: The run.
         every_s: Length of a window; 10 to 20 s of fast motion are recommended.
-        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
+        calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
 
     Returns:
         Mass and centre of mass with intervals, to print, save as JSON and draw.
@@ -178,9 +181,16 @@ def identify_over_time(
     Raises:
         EstimationError: the arm is not calibrated, or the windows are too short.
         RecordingError: the recording does not fit the arm or is implausible.
+
+    Examples:
+        >>> import armload
+        >>> runs = [f"runs/today/{load}_identification.mcap" for load in ("unloaded", "loaded")]
+        >>> shift = armload.identify_over_time("er50", runs[1], 15.0, calibration=armload.calibrate("er50", runs))
+        >>> 9 < shift.windows[0].found.parameters.mass_kg < 11
+        True
     """
     require_extra(Extra.IDENTIFY, "identifying a payload")
-    arm = _loaded_robot(robot)
+    arm = arm_of(robot)
     used = arm_in_use(arm, calibration)
     _, arm_alone = used.calibrated("identification in windows requires the arm's calibration")
     if not every_s >= SHORTEST_WINDOW_S:
@@ -188,7 +198,7 @@ def identify_over_time(
             f"windows of {every_s:g} s: expected {SHORTEST_WINDOW_S:g} s or more; 10 to 20 s of fast motion are "
             "recommended."
         )
-    run = _own_recording(arm, loaded)
+    run = recording_of(arm, loaded, "loaded")
     windows = identify_windows(run, used.chain, used.transmission, arm_alone, every_s)
     return PayloadOverTime(arm.name, windows, run.source, version("armload"))
 
@@ -199,17 +209,17 @@ def validate(
     loaded: Recording | FilePath,
     unloaded: Recording | FilePath,
     *,
-    calibration: FilePath | None = None,
+    calibration: Calibration | None = None,
     tolerance: Tolerance | None = None,
 ) -> Findings:
     """Validate a payload with a pair of runs that it was not identified from.
 
     Args:
-        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
+        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML or URDF.
         payload: The payload, or its file.
         loaded: Run with the payload.
         unloaded: Run of the same motion without it.
-        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
+        calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
         tolerance: Permitted error of the payload; 2 % of its mass and 10 mm if not given.
 
     Returns:
@@ -227,7 +237,7 @@ def validate(
         'Right within the tolerance'
     """
     require_extra(Extra.IDENTIFY, "validating a payload")
-    arm = _loaded_robot(robot)
+    arm = arm_of(robot)
     findings = Findings(arm, payload_of(payload, arm), ReportContent(), version("armload"))
     return _validated(findings, arm, arm_in_use(arm, calibration), (loaded, unloaded), tolerance)
 
@@ -238,17 +248,17 @@ def findings_from_files(
     *,
     fitted: RunPair | None = None,
     validation: RunPair | None = None,
-    calibration: FilePath | None = None,
+    calibration: Calibration | None = None,
     tolerance: Tolerance | None = None,
 ) -> Findings:
     """Findings on a payload from existing files, without identifying it again.
 
     Args:
-        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
+        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML or URDF.
         payload: Payload file.
         fitted: The runs that it was identified from.
         validation: Runs that it was not identified from.
-        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
+        calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
         tolerance: Permitted error of the payload; 2 % of its mass and 10 mm if not given.
 
     Raises:
@@ -256,12 +266,12 @@ def findings_from_files(
         RecordingError: recordings that do not fit the arm or each other.
     """
     require_extra(Extra.IDENTIFY, "validating a payload from recordings")
-    arm = _loaded_robot(robot)
+    arm = arm_of(robot)
     used = arm_in_use(arm, calibration)
     result = payload_of(payload, arm)
     content = ReportContent()
     if fitted is not None:
-        loaded, unloaded = (_own_recording(arm, run) for run in fitted)
+        loaded, unloaded = (recording_of(arm, run, "fitted") for run in fitted)
         shown = payload_validation.validate(loaded, unloaded, used.chain, used.transmission, result, arm=used.known)
         runs = ShownRuns(shown.signal, shown.predicted_nm, shown.residual_rms_nm, (loaded.source, unloaded.source))
         content = ReportContent(fitted=runs)
@@ -273,7 +283,7 @@ def _validated(
     findings: Findings, arm: MeasuredArm, used: ArmInUse, pair: RunPair, tolerance: Tolerance | None
 ) -> Findings:
     """The findings with the verdict of a pair of runs."""
-    loaded, unloaded = (_own_recording(arm, run) for run in pair)
+    loaded, unloaded = (recording_of(arm, run, "validation") for run in pair)
     judged = payload_validation.validate(
         loaded, unloaded, used.chain, used.transmission, findings.payload, tolerance, arm=used.known
     )
@@ -293,21 +303,13 @@ def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:
     return (
         f"None of the recorded joints ({', '.join(recorded)}) is a joint name of {arm.name} "
         f"({', '.join(arm.joint_names)}), so they were used in the recorded order. Check this order, or specify it "
-        "with --joints."
+        "with `joints=`."
     )
-
-
-def _loaded_robot(robot: MeasuredArm | FilePath) -> MeasuredArm:
-    return load_robot(robot) if isinstance(robot, str | PathLike) else robot
-
-
-def _own_recording(arm: MeasuredArm, run: Recording | FilePath) -> Recording:
-    return arm.own(run) if isinstance(run, Recording) else read_of(arm, Path(run))
 
 
 def payload_of(payload: PayloadResult | FilePath, arm: MeasuredArm) -> PayloadResult:
     """A payload of an arm, in the flange frame."""
-    result = payload if isinstance(payload, PayloadResult) else read_payload(Path(payload))
+    result = payload_from(payload, "payload")
     source = "payload" if result is payload else str(payload)
     problem = another_arms(result, arm.chain, arm.name)
     if problem is not None:

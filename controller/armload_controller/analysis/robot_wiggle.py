@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
+from armload_controller.analysis.arm_in_use import Calibration, arm_in_use
 from armload_controller.analysis.robot_excitation import POSITION_MARGIN_RAD, DesignedMotion, design_envelope
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ConfigurationError
@@ -143,7 +143,7 @@ def design_wiggle(
     robot: Robot,
     request: WiggleRequest,
     *,
-    calibration: FilePath | None = None,
+    calibration: Calibration | None = None,
     seed: int = 1,
     progress: Callable[[int, int], None],
 ) -> DesignedWiggle:

@@ -1,4 +1,4 @@
-"""The arm given to a command: by name or file, or as a URDF."""
+"""The arm given to a command: by name, file or URDF."""
 
 from __future__ import annotations
 
@@ -14,30 +14,26 @@ if TYPE_CHECKING:
     from armload_controller.config.robot import Robot
 
 
-def given_arm(robot: str | None, urdf: Path | None, base: str | None, flange: str | None) -> MeasuredArm:
-    """The arm of a ROBOT argument or of --urdf.
+def given_arm(robot: str, base: str | None, flange: str | None) -> MeasuredArm:
+    """The arm of a ROBOT argument that may be a URDF.
 
     Args:
-        robot: Name or path of a robot's file.
-        urdf: Path of a URDF.
+        robot: Name of a shipped robot, or path of a robot's file or of a URDF.
         base: First link of the arm in the URDF.
         flange: Its last link.
 
     Raises:
-        BadParameter: neither or both of robot and URDF are given, or links without a URDF.
+        BadParameter: links without a URDF.
         ConfigurationError: the file cannot be used.
     """
     from armload_controller.config.chain_from_urdf import read_urdf_arm
     from armload_controller.config.robot import load_robot
+    from armload_controller.config.urdf_tree import is_urdf
 
-    if urdf is not None:
-        if robot is not None:
-            raise typer.BadParameter(f"ROBOT {robot!r} and --urdf {urdf} were given: give only one")
-        return read_urdf_arm(urdf, base, flange)
+    if is_urdf(Path(robot)):
+        return read_urdf_arm(robot, base, flange)
     if base is not None or flange is not None:
-        raise typer.BadParameter("--base and --flange select the arm in a URDF: give --urdf as well")
-    if robot is None:
-        raise typer.BadParameter("no arm: give ROBOT, a shipped robot or the path of its TOML, or --urdf arm.urdf")
+        raise typer.BadParameter(f"select the arm in a URDF; ROBOT {robot!r} is none", param_hint="--base, --flange")
     return load_robot(robot)
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
+
+from armload_controller.cli.printable_text import as_options
 
 Ask = Callable[[str], str]
 """Shows a question, returns the answer."""
 Say = Callable[[str], None]
+_Found = TypeVar("_Found")
 
 CHOICES: Final = (
     "try it: commission a simulated arm; nothing real moves (a minute)",
@@ -16,7 +19,6 @@ CHOICES: Final = (
     "set up your own arm, from its URDF or by answering questions",
     "commission an arm with an existing robot file",
 )
-_URDF: Final = ".urdf"
 
 
 def guided_words(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
@@ -46,73 +48,98 @@ def guided_words(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
         return _identify(ask, say, shipped)
     if answer == "3":
         return _init(ask, say)
-    return [
-        "commission",
-        _robot(ask, say, shipped),
-        "--output",
-        ask("Folder for the recordings [runs/today]: ").strip() or "runs/today",
-    ]
+    from armload_controller.config.robot import load_robot
+
+    robot, _ = _accepted(ask, say, _robot_question(shipped), load_robot)
+    return ["commission", robot, "--output", ask("Folder for the recordings [runs/today]: ").strip() or "runs/today"]
 
 
 def _identify(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
-    """Ask for two recordings and an arm."""
-    loaded = _existing(ask, say, "Recording with the payload: ")
-    unloaded = _existing(ask, say, "Recording of the same motion without it: ")
-    arm = _robot(ask, say, shipped, urdf=True)
-    words = ["identify"]
-    if arm.lower().endswith(_URDF):
-        words += ["--urdf", arm, *_links(ask, say, arm)]
-    else:
-        words.append(arm)
-    return [*words, "--loaded", loaded, "--unloaded", unloaded, "--output", "payload.toml", "--report", "report.html"]
+    """Ask for an arm and two recordings, the empty run first; each is read when it is given."""
+    from armload_controller.cli.given_arm import given_arm
+    from armload_controller.config.robot_recordings import read_of
+    from armload_identification.identification_errors import RecordingError
+    from armload_identification.pipeline.recording_survey import pair_problem
+    from armload_identification.recording.recording import Recording
+
+    def loaded_run(path: str) -> Recording:
+        recording = read_of(arm, Path(path))
+        problem = pair_problem(recording, empty)
+        if problem is not None:
+            raise RecordingError(problem)
+        return recording
+
+    robot, links = _accepted(
+        ask, say, _robot_question(shipped, " or URDF"), lambda name: _links(ask, say, name, given_arm)
+    )
+    arm = given_arm(robot, links.get("--base"), links.get("--flange"))
+    unloaded, empty = _accepted(ask, say, "Recording without the payload: ", lambda path: read_of(arm, Path(path)))
+    loaded, _ = _accepted(ask, say, "Recording of the same motion with it: ", loaded_run)
+    files = ["--loaded", loaded, "--unloaded", unloaded, "--output", "payload.toml", "--report", "report.html"]
+    return ["identify", robot, *_words(links), *files]
 
 
 def _init(ask: Ask, say: Say) -> list[str]:
     """Ask for a URDF, if any, and for a file that does not exist yet."""
-    urdf = _existing(ask, say, "URDF of the arm; empty to answer questions instead: ", optional=True)
-    arm = [urdf, *_links(ask, say, urdf)] if urdf else []
+    from armload_controller.config.chain_from_urdf import read_urdf_arm
+
+    urdf, links = _accepted(
+        ask,
+        say,
+        "URDF of the arm; empty to answer questions instead: ",
+        lambda path: _links(ask, say, path, read_urdf_arm) if path else {},
+    )
     while True:
         output = ask("Robot file to write [my_arm.toml]: ").strip() or "my_arm.toml"
         if not Path(output).exists():
             break
         say(f"  {output} exists and is not overwritten: give another name")
-    return ["init", *arm, "--output", output]
+    return ["init", *([urdf, *_words(links)] if urdf else []), "--output", output]
 
 
-def _links(ask: Ask, say: Say, urdf: str) -> list[str]:
-    """Ask for base and flange if the URDF leaves a choice."""
-    from armload_controller.config.chain_from_urdf import read_urdf_arm
+def _links(ask: Ask, say: Say, arm: str, read: Callable[[str, str | None, str | None], object]) -> dict[str, str]:
+    """Base and flange, asked for if the file leaves a choice; two empty answers mean another file."""
+    from armload_controller.config.urdf_tree import is_urdf
     from armload_controller.control_errors import ConfigurationError
 
-    base = flange = ""
+    links: dict[str, str] = {}
     while True:
         try:
-            read_urdf_arm(urdf, base or None, flange or None)
+            read(arm, links.get("--base"), links.get("--flange"))
         except ConfigurationError as error:
-            say(f"  {error}")
+            if not is_urdf(Path(arm)):
+                raise
+            say(f"  {as_options(str(error))}")
             base = ask("--base, the first link of the arm; empty for the root: ").strip()
-            flange = ask("--flange, the last link of the arm; empty for the only end: ").strip()
+            flange = ask("--flange, the last link of the arm; empty for another file: ").strip()
+            links = {name: link for name, link in (("--base", base), ("--flange", flange)) if link}
+            if not links:
+                raise
         else:
-            return [*(["--base", base] if base else []), *(["--flange", flange] if flange else [])]
+            return links
 
 
-def _robot(ask: Ask, say: Say, shipped: tuple[str, ...], *, urdf: bool = False) -> str:
-    """A shipped robot, or a file that exists."""
-    also = " or URDF" if urdf else ""
-    while True:
-        answer = _path(ask(f"The arm: {', '.join(shipped)}, or the path of its TOML{also}: "))
-        if answer in shipped or Path(answer).is_file():
-            return answer
-        say(f"  {answer!r}: no such file and no shipped robot")
+def _words(links: dict[str, str]) -> list[str]:
+    """Options as words of a command."""
+    return [word for option in links.items() for word in option]
 
 
-def _existing(ask: Ask, say: Say, question: str, *, optional: bool = False) -> str:
-    """A file or folder that exists."""
+def _robot_question(shipped: tuple[str, ...], also: str = "") -> str:
+    """Asks for an arm."""
+    return f"The arm: {', '.join(shipped)}, or the path of its TOML{also}: "
+
+
+def _accepted(ask: Ask, say: Say, question: str, check: Callable[[str], _Found]) -> tuple[str, _Found]:
+    """The first path that passes a check, and what that found; the reason is shown for every other."""
+    from armload_controller.control_errors import ControlError
+    from armload_identification.identification_errors import IdentificationError
+
     while True:
         answer = _path(ask(question))
-        if (answer and Path(answer).exists()) or (optional and not answer):
-            return answer
-        say(f"  {answer!r}: no such file or folder")
+        try:
+            return answer, check(answer)
+        except (ControlError, IdentificationError) as error:
+            say(f"  {as_options(str(error))}")
 
 
 def _path(answer: str) -> str:

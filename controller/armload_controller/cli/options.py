@@ -9,11 +9,11 @@ from typing import Annotated
 import typer
 
 RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A shipped robot, or the path of a robot's TOML.")]
-MaybeRobotArgument = Annotated[
-    str | None, typer.Argument(metavar="[ROBOT]", help="A shipped robot, or the path of a robot's TOML; or --urdf.")
-]
-UrdfOption = Annotated[
-    Path | None, typer.Option("--urdf", help="URDF of the arm, instead of ROBOT; recorded effort is joint torque.")
+ArmArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT", help="A shipped robot, or the path of a robot's TOML or URDF (effort is then joint torque)."
+    ),
 ]
 BaseOption = Annotated[str | None, typer.Option("--base", help="First link of the arm; by default the root.")]
 FlangeOption = Annotated[

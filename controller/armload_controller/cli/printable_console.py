@@ -13,7 +13,7 @@ from typing import IO, Any, TextIO, cast
 from rich.console import Console
 from rich.text import Text
 
-from armload_controller.cli.printable_text import printable
+from armload_controller.cli.printable_text import as_options, printable
 
 
 class OutlivingStream:
@@ -80,4 +80,4 @@ class PrintableConsole(Console):
 
     def render_str(self, text: str, **options: Any) -> Text:
         """See `Console.render_str`."""
-        return super().render_str(printable(text), **options)
+        return super().render_str(printable(as_options(text)), **options)

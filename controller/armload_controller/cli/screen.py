@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.progress import (
     BarColumn,
@@ -33,6 +33,9 @@ from armload_controller.cli.output.json_output import print_document
 from armload_controller.cli.printable_console import PrintableConsole, accepts_output
 from armload_controller.cli.printable_text import printable
 from armload_controller.control_errors import CommissioningError
+
+if TYPE_CHECKING:
+    from armload_identification.results.result_table import ResultTable
 
 UNBOUNDED_WIDTH = 1000
 """Width of a stream that is not a terminal."""
@@ -91,6 +94,19 @@ class Screen:
             return
         for part in fitted(table, self.console):
             self.console.print(part)
+
+    def result_table(self, result: ResultTable) -> None:
+        """Print a result's own table, and the sentences below it."""
+        columns = [
+            Column(heading, justify="left" if i in result.text_columns else "right")
+            for i, heading in enumerate(result.headings)
+        ]
+        table = Table(*columns, title=result.title or None, title_justify="left")
+        for row in result.rows:
+            table.add_row(*row)
+        self.table(table)
+        for sentence in result.sentences:
+            self.result(sentence)
 
     def document(self, make: Callable[[], dict[str, Any]], files: Mapping[str, Path | None] | None = None) -> None:
         """Print a result as a document, if one is wanted.

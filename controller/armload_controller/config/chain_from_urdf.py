@@ -205,10 +205,10 @@ def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: st
 def _base_link(tree: UrdfTree, base: str | None) -> str:
     """The first link of the chain."""
     if base is not None:
-        return _existing_link(tree, "--base", base)
+        return _existing_link(tree, "`base=`", base)
     roots = [link for link in tree.links if link not in tree.above]
     if len(roots) != 1:
-        raise tree.refused("root link", roots, "exactly one link without a parent; or name one with --base")
+        raise tree.refused("root link", roots, "exactly one link without a parent; or name one with `base=`")
     return roots[0]
 
 
@@ -222,7 +222,7 @@ def _existing_link(tree: UrdfTree, option: str, link: str) -> str:
 def _flange_link(tree: UrdfTree, flange: str | None, base: str) -> str:
     """The last link of the chain."""
     if flange is not None:
-        return _existing_link(tree, "--flange", flange)
+        return _existing_link(tree, "`flange=`", flange)
     ends: dict[tuple[str, ...], list[str]] = {}
     for link in tree.links:
         names = _turning_names(tree, link, base)
@@ -232,14 +232,14 @@ def _flange_link(tree: UrdfTree, flange: str | None, base: str) -> str:
         names: at for names, at in ends.items() if not any(n != names and n[: len(names)] == names for n in ends)
     }
     if not longest:
-        expected = f"at least {FEWEST_JOINTS} revolute joints in a row from {base!r}; choose another start with --base"
+        expected = f"at least {FEWEST_JOINTS} revolute joints in a row from {base!r}; choose another start with `base=`"
         raise tree.refused("chain", None, expected)
     candidates = [link for at in longest.values() for link in at]
     if len(longest) == 1:
         standard = [link for name in STANDARD_FLANGES for link in candidates if link == name]
         if len(candidates) == 1 or standard:
             return standard[0] if standard else candidates[0]
-    raise tree.refused("--flange", None, f"required, because several links are possible: {', '.join(candidates)}")
+    raise tree.refused("`flange=`", None, f"name the link that carries the payload: {', '.join(candidates)}")
 
 
 def _turning_names(tree: UrdfTree, link: str, base: str) -> tuple[str, ...] | None:
@@ -267,13 +267,13 @@ def _joints_between(tree: UrdfTree, base: str, flange: str) -> list[UrdfJoint]:
         link = joint.parent
     if link != base:
         above = ", ".join(joint.parent for joint in way)
-        raise tree.refused("--flange", flange, f"a link below {base!r}; above it are {above}")
+        raise tree.refused("`flange=`", flange, f"a link below {base!r}; above it are {above}")
     return way[::-1]
 
 
 def _require_supported(tree: UrdfTree, moving: Sequence[UrdfJoint], base: str, flange: str) -> None:
     """Refuse a chain that does not consist of 4 to 16 independent revolute joints."""
-    remedy = "choose another chain with --base and --flange"
+    remedy = "choose another chain with `base=` and `flange=`"
     for joint in moving:
         if joint.mimics is not None:
             raise tree.refused(f"joint {joint.name}, mimic", joint.mimics, f"a joint with its own motor; {remedy}")

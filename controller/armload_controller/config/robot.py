@@ -24,6 +24,7 @@ from armload_controller.config.robot_source import RobotSource
 from armload_controller.config.robot_torque_limits import RobotStrength
 from armload_controller.config.tables.drive_tables import VIRTUAL, BusTable
 from armload_controller.config.tables.robot_file import RobotFile
+from armload_controller.config.urdf_tree import is_urdf
 from armload_controller.control_errors import CommissioningError, ConfigurationError
 from armload_controller.motion.motion_constraints import MotionConstraints
 from armload_controller.motion.obstacles import Obstacles
@@ -331,15 +332,10 @@ def load_robot(name_or_path: str | PathLike[str]) -> Robot:
         path, file = Path(given), given
         if not path.is_file():
             expected = f"no such file, and no shipped robot: {', '.join(shipped)}"
-            raise ConfigurationError("command line", "ROBOT", file, expected)
-    if path.suffix.lower() == ".urdf":
-        raise ConfigurationError(
-            "command line",
-            "ROBOT",
-            file,
-            "a robot's TOML: give a URDF as --urdf, in Python as armload.read_urdf_arm(...), or make a robot file "
-            "of it with `armload init`",
-        )
+            raise ConfigurationError(file, "", None, expected)
+    if is_urdf(path):
+        expected = "a URDF has no drives and limits of an arm's use: make a robot file of it with `armload init`"
+        raise ConfigurationError(file, "", None, expected)
     text = read_text(path, ConfigurationError)
     values = with_profiles(toml_values(text, file, ConfigurationError), path.parent, file)
     robot = Robot(file, text, path.parent, validated(values, file, RobotFile, ConfigurationError))

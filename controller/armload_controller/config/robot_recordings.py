@@ -68,6 +68,6 @@ def chosen_joints(recording: Recording, joints: tuple[int, ...]) -> Recording:
     if beyond:
         raise RecordingError(
             f"{recording.source.path}: no joint {beyond[0]}, the recording has {recording.n}"
-            f"{': ' + ', '.join(recording.joint_names) if recording.joint_names else ''}. Correct --joints."
+            f"{': ' + ', '.join(recording.joint_names) if recording.joint_names else ''}. Correct `joints=`."
         )
     return recording.joints(joints) if joints else recording

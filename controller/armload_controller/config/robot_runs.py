@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from armload_controller.config.robot import Robot
-from armload_controller.config.robot_recordings import read_of
+from armload_controller.config.measured_arm import MeasuredArm
+from armload_controller.config.objects_or_paths import FilePath, recording_of
 from armload_controller.control_errors import CommissioningError
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload
 from armload_identification.files.payload_file import read_payload
@@ -45,30 +45,36 @@ def is_run_table(path: Path) -> bool:
         return False
 
 
-def listed_runs(paths: Sequence[Path]) -> tuple[tuple[TableRow, ...], bool]:
-    """The recordings, and whether they are from a table, which states their mountings.
+def listed_runs(
+    given: Sequence[Recording | FilePath],
+) -> tuple[tuple[tuple[Recording | FilePath, TableRow], ...], bool]:
+    """The recordings with their rows, and whether these are from a table, which states their mountings.
 
     Args:
-        paths: One table of runs, or recordings.
+        given: One table of runs, or recordings.
 
     Raises:
         RunTableError: the table is invalid, or is given together with recordings.
     """
+    paths = [run.source.path if isinstance(run, Recording) else Path(run) for run in given]
     tables = [path for path in paths if is_run_table(path)]
     if not tables:
-        return tuple(TableRow(path, "", None, None) for path in paths), False
+        rows = (TableRow(path, "", None, None) for path in paths)
+        return tuple(zip(given, rows, strict=True)), False
     if len(paths) > 1:
         expected = "a table of runs cannot be combined with recordings; add the recordings to the table"
         raise RunTableError(str(tables[0]), "", None, expected)
-    return read_run_table(tables[0]), True
+    return tuple((row.recording, row) for row in read_run_table(tables[0])), True
 
 
-def read_runs(robot: Robot, paths: Sequence[Path], progress: Callable[[int, int], None] | None = None) -> ArmRuns:
+def read_runs(
+    robot: MeasuredArm, given: Sequence[Recording | FilePath], progress: Callable[[int, int], None] | None = None
+) -> ArmRuns:
     """Read all runs of an arm.
 
     Args:
         robot: The arm.
-        paths: One table of runs, or recordings that state their payload.
+        given: One table of runs, or recordings that state their payload.
         progress: Called with the number of recordings read and their total.
 
     Returns:
@@ -78,11 +84,12 @@ def read_runs(robot: Robot, paths: Sequence[Path], progress: Callable[[int, int]
         RunTableError: the table is invalid, is given together with recordings, or a recording states no payload.
         FileError: a payload file cannot be used.
     """
-    rows, from_table = listed_runs(paths)
+    listed, from_table = listed_runs(given)
+    rows = [row for _, row in listed]
     runs, left_out = [], []
-    for done, row in enumerate(rows, 1):
+    for done, (run, row) in enumerate(listed, 1):
         try:
-            recording = read_of(robot, row.recording)
+            recording = recording_of(robot, run, "runs")
             mounting = row.mounting if from_table else _mounting_of(recording)
             runs.append(MountedRun(recording, mounting, row.recorded))
         except (IdentificationError, CommissioningError) as problem:

@@ -133,6 +133,15 @@ class UrdfTree:
         return values
 
 
+def is_urdf(path: Path) -> bool:
+    """Whether a file is XML: its first character is `<`; False if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<")
+    except OSError:
+        return False
+
+
 def read_urdf_tree(path: Path) -> UrdfTree:
     """Read a URDF.
 
@@ -145,7 +154,7 @@ def read_urdf_tree(path: Path) -> UrdfTree:
     try:
         data = read_whole(path)
     except OSError as error:
-        raise ConfigurationError(str(path), "file", None, f"a URDF that can be read ({error.strerror})") from error
+        raise ConfigurationError(str(path), "", None, f"{error.strerror}: expected a URDF") from error
     root = _parsed(path, data)
     joints = tuple(_joint(path, i, element) for i, element in enumerate(root.findall("joint")))
     links = {str(element.get("name")): element for element in root.findall("link")}

@@ -58,5 +58,5 @@ def _holds(path: Path, content: bytes) -> bool:
     if there is None:
         return False
     if there != content:
-        raise ExportError(str(path), "already exists with different content; remove it, or give another --output")
+        raise ExportError(str(path), "already exists with different content; remove it, or give another `output=`")
     return True

@@ -6,12 +6,19 @@ nothing.
 
 from __future__ import annotations
 
+from os import PathLike
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from armload_core import kernels
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import feedforward_model
+
+if TYPE_CHECKING:
+    from armload_controller.config.measured_arm import MeasuredArm
+    from armload_identification.model.payload import PayloadResult
 
 NOTHING = InertialParameters(np.zeros(10))
 """The empty flange."""
@@ -28,16 +35,15 @@ class PayloadFeedforward(kernels.PayloadTorque):
     called from any.
 
     Args:
-        chain: The arm, n joints.
-        payload: The payload, in the flange frame.
+        robot: The arm, n joints: its chain, a robot or a `UrdfArm`; or a name or path, from which it is read.
+        payload: The payload, in the flange frame; or the path of its file.
 
     References:
         Chen 2016, eq. (2).
 
     Examples:
         >>> import armload, numpy as np
-        >>> robot, payload = armload.load_robot("er50"), armload.read_payload("runs/today/payload.toml")
-        >>> feedforward = armload.PayloadFeedforward(robot.chain, payload.model)
+        >>> feedforward = armload.PayloadFeedforward("er50", "runs/today/payload.toml")
         >>> still = np.zeros(6)
         >>> feedforward.torque_nm(np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]), still, still).shape
         (6,)
@@ -46,7 +52,21 @@ class PayloadFeedforward(kernels.PayloadTorque):
 
     __slots__ = ()
 
-    def __init__(self, chain: Chain, payload: InertialParameters) -> None:
+    def __init__(
+        self,
+        robot: Chain | MeasuredArm | str | PathLike[str],
+        payload: InertialParameters | PayloadResult | str | PathLike[str],
+    ) -> None:
+        if isinstance(robot, Chain):
+            chain = robot
+        else:
+            from armload_controller.config.objects_or_paths import arm_of
+
+            chain = arm_of(robot).chain
+        if not isinstance(payload, InertialParameters):
+            from armload_controller.config.objects_or_paths import payload_from
+
+            payload = payload_from(payload, "payload").model
         super().__init__(feedforward_model(chain, payload.theta), np.zeros(chain.n))
 
     def set_payload(self, payload: InertialParameters, transition_s: float, cycle_s: float) -> None:

@@ -16,6 +16,7 @@ from armload_controller.fleet.job_listing import JobListing, list_jobs
 from armload_controller.fleet.job_table import read_job_table
 from armload_controller.fleet.recording_row import Row, RowOutcome
 from armload_controller.fleet.row_store import RowStore
+from armload_identification.report.numerals import counted
 
 DoJobs = Callable[[Iterable[Job]], Iterator[Row]]
 """Runs jobs and yields a row for each, in any order: `Workforce.rows`, or `map(run_job, jobs)` in this process."""
@@ -40,7 +41,7 @@ class FleetProblem:
     error: str
 
 
-@dataclass
+@dataclass(repr=False)
 class FleetTally:
     """Counts of a run over the jobs.
 
@@ -71,6 +72,17 @@ class FleetTally:
     def done(self) -> int:
         """Number of recordings processed in this run."""
         return sum(self.outcomes.values())
+
+    def __repr__(self) -> str:
+        """The run in one or two lines."""
+        if not self.done:
+            return f"nothing new: {counted(self.skipped, 'recording')} processed before"
+        rate = self.done / self.wall_s if self.wall_s > 0.0 else 0.0
+        counts = ", ".join(f"{self.outcomes[outcome.value]} {outcome.value}" for outcome in RowOutcome)
+        return (
+            f"{counted(self.done, 'recording')} in {self.wall_s:.1f} s, {rate:.2f}/s, "
+            f"{self.cpu_s / self.done:.2f} s of CPU each: {counts}; {self.skipped} processed before"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Counts and times for `--json`."""

@@ -70,7 +70,7 @@ class Workforce:
                 self._client = stack.enter_context(distributed.Client(address, timeout=_CONNECT_TIMEOUT_S))
             except (OSError, ValueError, TypeError, RuntimeError) as problem:
                 raise FleetError(
-                    f"no scheduler at {address}: {problem}; check --scheduler and its certificates "
+                    f"no scheduler at {address}: {problem}; check `scheduler=` and its certificates "
                     "(controller/FLEET.md, Where it runs)"
                 ) from problem
             self._require_same_version()

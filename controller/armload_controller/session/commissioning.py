@@ -18,7 +18,7 @@ from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
-from armload_controller.analysis.arm_in_use import ArmInUse, FilePath, arm_in_use
+from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_recordings import read_of
 from armload_controller.control_errors import CommissioningError
@@ -28,6 +28,7 @@ from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.session.flange_check import loaded_doubts, unloaded_doubts
 from armload_controller.session.run_session import Load, Operator, RunSession, ServosFactory, run_session
+from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import Recording
@@ -54,11 +55,22 @@ class CommissioningPlan:
         directory: Folder of the recordings.
         mass_kg: The payload's mass for the loaded recordings; None if it was not weighed.
         calibration: Calibration of the arm; None for the one that its file names, if any.
+
+    Raises:
+        ModelError: the mass is not positive.
     """
 
     directory: Path
     mass_kg: float | None = None
-    calibration: FilePath | None = None
+    calibration: Calibration | None = None
+
+    def __post_init__(self) -> None:
+        _ = self.known
+
+    @property
+    def known(self) -> KnownPayload | None:
+        """What is known of the payload; a mass that no payload can have is refused here, before anything moves."""
+        return None if self.mass_kg is None else KnownPayload(mass_kg=self.mass_kg)
 
 
 def recording_path(directory: Path, load: Load, role: str) -> Path:

@@ -30,7 +30,7 @@ def claimed(directory: Path, work: str = "commissioning") -> Iterator[None]:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise CommissioningError(
-                f"another {work} is using {directory}: wait until it has finished, or choose another --output"
+                f"another {work} is using {directory}: wait until it has finished, or choose another `output=`"
             ) from error
         except OSError:
             pass

@@ -136,13 +136,13 @@ def _by_prior(
         if known_arm is None:
             raise EstimationError(
                 "no unloaded recording was given, and the arm's own torque, which is many times the payload's, is "
-                "unknown. Record the same excitation without the payload and give that file as --unloaded, or "
-                "calibrate the arm once with `armload calibrate` and give that file as --calibration."
+                "unknown. Record the same excitation without the payload and give that file as `unloaded=`, or "
+                "calibrate the arm once with `armload calibrate` and give that file as `calibration=`."
             )
         if estimator is not Estimator.FRICTION:
             raise EstimationError(
                 f"the estimator '{estimator}' requires the difference of two runs, but there is only one run, with a "
-                "calibration. Omit --estimator, or give an unloaded recording."
+                "calibration. Omit `estimator=`, or give an unloaded recording."
             )
         return lambda prior: identify_alone(loaded, chain, transmission, known_arm, prior)
     check_pair(loaded, unloaded, transmission)

@@ -149,14 +149,14 @@ class _TimeSelection:
     @property
     def reasons(self) -> dict[str, int]:
         """Number of rows that were not selected, by reason."""
-        return {"outside --between": self._outside} if self._outside else {}
+        return {"outside `between_s=`": self._outside} if self._outside else {}
 
     def require_any(self, path: Path) -> None:
         """Raise `RecordingError` if the file has rows, but none between the two times."""
         if self._between_s is not None and self._start_s is not None and not self._chosen:
             begin_s, end_s = self._between_s
             raise RecordingError(
-                f"{path}: no row between {begin_s:g} and {end_s:g} s (--between): the recording has rows from 0 to "
+                f"{path}: no row between {begin_s:g} and {end_s:g} s (`between_s=`): the recording has rows from 0 to "
                 f"{self._last_s:.1f} s."
             )
 

@@ -98,7 +98,7 @@ def reader_of(path: Path, options: ReadingOptions) -> RecordingReader:
         if reader is None:
             continue
         if options.episode is not None and factory is not open_parquet:
-            raise RecordingError(f"{path}: has no episodes, unlike a LeRobot data set. Omit --episode.")
+            raise RecordingError(f"{path}: has no episodes, unlike a LeRobot data set. Omit `episode=`.")
         return reader
     raise RecordingError(
         f"{path}: a {'folder' if path.is_dir() else 'file'} of unknown format. Give a recording made by armload, a ROS "

@@ -13,15 +13,15 @@ from armload_core.arrays import FloatArray
 from armload_identification.extras import Extra, require_extra
 from armload_identification.pipeline.arm_drift import Monitored
 from armload_identification.report.compared_runs import ComparedRuns
-from armload_identification.results.payload_text import plain_table
+from armload_identification.report.numerals import counted
+from armload_identification.results.result_table import PrintedResult, ResultTable
 
 _PICTURE_DPI: Final = 130
 _COLD_S: Final = 60.0
-HEADINGS: Final = ("joint", "friction N m", "minus the calibration's", "gain", "unexplained", "warming up N m")
 
 
-@dataclass(frozen=True, eq=False)
-class ArmHistory(ComparedRuns):
+@dataclass(frozen=True, eq=False, repr=False)
+class ArmHistory(PrintedResult, ComparedRuns):
     """An arm over its runs; printed as a table with the changes."""
 
     def rows(self) -> list[tuple[str, ...]]:
@@ -132,10 +132,13 @@ class ArmHistory(ComparedRuns):
 
         write_drift_report(Path(path), self)
 
-    def __str__(self) -> str:
-        """The table, the changes, and the recommended action."""
-        lines = plain_table(HEADINGS, self.rows(), text_columns=(0,))
-        return "\n".join([*lines, *(found.text for found in self.drift.findings), self.advice])
+    def table(self) -> ResultTable:
+        """Present levels, the changes, and the recommended action."""
+        runs = counted(len(self.drift.runs), "run")
+        title = f"{self.robot}: {runs} against {self.calibration_name}, present levels"
+        headings = ("joint", "friction N m", "minus the calibration's", "gain", "unexplained", "warming up N m")
+        sentences = (*(found.text for found in self.drift.findings), self.advice)
+        return ResultTable(title, headings, self.rows(), (0,), sentences)
 
 
 def _present(level: FloatArray) -> float | None:

@@ -15,7 +15,8 @@ from armload_identification.recording.recording import hashes_by_name
 from armload_identification.report.report_content import ReportContent, ReportSubject
 from armload_identification.report.verdict_box import VerdictBox, verdict_box
 from armload_identification.results.findings_document import findings_document
-from armload_identification.results.payload_text import plain_table, value_texts
+from armload_identification.results.payload_text import value_texts
+from armload_identification.results.result_table import PrintedResult, ResultTable
 from armload_identification.verdict.agreement import Outcome
 
 
@@ -35,8 +36,8 @@ class DescribedArm(Protocol):
         """Names of the joints, from the base to the flange."""
 
 
-@dataclass(frozen=True, eq=False)
-class Findings:
+@dataclass(frozen=True, eq=False, repr=False)
+class Findings(PrintedResult):
     """A payload with everything known about it; printed as a table.
 
     Attributes:
@@ -140,9 +141,9 @@ class Findings:
             "armload_version": self.armload_version
         }
 
-    def __str__(self) -> str:
-        """Values, intervals and verdict as a table."""
+    def table(self) -> ResultTable:
+        """Values, intervals and verdict."""
         rows = [(text.name, text.estimate, text.interval, text.unit) for text in value_texts(self.payload)]
         title = f"Payload of {self.arm.name} in the {self.payload.frame} frame, inertia about its centre of mass"
-        table = plain_table(("parameter", "estimate", "95 % interval", "unit"), rows, text_columns=(0, 3))
-        return "\n".join([title, *table, f"{self.verdict.title}. {self.verdict.text}"])
+        headings = ("parameter", "estimate", "95 % interval", "unit")
+        return ResultTable(title, headings, rows, (0, 3), (f"{self.verdict.title}. {self.verdict.text}",))

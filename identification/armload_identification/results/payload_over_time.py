@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -11,13 +10,13 @@ from typing import Any
 from armload_identification.extras import Extra, require_extra
 from armload_identification.pipeline.any_motion import Window
 from armload_identification.recording.recording import RecordingSource
-from armload_identification.results.payload_text import plain_table
+from armload_identification.results.result_table import PrintedResult, ResultTable
 
 _PICTURE_DPI = 130
 
 
-@dataclass(frozen=True, eq=False)
-class PayloadOverTime:
+@dataclass(frozen=True, eq=False, repr=False)
+class PayloadOverTime(PrintedResult):
     """Payload by window of one run; printed as a table.
 
     Attributes:
@@ -76,12 +75,10 @@ class PayloadOverTime:
         gaps = [(window.start_s, window.end_s) for window in self.windows if window.found is None]
         write_figure(Path(path), mass_figure(marks, gaps, f"{self.robot}: {self.source.path.name}"), _PICTURE_DPI)
 
-    def __str__(self) -> str:
-        """The table."""
-        return "\n".join(plain_table(HEADINGS, self.rows(), text_columns=(0, 3)))
-
-
-HEADINGS: Sequence[str] = ("time s", "mass kg", "centre of mass mm", "remark")
+    def table(self) -> ResultTable:
+        """The windows."""
+        title = f"What {self.robot} carried, 95 % intervals, flange frame"
+        return ResultTable(title, ("time s", "mass kg", "centre of mass mm", "remark"), self.rows(), (0, 3))
 
 
 def _window(window: Window) -> dict[str, Any]:

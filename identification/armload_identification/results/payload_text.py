@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -41,21 +40,3 @@ def value_texts(payload: PayloadResult) -> tuple[ValueText, ...]:
             estimate, interval = f"{payload.values[i]:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}"
         texts.append(ValueText(name, estimate, interval, UNITS[i]))
     return tuple(texts)
-
-
-def plain_table(headings: Sequence[str], rows: Sequence[Sequence[str]], text_columns: Sequence[int]) -> list[str]:
-    """Lines of a table without borders; numbers are right-aligned, texts left-aligned.
-
-    Args:
-        headings: Headings of the columns.
-        rows: Cells.
-        text_columns: Columns that contain texts.
-    """
-    widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
-    return [
-        "  ".join(
-            cell.ljust(width) if i in text_columns else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in (headings, *rows)
-    ]

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import armload
-from armload_controller.analysis.robot_calibration import calibrate_from_files
+from armload_controller.analysis.robot_calibration import calibrate
 from armload_controller.config.robot import load_robot
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.phase import Segment
@@ -50,7 +50,7 @@ def recorded_er50(tmp_path_factory, in_pinocchio):
                     recorder.write(*values)
     runs = (today / f"{load}_identification.mcap" for load in ("loaded", "unloaded"))
     armload.identify(robot, *runs).save(today / "payload.toml")
-    calibrated = calibrate_from_files(robot, sorted(today.glob("*_identification.mcap")))
+    calibrated = calibrate(robot, sorted(today.glob("*_identification.mcap"))).calibration
     write_calibration(today / "arm.calibration.toml", calibrated)
     return folder
 

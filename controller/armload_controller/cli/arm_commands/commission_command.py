@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
@@ -41,12 +40,6 @@ if TYPE_CHECKING:
     from armload_controller.cycle.monitors import CycleSummary
     from armload_controller.session.commissioning import CommissioningPlan
     from armload_controller.session.run_session import Consent, Load, Operator
-    from armload_identification.estimation.prior_knowledge import KnownPayload
-    from armload_identification.recording.recording import Recording
-    from armload_identification.results.findings import Findings
-
-
-PAYLOAD_NAME, REPORT_NAME, CALIBRATION_NAME = "payload.toml", "report.html", "arm.calibration.toml"
 
 
 class Runs(StrEnum):
@@ -89,27 +82,28 @@ def commission(
     """
     from armload_controller.analysis.arm_in_use import arm_in_use
     from armload_controller.cli.keyboard import Keyboard
+    from armload_controller.cli.output.findings_output import show_findings
     from armload_controller.cli.output.result_documents import half_document
     from armload_controller.cli.screen import Screen
     from armload_controller.session.arm_access import require_rules
     from armload_controller.session.commissioning import CommissioningPlan, missing_roles, require_recordings
+    from armload_controller.session.commissioning_results import PAYLOAD_NAME, REPORT_NAME, evaluate
     from armload_controller.session.folder_claim import claimed
     from armload_controller.session.live.live_view import live_at
     from armload_controller.session.run_session import Load
-    from armload_identification.estimation.prior_knowledge import KnownPayload
     from armload_identification.extras import Extra, require_extra
 
-    for extra in Extra:
+    for extra in (Extra.IDENTIFY, Extra.REPORT):
         require_extra(extra, "commissioning")
     allowed = Tolerance(*tolerance)
     shown = live_at(live, live_address)
-    known = None if mass_kg is None else KnownPayload(mass_kg=mass_kg)
     arm = arm_on_bus(robot, bus, bitrate, cycle_hz)
     if mounted is not None:
         arm = arm.with_simulated_payload(mounted)
     arm_in_use(arm, calibration)
     now = datetime.now(UTC)
     directory = output or Path("runs") / f"{arm.name}-{now:%Y%m%d-%H%M%S}"
+    plan = CommissioningPlan(directory, mass_kg, calibration)
     halves = {Runs.BOTH: (Load.UNLOADED, Load.LOADED), Runs.UNLOADED: (Load.UNLOADED,), Runs.LOADED: (Load.LOADED,)}
     if any(missing_roles(directory, load) for load in halves[runs]):
         require_rules(arm, simulated_drives=simulated_drives, attended=attended())
@@ -127,20 +121,24 @@ def commission(
             raise CommissioningError(
                 f"{directory} already contains these recordings, which are never overwritten: choose another --output"
             )
-        plan = CommissioningPlan(directory, mass_kg, calibration)
         with operator_at(arm, screen, control, agreed=yes, live=shown) as operator:
             _record(arm, plan, screen, operator, halves[runs], simulated_drives=simulated_drives)
         if runs is Runs.UNLOADED:
             screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
             screen.document(half_document, {"directory": directory})
             return
-        findings = _evaluate(arm, plan, screen, now, known, allowed)
+        findings, calibrated = evaluate(arm, plan, allowed, now)
+        show_findings(screen, findings)
+        for text in (f"payload: {directory / PAYLOAD_NAME}", f"report:  {directory / REPORT_NAME}", *calibrated):
+            screen.step(text)
     screen.document(findings.to_dict, _files(directory))
     require_not_wrong(findings)
 
 
 def _files(directory: Path) -> dict[str, Path]:
     """The folder and the files written to it; a calibration only if the runs sufficed for one."""
+    from armload_controller.session.commissioning_results import CALIBRATION_NAME, PAYLOAD_NAME, REPORT_NAME
+
     names = {"payload": PAYLOAD_NAME, "report": REPORT_NAME, "calibration": CALIBRATION_NAME}
     there = {key: directory / name for key, name in names.items() if (directory / name).exists()}
     return {"directory": directory} | there
@@ -200,67 +198,3 @@ def _counts_line(load: Load, summaries: list[CycleSummary], wall_s: float) -> st
         f"{load}: {motion_s:.0f} s of motion in {wall_s:.0f} s ({motion_s / wall_s:.1f} times real time), "
         f"{missing} feedback frames missing, {skipped} cycles skipped"
     )
-
-
-def _evaluate(
-    arm: Robot,
-    plan: CommissioningPlan,
-    screen: Screen,
-    now: datetime,
-    known: KnownPayload | None,
-    tolerance: Tolerance,
-) -> Findings:
-    """Identify from the first pair, validate on the second, calibrate from all; write the results and show them.
-
-    The report is written last: a folder that contains one is complete.
-    """
-    from armload_controller.analysis.robot_identification import identify
-    from armload_controller.cli.output.findings_output import show_findings
-    from armload_controller.session.commissioning import ROLES, read_pair
-
-    directory = plan.directory
-    first, second = (read_pair(arm, directory, role) for role in ROLES)
-    findings = identify(
-        arm,
-        first.loaded,
-        first.unloaded,
-        validation=(second.loaded, second.unloaded),
-        calibration=plan.calibration,
-        known=known,
-        tolerance=tolerance,
-    )
-    truth = arm.simulation.payload(arm.simulation.payload_name) if arm.bus.in_virtual_time else None
-    findings = replace(findings, truth=truth).with_validation_in_provenance()
-    findings.save(directory / PAYLOAD_NAME)
-    runs = (first.unloaded, first.loaded, second.unloaded, second.loaded)
-    calibrated = _calibrate(arm, directory, runs, plan.mass_kg)
-    findings.report(directory / REPORT_NAME, now)
-    show_findings(screen, findings)
-    screen.step(f"payload: {directory / PAYLOAD_NAME}")
-    screen.step(f"report:  {directory / REPORT_NAME}")
-    for text in calibrated:
-        screen.step(text)
-    return findings
-
-
-def _calibrate(arm: Robot, directory: Path, runs: Sequence[Recording], mass_kg: float | None) -> list[str]:
-    """Calibrate the arm from the four runs, for the next commissioning, if they suffice; returns lines to show."""
-    from armload_controller.analysis.robot_calibration import calibrate_from_runs
-    from armload_controller.config.robot_runs import masses_otherwise_recorded, runs_of_commissioning
-    from armload_identification.files.calibration_file import write_calibration
-    from armload_identification.identification_errors import EstimationError, RunTableError
-
-    path = directory / CALIBRATION_NAME
-    try:
-        result = calibrate_from_runs(arm, runs_of_commissioning(runs, mass_kg))
-    except (EstimationError, RunTableError) as problem:
-        return [f"warning: no calibration was written: {problem}"]
-    write_calibration(path, result)
-    notes = [*(f"left out: {name}: {reason}" for name, reason in result.left_out), *result.warnings]
-    for recorded_kg in masses_otherwise_recorded(runs, mass_kg):
-        notes.append(
-            f"the recordings state {recorded_kg:g} kg, which was not used. `armload calibrate` would use it: give it a "
-            "table of runs with the correct mass_kg."
-        )
-    notes.append(f"{path}, for the next payload: --calibration {path}")
-    return [f"calibration: {text}" for text in notes]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -34,12 +33,9 @@ def calibrate(
     the gains; leave the mass of the others empty. Runs with the same payload, mounted once, share a name in the column
     mounting. Runs that cannot be used or that contradict the others are left out and reported.
     """
-    from armload_controller.analysis.robot_calibration import calibrate_from_files
-    from armload_controller.cli.output.calibration_tables import gains_table, runs_table
-    from armload_controller.cli.output.result_documents import calibration_document
+    from armload_controller.analysis import robot_calibration
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
-    from armload_identification.files.calibration_file import write_calibration
 
     arm = load_robot(robot)
     screen = Screen(as_json=as_json)
@@ -47,17 +43,14 @@ def calibrate(
     if report is not None:
         require_drawable(report)
     with screen.track("reading and calibrating", total=200) as done:
-        result = calibrate_from_files(arm, runs, lambda count, _total: done(count))
-    screen.table(gains_table(result, arm.joint_names))
-    screen.table(runs_table(result))
-    screen.remarks("left out", (f"{name}: {reason}" for name, reason in result.left_out))
-    screen.remarks("warning", result.warnings)
-    write_calibration(output, result)
+        result = robot_calibration.calibrate(arm, runs, progress=lambda count, _total: done(count))
+    screen.result_table(result.table())
+    screen.result_table(result.runs_table())
+    screen.remarks("left out", (f"{name}: {reason}" for name, reason in result.calibration.left_out))
+    screen.remarks("warning", result.calibration.warnings)
+    result.save(output)
     screen.step(f"written: {output}")
     if report is not None:
-        from armload_identification.report.calibration_report import write_calibration_report
-
-        write_calibration_report(report, result, arm.description, arm.joint_names)
+        result.report(report)
         screen.step(f"written: {report}")
-    document = partial(calibration_document, arm.name, arm.joint_names, result)
-    screen.document(document, {"calibration": output, "report": report})
+    screen.document(result.to_dict, {"calibration": output, "report": report})

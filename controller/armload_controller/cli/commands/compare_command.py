@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +12,6 @@ from armload_controller.cli.output.verdict_output import (
     TOLERANCE,
     ToleranceOption,
     exit_status,
-    show_verdict,
 )
 from armload_identification.verdict.tolerance import Tolerance
 
@@ -33,37 +31,11 @@ def compare_with_cad(
     The verdict covers mass and centre of mass; with a calibration, as they are with its gains. The errors follow the
     paper's convention.
     """
-    from armload_controller.cli.output.cad_table import comparison_table
-    from armload_controller.cli.output.result_documents import comparison_document
+    from armload_controller.analysis.robot_comparison import compare
     from armload_controller.cli.screen import Screen
-    from armload_identification.files.calibration_file import read_calibration
-    from armload_identification.files.payload_file import read_payload
-    from armload_identification.identification_errors import PayloadFileError
-    from armload_identification.verdict.agreement import compare_known
-    from armload_identification.verdict.cad_comparison import compare
-    from armload_identification.verdict.payload_verdict import known_payload, with_gains
-    from armload_identification.verdict.verdict_text import agreement_sentences
 
-    allowed = Tolerance(*tolerance)
-    estimate, truth = read_payload(payload), read_payload(cad)
-    judged, corrected = known_payload(estimate), ""
-    if calibration is not None:
-        arm = read_calibration(calibration)
-        robot = estimate.provenance.robot
-        if robot and robot != arm.robot:
-            raise PayloadFileError(
-                str(payload), "provenance.robot", robot, f"expected {arm.robot!r}, the arm of {calibration}"
-            )
-        judged = with_gains(judged, arm.gain_nm_a, arm.covariance[: arm.n, : arm.n])
-        center = " ".join(f"{value:.4f}" for value in judged.parameters.center_of_mass_m)
-        corrected = f"with the gains of {calibration.name}: {judged.parameters.mass_kg:.4f} kg at {center} m"
-    result = compare(estimate, truth)
+    result = compare(payload, cad, calibration=calibration, tolerance=Tolerance(*tolerance))
     screen = Screen(as_json=as_json)
-    screen.table(comparison_table(result))
-    screen.result("inertia about the frame's origin, products as in the paper: ixy = +int xy dm")
-    if corrected:
-        screen.result(corrected)
-    agreement = compare_known(judged, known_payload(truth), allowed)
-    show_verdict(screen, agreement.outcome, agreement_sentences(agreement, "CAD gives"))
-    screen.document(partial(comparison_document, result, agreement))
-    raise typer.Exit(exit_status(agreement.outcome))
+    screen.result_table(result.table())
+    screen.document(result.to_dict)
+    raise typer.Exit(exit_status(result.outcome))

@@ -12,6 +12,7 @@ import typer
 from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_drawable
+from armload_controller.cli.printable_text import as_options
 
 if TYPE_CHECKING:
     from armload_controller.analysis.robot_excitation import DesignedMotion
@@ -143,7 +144,7 @@ def design_motion(
                 progress=done,
             )
         except UnstreamablePeriod as error:
-            raise typer.BadParameter(str(error)) from error
+            raise typer.BadParameter(as_options(str(error))) from error
     _finish(screen, designed, output)
 
 

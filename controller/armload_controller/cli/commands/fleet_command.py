@@ -174,9 +174,9 @@ def _claimed_store(output: Path, scheduler: str | None, workers: int | None) -> 
 
 def _show_tally(screen: Screen, tally: FleetTally, output: Path) -> None:
     """Show the counts of a run over the jobs."""
-    from armload_controller.cli.output.fleet_output import fleet_document, problem_lines, tally_text
+    from armload_controller.cli.output.fleet_output import fleet_document, problem_lines
 
-    screen.result(tally_text(tally))
+    screen.result(str(tally))
     for line in problem_lines(tally, output):
         screen.result(line)
     screen.document(partial(fleet_document, tally), {"directory": output})

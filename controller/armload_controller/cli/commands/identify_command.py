@@ -10,12 +10,11 @@ import typer
 
 from armload_controller.cli.given_arm import given_arm
 from armload_controller.cli.options import (
+    ArmArgument,
     BaseOption,
     CalibrationOption,
     FlangeOption,
     LoadedOption,
-    MaybeRobotArgument,
-    UrdfOption,
     seconds_of,
 )
 from armload_controller.cli.output.findings_output import ReportOption, ValidationOption, finish, require_not_wrong
@@ -40,12 +39,11 @@ if TYPE_CHECKING:
 
 
 def identify_payload(
+    robot: ArmArgument,
     loaded: LoadedOption,
-    robot: MaybeRobotArgument = None,
     unloaded: Annotated[
         Path | None, typer.Option("--unloaded", help="Recording of the same motion without the payload.")
     ] = None,
-    urdf: UrdfOption = None,
     base: BaseOption = None,
     flange: FlangeOption = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Payload file (TOML) to write.")] = None,
@@ -132,7 +130,7 @@ def identify_payload(
     every_s = None if every is None else seconds_of(every, "--every")
     if picture is not None and every is None:
         raise typer.BadParameter("needs --every", param_hint="--picture")
-    arm = given_arm(robot, urdf, base, flange)
+    arm = given_arm(robot, base, flange)
     files = [loaded, *([] if unloaded is None else [unloaded]), *(validation or ())]
     choices = recording_choices(columns, effort, between, joints, episode, count=len(files))
     if validation is not None:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from armload_controller.cli.given_arm import given_arm
 from armload_controller.cli.options import (
+    ArmArgument,
     BaseOption,
     CalibrationOption,
     FlangeOption,
     LoadedOption,
     UnloadedOption,
-    UrdfOption,
 )
 from armload_controller.cli.output.findings_output import ReportOption, finish
 from armload_controller.cli.output.json_output import JsonOption
@@ -32,16 +33,10 @@ from armload_identification.verdict.tolerance import Tolerance
 
 
 def validate_payload(
-    arguments: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="[ROBOT] PAYLOAD",
-            help="A shipped robot, or the path of a robot's TOML; omitted with --urdf. Then the payload file (TOML).",
-        ),
-    ],
+    robot: ArmArgument,
+    payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file (TOML).")],
     loaded: LoadedOption,
     unloaded: UnloadedOption,
-    urdf: UrdfOption = None,
     base: BaseOption = None,
     flange: FlangeOption = None,
     report: ReportOption = None,
@@ -61,10 +56,7 @@ def validate_payload(
     from armload_identification.extras import Extra, require_extra
 
     require_extra(Extra.IDENTIFY, "armload validate")
-    *robots, payload = arguments
-    if len(robots) > 1:
-        raise typer.BadParameter(f"expected ROBOT and PAYLOAD, found {' '.join(arguments)}")
-    arm = given_arm(robots[0] if robots else None, urdf, base, flange)
+    arm = given_arm(robot, base, flange)
     if report is not None:
         require_drawable(report)
     allowed = Tolerance(*tolerance)

@@ -15,18 +15,6 @@ _MOST_LINES = 10
 _MOST_REASONS = 5
 
 
-def tally_text(tally: FleetTally) -> str:
-    """A run in one or two lines."""
-    if not tally.done:
-        return f"nothing new: {counted(tally.skipped, 'recording')} processed before"
-    rate = tally.done / tally.wall_s if tally.wall_s > 0.0 else 0.0
-    counts = ", ".join(f"{tally.outcomes[outcome.value]} {outcome.value}" for outcome in RowOutcome)
-    return (
-        f"{counted(tally.done, 'recording')} in {tally.wall_s:.1f} s, {rate:.2f}/s, "
-        f"{tally.cpu_s / tally.done:.2f} s of CPU each: {counts}; {tally.skipped} processed before"
-    )
-
-
 def problem_lines(tally: FleetTally, output: Path) -> list[str]:
     """Why recordings were refused or failed, the first ones, and where the others are listed.
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from armload_controller.cli.printable_text import printable
+from armload_controller.cli.printable_text import as_options, printable
 
 JsonOption = Annotated[
     bool,
@@ -26,4 +26,4 @@ def json_document(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
 
 def print_document(document: dict[str, Any]) -> None:
     """Print a document that contains only JSON's own types and finite numbers."""
-    typer.echo(printable(json.dumps(document, allow_nan=False, ensure_ascii=False)))
+    typer.echo(printable(as_options(json.dumps(document, allow_nan=False, ensure_ascii=False))))

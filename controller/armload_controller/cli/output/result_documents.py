@@ -7,16 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from armload_controller.cli.output.json_output import json_document
-from armload_identification.model.payload import PARAMETER_NAMES
-from armload_identification.recording.reading_options import Effort
-from armload_identification.results.findings_document import agreement_fields, number, numbers
+from armload_identification.results.findings_document import number
 
 if TYPE_CHECKING:
     # a command does not load the modules of the other documents
+    from armload_controller.analysis.robot_export import Exported
     from armload_controller.feedforward.adaptation import AdaptationDecision
     from armload_controller.feedforward.offset_check import OffsetVerdict
     from armload_controller.new_robot.arm_draft import ArmDraft
@@ -25,51 +23,11 @@ if TYPE_CHECKING:
     from armload_drivers.bring_up.drive_check import ArmCheck
     from armload_drivers.bring_up.inspection import ArmStatus, DriveStatus, FoundNode
     from armload_drivers.cia402.state_machine import State
-    from armload_identification.calibration.calibration_result import ArmCalibration
-    from armload_identification.verdict.agreement import Agreement
-    from armload_identification.verdict.cad_comparison import RelativeErrors
 
 
 def half_document() -> dict[str, Any]:
     """The unloaded half of a commissioning: recordings without an identification."""
     return json_document("commission-half", {})
-
-
-def calibration_document(robot: str, joint_names: Sequence[str], result: ArmCalibration) -> dict[str, Any]:
-    """An arm calibrated from all its runs."""
-    joints = [
-        {
-            "name": name,
-            "nominal": number(result.nominal[j]),
-            "gain": number(result.gain_nm_a[j]) if result.determined[j] else None,
-            "half_width_95": number(result.gain_half_width_95[j]) if result.determined[j] else None,
-            "load_friction": number(result.body.load_friction[j]),
-            "determined": bool(result.determined[j]),
-        }
-        for j, name in enumerate(joint_names)
-    ]
-    return json_document(
-        "calibration",
-        {
-            "robot": robot,
-            "gain_unit": "N m/A" if result.effort is Effort.CURRENT else "N m/(N m)",
-            "joints": joints,
-            "runs": [{"name": run.name, "mounting": run.mounting or None, "off": run.off} for run in result.runs],
-            "left_out": [{"name": name, "reason": reason} for name, reason in result.left_out],
-            "warnings": list(result.warnings),
-        },
-    )
-
-
-def comparison_document(result: RelativeErrors, agreement: Agreement) -> dict[str, Any]:
-    """A payload against CAD in the paper's convention."""
-    values = (numbers(each) for each in (result.truth, result.estimate, result.error))
-    rows = zip(PARAMETER_NAMES, *values, result.determined.tolist(), strict=True)
-    parameters = {
-        name: {"cad": cad, "estimate": estimate if known else None, "error": error if known else None}
-        for name, cad, estimate, error, known in rows
-    }
-    return json_document("comparison", {"frame": result.frame, "parameters": parameters, **agreement_fields(agreement)})
 
 
 def nodes_document(interface: str, channel: str, found: Sequence[FoundNode]) -> dict[str, Any]:
@@ -175,7 +133,9 @@ def init_document(arm: ArmDraft, drafted: DraftedFile, problem: str | None, foll
     )
 
 
-def export_document(robot: str, export_format: str, written: dict[Path, bool], notes: Sequence[str]) -> dict[str, Any]:
+def export_document(done: Exported) -> dict[str, Any]:
     """The files of an export."""
-    files = [{"path": str(path), "written": new} for path, new in written.items()]
-    return json_document("export", {"robot": robot, "format": export_format, "files": files, "notes": list(notes)})
+    files = [{"path": str(path), "written": new} for path, new in done.files.items()]
+    return json_document(
+        "export", {"robot": done.robot, "format": done.export_format, "files": files, "notes": list(done.notes)}
+    )

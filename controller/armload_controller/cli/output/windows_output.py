@@ -13,15 +13,7 @@ if TYPE_CHECKING:
 
 def show_windows(screen: Screen, history: PayloadOverTime, *, picture: Path | None) -> None:
     """Show the windows as a table, and write the picture if requested."""
-    from rich.table import Table
-
-    from armload_identification.results.payload_over_time import HEADINGS
-
-    title = f"What {history.robot} carried, 95 % intervals, flange frame"
-    table = Table(*HEADINGS, title=title, title_justify="left")
-    for row in history.rows():
-        table.add_row(*row)
-    screen.table(table)
+    screen.result_table(history.table())
     if picture is not None:
         write_picture(screen, history.picture, picture)
     screen.document(history.to_dict, {"picture": picture})

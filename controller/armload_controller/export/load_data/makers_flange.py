@@ -103,7 +103,7 @@ def _require_makers(subject: ExportSubject, rotation: FloatArray) -> None:
     if _is_out(rotation.T @ own, known):
         return
     turned = (
-        "" if subject.flange_rpy_rad is None else f", turned by --flange-rpy-rad {angles_text(subject.flange_rpy_rad)}"
+        "" if subject.flange_rpy_rad is None else f", turned by `flange_rpy_rad=` {angles_text(subject.flange_rpy_rad)}"
     )
     choices = [turn for turn in _QUARTER_TURNS if _is_out(turn.T @ own, known)]
     listed = "; ".join(f"{angles_text(rpy_rad(turn))} (x along {_axis_name(turn[:, 0])})" for turn in choices)
@@ -117,7 +117,7 @@ def _require_makers(subject: ExportSubject, rotation: FloatArray) -> None:
         subject.payload_file,
         f"the last joint's axis, out of the arm, is ({', '.join(f'{c:.4g}' for c in np.round(own, 9) + 0.0)}) in the "
         f"flange frame of {subject.robot}'s configuration{turned}; the controller's flange has it along z, (0, 0, 1), "
-        "so the centre of mass would be written along wrong axes. Give --flange-rpy-rad ROLL PITCH YAW; "
+        "so the centre of mass would be written along wrong axes. Give `flange_rpy_rad=`, roll, pitch and yaw; "
         f"{remedy}",
     )
 

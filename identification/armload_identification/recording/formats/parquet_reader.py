@@ -136,12 +136,11 @@ class ParquetReader:
         if self._episode is None and len(episodes) > 1:
             raise RecordingError(
                 f"{self._path}: {len(episodes)} episodes ({_numbered(episodes)}), each of which is a separate "
-                "recording. Choose one for each recording, such as --episode 3, or --episode 3,4 for loaded and "
-                "unloaded."
+                "recording. Choose one for each recording with `episode=`, such as 3."
             )
         if self._episode is not None and self._episode not in episodes:
             there = f"there are {_numbered(episodes)}" if episodes else f"no column {_EPISODE}"
-            raise RecordingError(f"{self._path}: no episode {self._episode}, {there}. Correct --episode.")
+            raise RecordingError(f"{self._path}: no episode {self._episode}, {there}. Correct `episode=`.")
 
     def _damaged(self, error: Exception) -> RecordingError:
         reason = " ".join(str(error).split())[:200]

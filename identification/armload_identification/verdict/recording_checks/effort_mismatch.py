@@ -13,7 +13,7 @@ from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import reported_effort
 
 EFFORT_NAMES: Final = {Effort.TORQUE: "joint torque", Effort.CURRENT: "motor current"}
-_SELECT: Final = "`--columns` for a table, `--effort` for ROS messages"
+_SELECT: Final = "`columns=` for a table, `effort=` for ROS messages"
 
 
 def require_effort(run: Recording, effort: Effort) -> None:

@@ -94,7 +94,7 @@ def _refuse_long_means(run: Recording) -> None:
         raise RecordingError(
             f"{run.source.path}: {hours:.1f} h without a known excitation were reduced to means over "
             f"{1e3 * mean_s:.0f} ms, which reduces the motion's amplitude by about {100.0 * lost:.0f} %. Select a part "
-            "of it, such as --between 0s 600s."
+            "of it with `between_s=`, such as its first 600 s."
         )
 
 
@@ -143,7 +143,7 @@ def _refuse_stuck(run: Recording, repeats: RepeatedValues, moves: NDArray[np.boo
             f"{run.source.path}: joint {joint + 1} moves back and forth by {repeats.turned_rad[joint]:.2g} rad, but "
             f"its current or torque stays at {repeats.turned_at[joint]:.4g} for {repeats.turned_for[joint]:.0f} "
             "samples in a row: an old value was recorded repeatedly. Record the run again, or select a part without it "
-            "with --between."
+            "with `between_s=`."
         )
 
 

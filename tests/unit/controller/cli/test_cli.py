@@ -314,7 +314,7 @@ def test_identify_without_unloaded_is_refused_with_the_reason(commissioned, arml
     output, _ = commissioned
     result = armload("identify", short_robot, "--loaded", output / "loaded_identification.mcap")
     assert result.exit_code == 1
-    assert "--unloaded" in str(result.exception)
+    assert "`unloaded=`" in str(result.exception)
 
 
 @pytest.mark.long

@@ -4,13 +4,27 @@ import os
 import pty
 import select
 import shlex
+import shutil
 import subprocess
 import sys
+from importlib import resources
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from armload_controller.cli.guide import guided_words
 from tests.bounded import await_that
+
+
+def log(path):
+    """A recording of four joints of any arm."""
+    time_s = np.arange(0.0, 20.0, 0.01)
+    position_rad = np.sin(np.outer(time_s, [1.0, 1.3, 1.7, 2.1]))
+    names = ["time", *(f"{kind}{i}" for kind in ("position", "effort") for i in range(1, 5))]
+    table = np.column_stack([time_s, position_rad, 5.0 * position_rad])
+    np.savetxt(path, table, delimiter=",", header=",".join(names), comments="")
+
 
 SHIPPED = ("er50", "prbt")
 LINKS = "".join(f'<link name="l{i}"/>' for i in range(5))
@@ -26,10 +40,13 @@ def answered(*answers):
 
 
 @pytest.fixture
-def desk(tmp_path, monkeypatch):
+def desk(tmp_path, monkeypatch, recorded_er50):
     monkeypatch.chdir(tmp_path)
-    for name in ("a b.mcap", "empty.mcap", "my.toml"):
-        (tmp_path / name).touch()
+    for name, load in (("a b.mcap", "loaded"), ("empty.mcap", "unloaded")):
+        (tmp_path / name).symlink_to(recorded_er50 / "runs" / "today" / f"{load}_identification.mcap")
+    for file in Path(str(resources.files("armload_configs"))).glob("er50*.toml"):
+        shutil.copy(file, tmp_path / file.name.replace("er50.toml", "my.toml"))
+    log(tmp_path / "other.csv")
     (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{LINKS}{JOINTS}</robot>')
     camera = '<link name="c"/><joint name="cj" type="fixed"><parent link="l4"/><child link="c"/></joint>'
     (tmp_path / "fork.urdf").write_text(f'<robot name="arm">{LINKS}{JOINTS}{camera}</robot>')
@@ -41,12 +58,12 @@ def desk(tmp_path, monkeypatch):
     [
         (["1"], "commission er50 --output runs/try-1"),
         (
-            ["2", "none.mcap", "'a b.mcap'", "empty.mcap", "er60", "er50"],
+            ["2", "er60", "er50", "none.mcap", "empty.mcap", "'a b.mcap'"],
             "identify er50 --loaded 'a b.mcap' --unloaded empty.mcap --output payload.toml --report report.html",
         ),
         (
-            ["2", "a b.mcap", "empty.mcap", "fork.urdf", "", "l5", "", "l4"],
-            "identify --urdf fork.urdf --flange l4 --loaded 'a b.mcap' --unloaded empty.mcap --output payload.toml "
+            ["2", "fork.urdf", "", "l5", "", "l4", "other.csv", "other.csv"],
+            "identify fork.urdf --flange l4 --loaded other.csv --unloaded other.csv --output payload.toml "
             "--report report.html",
         ),
         (["5", "3", "arm.urdf", "my.toml", ""], "init arm.urdf --output my_arm.toml"),
@@ -61,11 +78,20 @@ def test_answers_become_a_command(desk, answers, command, require_accepted):
 
 
 def test_what_cannot_be_is_said_and_asked_again(desk):
-    _, said = answered("2", "none.mcap", "a b.mcap", "empty.mcap", "er60", "er50")
-    assert [line for line in said if "no such" in line] == [
-        "  'none.mcap': no such file or folder",
-        "  'er60': no such file and no shipped robot",
-    ]
+    (desk / "broken.urdf").write_text("<robot")
+    words = ("2", "er60", "broken.urdf", "", "", "er50", "none.mcap", "my.toml", "other.csv", "empty.mcap")
+    _, said = answered(*words, "other.csv", "a b.mcap")
+    asked_again = [line for line in said if line.startswith("  ") and not line[2].isdigit()]
+    reasons = (
+        "er60: no such file, and no shipped robot",
+        "broken.urdf",
+        "broken.urdf",
+        "none.mcap",
+        "my.toml",
+        "joints",
+    )
+    assert all(reason in line for reason, line in zip(reasons, asked_again[:6], strict=True)), asked_again
+    assert len(asked_again) == 7
     assert answered("q")[0] == []
 
 

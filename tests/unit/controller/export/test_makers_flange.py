@@ -52,7 +52,7 @@ def test_wrong_axes_are_refused_and_turned_ones_written(right, export_format):
     export, frame = exporter(export_format), np.linalg.inv(pose_from_xyz_rpy((0, 0, 0), EE_LINK_TO_TOOL0))
     wrong = reflanged(right, frame)
     with pytest.raises(
-        ExportError, match=r"out of the arm, is \(1, 0, 0\) in the flange frame .*--flange-rpy-rad"
+        ExportError, match=r"out of the arm, is \(1, 0, 0\) in the flange frame .*`flange_rpy_rad=`"
     ) as no:
         export(wrong)
     turned = replace(wrong, flange_rpy_rad=EE_LINK_TO_TOOL0)
@@ -74,7 +74,7 @@ def test_z_into_the_arm_is_refused(right):
 
 
 def test_a_rotation_to_wrong_axes_is_refused(right):
-    with pytest.raises(ExportError, match=r"turned by --flange-rpy-rad 0 1\.5 0"):
+    with pytest.raises(ExportError, match=r"turned by `flange_rpy_rad=` 0 1\.5 0"):
         export_ur(replace(right, flange_rpy_rad=(0.0, 1.5, 0.0)))
 
 

@@ -224,7 +224,7 @@ def test_a_worker_copies_recordings_to_its_own_folder_which_dask_removes(behind_
 
 def test_a_certificate_that_the_scheduler_does_not_know_is_refused(behind_tls):
     assert f"no scheduler at {behind_tls.address}: " in behind_tls.refusals[0]
-    assert "check --scheduler and its certificates" in behind_tls.refusals[0]
+    assert "check `scheduler=` and its certificates" in behind_tls.refusals[0]
     assert "no scheduler at carrier-pigeon://roof: " in behind_tls.refusals[1]
 
 

@@ -261,7 +261,7 @@ def test_a_table_a_document_and_a_picture(known, loaded, tmp_path):
         name="shift.csv",
     )
     history = PayloadOverTime("six", identify_windows(run, *known, 10.0), run.source, "0")
-    assert str(history).splitlines()[1].startswith("0.0 to 10.0 ")
+    assert str(history).splitlines()[2].startswith("0.0 to 10.0 ")
     document = history.to_dict()
     assert document["windows"][0]["mass_kg"] > 1.0
     history.picture(tmp_path / "mass.svg")

@@ -242,7 +242,9 @@ def test_means_that_are_too_long_for_the_motion_are_refused(pinocchio_arm):
     source = RecordingSource(Path("shift.csv"), "", "csv", 0, 0, {})
     repeats = repeated_values(position, position)
     run = Recording(time_s=time_s, position_rad=position, current_a=position, source=source, repeats=repeats)
-    with pytest.raises(RecordingError, match=r"0\.8 h .* means over 100 ms, .* 2 %.* --between 0s 600s"):
+    with pytest.raises(
+        RecordingError, match=r"0\.8 h .* means over 100 ms, .* 2 %.* with `between_s=`, such as its first 600 s"
+    ):
         check_run(run, pinocchio_arm.transmission)
 
 

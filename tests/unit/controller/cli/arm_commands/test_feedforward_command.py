@@ -218,7 +218,7 @@ def test_what_may_not_be_adapted_to(armload, folder):
     heavy = armload("feedforward", "prbt", "--adapt", "--expect", "0..6")
     assert "limited to 80 % of the rated 6 kg" in str(heavy.exception)
     unknown = armload("feedforward", "prbt", "--adapt", "--expect", "0..3", "--decisions", folder / "none.jsonl")
-    assert "give that file as --calibration" in str(unknown.exception)
+    assert "give that file as `calibration=`" in str(unknown.exception)
     assert "connecting" not in unknown.output
 
 

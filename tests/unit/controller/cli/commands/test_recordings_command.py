@@ -107,9 +107,11 @@ def test_options_that_make_no_sense_are_wrong_usage(armload, tmp_path, words, sa
 def test_times_outside_the_recording_are_named_with_its_length(armload, tmp_path):
     path = str(write_log(tmp_path / "log.csv"))
     beyond = armload("recordings", "show", path, "--between", "400s", "500s")
-    assert "no row between 400 and 500 s (--between): the recording has rows from 0 to 11.0 s." in str(beyond.exception)
+    assert "no row between 400 and 500 s (`between_s=`): the recording has rows from 0 to 11.0 s." in str(
+        beyond.exception
+    )
     few = armload("recordings", "show", path, "--between", "0s", "50ms")
-    assert re.search(r"6 usable rows of 1100 \(1094 outside --between\)", str(few.exception))
+    assert re.search(r"6 usable rows of 1100 \(1094 outside `between_s=`\)", str(few.exception))
 
 
 @pytest.mark.parametrize(
@@ -176,4 +178,4 @@ def test_identify_and_validate_use_the_part_and_the_joints_that_are_given(armloa
     result = armload(*words, "--episode", "0,1")
     assert json.loads(result.stdout)["payload"]["model"]["mass_kg"] == pytest.approx(mass_kg, rel=0.02)
     assert set(json.loads(result.stdout)["payload"]["recordings_sha256"]) == named
-    assert "--episode 3,4 for loaded and unloaded" in str(armload(*words).exception)
+    assert "`episode=`, such as 3" in str(armload(*words).exception)

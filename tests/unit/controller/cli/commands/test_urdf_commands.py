@@ -1,4 +1,4 @@
-"""`--urdf`: ROS 2 bags of an arm that has a URDF but no robot file; the torque is Pinocchio's."""
+"""A URDF as ROBOT: ROS 2 bags of an arm that has a URDF but no robot file; the torque is Pinocchio's."""
 
 import re
 
@@ -79,7 +79,7 @@ def desk(tmp_path_factory):
 
 
 def test_one_bag_alone_lacks_the_other_run(armload, desk):
-    result = armload("identify", "--urdf", desk / "six.urdf", "--loaded", desk / "loaded")
+    result = armload("identify", desk / "six.urdf", "--loaded", desk / "loaded")
     assert re.search("unloaded|calibrat", str(result.exception))
 
 
@@ -90,13 +90,13 @@ def pair(desk):
 @pytest.mark.long
 def test_a_payload_is_found_with_joints_by_name(armload, desk):
     out = desk / "payload.toml"
-    result = armload("identify", "--urdf", desk / "six.urdf", *pair(desk), "--output", out)
+    result = armload("identify", desk / "six.urdf", *pair(desk), "--output", out)
     assert result.exit_code == 0, result.output
     assert "not part of this arm: finger" in result.output
     found = read_payload(out)
     assert found.model.mass_kg == pytest.approx(MASS_KG, rel=0.005)
     np.testing.assert_allclose(found.model.center_of_mass_m, CENTER_M, atol=0.003)
-    judged = armload("validate", out, "--urdf", desk / "six.urdf", *pair(desk))
+    judged = armload("validate", desk / "six.urdf", out, *pair(desk))
     # The same runs agree, of course, and confirm nothing.
     assert judged.exit_code == 4, judged.output
     assert "cannot confirm it" in judged.output
@@ -105,11 +105,9 @@ def test_a_payload_is_found_with_joints_by_name(armload, desk):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["er50", "--urdf", "six.urdf"], "give only one"),
-        (["six.urdf"], "ROBOT is 'six.urdf': a robot's TOML: give a URDF as --urdf"),
-        (["er50", "--flange", "tool0"], "give --urdf as well"),
-        ([], "no arm: give ROBOT"),
-        (["--urdf", "six.urdf", "--flange", "hand"], "--flange is 'hand'.*one of its links: base.*tool0"),
+        (["er50", "--flange", "tool0"], "select the arm in a URDF; ROBOT 'er50' is none"),
+        (["none.urdf"], "none.urdf: no such file, and no shipped robot"),
+        (["six.urdf", "--flange", "hand"], "`flange=` is 'hand'.*one of its links: base.*tool0"),
     ],
 )
 def test_what_is_given_makes_one_arm(armload, desk, monkeypatch, words, message):
@@ -118,3 +116,8 @@ def test_what_is_given_makes_one_arm(armload, desk, monkeypatch, words, message)
     result = armload("identify", *words, *pair(desk))
     assert result.exit_code != 0
     assert re.search(message, result.output + str(result.exception), re.DOTALL)
+
+
+def test_other_commands_say_what_a_urdf_lacks(armload, desk):
+    result = armload("commission", desk / "six.urdf")
+    assert "make a robot file of it with `armload init`" in str(result.exception)

@@ -20,7 +20,6 @@ from armload_controller.analysis.robot_wiggle import DesignedWiggle
 from armload_controller.cli.main import app
 from armload_controller.cli.output.fleet_output import fleet_document, fleet_report_document
 from armload_controller.cli.output.result_documents import (
-    calibration_document,
     feedforward_document,
     half_document,
     init_document,
@@ -48,6 +47,7 @@ from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.pipeline.wiggle import Wiggle
 from armload_identification.recording.reading_options import Effort
 from armload_identification.results.arm_history import ArmHistory
+from armload_identification.results.calibrated_arm import CalibratedArm
 from armload_identification.results.payload_over_time import PayloadOverTime
 
 PAGE = Path(__file__).resolve().parents[5] / "controller" / "JSON.md"
@@ -147,6 +147,7 @@ def made():
     )
     node = FoundNode(3, 0x20192, "drive", Identity(1, 2, 3), (1, 8), ("1016",))
     arm = SimpleNamespace(
+        robot="arm",
         effort=Effort.CURRENT,
         nominal=ones,
         gain_nm_a=ones,
@@ -188,7 +189,7 @@ def made():
         history.to_dict() | {"files": {"picture": None}},
         wiggle.to_dict() | {"files": {"excitation": "wiggle.toml", "picture": "wiggle.png"}},
         weeks.to_dict() | {"files": {"report": None, "picture": None}},
-        printed(partial(calibration_document, "arm", joints, arm), calibration="arm.toml", report="arm.html"),
+        printed(CalibratedArm("", joints, arm, "0").to_dict, calibration="arm.toml", report="arm.html"),
         printed(partial(feedforward_document, "arm", offset, [compared], [decision]), picture="picture.svg"),
         nodes_document("socketcan", "can0", [node]),
         printed(half_document, directory="runs/today"),

@@ -10,13 +10,14 @@ import typer
 from rich.console import Console
 
 from armload_controller.cli import screen as screen_module
-from armload_controller.cli.output.cad_table import comparison_table
 from armload_controller.cli.output.feedforward_output import following_error_table, offset_account
 from armload_controller.cli.output.findings_output import finish, require_not_wrong
 from armload_controller.cli.output.windows_output import show_windows, write_picture
 from armload_controller.control_errors import CommissioningError
 from armload_controller.feedforward.offset_check import CERTAINTY, OffsetVerdict
 from armload_controller.session.feedforward_comparison import FollowingComparison, Measure
+from armload_identification.results import payload_comparison
+from armload_identification.results.result_table import ResultTable
 from armload_identification.verdict.agreement import Outcome
 from armload_identification.verdict.cad_comparison import RelativeErrors
 
@@ -51,13 +52,16 @@ def test_ten_values_stand_beside_cad_with_their_error_or_as_not_determined():
     truth = np.arange(1.0, 11.0)
     determined = np.arange(10) != 9
     result = RelativeErrors("flange", 1.1 * truth, truth, np.full(10, 0.1), determined)
-    found = rows(shown(comparison_table(result)))
-    assert found[0] == ["m", "1.0000", "1.1000", "10.00 %", "kg"]
-    assert found[3] == ["c_z", "4.0000", "4.4000", "10.00 %", "m"]
-    assert found[4][4] == "kg m2"
-    assert len(found) == 10
-    assert found[9][1] == "10.0000"
-    assert found[9][3] == ""
+    agreement = SimpleNamespace(outcome=Outcome.RIGHT)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(payload_comparison, "agreement_sentences", lambda *_: ["a sentence"])
+        table = payload_comparison.PayloadComparison(result, agreement, None, "0").table()
+    assert table.rows[0] == ("m", "1.0000", "1.1000", "10.00 %", "kg")
+    assert table.rows[3] == ("c_z", "4.0000", "4.4000", "10.00 %", "m")
+    assert table.rows[4][4] == "kg m2"
+    assert len(table.rows) == 10
+    assert table.rows[9][1:4] == ("10.0000", "not determined", "")
+    assert table.sentences[-1] == "  a sentence"
 
 
 def offset(gain):
@@ -88,7 +92,7 @@ def test_errors_with_feed_forward_are_told_as_less_and_loaded_joints_are_marked(
 def history():
     return SimpleNamespace(
         robot="six",
-        rows=lambda: [("0 to 5", "2.0", "1 2 3", ""), ("5 to 9", "", "", "gap")],
+        table=lambda: ResultTable("six", "abcd", [("0 to 5", "2.0", "1 2 3", ""), ("5 to 9", "", "", "gap")], (0, 3)),
         picture=lambda path: path.write_text("a picture"),
         to_dict=lambda: {"windows": []},
     )

@@ -128,9 +128,9 @@ def test_a_lerobot_data_set(tmp_path):
 def test_of_a_data_set_of_several_episodes_one_is_chosen(tmp_path):
     """Each episode is a separate recording with its own rows, name and hash."""
     folder = lerobot(tmp_path / "three", episodes=3)
-    with pytest.raises(RecordingError, match=r"3 episodes \(0 to 2\).*--episode 3, or --episode 3,4 for loaded and"):
+    with pytest.raises(RecordingError, match=r"3 episodes \(0 to 2\).*`episode=`, such as 3"):
         read_recording(folder)
-    with pytest.raises(RecordingError, match=r"no episode 3, there are 0 to 2\. Correct --episode"):
+    with pytest.raises(RecordingError, match=r"no episode 3, there are 0 to 2\. Correct `episode=`"):
         read_recording(folder, ReadingOptions(episode=3))
     parts = [read_recording(folder, ReadingOptions(episode=number)) for number in range(3)]
     np.testing.assert_array_equal(np.vstack([part.position_rad for part in parts]), POSITION)
@@ -149,7 +149,7 @@ def test_a_file_without_episodes_has_none_to_choose(tmp_path):
         read_recording(path, ReadingOptions(episode=0))
     log = tmp_path / "run.csv"
     log.write_text("t,q1\n0,0\n")
-    with pytest.raises(RecordingError, match=r"run\.csv: has no episodes.*Omit --episode"):
+    with pytest.raises(RecordingError, match=r"run\.csv: has no episodes.*Omit `episode=`"):
         read_recording(log, ReadingOptions(episode=0))
 
 

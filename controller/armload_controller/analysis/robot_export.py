@@ -1,0 +1,138 @@
+"""Export a payload, or a calibrated arm, for other programs."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from os import PathLike
+from pathlib import Path
+
+from armload_controller.analysis.arm_in_use import Calibration, arm_in_use, calibration_of
+from armload_controller.config.objects_or_paths import FilePath, payload_from, robot_of
+from armload_controller.config.robot import Robot
+from armload_controller.control_errors import ExportError
+from armload_controller.export.export_files import write_files
+from armload_controller.export.exported_payload import ExportSubject
+from armload_controller.export.format_registry import DEFAULT_LICENCE, LOAD_DATA, OF_AN_ARM, ExportFormat, exporter
+from armload_identification.files.calibration_file import is_calibration
+from armload_identification.files.payload_file import format_payload
+from armload_identification.model.payload import PARAMETER_NAMES, PayloadResult
+
+
+@dataclass(frozen=True)
+class Exported:
+    """The files of an export.
+
+    Attributes:
+        robot: Name of the arm.
+        export_format: The format.
+        files: Path of each file, and whether it was written; False if it already had this content.
+        notes: What the files cannot express, or state as unknown.
+    """
+
+    robot: str
+    export_format: ExportFormat
+    files: Mapping[Path, bool]
+    notes: tuple[str, ...]
+
+
+def export(
+    robot: Robot | FilePath,
+    payload: PayloadResult | FilePath,
+    export_format: ExportFormat | str,
+    output: FilePath = ".",
+    *,
+    calibration: Calibration | None = None,
+    single: bool = False,
+    flange_rpy_rad: tuple[float, float, float] | None = None,
+    licence: str = DEFAULT_LICENCE,
+) -> Exported:
+    """Write a payload as C source, an FMU, URDF, MJCF, ROS 2 files or the load data of a robot controller.
+
+    Args:
+        robot: The arm that carries it: a robot, the name of a shipped robot, or the path of its TOML.
+        payload: The payload, or its file; or an arm's calibration file, with the format "urdf" or "mjcf".
+        export_format: Name of the format, such as "c", "fmu", "urdf" or "kuka"; a wrong one is answered with all.
+        output: Folder, or a file if the format has only one; an existing file is not overwritten.
+        calibration: Calibration of the arm, or its file: the payload's friction in the gears, and the recursive
+            estimator, become part of the C source.
+        single: Single precision; only for "c".
+        flange_rpy_rad: With a robot controller's load data: the controller's flange in the flange frame of the robot
+            file, as in a URDF. Required if that frame's z is not the last joint's axis.
+        licence: Licence of generated source code, as an SPDX expression.
+
+    Raises:
+        ExportError: the payload may not be exported, or a file cannot be written.
+
+    Examples:
+        >>> import armload
+        >>> exported = armload.export("er50", "runs/today/payload.toml", "urdf", "export")
+        >>> [path.name for path in exported.files]
+        ['er50_payload_inertial.xml']
+    """
+    arm, folder = robot_of(robot), Path(output)
+    try:
+        target = ExportFormat(export_format)
+    except ValueError as error:
+        raise ExportError(f"{export_format!r}", f"no such format: one of {', '.join(ExportFormat)}") from error
+    if single and target is not ExportFormat.C:
+        raise ExportError("`single=`", f"can only be used with the format c, not with {target}")
+    if flange_rpy_rad is not None and target not in LOAD_DATA:
+        raise ExportError(
+            "`flange_rpy_rad=`",
+            f"can only be used with {', '.join(sorted(LOAD_DATA))}, not with {target}, which keeps the robot file's "
+            "flange frame",
+        )
+    if isinstance(payload, str | PathLike) and is_calibration(payload):
+        if target not in OF_AN_ARM:
+            raise ExportError(str(payload), f"is an arm's calibration: expected {' or '.join(sorted(OF_AN_ARM))}")
+        return _exported_arm(arm, target, Path(payload), folder)
+    result = payload_from(payload, "payload")
+    source, content = "payload", format_payload(result).encode()
+    if isinstance(payload, str | PathLike):
+        source, content = str(payload), Path(payload).read_bytes()
+    sha256 = hashlib.sha256(content).hexdigest()
+    used = arm_in_use(arm, calibration)
+    known = used.calibration, used.calibration_sha256
+    subject = ExportSubject.of(arm, result, source, sha256, *known, flange_rpy_rad=flange_rpy_rad, licence=licence)
+    notes = []
+    if single:
+        from armload_controller.export.c99 import export_c
+        from armload_controller.export.c_code.rounding import single_precision_error
+        from armload_controller.export.straight_line.precision import Precision
+
+        files = write_files(export_c(subject, Precision.SINGLE), folder)
+        notes.append(single_precision_error(subject).statement)
+    else:
+        files = write_files(exporter(target)(subject), folder)
+    unknown = [name for name, known in zip(PARAMETER_NAMES, result.determined, strict=True) if not known]
+    if unknown:
+        notes.append(f"not determined: {', '.join(unknown)}; the exported file states what is written for them")
+    if result.provenance.configuration_sha256 != arm.sha256:
+        notes.append(f"{source} was identified with a configuration other than that of {arm.name}")
+    return Exported(arm.name, target, files, tuple(notes))
+
+
+def _exported_arm(arm: Robot, target: ExportFormat, file: Path, output: Path) -> Exported:
+    """A calibrated arm as URDF or MJCF."""
+    from armload_controller.export.calibrated_mjcf import arm_mjcf
+    from armload_controller.export.calibrated_urdf import arm_urdf
+    from armload_identification.calibration.possible_links import possible_links
+
+    calibration = calibration_of(arm, file)
+    possible = possible_links(calibration.level(arm.chain), calibration)
+    sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
+    made_from = f"armload {version('armload')} from {file.name}, sha256 {sha256}"
+    as_urdf = target is ExportFormat.URDF
+    files = write_files((arm_urdf if as_urdf else arm_mjcf)(arm, calibration, possible, made_from), output)
+    absent = "rotors and load-dependent friction" if as_urdf else "load-dependent friction"
+    notes = [f"{target.upper()} cannot describe {absent}; the comment in the file contains them"]
+    if not possible.exact:
+        residual = ", ".join(f"{value:.2g}" for value in possible.left_nm)
+        notes.append(
+            "no physically possible links have the identified parameters; those written differ by "
+            f"{possible.off:.2f} standard deviations, {residual} N m RMS"
+        )
+    return Exported(arm.name, target, files, tuple(notes))

@@ -1,0 +1,95 @@
+"""Arguments that are objects, or the names and paths that they are read from."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+from armload_controller.config.chain_from_urdf import UrdfArm, read_urdf_arm
+from armload_controller.config.measured_arm import MeasuredArm
+from armload_controller.config.robot import Robot, load_robot
+from armload_controller.config.robot_recordings import read_of
+from armload_controller.config.urdf_tree import is_urdf
+from armload_identification.files.payload_file import read_payload
+from armload_identification.model.payload import PayloadResult
+from armload_identification.recording.recording import Recording
+
+FilePath = str | PathLike[str]
+
+
+def wrong_type(argument: str, value: object, expected: str) -> TypeError:
+    """The error for an argument of another type.
+
+    Args:
+        argument: Its name.
+        value: What was given.
+        expected: What it may be.
+    """
+    return TypeError(f"`{argument}=` is {value!r:.80}, a {type(value).__name__}: expected {expected}.")
+
+
+def arm_of(robot: MeasuredArm | FilePath) -> MeasuredArm:
+    """An arm for recordings: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML or URDF.
+
+    Raises:
+        ConfigurationError: the file cannot be used.
+        TypeError: it is something else.
+    """
+    if isinstance(robot, UrdfArm):
+        return robot
+    if isinstance(robot, str | PathLike) and is_urdf(Path(robot)):
+        return read_urdf_arm(robot)
+    return robot_of(robot)
+
+
+def robot_of(robot: MeasuredArm | FilePath) -> Robot:
+    """A configured robot: the object, the name of a shipped robot, or the path of its TOML.
+
+    Raises:
+        ConfigurationError: the file cannot be used.
+        TypeError: it is something else.
+    """
+    if isinstance(robot, str | PathLike):
+        return load_robot(robot)
+    if isinstance(robot, Robot):
+        return robot
+    raise wrong_type("robot", robot, "a Robot, the name of a shipped robot, or the path of a robot's file")
+
+
+def recording_of(arm: MeasuredArm, run: Recording | FilePath, argument: str) -> Recording:
+    """A recording with the arm's joints.
+
+    Args:
+        arm: The arm.
+        run: The recording or its path.
+        argument: Name of the argument, for messages.
+
+    Raises:
+        RecordingError: it cannot be read, or has other joints.
+        CommissioningError: it is of another arm.
+        TypeError: it is something else.
+    """
+    if isinstance(run, Recording):
+        return arm.own(run)
+    if isinstance(run, str | PathLike):
+        return read_of(arm, Path(run))
+    expected = "a Recording (read_recording, Recording.from_arrays) or the path of one"
+    raise wrong_type(argument, run, expected)
+
+
+def payload_from(payload: PayloadResult | FilePath, argument: str) -> PayloadResult:
+    """A payload, with its intervals.
+
+    Args:
+        payload: The payload or the path of its file.
+        argument: Name of the argument, for messages.
+
+    Raises:
+        PayloadFileError: the file cannot be read.
+        TypeError: it is something else.
+    """
+    if isinstance(payload, PayloadResult):
+        return payload
+    if isinstance(payload, str | PathLike):
+        return read_payload(payload)
+    raise wrong_type(argument, payload, "a payload (read_payload, or `payload` of a result) or the path of its file")

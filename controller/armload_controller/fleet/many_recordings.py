@@ -1,0 +1,73 @@
+"""Identify and assess the recordings of many arms, from Python."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+
+from armload_controller.config.objects_or_paths import FilePath
+from armload_controller.fleet.fleet_rows import runs_of
+from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
+from armload_controller.fleet.row_store import RowStore
+from armload_controller.fleet.workforce import Workforce
+from armload_controller.session.folder_claim import claimed
+from armload_identification.extras import Extra, require_extra
+from armload_identification.many_arms.fleet_review import FleetReview, review_fleet
+
+
+def fleet(jobs: FilePath, output: FilePath, *, workers: int | None = None, scheduler: str | None = None) -> FleetTally:
+    r"""Identify every recording of a table that has no row yet, as `armload fleet identify` does.
+
+    Processes are started: a script that calls this needs `if __name__ == "__main__":`.
+
+    Args:
+        jobs: Table of jobs (CSV: arm, robot, loaded, unloaded, calibration, ...).
+        output: Folder of the rows (Parquet, one folder per day).
+        workers: Number of processes on this machine; the number of cores if not given.
+        scheduler: Address of a Dask scheduler, instead of processes on this machine.
+
+    Raises:
+        ConfigurationError: the table is invalid.
+        FleetError: the existing rows cannot be read, or the scheduler does not answer.
+        CommissioningError: another process is using the folder.
+
+    Examples:
+        >>> import armload
+        >>> from pathlib import Path
+        >>> names = "runs/today/loaded_identification.mcap,runs/today/unloaded_identification.mcap"
+        >>> _ = Path("jobs.csv").write_text(f"arm,robot,loaded,unloaded\ncell-1,er50,{names}\n")
+        >>> armload.fleet("jobs.csv", "rows", workers=1).outcomes["identified"]
+        1
+        >>> [arm.arm for arm in armload.fleet_report("rows", "fleet.html").arms]
+        ['cell-1']
+    """
+    require_extra(Extra.FLEET, "a fleet")
+    folder = Path(output)
+    folder.mkdir(parents=True, exist_ok=True)
+    with claimed(folder, "`armload fleet` run"), RowStore(folder) as store:
+        listing, new = new_jobs(Path(jobs), store)
+        if not new:
+            return FleetTally.before(listing, new)
+        with Workforce(scheduler, workers) as force:
+            return do_jobs(listing, new, store, force.rows)
+
+
+def fleet_report(rows: FilePath, report: FilePath | None = None) -> FleetReview:
+    """Assess the arms of a fleet: payload, gains and friction over time, the most suspicious first.
+
+    Args:
+        rows: Folder of the rows.
+        report: Report (HTML) to write; none if not given.
+
+    Raises:
+        FleetError: there are no rows, or they cannot be read.
+        ReportError: the report cannot be written.
+    """
+    require_extra(Extra.FLEET, "a fleet")
+    review = review_fleet(runs_of(Path(rows)))
+    if report is not None:
+        require_extra(Extra.REPORT, "the report of a fleet")
+        from armload_identification.report.fleet.fleet_report import write_fleet_report
+
+        write_fleet_report(Path(report), review, version("armload"))
+    return review

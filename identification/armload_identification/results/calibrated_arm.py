@@ -1,0 +1,134 @@
+"""An arm as calibrated from its runs: tables to print, the calibration file, a report and a document."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armload_identification.calibration.calibration_result import ArmCalibration, CalibratedPayload, CalibratedRun
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.extras import Extra, require_extra
+from armload_identification.files.calibration_file import write_calibration
+from armload_identification.recording.reading_options import Effort
+from armload_identification.results.findings_document import number
+from armload_identification.results.result_table import PrintedResult, ResultTable
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CalibratedArm(PrintedResult):
+    """An arm as calibrated from its runs; printed as a table of gains and friction.
+
+    `calibration=` of the other functions takes it, or the file that `save` writes.
+
+    Attributes:
+        description: Description of the arm, in one line.
+        joint_names: Names of its joints.
+        calibration: Gains, body and friction with their uncertainty: the content of the calibration file.
+        armload_version: Version of the program.
+    """
+
+    description: str
+    joint_names: tuple[str, ...]
+    calibration: ArmCalibration
+    armload_version: str
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the calibration file; an existing file is replaced.
+
+        Raises:
+            CalibrationFileError: the file cannot be written.
+        """
+        write_calibration(Path(path), self.calibration)
+
+    def report(self, path: str | PathLike[str]) -> None:
+        """Write the report (HTML); an existing file is replaced.
+
+        Raises:
+            ReportError: the file cannot be written.
+            ExtraMissing: the libraries for reports are not installed.
+        """
+        require_extra(Extra.REPORT, "the report of a calibration")
+        from armload_identification.report.calibration_report import write_calibration_report
+
+        write_calibration_report(Path(path), self.calibration, self.description, self.joint_names)
+
+    def table(self) -> ResultTable:
+        """Gain and load-dependent friction of every joint, with 95 % intervals."""
+        result = self.calibration
+        current = result.effort is Effort.CURRENT
+        title = "Torque per ampere of motor current" if current else "Torque per N m that the drive reports"
+        title = f"{title}, output side of the gear, and friction per transmitted torque (mu)"
+        nominal = "nominal N m/A" if current else "nominal"
+        headings = ("joint", nominal, "calibrated", "95 % +-", "change", "mu", "95 % +-", "unexplained")
+        load = NORMAL_HALF_WIDTH * result.deviation("load")
+        left = result.noise_nm / np.maximum(result.level_nm, np.finfo(float).tiny)
+        rows = [
+            (
+                name,
+                f"{result.nominal[j]:.4g}",
+                f"{result.gain_nm_a[j]:.4g}" if result.determined[j] else f"({result.gain_nm_a[j]:.4g})",
+                f"{100.0 * result.gain_half_width_95[j] / result.gain_nm_a[j]:.2f} %",
+                f"{100.0 * (result.gain_nm_a[j] / result.nominal[j] - 1.0):+z.2f} %",
+                f"{result.body.load_friction[j]:z.3f}",
+                f"{load[j]:z.3f}",
+                f"{100.0 * left[j]:.1f} %",
+            )
+            for j, name in enumerate(self.joint_names)
+        ]
+        doubtful = () if result.determined.all() else ("In brackets: not determined, or hardly better than assumed.",)
+        return ResultTable(title, headings, rows, (0,), doubtful)
+
+    def runs_table(self) -> ResultTable:
+        """Fit of every run, and what it carried as identified with the calibrated gains, with its 95 % interval."""
+        title = "Runs used, payloads with these gains; off: residual relative to that of all runs, 1 is usual"
+        headings = ("run", "carried", "off", "worst joint", "greatest influence", "impacts left out")
+        found = {payload.mounting: payload for payload in self.calibration.payloads}
+        rows = [self._run_cells(run, found.get(run.mounting)) for run in self.calibration.runs]
+        return ResultTable(title, headings, rows, (0, 1))
+
+    def _run_cells(self, run: CalibratedRun, payload: CalibratedPayload | None) -> tuple[str, ...]:
+        """One run."""
+        ratio = run.residual_rms_nm / np.maximum(self.calibration.noise_nm, np.finfo(float).tiny)
+        joint = int(np.argmax(run.influence))
+        carried = "nothing"
+        if payload is not None:
+            weighed = ", weighed" if np.isfinite(payload.weighed_kg) else ""
+            width = NORMAL_HALF_WIDTH * payload.deviation[0]
+            carried = f"{run.mounting}: {payload.theta[0]:z.3f} +- {width:.3f} kg{weighed}"
+        return (
+            run.name,
+            carried,
+            f"{run.off:.2f}",
+            f"{int(np.argmax(ratio)) + 1}: {ratio.max():.1f}",
+            f"{run.influence[joint]:.1f} sd of gain {joint + 1}",
+            str(run.struck) if run.struck else "",
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as numbers, texts, lists and dictionaries: the schema `armload/calibration/1`."""
+        result = self.calibration
+        joints = [
+            {
+                "name": name,
+                "nominal": number(result.nominal[j]),
+                "gain": number(result.gain_nm_a[j]) if result.determined[j] else None,
+                "half_width_95": number(result.gain_half_width_95[j]) if result.determined[j] else None,
+                "load_friction": number(result.body.load_friction[j]),
+                "determined": bool(result.determined[j]),
+            }
+            for j, name in enumerate(self.joint_names)
+        ]
+        return {
+            "schema": "armload/calibration/1",
+            "armload_version": self.armload_version,
+            "robot": result.robot,
+            "gain_unit": "N m/A" if result.effort is Effort.CURRENT else "N m/(N m)",
+            "joints": joints,
+            "runs": [{"name": run.name, "mounting": run.mounting or None, "off": run.off} for run in result.runs],
+            "left_out": [{"name": name, "reason": reason} for name, reason in result.left_out],
+            "warnings": list(result.warnings),
+        }
