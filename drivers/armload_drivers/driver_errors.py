@@ -7,12 +7,17 @@ DriverError
  |    +-- SdoRefused       ... answered an SDO with an abort code
  |    +-- WrongDevice      ... is not the configured device, or contradicts its configuration
  |    +-- MissingSafety    ... cannot provide a safety property
+ |    +-- DriveLeftOp      ... has left OP of EtherCAT by itself
+ |    +-- DriveHung        ... exchanges process data, but its firmware hangs
  |    +-- SettingChanged   ... no longer has a value that was read back when it was configured
  |    +-- LoopLost         ... moves its axis otherwise than commanded: encoder, loop or brake has failed
  |    +-- AxisMoves        ... its axis moves without torque: no brake holds it
  |    +-- TorqueRemains    ... may carry torque: its removal could not be read back
  +-- BusError              the bus itself: missing, off, queue full
  |    +-- BusOverload      ... would carry more than its configured share
+ |    +-- FramesLost       ... loses too many frames
+ |    +-- LinkDown         ... has no link: a cable is unplugged
+ |    +-- WorkingCounterWrong     ... carries frames in which not every drive takes part
  +-- ForeignMaster         another master commands the same bus
  +-- DescriptionError      a device description (EDS, DCF) that cannot be used
  +-- StateError            the caller requested something that the present state does not allow
@@ -68,6 +73,18 @@ class BusError(DriverError):
 
 class BusOverload(BusError):
     """The configured cycle would load the bus more than the configuration allows."""
+
+
+class FramesLost(BusError):
+    """Too many frames of process data did not return."""
+
+
+class LinkDown(BusError):
+    """The interface has no link."""
+
+
+class WorkingCounterWrong(BusError):
+    """Frames return in which not every drive has taken part, and none says that it has left OP."""
 
 
 class ForeignMaster(DriverError):
@@ -148,6 +165,14 @@ class WrongDevice(ServoError):
 
 class MissingSafety(ServoError):
     """A drive cannot provide a safety property, and the configuration does not accept that."""
+
+
+class DriveLeftOp(ServoError):
+    """A drive has left OP of EtherCAT by itself."""
+
+
+class DriveHung(ServoError):
+    """The firmware of a drive hangs: its frames are complete, but it answers nothing."""
 
 
 class SettingChanged(ServoError):

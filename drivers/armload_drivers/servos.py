@@ -1,8 +1,9 @@
 """The hardware abstraction: all joint servos of an arm, exchanged cyclically as a unit.
 
 One `exchange` per cycle. The drives latch the given command at the next SYNC; the returned feedback was sampled at that
-same SYNC. Values are in SI units and refer to the JOINTS, with coupling resolved, except `current_a`, which is the
-current of each MOTOR, because torque constants belong to the identification.
+same SYNC, or, where one frame carries setpoints out and feedback in (EtherCAT), at the one before; its time says which.
+Values are in SI units and refer to the JOINTS, with coupling resolved, except `current_a`, which is the current of each
+MOTOR, because torque constants belong to the identification.
 
 Sequence: `connect` -> `enable` -> `exchange` ... -> `stop` -> `disable` -> `close`. `close` is allowed in every state
 and leaves the arm at standstill without torque. While no drive is enabled, `standing_rad` returns the arm's position.
@@ -101,7 +102,7 @@ class JointServos(Protocol):
         """
 
     def exchange(self, command: JointCommand) -> JointFeedback:
-        """Send one cycle's setpoints and return the feedback sampled at the SYNC that latched them.
+        """Send one cycle's setpoints and return the feedback sampled at the SYNC that latched them, or the one before.
 
         Raises:
             StateError: not enabled.

@@ -11,7 +11,7 @@ import pytest
 
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import EffortFeedback as Effort
-from armload_drivers.cia402.arm_settings import Identity, OperationMode, VendorEffort, VendorSetting
+from armload_drivers.cia402.arm_settings import Fieldbus, Identity, OperationMode, VendorEffort, VendorSetting
 from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.drive_safety import SAFETY_KEYS
 from armload_drivers.cia402.object_dictionary import DataType, Entry
@@ -346,7 +346,9 @@ def drives_of(fault_arm, arm_settings, request):
 
 def numbers(report):
     """Number of the way found for each property; 0 for none."""
-    return {f.of.key: 0 if f.way is None else 1 + f.of.value.ways.index(f.way) for f in report.safety}
+    return {
+        f.of.key: 0 if f.way is None else 1 + f.of.value.ways_on(Fieldbus.CANOPEN).index(f.way) for f in report.safety
+    }
 
 
 @pytest.mark.parametrize("name", [name for name, row in ROWS.items() if row.expected is not None])

@@ -119,12 +119,14 @@ class DriveSetup(DriveDialogue, ABC):
             self._sdo.read(od.VENDOR_ID),
             self._sdo.read_if_there(od.PRODUCT_CODE),
             self._sdo.read_if_there(od.REVISION),
+            None if self.settings.wanted_identity.serial is None else self._sdo.read_if_there(od.SERIAL_NUMBER),
         )
         wanted = self.settings.wanted_identity
         for what, is_, should in (
             ("vendor id", found.vendor_id, wanted.vendor_id),
             ("product code", found.product_code, wanted.product_code),
             ("revision", found.revision, wanted.revision),
+            ("serial number", found.serial, wanted.serial),
         ):
             if should is not None and is_ != should:
                 text = "nothing" if is_ is None else f"0x{is_:08X}"
@@ -374,15 +376,23 @@ class DriveSetup(DriveDialogue, ABC):
 
     def _select_mode(self) -> None:
         """Write 6060 and wait for 6061, which some drives lack."""
+        self._write_mode()
+        self._objects.held[self._require_mode()] = int(self.settings.mode)
+
+    def _write_mode(self) -> None:
+        """Write 6060."""
         self._sdo.step = "selecting the mode"
-        mode = int(self.settings.mode)
         try:
-            self._sdo.write(od.MODE, mode)
+            self._sdo.write(od.MODE, int(self.settings.mode))
         except SdoRefused as refusal:
             if refusal.abort_code not in OUT_OF_RANGE:
                 raise
             what = f"6060 refuses mode {_named(self.settings.mode)} with 0x{refusal.abort_code:08X}"
             raise self._wrong(what, self._other_mode(self._takes_mode)) from refusal
+
+    def _require_mode(self) -> Entry:
+        """Wait for 6061, or 6060 on drives without it; the object."""
+        mode = int(self.settings.mode)
         shown = od.MODE_DISPLAY if self._objects.read(od.MODE_DISPLAY) is not None else od.MODE
         found = self._sdo.read_until(shown, mode, self._timeouts.mode_s)
         if found != mode:
@@ -393,7 +403,7 @@ class DriveSetup(DriveDialogue, ABC):
                 f"{shown.index:04X} reports mode {found} after {self._timeouts.mode_s} s, {mode} was requested",
                 "Is the mode licensed and allowed in the drive's present state?",
             )
-        self._objects.held[shown] = mode
+        return shown
 
 
 def _named(mode: OperationMode) -> str:

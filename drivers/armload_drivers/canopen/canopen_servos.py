@@ -99,6 +99,9 @@ class CanopenServos(CyclicServos):
         """Drop what other programs caused to be received."""
         self._link.drain()
 
+    def _require_started(self) -> None:
+        """Everything was checked before."""
+
     def _leave(self) -> None:
         """End SYNC."""
         self._sync.end(self._link)

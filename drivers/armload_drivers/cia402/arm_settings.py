@@ -18,6 +18,13 @@ NODE_IDS = frozenset(range(1, 128))
 """Node ids of CANopen."""
 
 
+class Fieldbus(Enum):
+    """Buses that carry CiA 402."""
+
+    CANOPEN = "CANopen"
+    ETHERCAT = "EtherCAT"
+
+
 class OperationMode(IntEnum):
     """Modes of operation (6060) that this driver streams in. CiA 402-2, 6.3."""
 
@@ -90,6 +97,7 @@ class Identity:
     vendor_id: int | None
     product_code: int | None
     revision: int | None = None
+    serial: int | None = None
 
 
 SIMULATION_IDENTITY = Identity(vendor_id=0x4152_4D4C, product_code=0x5349_4D01)
@@ -102,7 +110,7 @@ class DriveSettings:
 
     Attributes:
         joint: Name of the joint.
-        node_id: CANopen node id, 1 to 127.
+        node_id: CANopen node id, 1 to 127; on EtherCAT the drive's place in the line, from 1.
         mode: Streaming mode.
         feedback: Object that reports the effort.
         counts_per_rad: Position units (607A, 6064) per radian of the AXIS; None to read it from the drive.
@@ -130,6 +138,8 @@ class DriveSettings:
         pdo_objects_max: Greatest number of objects in one PDO, whatever their size.
         rated_torque_unit_nm: Value of one unit of 6076, in N m.
         second_axis_unused: Whether nothing is connected to the further axes of a drive that serves several.
+        alias: EtherCAT station alias that the drive must have; None if it is not checked.
+        sync0: Whether the drive follows its distributed clock (SYNC0) instead of the frame's arrival.
     """
 
     joint: str
@@ -160,6 +170,8 @@ class DriveSettings:
     pdo_objects_max: int = 8
     rated_torque_unit_nm: float = 1e-3
     second_axis_unused: bool = False
+    alias: int | None = None
+    sync0: bool = False
 
     @property
     def wanted_identity(self) -> Identity:
@@ -181,12 +193,14 @@ class ArmSettings:
     Attributes:
         drives: One entry per joint, in joint order.
         coupling: (n, n) C with q_joint = C q_axis.
-        cycle_s: SYNC period.
-        bitrate: Bits per second.
-        heartbeat_s: Heartbeat period in both directions.
+        cycle_s: Period of SYNC, or of EtherCAT's frames.
+        bitrate: Bits per second; of CANopen.
+        heartbeat_s: Heartbeat period in both directions; of CANopen.
         max_missing_cycles: Greatest number of consecutive cycles in which a joint's feedback may be missing.
         other_nodes: Node ids of CiA 402 drives on the bus that do not belong to the arm.
         sync_counter: Overflow value of the SYNC counter (1019), 2 to 240; 0 sends SYNC without one.
+        fieldbus: The bus.
+        watchdog_s: Time without process data after which an EtherCAT drive leaves OP.
     """
 
     drives: tuple[DriveSettings, ...]
@@ -197,6 +211,8 @@ class ArmSettings:
     max_missing_cycles: int
     sync_counter: int = 0
     other_nodes: frozenset[int] = frozenset()
+    fieldbus: Fieldbus = Fieldbus.CANOPEN
+    watchdog_s: float = 0.1
 
     @property
     def master_node_id(self) -> int:

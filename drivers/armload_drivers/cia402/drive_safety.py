@@ -21,8 +21,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
-from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, Fieldbus
+from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
 from armload_drivers.cia402.process_data.drive_scale import RATING_TOLERANCE
 from armload_drivers.cia402.process_data.drive_units import ArmUnits, microseconds, milliseconds
 
@@ -46,6 +46,9 @@ PRE_OPERATIONAL_ON_ERROR = 0
 FOLLOWING_ERROR_TIMEOUT_S = 0.02
 """6066: a following error outside its window for this time is a fault."""
 
+SYNC_MANAGER_WATCHDOG_US = Entry(0x0420, 0, "sync manager watchdog", DataType.U32)
+"""Register of an EtherCAT slave controller, read and written like an object; no object has an index below 0x1000."""
+
 _RPDO_TIMER = PdoDirection.RECEIVE.timer_entry(0)
 
 
@@ -63,6 +66,8 @@ class SafetyValues:
         position_min_counts: 607D:1.
         position_max_counts: 607D:2.
         rated_current_a: 6075 as reported by the drive; None if not reported.
+        fieldbus: The bus.
+        watchdog_us: Time of the sync manager's watchdog.
     """
 
     drive: DriveSettings
@@ -74,6 +79,8 @@ class SafetyValues:
     position_min_counts: int
     position_max_counts: int
     rated_current_a: float | None
+    fieldbus: Fieldbus
+    watchdog_us: int
 
     @classmethod
     def of(cls, drive: DriveSettings, arm: ArmSettings, units: ArmUnits, rated_current_a: float | None) -> SafetyValues:
@@ -97,6 +104,8 @@ class SafetyValues:
             position_min_counts=lower,
             position_max_counts=upper,
             rated_current_a=rated_current_a,
+            fieldbus=arm.fieldbus,
+            watchdog_us=microseconds(arm.watchdog_s),
         )
 
 
@@ -146,6 +155,7 @@ class Way:
         reads: Objects that the condition needs.
         condition: Returns why the way is not available to a drive; empty if it is.
         by_vendor: Whether the settings are manufacturer-specific, from the configuration.
+        fieldbus: The only bus on which it exists; None if it exists on all.
     """
 
     text: str
@@ -154,6 +164,7 @@ class Way:
     reads: tuple[Entry, ...] = ()
     condition: Condition = _always
     by_vendor: bool = False
+    fieldbus: Fieldbus | None = None
 
 
 def _rated_current_known(drive: DriveSettings, rated_current_a: float | None) -> str:
@@ -197,9 +208,15 @@ class SafetyProperty:
     remedy: str
     ways: tuple[Way, ...]
 
+    def ways_on(self, fieldbus: Fieldbus) -> tuple[Way, ...]:
+        """The ways that exist on a bus."""
+        return tuple(way for way in self.ways if way.fieldbus in {None, fieldbus})
+
 
 _READ_BACK = "reads back as written"
 _WATCH = Setting(od.HEARTBEAT_CONSUMER, lambda values: values.master_watch)
+_WATCHDOG = Setting(SYNC_MANAGER_WATCHDOG_US, lambda values: values.watchdog_us)
+_CANOPEN, _ETHERCAT = Fieldbus.CANOPEN, Fieldbus.ETHERCAT
 _PRE_OPERATIONAL = _holds(PRE_OPERATIONAL_ON_ERROR)
 
 
@@ -245,11 +262,25 @@ class Safety(Enum):
                     Setting(od.ABORT_CONNECTION_OPTION, _holds(ABORT_BY_QUICK_STOP)),
                     Setting(od.COMMUNICATION_ERROR_BEHAVIOUR, _PRE_OPERATIONAL, optional=True),
                 ),
+                fieldbus=_CANOPEN,
             ),
             Way(
                 "1029 = 0 (PRE-OPERATIONAL), with the master's heartbeat watched (1016)",
                 "reads back as written; see the drive's manual for how an axis stops when it leaves OPERATIONAL",
                 (_WATCH, Setting(od.COMMUNICATION_ERROR_BEHAVIOUR, _PRE_OPERATIONAL)),
+                fieldbus=_CANOPEN,
+            ),
+            Way(
+                "6007 = 3 (quick stop), and the sync manager's watchdog (register 0420) ends OP",
+                _READ_BACK,
+                (_WATCHDOG, Setting(od.ABORT_CONNECTION_OPTION, _holds(ABORT_BY_QUICK_STOP))),
+                fieldbus=_ETHERCAT,
+            ),
+            Way(
+                "605E = 2 (quick stop ramp), and the sync manager's watchdog (register 0420) ends OP",
+                "reads back as written; see the drive's manual for whether leaving OP is a fault to it",
+                (_WATCHDOG, Setting(od.FAULT_REACTION_OPTION, _holds(FAULT_REACTION_RAMP))),
+                fieldbus=_ETHERCAT,
             ),
             _vendor("a lost master"),
         ),
@@ -264,12 +295,15 @@ class Safety(Enum):
                 "event timer of the RPDO (1400:5)",
                 _READ_BACK,
                 (Setting(_RPDO_TIMER, lambda values: values.setpoint_timeout_ms),),
+                fieldbus=_CANOPEN,
             ),
             Way(
                 "SYNC period (1006)",
                 "reads back as written; see the drive's manual for how many missing SYNCs it tolerates",
                 (Setting(od.CYCLE_PERIOD_US, lambda values: values.sync_period_us),),
+                fieldbus=_CANOPEN,
             ),
+            Way("sync manager's watchdog (register 0420)", _READ_BACK, (_WATCHDOG,), fieldbus=_ETHERCAT),
             _vendor("missing setpoints"),
         ),
     )
@@ -368,12 +402,20 @@ class Safety(Enum):
         ),
     )
     DRIVE_LOST = SafetyProperty(
-        "is monitored by its heartbeat",
+        "is monitored by the master",
         "the master detects a lost drive only by its missing feedback",
         "No setting is possible; the other axes stop max_missing_cycles later",
         (
             Way(
-                "heartbeat (1017)", _READ_BACK, (Setting(od.HEARTBEAT_PRODUCER_MS, lambda values: values.heartbeat_ms),)
+                "heartbeat (1017)",
+                _READ_BACK,
+                (Setting(od.HEARTBEAT_PRODUCER_MS, lambda values: values.heartbeat_ms),),
+                fieldbus=_CANOPEN,
+            ),
+            Way(
+                "working counter and EtherCAT state",
+                "nothing is set: the master compares them in motion",
+                fieldbus=_ETHERCAT,
             ),
         ),
     )
@@ -433,15 +475,18 @@ def settings_of(way: Way, of: Safety, drive: DriveSettings) -> tuple[Setting, ..
     )
 
 
-def has_a_way(of: Safety, drive: DriveSettings | None, is_there: Callable[[Entry], bool]) -> bool:
+def has_a_way(
+    of: Safety, drive: DriveSettings | None, is_there: Callable[[Entry], bool], fieldbus: Fieldbus = Fieldbus.CANOPEN
+) -> bool:
     """Whether a drive can have a property, judged by its objects; nothing is read or written.
 
     Args:
         of: The property.
         drive: Its configuration; None if there is none, and only the objects of the standard count.
         is_there: Returns whether the drive has an object.
+        fieldbus: The bus.
     """
-    for way in of.value.ways:
+    for way in of.value.ways_on(fieldbus):
         if way.by_vendor:
             if drive is not None and settings_of(way, of, drive):
                 return True

@@ -28,15 +28,18 @@ def safety_page() -> str:
 
 def _section(of: Safety) -> str:
     """One property."""
-    rows = "".join(f"| {number} | {way.text} | {way.verified} |\n" for number, way in enumerate(of.value.ways, start=1))
+    rows = "".join(
+        f"| {number} | {way.text} | {'both' if way.fieldbus is None else way.fieldbus.value} | {way.verified} |\n"
+        for number, way in enumerate(of.value.ways, start=1)
+    )
     remedy = f"Before accepting this as missing: {of.value.remedy}.\n" if of.value.remedy else ""
     return f"""\
 ## `{of.key}`: the drive {of.value.title}
 
 Consequence if missing: {of.value.lost}.
 {remedy}
-| | way | verified |
-|---|---|---|
+| | way | bus | verified |
+|---|---|---|---|
 {rows}"""
 
 

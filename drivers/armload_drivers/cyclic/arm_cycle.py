@@ -15,7 +15,7 @@ from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.process_data.offset_fade import OffsetFade
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cyclic.cyclic_drive import CyclicDrive
-from armload_drivers.driver_errors import ForeignMaster, LoopLost, ServoFault
+from armload_drivers.driver_errors import DriverError, ForeignMaster, LoopLost, ServoFault
 from armload_drivers.servos import JointFeedback
 
 Drive = TypeVar("Drive", bound=CyclicDrive)
@@ -78,6 +78,13 @@ class ArmCycle(ABC, Generic[Drive]):
     def rivals(self) -> tuple[str, str]:
         """What another master was heard to command and to ask, as text; empty if nothing."""
 
+    def _line_problems(self) -> list[DriverError]:
+        """What is wrong with the bus itself in this cycle."""
+        return []
+
+    def _explain(self, suspects: Sequence[Drive]) -> None:
+        """Find out more about drives that are not in order, without delaying the cycle by much."""
+
     def meanwhile(self, action: Callable[[], None]) -> None:
         """Do something that waits for a drive. Raises what it raises."""
         action()
@@ -134,17 +141,17 @@ class ArmCycle(ABC, Generic[Drive]):
             must_follow: Whether every drive was enabled and must stay so.
 
         Raises:
-            ServoError: of the drive that is the likely cause.
+            DriverError: of the drive or bus that is the likely cause.
             ForeignMaster: another node sends what only the master may send.
             BusError: the bus failed.
         """
         feedback = self.run()
-        problems = [
-            problem
-            for node in self.nodes
-            if not node.in_order(feedback.time_s)
-            and (problem := node.problem(step, feedback.time_s, must_follow=must_follow)) is not None
-        ]
+        problems = self._line_problems()
+        suspects = [node for node in self.nodes if not node.in_order(feedback.time_s)]
+        if suspects:
+            self._explain(suspects)
+            found = (node.problem(step, feedback.time_s, must_follow=must_follow) for node in suspects)
+            problems += [problem for problem in found if problem is not None]
         if problems:
             # The first of these is the cause; simultaneous problems of other drives are usually its consequence.
             problems.sort(key=lambda problem: (not isinstance(problem, LoopLost), not isinstance(problem, ServoFault)))

@@ -321,6 +321,10 @@ class CyclicServos(ABC):
             raise StateError("the servos were never enabled")
         return self._removal
 
+    @abstractmethod
+    def _require_started(self) -> None:
+        """Check what a drive shows only while cycles run, before it is enabled."""
+
     def _require_connected(self) -> None:
         """Require a connection."""
         if self._phase in {Phase.NEW, Phase.CLOSED}:
@@ -337,7 +341,13 @@ class CyclicServos(ABC):
             setup.watch_master(on=True)
         self._settings = SettingsWatch([setup.objects for setup in self._setups], self.cycle_s)
         self._removal = TorqueRemoval(self._cycle, self._nodes, self._setups, self._timeouts)
-        self._cycle.begin()
+        try:
+            self._cycle.begin()
+            self._require_started()
+        except BaseException:
+            with suppress(DriverError):
+                self._cycle.end()
+            raise
 
     def _end_cycles(self) -> None:
         """End the cycles and the drives' watch on their master; no drive carries torque any more."""

@@ -8,7 +8,7 @@ Rules:
 
 - Time passes only in calls: `enable`, `exchange`, `stop` and `disable` let SYNCs pass.
 - A drive in FAULT has no torque and its brake engaged; the others hold. The fault cannot be reset.
-- Axes that leave their predicted course lose their torque as in `canopen.torque_removal`.
+- Axes that leave their predicted course lose their torque as in `cyclic.torque_removal`.
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""The master over EtherCAT (CoE), on a network interface of its own."""

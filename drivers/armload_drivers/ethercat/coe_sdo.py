@@ -1,0 +1,92 @@
+"""SDO over EtherCAT's mailbox (CoE), and the sync manager's watchdog, which is read and written like an object."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+
+from armload_drivers.bring_up.sdo_channel import SdoChannel
+from armload_drivers.cia402.drive_safety import SYNC_MANAGER_WATCHDOG_US
+from armload_drivers.cia402.object_dictionary import Entry
+from armload_drivers.driver_errors import ServoTimeout
+from armload_drivers.ethercat.ethercat_line import EthercatLine, MailboxAbort, MailboxSilence
+
+
+class CoeSdo(SdoChannel):
+    """SDO access to one drive.
+
+    Args:
+        node_id: Place of the drive in the line, from 1.
+        joint: Name of its joint, for errors.
+        line: The line.
+        worker: One thread that makes the requests that are not waited for.
+        timeout_s: Limit of one request.
+
+    Attributes:
+        unanswered: Number of consecutive requests without an answer, of those that were not waited for.
+    """
+
+    def __init__(self, node_id: int, joint: str, line: EthercatLine, worker: Executor, timeout_s: float) -> None:
+        super().__init__(node_id, joint)
+        self.unanswered = 0
+        self._place, self._line, self._worker = node_id - 1, line, worker
+        self._timeout_s = self._limit_s = timeout_s
+        self._asked: Future[bytes] | None = None
+
+    def ask(self, entry: Entry) -> None:
+        """Request an object without waiting for the answer."""
+        if self._asked is None or self._asked.done():
+            self._asked = self._worker.submit(self._request, entry, None)
+
+    def _take(self) -> bytes | None:
+        """The answer to `ask`; None if no value has arrived."""
+        asked = self._asked
+        if asked is None or not asked.done():
+            return None
+        self._asked = None
+        error = asked.exception()
+        self.unanswered = self.unanswered + 1 if isinstance(error, MailboxSilence) else 0
+        return asked.result() if error is None else None
+
+    @contextmanager
+    def limited_to(self, timeout_s: float) -> Iterator[None]:
+        """Another limit of one request within a block."""
+        self._limit_s = timeout_s
+        try:
+            yield
+        finally:
+            self._limit_s = self._timeout_s
+
+    def _wait(self, time_s: float) -> None:
+        """Sleep."""
+        time.sleep(time_s)
+
+    def _transfer(self, entry: Entry, data: bytes | None) -> bytes:
+        """Write `data`, or read if it is None."""
+        verb = "reading" if data is None else "writing"
+        try:
+            return self._request(entry, data)
+        except MailboxAbort as error:
+            raise self._refused(verb, entry, error.code, str(error)) from error
+        except MailboxSilence as error:
+            raise ServoTimeout(
+                *self.node,
+                self.step,
+                f"{verb} {entry}: {error}",
+                "Is the drive powered and connected, at this place in the line?",
+            ) from error
+
+    def _request(self, entry: Entry, data: bytes | None) -> bytes:
+        """One request."""
+        line, place = self._line, self._place
+        if entry is SYNC_MANAGER_WATCHDOG_US:
+            if data is None:
+                return line.watchdog_us(place).to_bytes(4, "little")
+            line.set_watchdog_us(place, int.from_bytes(data, "little"))
+        elif data is None:
+            return line.upload(place, entry.index, entry.subindex, self._limit_s)
+        else:
+            line.download(place, entry.index, entry.subindex, data, self._limit_s)
+        return b""

@@ -1,0 +1,151 @@
+"""Bring-up of the drives of one arm over EtherCAT.
+
+`find` puts all drives of the line in INIT, which removes their torque; `open_line` has checked before that no master
+sends, and that no drive is in OP.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from armload_drivers.bring_up.arm_bring_up import ArmBringUp
+from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_with
+from armload_drivers.bring_up.powered_drive import PoweredDrive, judged
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings
+from armload_drivers.cia402.process_data.drive_units import ArmUnits
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import BusError, ServoError, ServoFault, TransitionError, WrongDevice
+from armload_drivers.ethercat.coe_sdo import CoeSdo
+from armload_drivers.ethercat.ethercat_cycle import EthercatCycle
+from armload_drivers.ethercat.ethercat_drive import EthercatDrive
+from armload_drivers.ethercat.ethercat_line import EthercatLine, LineState
+from armload_drivers.ethercat.ethercat_setup import EthercatSetup
+from armload_drivers.ethercat.frame_clock import DeadlineClock, FrameClock
+
+WATCH_S = 0.25
+"""For how long a drive that carries torque is watched, for the speed of its axis."""
+
+
+class EthercatBringUp(ArmBringUp):
+    """The drives of one arm on an open line.
+
+    Args:
+        arm: The arm.
+        line: The line.
+        clock: Decides when frames are sent.
+        timeouts: Limits of all waits.
+
+    Attributes:
+        line_setups: The same as `setups`.
+        nodes: Its drives in the cycle.
+    """
+
+    def __init__(
+        self, arm: ArmSettings, line: EthercatLine, clock: FrameClock | None = None, timeouts: Timeouts | None = None
+    ) -> None:
+        self._line, self._clock, self._timeouts = line, clock or DeadlineClock(), timeouts or Timeouts()
+        channels = [CoeSdo(d.node_id, d.joint, line, line.worker, self._timeouts.sdo_s) for d in arm.drives]
+        self.line_setups = [
+            EthercatSetup(drive, arm, sdo, self._timeouts, line)
+            for drive, sdo in zip(arm.drives, channels, strict=True)
+        ]
+        super().__init__(arm, self.line_setups)
+        self.nodes = [
+            EthercatDrive(drive, line, sdo, self._clock, cycle_s=arm.cycle_s, max_missing_cycles=arm.max_missing_cycles)
+            for drive, sdo in zip(arm.drives, channels, strict=True)
+        ]
+
+    def find(self) -> None:
+        """Find the drives and bring them to PREOP."""
+        self._line.find()
+
+    def require_no_strangers(self) -> None:
+        """Read 1000 of all devices that the configuration does not name."""
+        named = {drive.node_id for drive in self.arm.drives} | self.arm.other_nodes
+        for node_id in sorted(set(range(1, self._line.size + 1)) - named):
+            sdo = CoeSdo(node_id, "no configured joint", self._line, self._line.worker, self._timeouts.probe_s)
+            try:
+                device_type = sdo.read(od.DEVICE_TYPE)
+            except ServoError:
+                continue  # a device without objects
+            if od.is_drive(device_type):
+                raise WrongDevice(
+                    node_id,
+                    "no configured joint",
+                    "looking for other drives",
+                    f"a CiA 402 drive that the configuration does not name; it names {len(self.arm.drives)}",
+                    "Is this the right arm, with all its joints configured? List drives in the line that do not belong "
+                    "to it in other_nodes",
+                )
+
+    def powered_drives(self, setups: Sequence[DriveSetup]) -> list[PoweredDrive]:
+        """In PREOP only something else than a master on the line can have enabled a drive, such as its maker's tool."""
+        powered = {setup: state for setup in setups if (state := setup.read_powered_state()) is not None}
+        if not powered:
+            return []
+        before = {setup: setup.read_position() for setup in powered}
+        time.sleep(WATCH_S)
+        speed = {setup: abs(setup.read_position() - before[setup]) / WATCH_S for setup in powered}
+        return [judged(setup, state, "", speed[setup]) for setup, state in powered.items()]
+
+    def restart(self, setups: Sequence[DriveSetup]) -> list[DriveSetup]:
+        """`find` has restarted them; drives that are not in PREOP are returned."""
+        return [
+            setup
+            for setup in setups
+            if not self._line.reaches(LineState.PREOP, setup.settings.node_id - 1, self._timeouts.sdo_s)
+        ]
+
+    def cycle(self, units: ArmUnits) -> EthercatCycle:
+        """The cycle of drives that are configured.
+
+        Raises:
+            BusError: their mappings cannot be placed in frames, or a drive has placed other lengths.
+        """
+        lengths = self._line.map()
+        for node, setup in zip(self.nodes, self.line_setups, strict=True):
+            expected = setup.outputs.length, setup.inputs.length
+            if lengths[node.place] != expected:
+                raise BusError(
+                    f"{node.settings.joint}: its frame part has {lengths[node.place]} bytes (outputs, inputs), but its "
+                    f"objects have {expected}: its mapping is not what it reports"
+                )
+            if node.settings.sync0 and not self._line.follow_clock(node.place, self.arm.cycle_s):
+                raise BusError(f"{node.settings.joint}: sync0 = true, but no drive of the line has a distributed clock")
+        self._line.request(LineState.PREOP)
+        self.restart(self.setups)
+        for node, setup in zip(self.nodes, self.line_setups, strict=True):
+            node.map(setup.outputs, setup.inputs, setup.constants())
+        found = EthercatCycle(self.arm, self.nodes, units, line=self._line, clock=self._clock, worker=self._line.worker)
+        found.read_states()
+        return found
+
+    def reset_fault(self, setup: DriveSetup) -> State:
+        """A drive takes a fault reset only with process data: all drives run cycles for it, without torque."""
+        for other in self.setups:
+            other.configure()
+        units = ArmUnits(arm_with(self.arm, self.setups), [other.report().polarity for other in self.setups])
+        node = next(node for node in self.nodes if node.settings.joint == setup.settings.joint)
+        cycle = self.cycle(units)
+        for each, other in zip(self.nodes, self.setups, strict=True):
+            each.target_counts = each.position_counts = other.hold_present_position()
+        try:
+            cycle.begin()
+            cycle.run()
+            node.machine.request_fault_reset()
+            for _ in range(cycle.count(self._timeouts.fault_reset_s)):
+                cycle.run()
+                if node.machine.state is not State.FAULT:
+                    break
+        except TransitionError as error:
+            raise ServoFault(
+                node.settings.node_id, node.settings.joint, "resetting the fault", str(error), "No reset is required"
+            ) from error
+        finally:
+            cycle.end()
+            cycle.close()
+        setup.require_disabled()
+        return setup.read_state()

@@ -1,0 +1,131 @@
+"""EtherCAT drives of `../shared/tools/with-ethercat`, and a plant in the master's thread: deterministic in any load.
+
+Tests with these drives run below that program: `with-ethercat --drives N ... -- python -m pytest -m ethercat`.
+"""
+
+import json
+import os
+import socket
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from armload_drivers.ethercat.ethercat_line import EthercatLine
+
+TOOLS = Path(__file__).resolve().parents[2] / "shared" / "tools"
+UNDER_IT = "WITH_ETHERCAT" in os.environ
+WHY = "no drives of with-ethercat on an interface: see .ci/run"
+PATIENCE_S = 1.0
+QUICK_STOP_S = 0.1
+
+
+def interface():
+    """The interface behind which the drives are."""
+    return os.environ["WITH_ETHERCAT"]
+
+
+def order(text):
+    """Give the drives an order, see `with-ethercat --help`; returns the answer."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as control:
+        control.connect(os.environ["WITH_ETHERCAT_CONTROL"])
+        control.send(text.encode())
+        answer = control.recv(65536).decode()
+    assert not answer.startswith("error"), answer
+    return answer
+
+
+def drive_states():
+    """What the drives know about themselves."""
+    return json.loads(order("stats"))["drives"]
+
+
+def plant_link():
+    """The plant's end of the link, which the tool provides."""
+    sys.path.insert(0, str(TOOLS / "ethercat"))
+    try:
+        from drive_plant import PlantLink
+    finally:
+        sys.path.pop(0)
+    return PlantLink()
+
+
+class PlantBehindDrives:
+    """A plant that moves as the drives command.
+
+    Args:
+        plant: The plant.
+        arm: Scales of the drives.
+        cycle_s: Time of a cycle.
+    """
+
+    def __init__(self, plant, arm, cycle_s):
+        self.plant, self.cycle_s = plant, cycle_s
+        self.counts = np.array([drive.counts_per_rad for drive in arm.drives])
+        self.rated_nm = np.array([drive.rated_torque_nm for drive in arm.drives])
+        self.powered, self.stopping = [False] * len(self.counts), [False] * len(self.counts)
+        self.begun_s = None
+
+    def __call__(self, record):
+        plant = self.plant
+        self.begun_s = record.time_s if self.begun_s is None else self.begun_s
+        plant.advance(record.time_s - self.begun_s)
+        sample = plant.sample(self.cycle_s)
+        for axis, drive in enumerate(record.drives[: len(self.counts)]):
+            on, stopping = bool(record.powered[axis]), bool(record.quick_stop[axis])
+            if on != self.powered[axis]:
+                plant.set_powered(axis, on)
+            if stopping and not self.stopping[axis]:
+                plant.slow_down(axis, QUICK_STOP_S)
+            elif on and not stopping:
+                plant.set_target(axis, float(drive["target_position"]) / self.counts[axis], self.cycle_s)
+            plant.set_torque_offset(axis, float(drive["torque_offset"]) / 1000 * self.rated_nm[axis])
+            self.powered[axis], self.stopping[axis] = on, stopping
+        values = np.zeros((3, len(record.drives)))
+        values[:, : len(self.counts)] = (
+            sample.axis_position_rad * self.counts,
+            sample.axis_velocity_rad_s * self.counts,
+            1000 * sample.axis_torque_nm / self.rated_nm,
+        )
+        return tuple(values)
+
+
+class LockstepLine(EthercatLine):
+    """A line whose plant answers after every frame, in this thread.
+
+    Args:
+        plant: Called with what the drives command.
+        patience_s: Longest wait for a frame.
+    """
+
+    def __init__(self, plant, patience_s=PATIENCE_S):
+        super().__init__(interface())
+        self.patience_s, self.link, self.plant = patience_s, plant_link(), plant
+        self.link.reply(*plant(self.link.receive()))
+
+    def exchange(self, limit_s):
+        counter = super().exchange(self.patience_s)
+        if counter >= 0:
+            self.link.serve_cycle(self.plant)
+        return counter
+
+    def close(self):
+        super().close()
+        self.link._socket.close()
+
+
+class VirtualFrames:
+    """Frames are due at once, and virtual time advances by a cycle."""
+
+    def __init__(self):
+        self.time_s, self.cycle_s = 0.0, 0.0
+
+    def now_s(self):
+        return self.time_s
+
+    def begin(self, cycle_s):
+        self.cycle_s = cycle_s
+
+    def next(self):
+        self.time_s += self.cycle_s
+        return self.time_s, 0
