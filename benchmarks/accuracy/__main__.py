@@ -15,6 +15,7 @@ from benchmarks.accuracy import (
     real_currents,
     simulated_motion,
     speed,
+    workpieces,
 )
 from benchmarks.arms.setups import Twin
 from benchmarks.arms.trials import workers
@@ -37,6 +38,7 @@ def main() -> int:
         simulated_motion.run(tally, pool)
         other_payloads.run(tally, pool, Twin.NORMATIVE, census)
         other_payloads.run(tally, pool, Twin.HARSH, census)
+        workpieces.run(tally, pool)
         coverage.run_first(tally, pool)
         coverage.run(tally, pool, census)
         operating_curve.run(tally, pool, census)

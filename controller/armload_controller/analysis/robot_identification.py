@@ -23,6 +23,8 @@ from armload_identification.model.payload import PayloadResult
 from armload_identification.pipeline import payload_identification, payload_validation
 from armload_identification.pipeline.any_motion import SHORTEST_WINDOW_S, identify_windows
 from armload_identification.pipeline.payload_identification import FLANGE, payload_result
+from armload_identification.pipeline.payload_validation import gains_to_compare_by
+from armload_identification.pipeline.workpiece import Workpiece
 from armload_identification.recording import file_reading
 from armload_identification.recording.csv_columns import CsvColumns, parse_columns
 from armload_identification.recording.reading_options import Effort, ReadingOptions
@@ -91,6 +93,7 @@ def identify(
     known: KnownPayload | None = None,
     estimator: Estimator | EstimatorName = Estimator.FRICTION,
     tolerance: Tolerance | None = None,
+    minus: PayloadResult | FilePath | None = None,
 ) -> Findings:
     """Identify the payload from a run that carried it and one that did not.
 
@@ -103,6 +106,8 @@ def identify(
         known: Prior knowledge of the payload.
         estimator: Estimation method: "friction", "robust", "wls" or "ols".
         tolerance: Permitted error of the payload; 2 % of its mass and 10 mm if not given.
+        minus: Payload of the tool, or its file; the result is then what the tool carries, with the uncertainty of
+            both. The validation, which is of the whole, cannot be given too.
 
     Returns:
         Payload, intervals and verdict, to print, save and report.
@@ -130,15 +135,24 @@ def identify(
         >>> result.report("report.html")
     """
     require_extra(Extra.IDENTIFY, "identifying a payload")
+    if minus is not None and validation is not None:
+        raise EstimationError(
+            "a validation judges the whole load, not what is left without the tool: identify the whole with the "
+            "validation, and once more with the tool and without the validation"
+        )
     method = named_estimator(estimator)
     arm = arm_of(robot)
     used = arm_in_use(arm, calibration)
+    tool = None if minus is None else payload_of(minus, arm)
+    gains = used.transmission
+    if tool is not None and used.known is None:  # the same gains, so that their error affects both alike
+        gains = gains_to_compare_by(tool.mass_center, gains)
     run = recording_of(arm, loaded, "loaded")
     empty = None if unloaded is None else recording_of(arm, unloaded, "unloaded")
     unnamed = _taken_in_order(arm, run)
     try:
         identification = payload_identification.identify(
-            run, empty, used.chain, used.transmission, estimator=method, known=known, arm=used.known
+            run, empty, used.chain, gains, estimator=method, known=known, arm=used.known
         )
     except RecordingError as error:
         if unnamed is None:
@@ -149,6 +163,17 @@ def identify(
     if arm.rated_payload_kg is not None:
         require_possible_mass(payload.model.mass_kg, payload.interval_95[0], arm.rated_payload_kg, arm.name)
     notes = [] if unnamed is None else [unnamed]
+    if arm.rated_payload_kg is not None and payload.interval_95[0, 0] > arm.rated_payload_kg:
+        notes.append(
+            f"The arm carries {payload.model.mass_kg:.3g} kg, more than its rated payload of "
+            f"{arm.rated_payload_kg:g} kg."
+        )
+    if tool is not None:
+        notes.append(
+            f"The workpiece alone: the whole, {payload.model.mass_kg:.4g} kg, minus the tool, {tool.model.mass_kg:.4g} "
+            "kg. Its intervals contain the uncertainty of both; its inertia is not determined."
+        )
+        payload = Workpiece.of(payload, tool).result(payload)
     if used.calibration is not None:
         (file,) = used.calibration_sha256
         notes.append(

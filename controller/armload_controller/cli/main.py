@@ -32,6 +32,7 @@ from armload_controller.cli.commands.identify_command import identify_payload
 from armload_controller.cli.commands.init_command import init
 from armload_controller.cli.commands.recordings_command import recordings
 from armload_controller.cli.commands.report_command import report
+from armload_controller.cli.commands.tools_command import tools
 from armload_controller.cli.commands.validate_command import validate_payload
 
 EXIT_USAGE = 2
@@ -65,6 +66,7 @@ for name, command in COMMANDS.items():
 app.add_typer(drives, name="drives")
 app.add_typer(recordings, name="recordings")
 app.add_typer(fleet, name="fleet")
+app.add_typer(tools, name="tools")
 
 
 def _print_version(wanted: bool) -> None:

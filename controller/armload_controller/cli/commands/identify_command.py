@@ -75,6 +75,14 @@ def identify_payload(
     between: BetweenOption = None,
     joints: JointsOption = None,
     episode: EpisodeOption = None,
+    minus: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TOOL",
+            help="Tool whose payload is subtracted: a name from `armload tools add`, or a payload file. The result is "
+            "what the tool carries, with the uncertainty of both.",
+        ),
+    ] = None,
     estimator: Annotated[
         Estimator,
         typer.Option(
@@ -100,6 +108,7 @@ def identify_payload(
 ) -> None:
     """Identify a payload from a recording with it and one without it, or from any motion of a calibrated arm."""
     from armload_controller.analysis import robot_identification
+    from armload_controller.analysis.tools import tool_payload
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot_recordings import read_of
     from armload_identification.extras import Extra, require_extra
@@ -120,11 +129,19 @@ def identify_payload(
         "--center-of-mass-m": center_of_mass_m,
         "--symmetric": symmetric or None,
         "--cad": cad,
+        "--minus": minus,
     }
     refused = ", ".join(name for name, value in of_one_result.items() if value is not None)
     if every is not None and refused:
         raise typer.BadParameter(
             "cannot be combined with --every, which gives a mass for each window instead of one payload",
+            param_hint=refused,
+        )
+    of_the_whole = {"--validation": validation, "--report": report, "--mass-kg": mass_kg, "--cad": cad}
+    refused = ", ".join(name for name, value in of_the_whole.items() if value is not None)
+    if minus is not None and refused:
+        raise typer.BadParameter(
+            "cannot be combined with --minus: it is about the whole load, and the result is what the tool carries",
             param_hint=refused,
         )
     every_s = None if every is None else seconds_of(every, "--every")
@@ -149,6 +166,7 @@ def identify_payload(
         calibration=calibration,
         known=known,
         estimator=estimator,
+        minus=None if minus is None else tool_payload(minus),
     )
     if output is not None and not force:
         require_replaceable(output, findings.payload)

@@ -94,6 +94,7 @@ COMMANDS = {
     "export": "export er50 {payload} --format urdf -o {out}",
     "design": "design prbt -o {out}/path.toml --restarts 1 --harmonics 2 --period-s 5",
     "recordings show": "recordings show {l1} {l2}",
+    "tools add": "tools add gripper {payload}",
     "drives check": "drives check er50",
     "drives show": "drives show er50 --once",
     "drives reset": "drives reset er50 joint_2 --yes",
@@ -116,6 +117,7 @@ def document(armload, recorded_er50, tmp_path_factory):
         return json.loads(line)
 
     with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_DATA_HOME", str(names["out"]))
         patch.setattr(canopen_inspection, "LISTEN_S", 0.01)
         patch.setattr(drive_check, "reset", lambda *_: State.SWITCH_ON_DISABLED)  # no drive is in FAULT
         yield printed

@@ -1,0 +1,46 @@
+"""`armload tools` and `identify --minus`, from the command line."""
+
+import re
+
+import pytest
+
+
+@pytest.fixture
+def runs(recorded_er50, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    return recorded_er50 / "runs" / "today"
+
+
+def test_without_tools_the_list_says_how_to_add_one(armload, runs):
+    assert "add one with `armload tools add NAME payload.toml`" in armload("tools", "list", columns=300).output
+
+
+@pytest.mark.long
+def test_the_workpiece_of_a_tool_that_is_the_whole_but_lighter(armload, runs, tmp_path):
+    """The tool is the recorded payload, from a file in which it weighs 2 kg less."""
+    text = (runs / "payload.toml").read_text()
+    mass = float(re.search(r"^mass_kg = ([\d.]+)", text, re.MULTILINE)[1])
+    (tmp_path / "tool.toml").write_text(text.replace(f"mass_kg = {mass!r}", f"mass_kg = {mass - 2.0!r}"))
+    added = armload("tools", "add", "gripper", tmp_path / "tool.toml", columns=300)
+    assert f"gripper: {mass - 2.0:.4g} kg, identified on er50" in added.output
+    pair = ("--loaded", runs / "loaded_identification.mcap", "--unloaded", runs / "unloaded_identification.mcap")
+    found = armload("identify", "er50", *pair, "--minus", "gripper", "-o", tmp_path / "part.toml", columns=300)
+    assert found.exit_code == 0, found.output
+    said = " ".join(found.output.split())
+    assert "The workpiece alone: the whole, 9.8" in said
+    assert f"minus the tool, {mass - 2.0:.4g} kg" in said
+    part = (tmp_path / "part.toml").read_text()
+    assert float(re.search(r"^mass_kg = ([\d.]+)", part, re.MULTILINE)[1]) == pytest.approx(2.0, abs=0.05)
+
+
+def test_what_is_about_the_whole_is_refused_with_a_tool(armload, runs):
+    loaded = runs / "loaded_identification.mcap"
+    refused = armload("identify", "er50", "--loaded", loaded, "--minus", "x", "--report", "r.html", columns=300)
+    assert refused.exit_code == 2
+    assert "cannot be combined with --minus" in refused.output
+
+
+def test_an_unknown_tool_is_named(armload, runs):
+    loaded, unloaded = (runs / f"{load}_identification.mcap" for load in ("loaded", "unloaded"))
+    refused = armload("identify", "er50", "--loaded", loaded, "--unloaded", unloaded, "--minus", "x")
+    assert "no such tool, and no such file" in str(refused.exception)
