@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from armload_drivers.bus.joined_bus import BusRole
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import (
     SIMULATION_IDENTITY,
@@ -33,7 +34,7 @@ from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import DriverError
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.fake_servos import FakeServos
-from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
+from armload_drivers.simulation.lockstep_bus import LockstepBus, lockstep_bus, lockstep_wires
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
@@ -261,14 +262,17 @@ class VirtualArm:
         self.arm = arm or small_arm()
         self.plant = plant or IdealPlant(np.array(START_RAD), np.array([20.0, -40.0, 60.0]))
         self.clock = VirtualClock()
-        wire = LockstepWire()
+        wires = self.wires = lockstep_wires(self.arm)
         with ExitStack() as stack:
-            self.bus, drives_bus, self.monitor = (stack.enter_context(LockstepBus(wire)) for _ in range(3))
+            self.bus = stack.enter_context(lockstep_bus(self.arm, wires, BusRole.MASTER))
+            drives_bus = stack.enter_context(lockstep_bus(self.arm, wires, BusRole.DRIVES))
+            self.monitors = [stack.enter_context(LockstepBus(wire)) for wire in wires]
+            self.monitor = self.monitors[0]
             drives = SimulatedDrives(drives_arm or self.arm, self.plant, drives_bus, self.clock, traits)
             self.drives = stack.enter_context(drives)
             self._stack = stack.pop_all()
         sync = LockstepSync(self.clock)
-        timeouts = timeouts or Timeouts(probe_s=0.05, scan_s=0.01, boot_s=0.3, sdo_s=1.0, mode_s=0.1)
+        timeouts = timeouts or Timeouts(probe_s=0.05, scan_s=0.3, boot_s=0.3, sdo_s=1.0, mode_s=0.1)
         self.servos = CanopenServos(self.arm, self.bus, sync, timeouts)
 
     def frames(self, cob_id):

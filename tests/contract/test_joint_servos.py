@@ -108,6 +108,7 @@ def reset_faults(rig):
         "fake and watched",
         "canopen in CSP",
         "canopen in IP",
+        "canopen on two buses",
         pytest.param("ethercat", marks=pytest.mark.ethercat),
     ]
 )
@@ -122,7 +123,8 @@ def rig_maker(request, virtual_arm, arm_settings, watched_servos, stack):
 
         def settings(**changes):
             arm = arm_settings(**changes)
-            drives = [replace(d, has_brake=axis != without_brake) for axis, d in enumerate(arm.drives)]
+            buses = (0, 1, 0) if request.param.endswith("two buses") else (0, 0, 0)
+            drives = [replace(d, has_brake=axis != without_brake, bus=buses[axis]) for axis, d in enumerate(arm.drives)]
             return replace(arm, drives=tuple(drives))
 
         if request.param.startswith("fake"):

@@ -23,7 +23,9 @@ BUS_FORM = "INTERFACE:CHANNEL"
 BusOption = Annotated[
     str | None,
     typer.Option(
-        "--bus", metavar=BUS_FORM, help="The bus, such as socketcan:can0, instead of the one in the robot's file."
+        "--bus",
+        metavar=BUS_FORM,
+        help="The bus, such as socketcan:can0, or socketcan:can0,can1 for an arm on two, instead of that in its file.",
     ),
 ]
 BitrateOption = Annotated[int | None, typer.Option("--bitrate", help="Bit rate of the bus in bit/s.")]

@@ -38,7 +38,7 @@ from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.storage.regular_file import require_regular
-from armload_identification.storage.strict_toml import read_text, toml_values, validated
+from armload_identification.storage.strict_toml import BadValue, read_text, toml_values, validated
 from armload_identification.verdict.recording_checks.impossible_magnitudes import ArmMagnitudes, require_possible
 
 
@@ -277,7 +277,12 @@ class Robot(RobotSource):
         Raises:
             ConfigurationError: the robot has no bus, or the new values do not fit it.
         """
-        given = {"interface": interface, "channel": channel, "bitrate": bitrate, "cycle_hz": cycle_hz}
+        given: dict[str, object] = {"bitrate": bitrate, "cycle_hz": cycle_hz}
+        if interface is not None and channel is not None:
+            try:
+                given |= self.bus.elsewhere(interface, channel)
+            except BadValue as error:
+                raise ConfigurationError("command line", "--bus", channel, error.expected) from error
         values = self.bus.model_dump() | {key: value for key, value in given.items() if value is not None}
         bus = validated(values, "command line", BusTable, ConfigurationError, within="bus")
         robot = self.with_tables(bus=bus)
@@ -297,7 +302,7 @@ class Robot(RobotSource):
                 "--mounted",
                 name,
                 f"expected the bus {VIRTUAL!r}, on which the arm is simulated in this process, not "
-                f"{self.bus.interface!r}; for simulated drives on a bus see `armload simulate --payload`",
+                f"{self.bus.address}; for simulated drives on a bus see `armload simulate --payload`",
             )
         self.simulation.payload(name)
         return self.with_tables(simulation=self.simulation_table.model_copy(update={"payload": name}))

@@ -16,17 +16,17 @@ from __future__ import annotations
 import errno
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import replace
 
 import can
 
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_simulation import NO_PAYLOAD
-from armload_controller.config.tables.drive_tables import VIRTUAL
 from armload_controller.control_errors import UnsafeBus
 from armload_controller.cycle.realtime import tuned_for_cycles
 from armload_controller.session.run_session import Load
+from armload_drivers.bus.joined_bus import BusRole, JoinedBus
 from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.bus.sync_sources import TimerSync
 from armload_drivers.canopen.canopen_servos import CanopenServos
@@ -36,7 +36,7 @@ from armload_drivers.driver_errors import BusError
 from armload_drivers.servos import JointServos
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
+from armload_drivers.simulation.lockstep_bus import lockstep_bus, lockstep_wires
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PayloadChange
@@ -59,12 +59,12 @@ def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> No
         ConfigurationError: the file does not state the drives' identities, or the constraints on motions.
         UnsafeBus: there is no operator to ask.
     """
-    if robot.bus.interface == VIRTUAL or simulated_drives:
+    if robot.bus.in_virtual_time or simulated_drives:
         return
     robot.require_complete_for_real_arm()
     if not attended:
         raise UnsafeBus(
-            f"bus {robot.bus.interface}:{robot.bus.channel}: a real arm is moved only with an operator at a terminal, "
+            f"bus {robot.bus.address}: a real arm is moved only with an operator at a terminal, "
             "even with --yes. Run the command from a terminal, within reach of the emergency stop"
         )
 
@@ -81,7 +81,7 @@ def open_arm(
         simulated_drives: On a bus, require the simulation's identity of every drive.
         attended: Whether an operator is at the terminal.
     """
-    if robot.bus.interface == VIRTUAL:
+    if robot.bus.in_virtual_time:
         return simulated_arm(robot, load)
     return arm_on_bus(robot, report, simulated_drives=simulated_drives, attended=attended)
 
@@ -99,10 +99,10 @@ def simulated_arm(robot: Robot, load: Load, described: Sequence[DeviceDescriptio
     payload = robot.simulation.payload_name if load is Load.LOADED else None
     plant = ArmPlant(robot.simulation.plant_spec(payload, run=int(load is Load.LOADED)))
     clock = VirtualClock()
-    wire = LockstepWire()
+    wires = lockstep_wires(arm)
     with (
-        LockstepBus(wire) as drives_bus,
-        LockstepBus(wire) as bus,
+        lockstep_bus(arm, wires, BusRole.DRIVES) as drives_bus,
+        lockstep_bus(arm, wires, BusRole.MASTER) as bus,
         SimulatedDrives(arm, plant, drives_bus, clock, _traits(robot, described)),
         closing(CanopenServos(arm, bus, LockstepSync(clock))) as servos,
     ):
@@ -131,10 +131,12 @@ def arm_on_bus(
     if simulated_drives:
         drives = tuple(replace(drive, identity=SIMULATION_IDENTITY) for drive in arm.drives)
         arm = replace(arm, drives=drives)
-    with bus_of(robot) as bus, tuned_for_cycles(report):
-        # SYNC from the kernel if the bus is SocketCAN, otherwise from this process
-        kernel_sync = robot.bus.interface == SOCKETCAN
-        sync = BcmSync(BroadcastManager(robot.bus.channel)) if kernel_sync else TimerSync()
+    # SYNC from the kernel if the bus is SocketCAN, otherwise from this process
+    first = robot.bus.parts[0]
+    kernel_sync = first.interface == SOCKETCAN
+    role = BusRole.PACED_BY_KERNEL if kernel_sync else BusRole.MASTER
+    with bus_of(robot, role) as bus, tuned_for_cycles(report):
+        sync = BcmSync(BroadcastManager(first.channel)) if kernel_sync else TimerSync()
         with closing(CanopenServos(arm, bus, sync)) as servos:
             yield servos
 
@@ -155,14 +157,15 @@ def drives_alone(
         UnsafeBus: the bus is virtual, where no other process can reach them.
         BusError: the interface cannot be opened.
     """
-    if robot.bus.interface == VIRTUAL:
+    if robot.bus.in_virtual_time:
         raise UnsafeBus(
             "drives alone on the virtual bus cannot be reached from another process: "
             "give another bus, such as --bus socketcan:vcan0"
         )
     plant = ArmPlant(robot.simulation.plant_spec(payload, int(payload != NO_PAYLOAD), changes))
     traits = _traits(robot, described)
-    with bus_of(robot) as bus, SimulatedDrives(robot.drives.settings, plant, bus, clock_from_now(), traits) as drives:
+    arm = robot.drives.settings
+    with bus_of(robot, BusRole.DRIVES) as bus, SimulatedDrives(arm, plant, bus, clock_from_now(), traits) as drives:
         yield drives
 
 
@@ -179,9 +182,23 @@ def clock_from_now() -> Callable[[], float]:
     return lambda: time.monotonic() - begun_s
 
 
-def bus_of(robot: Robot) -> AbstractContextManager[can.BusABC]:
-    """The robot's bus, shut down after the block; see `open_bus`."""
-    return open_bus(robot.bus.interface, robot.bus.channel, robot.bus.bitrate)
+@contextmanager
+def bus_of(robot: Robot, role: BusRole = BusRole.MASTER) -> Iterator[can.BusABC]:
+    """The robot's bus, or its buses as one, shut down after the block; see `open_bus`.
+
+    Args:
+        robot: The arm.
+        role: Who uses the bus.
+    """
+    bus = robot.bus
+    with ExitStack() as stack:
+        opened = [stack.enter_context(open_bus(part.interface, part.channel, bus.bitrate)) for part in bus.parts]
+        if len(opened) == 1:
+            yield opened[0]
+            return
+        parts = robot.drives.settings.by_bus()
+        members = [frozenset(drive.node_id for drive in part.drives) for part in parts]
+        yield stack.enter_context(JoinedBus(opened, members, role, 1 / bus.cycle_hz))
 
 
 @contextmanager

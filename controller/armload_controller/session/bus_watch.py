@@ -14,12 +14,12 @@ import numpy as np
 
 from armload_controller.analysis.payload_watch import HeardBus, PayloadWatch, WatchedMoment
 from armload_controller.config.robot import Robot
-from armload_controller.config.tables.drive_tables import VIRTUAL
 from armload_controller.control_errors import CommissioningError, UnsafeBus
 from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.session.arm_access import bus_of
 from armload_controller.session.run_session import Load
+from armload_drivers.bus.joined_bus import BusRole
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.listening.bus_listener import overheard
 from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle, ToldPayload
@@ -42,14 +42,14 @@ def heard_cycles(robot: Robot) -> Iterator[Iterator[OverheardCycle | None]]:
         ConfigurationError: the file lacks a scale, which would have to be read from a drive.
         BusError: the interface cannot be opened.
     """
-    if robot.bus.interface == VIRTUAL:
+    if robot.bus.in_virtual_time:
         raise UnsafeBus(
             "the virtual bus carries nothing from outside this process: give a RECORDING, or the arm's bus, such as "
             "--bus socketcan:can0"
         )
     robot.drives.require_scales()
     arm = OverheardArm(robot.drives.settings)
-    with bus_of(robot) as bus:
+    with bus_of(robot, BusRole.LISTENER) as bus:
         yield overheard(bus, arm)
 
 

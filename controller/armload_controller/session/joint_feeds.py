@@ -39,7 +39,7 @@ class JointFeed:
 def bus_feed(robot: Robot) -> Iterator[JointFeed]:
     """The drives of the robot's CANopen bus; see `heard_cycles`."""
     with heard_cycles(robot) as cycles:
-        yield JointFeed(f"{robot.bus.interface}:{robot.bus.channel}", "nothing is sent", cycles)
+        yield JointFeed(f"{robot.bus.address}", "nothing is sent", cycles)
 
 
 @contextmanager

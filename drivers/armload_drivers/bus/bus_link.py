@@ -11,12 +11,13 @@ import errno
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 
 import can
 
-from armload_drivers.cia402.bus_budget import frame_bits
+from armload_drivers.bus.joined_bus import JoinedBus
+from armload_drivers.cia402.bus_budget import FRAME_BITS
 from armload_drivers.cia402.object_dictionary import NMT_COB_ID, NmtCommand
 from armload_drivers.driver_errors import BusError
 
@@ -31,9 +32,6 @@ _BUS_OFF, _RESTARTED, _CONTROLLER = 0x40, 0x100, 0x04
 """Class bits of a SocketCAN error frame: CAN_ERR_BUSOFF, CAN_ERR_RESTARTED, CAN_ERR_CRTL."""
 _PASSIVE, _WARNING, _ACTIVE = 0x30, 0x0C, 0x40
 """Bits of an error frame's second byte (CAN_ERR_CRTL_*): both directions of passive and of warning; active again."""
-
-_FRAME_BITS = tuple(frame_bits(min(length, 8)) for length in range(65))
-"""By length; a node of another kind may send CAN FD frames."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +75,7 @@ class BusLink:
         self.stamp_s = 0.0
         self.from_outside = True
         self._bus = bus
+        self._joined = bus if isinstance(bus, JoinedBus) else None
         self._handlers: dict[int, Handler] = {}
         self._backlog: deque[can.Message] = deque()
 
@@ -97,13 +96,26 @@ class BusLink:
         finally:
             self._handlers = before
 
+    def everywhere(self) -> AbstractContextManager[None]:
+        """Within the block, frames of the arm's nodes are sent to, and received from, every bus of the arm."""
+        return nullcontext() if self._joined is None else self._joined.reaching_everywhere()
+
+    @property
+    def busiest_bits(self) -> int:
+        """As `bits`, of the busiest bus of the arm."""
+        return self.bits if self._joined is None else max(self._joined.bits)
+
+    def take_skew(self) -> str:
+        """As `JoinedBus.take_skew`; empty with one bus."""
+        return "" if self._joined is None else self._joined.take_skew()
+
     def send(self, message: can.Message) -> None:
         """Send a frame.
 
         Raises:
             BusError: the frame could not be sent.
         """
-        self.bits += _FRAME_BITS[message.dlc]
+        self.bits += FRAME_BITS[message.dlc]
         try:
             self._bus.send(message)
         except (can.CanError, OSError) as error:
@@ -138,7 +150,7 @@ class BusLink:
         if message.is_error_frame:
             self._error_frame(message)
             return True
-        self.bits += _FRAME_BITS[message.dlc]
+        self.bits += FRAME_BITS[message.dlc]
         handler = self._handlers.get(message.arbitration_id)
         if handler is not None and not message.is_remote_frame and not message.is_extended_id:
             self.stamp_s, self.from_outside = message.timestamp, message.is_rx

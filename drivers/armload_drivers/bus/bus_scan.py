@@ -48,7 +48,7 @@ def scan(link: BusLink, node_ids: Iterable[int], wait_s: float) -> dict[int, lis
         link.subscribe(od.SDO_TX_BASE + node_id, take)
         link.subscribe(od.SDO_RX_BASE + node_id, lambda _: others.add(node_id))
 
-    with link.subscribed_meanwhile():
+    with link.subscribed_meanwhile(), link.everywhere():
         for node_id in asked:
             listen(node_id)
             link.send_frame(od.SDO_RX_BASE + node_id, _UPLOAD)

@@ -51,7 +51,8 @@ class BusRemarks:
         irregular = [text for rhythm in self._rhythms if (text := rhythm.take())]
         if irregular:
             lines.append(f"warning: {'; '.join(irregular)}. Check the computer's load, the bus load and priorities")
-        return tuple(lines)
+        skew = self._link.take_skew()
+        return (*lines, skew) if skew else tuple(lines)
 
     def _counts(self) -> list[int]:
         """All counts so far."""

@@ -145,8 +145,8 @@ class CanopenCycle(ArmCycle[DriveNode]):
 
     def _measure_load(self, now_s: float) -> None:
         """Complete one measurement of the bus load."""
-        bits = self._link.bits - self._load_bits
-        self._load_bits = self._link.bits
+        now_bits = self._link.busiest_bits
+        bits, self._load_bits = now_bits - self._load_bits, now_bits
         if self._load_since_s:
             self.bus_load = bits / (self._bitrate * (now_s - self._load_since_s))
         self._load_since_s = now_s

@@ -49,6 +49,6 @@ def show(arm: ArmSettings, bus: can.BusABC, listen_s: float, timeouts: Timeouts 
     begun_s = time.monotonic()
     while (left_s := begun_s + listen_s - time.monotonic()) > 0.0:
         link.pump(left_s)
-    bits, listened_s = link.bits, time.monotonic() - begun_s
+    bits, listened_s = link.busiest_bits, time.monotonic() - begun_s
     drives = tuple(drive_status(setup, limits) for setup in canopen_setups(arm, link, limits))
     return ArmStatus(drives, bits / (arm.bitrate * listened_s), link.error_frames, link.error_passive)

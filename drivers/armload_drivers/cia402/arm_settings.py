@@ -7,7 +7,7 @@ operates on joints.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, IntEnum
 
 from armload_core.arrays import FloatArray
@@ -137,6 +137,7 @@ class DriveSettings:
         effort_bits: Size of 6078 or 6077, 16 or 32.
         pdo_objects_max: Greatest number of objects in one PDO, whatever their size.
         rated_torque_unit_nm: Value of one unit of 6076, in N m.
+        bus: Number of the bus that the drive is on, from 0.
         second_axis_unused: Whether nothing is connected to the further axes of a drive that serves several.
         alias: EtherCAT station alias that the drive must have; None if it is not checked.
         sync0: Whether the drive follows its distributed clock (SYNC0) instead of the frame's arrival.
@@ -172,6 +173,7 @@ class DriveSettings:
     second_axis_unused: bool = False
     alias: int | None = None
     sync0: bool = False
+    bus: int = 0
 
     @property
     def wanted_identity(self) -> Identity:
@@ -218,3 +220,8 @@ class ArmSettings:
     def master_node_id(self) -> int:
         """Node id of the master's heartbeat: the highest that no other node has."""
         return max(NODE_IDS - {drive.node_id for drive in self.drives} - self.other_nodes)
+
+    def by_bus(self) -> tuple[ArmSettings, ...]:
+        """The arm's settings with the drives of each bus."""
+        buses = range(max((drive.bus for drive in self.drives), default=0) + 1)
+        return tuple(replace(self, drives=tuple(drive for drive in self.drives if drive.bus == bus)) for bus in buses)

@@ -36,6 +36,10 @@ def frame_bits(data_bytes: int) -> int:
     return 47 + 8 * data_bytes + (34 + 8 * data_bytes - 1) // 4
 
 
+FRAME_BITS: Final = tuple(frame_bits(min(length, 8)) for length in range(65))
+"""`frame_bits` by length; a node of another kind may send CAN FD frames."""
+
+
 @dataclass(frozen=True, slots=True)
 class BusLoad:
     """Worst-case bus load of a configuration.
@@ -66,10 +70,15 @@ class BusLoad:
 
 
 def forecast(arm: ArmSettings) -> BusLoad:
-    """Worst-case load of a configured arm.
+    """Worst-case load of a configured arm, on its busiest bus.
 
     Other SDO and EMCY are not counted: the limit leaves room for them.
     """
+    return max(map(_forecast, arm.by_bus()), key=lambda load: load.share)
+
+
+def _forecast(arm: ArmSettings) -> BusLoad:
+    """Worst-case load of the drives of one bus."""
     images = [drive_image(drive) for drive in arm.drives]
     sync_bits = frame_bits(1 if arm.sync_counter else 0)
     bits = sync_bits + sum(frame_bits(layout.length) for image in images for layout in image.layouts)
@@ -101,10 +110,18 @@ def require_room(arm: ArmSettings) -> BusLoad:
         remedy = f"at {arm.bitrate} bit/s this fits: cycle_hz = {load.cycle_hz}"
     else:
         remedy = f"no cycle rate fits at {arm.bitrate} bit/s; raise the bit rate"
+    if not any(drive.bus for drive in arm.drives):
+        remedy += ". Or put some of the joints on a second bus ([bus.a], [bus.b])"
     raise BusOverload(
-        f"{len(arm.drives)} drives at {1 / arm.cycle_s:.0f} Hz load the bus by up to {100.0 * load.share:.0f} %, the "
+        f"{_drives_of(arm)} at {1 / arm.cycle_s:.0f} Hz load the bus by up to {100.0 * load.share:.0f} %, the "
         f"limit is {100.0 * MAX_BUS_LOAD:.0f} %: {remedy}"
     )
+
+
+def _drives_of(arm: ArmSettings) -> str:
+    """The number of drives, by bus."""
+    counts = [len(part.drives) for part in arm.by_bus()]
+    return f"{counts[0]} drives" if len(counts) == 1 else f"{' + '.join(map(str, counts))} drives on two buses"
 
 
 def with_rate_for(arm: ArmSettings, **of_drives: Any) -> str:

@@ -17,10 +17,12 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import can
 
+from armload_drivers.bus.joined_bus import BusRole, JoinedBus
+from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.driver_errors import SimulationError
 
 Listener = Callable[[can.Message], None]
@@ -135,6 +137,26 @@ class LockstepBus(can.BusABC):
         """Disconnect. Idempotent."""
         super().shutdown()
         self.wire.leave(self)
+
+
+def lockstep_wires(arm: ArmSettings) -> tuple[LockstepWire, ...]:
+    """A wire for each bus of an arm."""
+    return tuple(LockstepWire() for _ in arm.by_bus())
+
+
+def lockstep_bus(arm: ArmSettings, wires: Sequence[LockstepWire], role: BusRole) -> LockstepBus | JoinedBus:
+    """An endpoint of each of an arm's wires, as one bus.
+
+    Args:
+        arm: The arm.
+        wires: Its wires, from `lockstep_wires`.
+        role: Who uses the bus.
+    """
+    ends = [LockstepBus(wire) for wire in wires]
+    if len(ends) == 1:
+        return ends[0]
+    members = [frozenset(drive.node_id for drive in part.drives) for part in arm.by_bus()]
+    return JoinedBus(ends, members, role, arm.cycle_s, in_lockstep=True)
 
 
 def _copy(message: can.Message) -> can.Message:

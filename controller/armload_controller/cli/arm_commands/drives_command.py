@@ -155,12 +155,14 @@ def reset_command(
 def _bus_of(robot: Robot) -> Iterator[can.BusABC]:
     """The robot's bus; a virtual one with simulated drives on it."""
     from armload_controller.session.arm_access import bus_of
+    from armload_drivers.bus.joined_bus import BusRole
     from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
     from armload_drivers.simulation.plant_interface import IdealPlant
 
     with ExitStack() as stack:
         opened = stack.enter_context(bus_of(robot))
         if robot.bus.in_virtual_time:
-            drives_bus, plant = stack.enter_context(bus_of(robot)), IdealPlant(robot.simulation.start_rad)
+            drives_bus = stack.enter_context(bus_of(robot, BusRole.DRIVES))
+            plant = IdealPlant(robot.simulation.start_rad)
             stack.enter_context(SimulatedDrives(robot.drives.settings, plant, drives_bus, time.monotonic))
         yield opened

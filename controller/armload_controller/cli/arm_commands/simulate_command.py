@@ -86,8 +86,7 @@ def simulate(
     with StopSignals(control), drives_alone(arm, name, changes, described) as drives:
         later = "".join(f", {text.replace('=', ': ', 1)}" for text in payload_at or [])
         screen.step(
-            f"{arm.n} simulated drives of {arm.name} on {arm.bus.interface}:{arm.bus.channel}, "
-            f"payload {name}{later}. Ctrl-C ends them."
+            f"{arm.n} simulated drives of {arm.name} on {arm.bus.address}, payload {name}{later}. Ctrl-C ends them."
         )
         while drives.running and control.goal.stop is None:
             time.sleep(POLL_S)

@@ -106,7 +106,7 @@ def watch(
             watched, feed = rtde, rtde_feed(arm, rtde)
         else:
             arm = arm_on_bus(robot, bus, bitrate)
-            watched, feed = f"{arm.bus.interface}:{arm.bus.channel}", bus_feed(arm)
+            watched, feed = f"{arm.bus.address}", bus_feed(arm)
         moments = _live_moments(screen, arm, payload, feed, every_s, record, stated_load, duration_s)
     diary = None if report is None else _diary(arm, payload, watched)
     _show(screen, arm, moments, diary, report)

@@ -37,11 +37,20 @@ VIRTUAL = "virtual"
 """The interface inside one process, shared with its simulated drives."""
 
 
-class BusTable(Table):
-    """The CANopen bus."""
+class PartTable(Table):
+    """One of two buses of an arm."""
 
     interface: str
     channel: str
+
+
+class BusTable(Table):
+    """The CANopen bus, or `a` and `b` if the arm has two."""
+
+    interface: str | None = None
+    channel: str | None = None
+    a: PartTable | None = None
+    b: PartTable | None = None
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)]
     cycle_hz: Annotated[float, Field(gt=0, le=1000)]
     heartbeat_s: Positive
@@ -52,7 +61,56 @@ class BusTable(Table):
     @property
     def in_virtual_time(self) -> bool:
         """Whether time is virtual: master and drives wait for each other, and a cycle takes only its computing time."""
-        return self.interface == VIRTUAL
+        return self.parts[0].interface == VIRTUAL
+
+    @property
+    def parts(self) -> tuple[PartTable, ...]:
+        """The buses; a drive's `bus` is "a" or "b"."""
+        if self.a is not None and self.b is not None:
+            return self.a, self.b
+        return (PartTable(interface=self.interface or "", channel=self.channel or ""),)
+
+    @property
+    def address(self) -> str:
+        """The buses for messages, as socketcan:can0."""
+        return " and ".join(f"{part.interface}:{part.channel}" for part in self.parts)
+
+    def elsewhere(self, interface: str, channel: str) -> dict[str, object]:
+        """The keys that place the arm on another bus; with two, CHANNEL,CHANNEL on that interface.
+
+        Args:
+            interface: python-can interface.
+            channel: Its channel or channels.
+
+        Raises:
+            BadValue: another number of channels than buses.
+        """
+        if len(self.parts) == 1:
+            return {"interface": interface, "channel": channel}
+        channels = channel.split(",")
+        if len(channels) != len(self.parts):
+            raise BadValue("channel", channel, "the arm has two buses: expected two channels, such as can0,can1")
+        return {name: {"interface": interface, "channel": each} for name, each in zip("ab", channels, strict=True)}
+
+    @model_validator(mode="after")
+    def _one_or_two(self) -> BusTable:
+        single = {"interface": self.interface, "channel": self.channel}
+        double = {"a": self.a, "b": self.b}
+        if self.a is None and self.b is None:
+            for key, value in single.items():
+                if value is None:
+                    raise BadValue(key, None, "required, or [bus.a] and [bus.b] for an arm on two buses")
+            return self
+        for key, part in double.items():
+            if part is None:
+                raise BadValue(key, None, "required: an arm on two buses has [bus.a] and [bus.b]")
+        for key, value in single.items():
+            if value is not None:
+                raise BadValue(key, value, "an arm on two buses states it in [bus.a] and [bus.b]")
+        first, second = self.parts
+        if first.interface != second.interface or first.channel == second.channel:
+            raise BadValue("b", self.address, "expected two channels of one interface")
+        return self
 
     @model_validator(mode="after")
     def _countable(self) -> BusTable:
@@ -167,6 +225,7 @@ class DriveTable(ProductKeys):
     """One joint's drive. A scale that is not given is read from the drive."""
 
     profile: str | None = None
+    bus: Literal["a", "b"] = "a"
     node_id: Annotated[int, Field(ge=1, le=127)]
     mode: Literal["csp", "ip"]
     feedback: Literal["current", "torque"]
@@ -245,6 +304,7 @@ class DriveTable(ProductKeys):
             temperature=None if heat is None else heat.temperature(),
             torque_limit_in_drive=self.torque_limit_in_drive,
             second_axis_unused=self.second_axis_unused,
+            bus="ab".index(self.bus),
             vendor_settings=tuple(table.setting() for table in self.vendor_settings),
             torque_offset_bits=self.torque_offset_bits,
             effort_bits=self.effort_bits,

@@ -130,6 +130,14 @@ class RobotFile(Table):
             shared = next(node for node in nodes if nodes.count(node) > 1)
             both = " and ".join(j.name for j in self.joints if j.drive is not None and j.drive.node_id == shared)
             raise BadValue("joints.drive.node_id", shared, f"{both} share it; give each a different one")
+        if self.bus is not None:
+            used = {joint.drive.bus for joint in self.joints if joint.drive is not None}
+            for name in sorted(used - set("ab"[: len(self.bus.parts)])):
+                raise BadValue("joints.drive.bus", name, "the file has one bus; add [bus.a] and [bus.b]")
+            if used and len(used) < len(self.bus.parts):
+                raise BadValue(
+                    "joints.drive.bus", next(iter(used)), "the file has [bus.a] and [bus.b]; put joints on both"
+                )
         return self
 
     @model_validator(mode="after")

@@ -20,6 +20,7 @@ from typing import Self
 
 import can
 
+from armload_drivers.bus.joined_bus import JoinedBus
 from armload_drivers.bus.sync_sources import Clock
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings
@@ -54,8 +55,8 @@ class SimulatedDrives:
     Args:
         arm: The arm; the simulated drives correspond to it, with the simulation's identity.
         plant: The plant that they drive. It belongs to the drives from `start` to `stop`.
-        bus: Their bus; a `LockstepBus` with a virtual clock. The caller opens and closes it, and nothing else may read
-            from it.
+        bus: Their bus, or the `JoinedBus` of their buses; of `LockstepBus`es with a virtual clock. The caller opens and
+            closes it, and nothing else may read from it.
         clock: Wall clock, or the virtual clock that lockstep SYNC advances.
         traits: Deviations of drives, by node id.
 
@@ -74,7 +75,8 @@ class SimulatedDrives:
         self.frames_lost = 0
         self._arm, self._plant, self._bus, self._clock = arm, plant, bus, clock
         self._virtual = clock if isinstance(clock, VirtualClock) else None
-        self._wire = bus if isinstance(bus, LockstepBus) else None
+        self._joined = isinstance(bus, JoinedBus)
+        self._wire = _lockstep(bus)
         self._now_s = self._wall_s = clock()
         self._messages: dict[int, can.Message] = {}
         self._setpoint_routes: dict[int, list[tuple[SimulatedDrive, Pdo]]] = {}
@@ -97,6 +99,7 @@ class SimulatedDrives:
             )
             for axis, drive in enumerate(arm.drives)
         }
+        self._by_bus = [[self._drives[drive.node_id] for drive in part.drives] for part in arm.by_bus()]
 
     def start(self) -> None:
         """Switch the drives on.
@@ -265,8 +268,9 @@ class SimulatedDrives:
         if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
             return
         cob_id, data = message.arbitration_id, message.data
+        bus = int(str(message.channel)) if self._joined else 0
         if cob_id == od.SYNC_DEFAULT_COB_ID:
-            self._sync(len(data), message.timestamp)
+            self._sync(len(data), message.timestamp, bus)
             return
         if not self._routes_valid:
             self._build_routes()
@@ -275,21 +279,22 @@ class SimulatedDrives:
             for drive, pdo in routes:
                 drive.setpoints(pdo, data, self._now_s)
         elif cob_id == od.NMT_COB_ID:
-            self._command(data)
+            self._command(data, bus)
         elif cob_id & ~0x7F == od.SDO_RX_BASE:
             server = self._drives.get(cob_id & 0x7F)
             if server is not None:
                 server.request(data, self._now_s)
         elif cob_id & ~0x7F == od.HEARTBEAT_BASE:
-            for drive in self._drives.values():
+            for drive in self._by_bus[bus]:
                 drive.heard(cob_id & 0x7F, self._now_s)
 
-    def _sync(self, length: int, stamp_s: float) -> None:
+    def _sync(self, length: int, stamp_s: float, bus: int) -> None:
         """One SYNC: measure, latch, answer.
 
         Args:
             length: Number of data bytes; a drive with 1019 set expects the counter, others expect none.
             stamp_s: Its time on the interface's clock.
+            bus: Number of its bus.
         """
         time_s = self._clock()
         if self._virtual is not None:
@@ -306,7 +311,10 @@ class SimulatedDrives:
             sample.axis_torque_nm.tolist(),
             strict=True,
         )
+        concerned = self._by_bus[bus]
         for drive, values in zip(self._drives.values(), columns, strict=True):
+            if drive not in concerned:
+                continue
             drive.power.measure(*values)
             drive.power.lock_onto_sync(time_s)
             drive.sync(self._now_s, length)
@@ -318,12 +326,12 @@ class SimulatedDrives:
         for drive in self._drives.values():
             drive.tick(self._now_s)
 
-    def _command(self, data: bytearray) -> None:
-        """NMT: to one node or, with node id 0, to all."""
+    def _command(self, data: bytearray, bus: int) -> None:
+        """NMT on a bus: to one node or, with node id 0, to all."""
         if len(data) != 2 or data[0] not in _NMT_COMMANDS:
             return
         command = _NMT_COMMANDS[data[0]]
-        for drive in self._drives.values():
+        for drive in self._by_bus[bus]:
             if data[1] in {0, drive.node_id}:
                 drive.command(command, self._now_s)
 
@@ -351,3 +359,10 @@ class SimulatedDrives:
             self._bus.send(message)
         except can.CanOperationError:
             self.frames_lost += 1
+
+
+def _lockstep(bus: can.BusABC) -> LockstepBus | JoinedBus | None:
+    """The bus if frames can be acted on while they are sent, else None."""
+    parts = bus.parts if isinstance(bus, JoinedBus) else (bus,)
+    in_lockstep = all(isinstance(part, LockstepBus) for part in parts)
+    return bus if in_lockstep and isinstance(bus, LockstepBus | JoinedBus) else None
