@@ -210,6 +210,21 @@ def test_a_frame_that_is_late_or_sent_once_too_often_is_no_twin(virtual_arm):
     move(arm, start, 100)
 
 
+def test_answers_to_a_sync_that_no_cycle_used_are_no_twins(virtual_arm):
+    """A process that is late in every cycle: the kernel sends two SYNCs, and every drive answers both."""
+    arm = virtual_arm()
+    start = enabled(arm)
+    following = arm.servos._sync.next
+
+    def late(link, on_sync):
+        following(link, lambda: None)
+        tick = following(link, on_sync)
+        return replace(tick, skipped=1)
+
+    arm.servos._sync.next = late
+    move(arm, start, 20)
+
+
 def test_feedback_of_the_next_sync_in_a_late_cycle_is_no_departure(virtual_arm):
     """A process that was stopped for a cycle reads the feedback of two SYNCs: twice the way, in twice the time."""
     arm = virtual_arm()

@@ -111,6 +111,9 @@ class CanopenCycle(ArmCycle[DriveNode]):
             link.send(self._heartbeat)
             self._heartbeat_due_s = now_s + self._heartbeat_s
         tick = sync.next(link, self._expect_feedback)
+        if tick.skipped:
+            for node in nodes:
+                node.excuse_surplus()
         self._sync_rhythm.note(tick.time_s)
         sync.await_feedback(link, self._complete)
         if link.stamp_s:

@@ -167,6 +167,10 @@ class DriveNode(CyclicDrive):
         """Extend the wait for the next heartbeat by a time in which nothing was read."""
         self._heard_s += away_s
 
+    def excuse_surplus(self) -> None:
+        """A SYNC was not used by a cycle: what arrived in answer to it is no twin's."""
+        self._surplus_cycles = 0
+
     def prepare(self, now_s: float) -> can.Message:
         """RPDO of this cycle."""
         word = self.controlword(now_s)
