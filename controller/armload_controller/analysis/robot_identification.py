@@ -12,7 +12,7 @@ from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
 from armload_controller.config.measured_arm import MeasuredArm
-from armload_controller.config.objects_or_paths import FilePath, arm_of, payload_from, recording_of
+from armload_controller.config.objects_or_paths import FilePath, RunSource, arm_of, payload_from, recording_of
 from armload_controller.config.robot_recordings import RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
 from armload_identification.estimation.estimator_names import Estimator, EstimatorName, named_estimator
@@ -27,6 +27,7 @@ from armload_identification.pipeline.payload_validation import gains_to_compare_
 from armload_identification.pipeline.workpiece import Workpiece
 from armload_identification.recording import file_reading
 from armload_identification.recording.csv_columns import CsvColumns, parse_columns
+from armload_identification.recording.formats.frame_reader import DataFrame
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.recording import Recording
 from armload_identification.report.report_content import ReportContent, ShownRuns
@@ -35,12 +36,12 @@ from armload_identification.results.payload_over_time import PayloadOverTime
 from armload_identification.verdict.recording_checks.impossible_magnitudes import require_possible_mass
 from armload_identification.verdict.tolerance import Tolerance
 
-RunPair = tuple[Recording | FilePath, Recording | FilePath]
+RunPair = tuple[RunSource, RunSource]
 """A loaded run, and one of the same motion without the payload."""
 
 
 def read_recording(
-    path: FilePath,
+    path: FilePath | DataFrame,
     robot: MeasuredArm | FilePath | None = None,
     *,
     columns: CsvColumns | str | None = None,
@@ -52,10 +53,11 @@ def read_recording(
     """Read a recording of any format.
 
     Args:
-        path: MCAP of armload, ROS 2 bag, CSV, Parquet, LeRobot data set or NumPy archive.
+        path: MCAP of armload, ROS bag, CSV, Parquet, LeRobot data set or NumPy archive; or a data frame of pandas or
+            polars.
         robot: The arm it belongs to; its `[log]` assigns the columns of a table.
-        columns: Columns of a table, such as "time=0 position=1-6 current=7-12"; if not given, `[log]` or the header's
-            names apply.
+        columns: Columns of a table, such as "time[ms]=0 position=1-6 current=7-12"; if not given, `[log]` or the
+            header's names apply.
         effort: Meaning of the effort in a ROS message, "torque" or "current".
         between_s: Interval of rows to use, as times since the first row.
         joints: Indices, from 0, of the recorded joints that are the arm's; if not given, matched by name, or all.
@@ -76,17 +78,18 @@ def read_recording(
     """
     known = parse_columns(columns) if isinstance(columns, str) else columns
     choice = RecordingChoice(known, Effort(effort), between_s, episode, tuple(joints))
+    source = path if isinstance(path, DataFrame) else Path(path)
     if robot is not None:
-        return read_of(arm_of(robot), Path(path), choice)
+        return read_of(arm_of(robot), source, choice)
     options = ReadingOptions(known, choice.effort, episode=episode)
-    recording = file_reading.read_recording(Path(path), options, between_s=between_s)
+    recording = file_reading.read_recording(source, options, between_s=between_s)
     return chosen_joints(recording, choice.joints)
 
 
 def identify(
     robot: MeasuredArm | FilePath,
-    loaded: Recording | FilePath,
-    unloaded: Recording | FilePath | None = None,
+    loaded: RunSource,
+    unloaded: RunSource | None = None,
     *,
     validation: RunPair | None = None,
     calibration: Calibration | None = None,
@@ -162,7 +165,7 @@ def identify(
     payload = payload_result(identification, version("armload"), arm.sha256, used.calibration_sha256, **origin)
     if arm.rated_payload_kg is not None:
         require_possible_mass(payload.model.mass_kg, payload.interval_95[0], arm.rated_payload_kg, arm.name)
-    notes = [] if unnamed is None else [unnamed]
+    notes = [*run.source.remarks, *([] if unnamed is None else [unnamed])]
     if arm.rated_payload_kg is not None and payload.interval_95[0, 0] > arm.rated_payload_kg:
         notes.append(
             f"The arm carries {payload.model.mass_kg:.3g} kg, more than its rated payload of "
@@ -187,7 +190,7 @@ def identify(
 
 def identify_over_time(
     robot: MeasuredArm | FilePath,
-    loaded: Recording | FilePath,
+    loaded: RunSource,
     every_s: float,
     *,
     calibration: Calibration | None = None,
@@ -231,8 +234,8 @@ def identify_over_time(
 def validate(
     robot: MeasuredArm | FilePath,
     payload: PayloadResult | FilePath,
-    loaded: Recording | FilePath,
-    unloaded: Recording | FilePath,
+    loaded: RunSource,
+    unloaded: RunSource,
     *,
     calibration: Calibration | None = None,
     tolerance: Tolerance | None = None,

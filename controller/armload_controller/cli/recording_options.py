@@ -26,7 +26,7 @@ JointsOption = Annotated[
 ]
 ColumnsOption = Annotated[
     str | None,
-    typer.Option(help='Columns of a table, such as "time=0 position=1-6 current=7-12", or by names.'),
+    typer.Option(help='Columns of a table, such as "time[ms]=0 position[deg]=1-6 torque=7-12", or by names.'),
 ]
 EffortOption = Annotated[
     Effort, typer.Option(help="Meaning of effort in a ROS message: joint torque or motor current.")

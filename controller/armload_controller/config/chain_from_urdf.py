@@ -106,6 +106,11 @@ class UrdfArm(DescribedArm):
         return None
 
     @property
+    def position_limits_rad(self) -> FloatArray:
+        """(n, 2) least and greatest position of each joint."""
+        return np.stack([self.position_min_rad, self.position_max_rad], axis=1)
+
+    @property
     def rated_payload_kg(self) -> None:
         """None: a URDF does not state it."""
         return None

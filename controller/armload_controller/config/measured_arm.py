@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol
 
+from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.recording import Recording
@@ -45,6 +46,10 @@ class MeasuredArm(Protocol):
     @property
     def csv_columns(self) -> CsvColumns | None:
         """Columns of other programs' logs; None if the arm's file does not state them."""
+
+    @property
+    def position_limits_rad(self) -> FloatArray:
+        """(n, 2) least and greatest position of each joint."""
 
     @property
     def rated_payload_kg(self) -> float | None:

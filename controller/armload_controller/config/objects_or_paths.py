@@ -12,9 +12,12 @@ from armload_controller.config.robot_recordings import read_of
 from armload_controller.config.urdf_tree import is_urdf
 from armload_identification.files.payload_file import read_payload
 from armload_identification.model.payload import PayloadResult
+from armload_identification.recording.formats.frame_reader import DataFrame
 from armload_identification.recording.recording import Recording
 
 FilePath = str | PathLike[str]
+RunSource = Recording | FilePath | DataFrame
+"""A recording, the path of its file, or a data frame."""
 
 
 def wrong_type(argument: str, value: object, expected: str) -> TypeError:
@@ -56,12 +59,12 @@ def robot_of(robot: MeasuredArm | FilePath) -> Robot:
     raise wrong_type("robot", robot, "a Robot, the name of a shipped robot, or the path of a robot's file")
 
 
-def recording_of(arm: MeasuredArm, run: Recording | FilePath, argument: str) -> Recording:
+def recording_of(arm: MeasuredArm, run: RunSource, argument: str) -> Recording:
     """A recording with the arm's joints.
 
     Args:
         arm: The arm.
-        run: The recording or its path.
+        run: The recording, its path, or a data frame.
         argument: Name of the argument, for messages.
 
     Raises:
@@ -73,7 +76,9 @@ def recording_of(arm: MeasuredArm, run: Recording | FilePath, argument: str) -> 
         return arm.own(run)
     if isinstance(run, str | PathLike):
         return read_of(arm, Path(run))
-    expected = "a Recording (read_recording, Recording.from_arrays) or the path of one"
+    if isinstance(run, DataFrame):
+        return read_of(arm, run)
+    expected = "a Recording (read_recording, Recording.from_arrays), the path of one, or a data frame"
     raise wrong_type(argument, run, expected)
 
 

@@ -15,6 +15,8 @@ from importlib import resources
 from os import PathLike, fspath
 from pathlib import Path
 
+import numpy as np
+
 from armload_controller.config.drive_profiles import with_profiles
 from armload_controller.config.robot_drives import RobotDrives
 from armload_controller.config.robot_limits import RobotLimits
@@ -28,6 +30,7 @@ from armload_controller.config.urdf_tree import is_urdf
 from armload_controller.control_errors import CommissioningError, ConfigurationError
 from armload_controller.motion.motion_constraints import MotionConstraints
 from armload_controller.motion.obstacles import Obstacles
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.excitation_file import read_excitation
 from armload_identification.excitation.fourier import Excitation
@@ -35,6 +38,7 @@ from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.identification_errors import IdentificationError, ModelError
 from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.joint_names import JointNames
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.storage.regular_file import require_regular
@@ -66,6 +70,11 @@ class Robot(RobotSource):
     def description(self) -> str:
         """One line that describes the robot."""
         return self.tables.robot.description
+
+    @property
+    def position_limits_rad(self) -> FloatArray:
+        """(n, 2) least and greatest position of each joint."""
+        return np.stack([self.limits.motion.position_min_rad, self.limits.motion.position_max_rad], axis=1)
 
     @property
     def rated_payload_kg(self) -> float:
@@ -125,7 +134,8 @@ class Robot(RobotSource):
             )
         if recording.torque_nm is None:
             self.drives.require_current_gains(str(path))
-        if set(self.joint_names) & set(recording.joint_names):
+        named = len(JointNames(self.joint_names).places(recording.joint_names)) == self.n
+        if named or set(self.joint_names) & set(recording.joint_names):
             recording = recording.named_joints(self.joint_names)
         check_joints(recording, self.n)
         torque = self.transmission.measured(recording.torque_nm, recording.current_a)

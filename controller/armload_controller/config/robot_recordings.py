@@ -9,6 +9,7 @@ from armload_controller.config.measured_arm import MeasuredArm
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.formats.frame_reader import DataFrame
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.recording import Recording
 
@@ -35,13 +36,13 @@ class RecordingChoice:
 EVERYTHING = RecordingChoice()
 
 
-def read_of(arm: MeasuredArm, path: Path, choice: RecordingChoice = EVERYTHING) -> Recording:
+def read_of(arm: MeasuredArm, source: Path | DataFrame, choice: RecordingChoice = EVERYTHING) -> Recording:
     """Read one recording.
 
     Args:
         arm: The expected arm. Logs of other programs do not state their arm; only the number of joints, and their names
             if recorded, can be checked.
-        path: A recording of any format.
+        source: A recording of any format, or a data frame.
         choice: Which part of it is used.
 
     Raises:
@@ -49,8 +50,9 @@ def read_of(arm: MeasuredArm, path: Path, choice: RecordingChoice = EVERYTHING) 
         RecordingError: the recording cannot be read, or has other joints.
     """
     columns = choice.columns or arm.csv_columns
-    options = ReadingOptions(columns, choice.effort, arm.joint_names, choice.episode)
-    recording = read_recording(path, options, between_s=choice.between_s)
+    names = () if choice.joints else arm.joint_names
+    options = ReadingOptions(columns, choice.effort, names, choice.episode, arm.position_limits_rad)
+    recording = read_recording(source, options, between_s=choice.between_s)
     return arm.own(chosen_joints(recording, choice.joints))
 
 

@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.column_units import unit_factor, unit_name, units_of
 
-_KEYS: Final = ("time", "position", "velocity", "current", "torque")
+QUANTITIES_BY_KEY: Final = {
+    "time": "time_s",
+    "position": "position_rad",
+    "velocity": "velocity_rad_s",
+    "current": "current_a",
+    "torque": "torque_nm",
+}
+"""Quantity by its key in `--columns`."""
+_EXAMPLE: Final = '"time[ms]=0 position[deg]=1-6 torque=7-12" or "time=t position=q1-6 torque=tau1-6"'
+_PART: Final = re.compile(r"[^\s=\[]+(?:\[[^\]]*\])?(?:=\S*)?|\S+")
+_KEY: Final = re.compile(r"([a-z]+)(?:\[([^\]]*)\])?")
 _RANGE: Final = re.compile(r"(.*?)(\d+)-(\d+)")
 _MOST_COLUMNS: Final = 1000
 
 
 @dataclass(frozen=True)
 class CsvColumns:
-    """The columns of a table (CSV, Parquet) by quantity: numbers from zero, or names of a header line.
+    """The columns of a table (CSV, Parquet, data frame) by quantity: numbers from zero, or names of a header line.
 
     Attributes:
         time: Column of the time stamp in s.
@@ -26,6 +37,7 @@ class CsvColumns:
         torque: One per joint, JOINT torque in N m; None if the log has current.
         scale: Factor on the numbers of a quantity, by its name in `groups`; 1 if not given.
         joint_names: Names of the joints, if the columns show them.
+        nanoseconds: Column of nanoseconds to add to the time; None without one.
     """
 
     time: int | str
@@ -35,11 +47,12 @@ class CsvColumns:
     torque: Sequence[int | str] | None = None
     scale: Mapping[str, float] = field(default_factory=dict)
     joint_names: tuple[str, ...] = ()
+    nanoseconds: int | str | None = None
 
     def groups(self) -> dict[str, list[int | str]]:
         """The existing columns by the name of the quantity."""
         groups = {
-            "time_s": [self.time],
+            "time_s": [self.time] if self.nanoseconds is None else [self.time, self.nanoseconds],
             "position_rad": self.position,
             "velocity_rad_s": self.velocity,
             "current_a": self.current,
@@ -47,34 +60,78 @@ class CsvColumns:
         }
         return {name: list(columns) for name, columns in groups.items() if columns is not None}
 
+    def in_units(self, factors: Mapping[str, float]) -> CsvColumns:
+        """The same columns in other units.
+
+        Args:
+            factors: Factor on what the columns are read as now, by quantity.
+        """
+        return replace(
+            self, scale={**self.scale, **{name: self.scale.get(name, 1.0) * f for name, f in factors.items()}}
+        )
+
+    def option(self, names: Sequence[str]) -> str:
+        """The command-line option that says the same, with numbers of columns.
+
+        Args:
+            names: Names of all columns.
+        """
+        parts = []
+        for key, quantity in QUANTITIES_BY_KEY.items():
+            columns = self.groups().get(quantity, [])
+            factor = self.scale.get(quantity, 1.0)
+            unit = f"[{unit_name(quantity, factor)}]" if factor != 1.0 else ""
+            places = [column if isinstance(column, int) else names.index(column) for column in columns]
+            if places:
+                parts.append(f"{key}{unit}={_written(places)}")
+        return f'--columns "{" ".join(parts)}"'
+
 
 def parse_columns(text: str) -> CsvColumns:
     """Columns from the command line.
 
     Args:
-        text: Such as "time=0 position=1-6 current=7-12" or "time=t position=q1-6 torque=tau1-6": names and numbers
-            separated by commas, or ranges of numbers.
+        text: Such as "time[ms]=0 position[deg]=1-6 current=7-12" or "time=t position=q1-6 torque=tau1-6": names and
+            numbers separated by commas, or ranges of numbers; SI units if none are given. Two columns of time are
+            seconds and nanoseconds.
 
     Raises:
         RecordingError: naming the part that is invalid.
     """
     found: dict[str, list[int | str]] = {}
-    for part in text.split():
-        key, equals, value = part.partition("=")
-        if key not in _KEYS or not equals or not value or key in found:
+    scale: dict[str, float] = {}
+    for part in _PART.findall(text):
+        left, equals, value = part.partition("=")
+        match = _KEY.fullmatch(left)
+        key = match[1] if match else ""
+        if match is None or key not in QUANTITIES_BY_KEY or not equals or not value or key in found:
             raise RecordingError(
-                f"columns: {part!r} is invalid. Write each of {', '.join(_KEYS)} once, such as "
-                '"time=0 position=1-6 current=7-12" or "time=t position=q1-6 torque=tau1-6".'
+                f"columns: {part!r} is invalid. Write each of {', '.join(QUANTITIES_BY_KEY)} once, such as {_EXAMPLE}."
             )
+        if match[2] is not None:
+            quantity = QUANTITIES_BY_KEY[key]
+            factor = unit_factor(quantity, match[2])
+            if factor is None:
+                raise RecordingError(
+                    f"columns: {left!r} has an unknown unit; {key} can be in {units_of(quantity)}, such as {_EXAMPLE}."
+                )
+            scale |= {quantity: factor} if factor != 1.0 else {}
         found[key] = [column for item in value.split(",") for column in _expanded(item)]
-    if len(found.get("time", ())) != 1 or "position" not in found:
+    if not 1 <= len(found.get("time", ())) <= 2 or "position" not in found:
         raise RecordingError(f"columns: {text!r} lacks the time column or the positions.")
     lengths = {key: len(columns) for key, columns in found.items() if key != "time"}
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{count} of {key}" for key, count in lengths.items())
         raise RecordingError(f"columns: there are {listed}; expected as many of each as joints.")
+    time, *nanoseconds = found["time"]
     return CsvColumns(
-        found["time"][0], found["position"], found.get("velocity"), found.get("current"), found.get("torque")
+        time,
+        found["position"],
+        found.get("velocity"),
+        found.get("current"),
+        found.get("torque"),
+        scale,
+        nanoseconds=nanoseconds[0] if nanoseconds else None,
     )
 
 
@@ -87,3 +144,14 @@ def _expanded(item: str) -> list[int | str]:
     if not first <= last < first + _MOST_COLUMNS:
         raise RecordingError(f"columns: the range {item!r} is empty; expected the smaller number first.")
     return [f"{stem}{number}" if stem else number for number in range(first, last + 1)]
+
+
+def _written(places: Sequence[int]) -> str:
+    """Numbers of columns, consecutive ones as a range."""
+    runs: list[list[int]] = []
+    for place in places:
+        if runs and place == runs[-1][-1] + 1:
+            runs[-1].append(place)
+        else:
+            runs.append([place])
+    return ",".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)

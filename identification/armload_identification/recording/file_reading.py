@@ -17,7 +17,8 @@ from threadpoolctl import threadpool_limits
 from armload_identification.excitation.excitation_file import parse_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
+from armload_identification.recording.formats.frame_reader import DataFrame, FrameReader
+from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter, WrongUnit
 from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.reader_registry import reader_of
 from armload_identification.recording.reading_options import ReadingOptions
@@ -34,7 +35,7 @@ _NO_OPTIONS: Final = ReadingOptions()
 
 
 def read_recording(
-    path: Path,
+    source: Path | DataFrame,
     options: ReadingOptions = _NO_OPTIONS,
     *,
     between_s: tuple[float, float] | None = None,
@@ -44,7 +45,7 @@ def read_recording(
     """Read a recording of any known format.
 
     Args:
-        path: The file.
+        source: The file, or a data frame.
         options: What the file does not say about itself.
         between_s: Start and end in s since the first row; all rows are used if not given.
         with_effort: Whether a recording without torque and current is refused; False only for inspection.
@@ -56,18 +57,25 @@ def read_recording(
     Raises:
         RecordingError: the file is missing, empty, damaged, of an unknown format, or contains no usable rows.
     """
-    reader = reader_of(path, options)
+    path = source if isinstance(source, Path) else Path("data frame")
+    reader = reader_of(source, options) if isinstance(source, Path) else FrameReader(source, path, options)
     text = reader.attachments.get(EXCITATION_ATTACHMENT)
     excitation = None if text is None else parse_excitation(text, f"{path}, attachment {EXCITATION_ATTACHMENT}")
     shown = path if options.episode is None else path.with_name(f"{path.name} episode {options.episode}")
     for reduction in _reductions(shown, excitation):
         try:
-            garbage = GarbageFilter(shown, with_effort=with_effort)
+            garbage, account = GarbageFilter(shown, with_effort=with_effort), ReadingAccount()
             # One thread: a second one saves no time with products of blocks, and costs half of the processor time.
             with threadpool_limits(1):
-                return _read_once(reader, garbage, excitation, reduction, short_rows, between_s)
+                return _read_once(reader, account, garbage, excitation, reduction, short_rows, between_s)
         except WrongReduction:
             continue
+        except WrongUnit as error:
+            if account.columns is None or not error.factors.keys().isdisjoint(account.columns[0].scale):
+                raise
+            columns, names = account.columns
+            option = columns.in_units(error.factors).option(names)
+            raise RecordingError(f"{error} Or specify the unit: {option}.") from None
         except OSError as error:
             raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check the path.") from error
     raise RecordingError(f"{path}: the recording cannot be reduced. Record it again.")
@@ -83,6 +91,7 @@ def _reductions(path: Path, excitation: Excitation | None) -> Iterator[Callable[
 
 def _read_once(
     reader: RecordingReader,
+    account: ReadingAccount,
     garbage: GarbageFilter,
     excitation: Excitation | None,
     reduction_of: Callable[[], Reduction],
@@ -90,7 +99,6 @@ def _read_once(
     between_s: tuple[float, float] | None,
 ) -> Recording:
     """Read once, with the given reduction if the run is long."""
-    account = ReadingAccount()
     kept: list[RowBlock] = []
     size = 0
     reduction: Reduction | None = None
@@ -119,6 +127,7 @@ def _read_once(
         truncated=account.truncated,
         joint_names=account.joint_names,
         between_s=between_s,
+        remarks=account.remarks,
     )
     return recording_of(joined(kept), excitation, source) if reduction is None else reduction.recording(source)
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.column_units import DEGREE_RAD
 from armload_identification.recording.row_block import RowBlock, joined
 
 FIRST_WINDOW: Final = 2**17
@@ -44,6 +45,18 @@ _LARGEST_ANGLE_RAD: Final = 6.0 * np.pi
 """Joints that turn further are logged modulo one turn; greater angles are in degrees."""
 _REASONS: Final = ("not finite", "impossible value", "time out of range", "time not increasing", "position jumps")
 _KEPT: Final = len(_REASONS)
+
+
+class WrongUnit(RecordingError):
+    """Numbers that are in another unit than assumed.
+
+    Attributes:
+        factors: Factor to the assumed unit, by quantity.
+    """
+
+    def __init__(self, message: str, factors: Mapping[str, float]) -> None:
+        super().__init__(message)
+        self.factors = factors
 
 
 class GarbageFilter:
@@ -160,7 +173,7 @@ class GarbageFilter:
                 f"{self.path}: the recording has neither motor current nor joint torque. "
                 "Identification requires one of them; record 6078 or 6077, or correct the column map."
             )
-        refuse_degrees(self.path, rows.position_rad)
+        refuse_degrees(self.path, rows)
 
 
 def _reasons_to_drop(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[np.intp], float]:
@@ -242,32 +255,41 @@ def _longest_increasing(values: FloatArray) -> NDArray[np.intp]:
     return np.array(chain[::-1], dtype=np.intp)
 
 
-def refuse_degrees(path: Path, position: FloatArray) -> None:
-    """Raise `RecordingError` for (N, n) joint angles of several turns in many rows, which are degrees."""
-    finite = position[np.isfinite(position).all(axis=1)]
+def refuse_degrees(path: Path, rows: RowBlock) -> None:
+    """Raise `WrongUnit` for joint angles of several turns in many rows, which are degrees."""
+    finite = rows.position_rad[np.isfinite(rows.position_rad).all(axis=1)]
     reach = np.abs(np.percentile(finite, [5.0, 95.0], axis=0)).max() if finite.size else 0.0
-    if reach > _LARGEST_ANGLE_RAD:
-        raise RecordingError(
-            f"{path}: joint positions reach {reach:.0f}, expected radians within +-{_LARGEST_ANGLE_RAD:.0f}. They look "
-            "like degrees: convert them, or add the unit to the column names of a table (q1_deg)."
-        )
+    if reach <= _LARGEST_ANGLE_RAD:
+        return
+    factors = {"position_rad": DEGREE_RAD}
+    if (
+        rows.velocity_rad_s is not None
+        and 0.8 < _speed_ratio(rows.time_s, rows.position_rad, rows.velocity_rad_s) < 1.25
+    ):
+        factors["velocity_rad_s"] = DEGREE_RAD
+    raise WrongUnit(
+        f"{path}: joint positions reach {reach:.0f}, expected radians within +-{_LARGEST_ANGLE_RAD:.0f}. They look "
+        "like degrees: convert them.",
+        factors,
+    )
 
 
 def refuse_time_unit(path: Path, interval_s: float) -> None:
-    """Raise `RecordingError` if the median interval (s) is not in seconds: no arm is recorded at 1 Hz or 1 MHz."""
+    """Raise `WrongUnit` if the median interval (s) is not in seconds: no arm is recorded at 1 Hz or 1 MHz."""
     if _SHORTEST_INTERVAL_S <= interval_s <= _LONGEST_INTERVAL_S:
         return
     low, high = _USUAL_INTERVAL_S
     unit = next((name for name, second in _TIME_UNITS.items() if low <= interval_s * second <= high), None)
     advice = "Check the column of the time stamps." if unit is None else f"They look like {unit}: convert them."
-    raise RecordingError(
+    raise WrongUnit(
         f"{path}: the interval of the time stamps is {interval_s:.3g}, expected seconds, from "
-        f"{_SHORTEST_INTERVAL_S:g} to {_LONGEST_INTERVAL_S:g}. {advice}"
+        f"{_SHORTEST_INTERVAL_S:g} to {_LONGEST_INTERVAL_S:g}. {advice}",
+        {} if unit is None else {"time_s": _TIME_UNITS[unit]},
     )
 
 
 def refuse_creeping(path: Path, interval_s: float, time_s: FloatArray, position: FloatArray) -> None:
-    """Raise `RecordingError` for stamps in ms of so fast a log that their median interval could be one in s.
+    """Raise `WrongUnit` for stamps in ms of so fast a log that their median interval could be one in s.
 
     The joints' (N, n) positions, in rad, change far, but with (N,) times in s at speeds of no motion.
     """
@@ -277,28 +299,34 @@ def refuse_creeping(path: Path, interval_s: float, time_s: FloatArray, position:
     step_s = np.diff(time_s[_MEDIAN_ROWS // 2 : _MEDIAN_ROWS // 2 + len(position)])
     fastest = float((np.abs(np.diff(position, axis=0)) / step_s[:, None]).max())
     if np.ptp(position, axis=0).max() > _MOVED_FAR_RAD and fastest < _CREEP_RAD_S:
-        raise RecordingError(
+        raise WrongUnit(
             f"{path}: the interval of the time stamps is {interval_s:.3g}, and no joint moves faster than "
-            f"{fastest:.2g} rad/s. The time stamps look like milliseconds: convert them to seconds."
+            f"{fastest:.2g} rad/s. The time stamps look like milliseconds: convert them to seconds.",
+            {"time_s": 1e-3},
         )
 
 
 def refuse_mixed_units(path: Path, time_s: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
-    """Raise `RecordingError` if (N, n) positions, velocities and (N,) times are not all in rad, rad/s and s."""
-    step_s = np.diff(time_s)
-    moved = np.abs(np.diff(position, axis=0)).sum()
-    reported = np.abs(0.5 * (velocity[1:] + velocity[:-1]) * step_s[:, None]).sum()
-    ratio = moved / reported if reported > 0.0 else 1.0
+    """Raise `WrongUnit` if (N, n) positions, velocities and (N,) times are not all in rad, rad/s and s."""
+    ratio = _speed_ratio(time_s, position, velocity)
     for unit, second in _TIME_UNITS.items():
         if 0.8 < ratio / second < 1.25:
-            raise RecordingError(
+            raise WrongUnit(
                 f"{path}: the positions change {ratio:.3g} times as fast as the velocities indicate. The time stamps "
-                f"look like {unit}: convert them to seconds."
+                f"look like {unit}: convert them to seconds.",
+                {"time_s": second},
             )
-    degree = np.pi / 180.0
-    if 0.8 < ratio * degree < 1.25 or 0.8 < ratio / degree < 1.25:
-        wrong = "positions" if ratio > 1.0 else "velocities"
-        raise RecordingError(
+    if 0.8 < ratio * DEGREE_RAD < 1.25 or 0.8 < ratio / DEGREE_RAD < 1.25:
+        wrong, quantity = ("positions", "position_rad") if ratio > 1.0 else ("velocities", "velocity_rad_s")
+        raise WrongUnit(
             f"{path}: the positions change {ratio:.3g} times as fast as the velocities indicate. The {wrong} look like "
-            "degrees: convert them to radians."
+            "degrees: convert them to radians.",
+            {quantity: DEGREE_RAD},
         )
+
+
+def _speed_ratio(time_s: FloatArray, position: FloatArray, velocity: FloatArray) -> float:
+    """How much faster the (N, n) positions change over the (N,) times than the velocities say; 1 without motion."""
+    moved = np.nansum(np.abs(np.diff(position, axis=0)))
+    reported = np.nansum(np.abs(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time_s)[:, None]))
+    return float(moved / reported) if reported > 0.0 else 1.0

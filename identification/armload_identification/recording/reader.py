@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
+from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.row_block import RowBlock
 
@@ -21,6 +22,8 @@ class ReadingAccount:
         reasons: Rows that are not part of a block, by reason.
         truncated: Whether the file ends in the middle of a record.
         joint_names: Names of the joints in the order of the columns; empty if the file does not name them.
+        columns: Of a table: the columns that were used, and the names of all.
+        remarks: What the reader concluded, for the user to check.
     """
 
     sha256: str = ""
@@ -28,6 +31,8 @@ class ReadingAccount:
     reasons: dict[str, int] = field(default_factory=dict)
     truncated: bool = False
     joint_names: tuple[str, ...] = ()
+    columns: tuple[CsvColumns, Sequence[str]] | None = None
+    remarks: tuple[str, ...] = ()
 
     def leave_out(self, rows: int, reason: str) -> None:
         """Count dropped rows."""

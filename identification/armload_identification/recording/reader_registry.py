@@ -16,6 +16,7 @@ from armload_identification.recording.run_format import MAGIC
 from armload_identification.storage.regular_file import require_regular
 
 _SQLITE: Final = b"SQLite format 3\x00"
+_ROS_1: Final = b"#ROSBAG V2.0"
 _ROS_PROFILE: Final = b"\x04\x00\x00\x00ros2"
 _PROFILE_AT: Final = len(MAGIC) + 9
 """Position of the profile in an MCAP file, after the kind and length of the first record."""
@@ -25,15 +26,15 @@ _START_BYTES: Final = 4096
 
 
 def open_ros(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
-    """The reader of ROS 2 bags: a folder with a storage file, an SQLite file, or an MCAP file with that profile."""
+    """The reader of ROS bags: of ROS 2, a folder, SQLite file or MCAP file with that profile; of ROS 1, a file."""
     folder = path.is_dir() and (any(path.glob("*.db3*")) or any(path.glob("*.mcap*")))
     mcap = start.startswith(MAGIC) and start[_PROFILE_AT:].startswith(_ROS_PROFILE)
-    if not (folder or mcap or start.startswith(_SQLITE)):
+    if not (folder or mcap or start.startswith((_SQLITE, _ROS_1))):
         return None
     try:
         from armload_identification.recording.formats.ros_reader import RosReader
     except ImportError as error:
-        raise _missing(path, "a ROS 2 bag", "ros", error) from error
+        raise _missing(path, "a ROS bag", "ros", error) from error
     return RosReader(path, options)
 
 
@@ -65,14 +66,14 @@ def open_parquet(path: Path, start: bytes, options: ReadingOptions) -> Recording
         from armload_identification.recording.formats.parquet_reader import ParquetReader
     except ImportError as error:
         raise _missing(path, "a Parquet table", "parquet", error) from error
-    return ParquetReader(path, options.columns, options.episode)
+    return ParquetReader(path, options)
 
 
 def open_csv(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
     """The reader of text tables: any other file without zero bytes."""
     if not start or (b"\x00" in start and options.columns is None):
         return None
-    return CsvReader(path, options.columns)
+    return CsvReader(path, options)
 
 
 READERS: Final[tuple[ReaderFactory, ...]] = (open_ros, open_mcap, open_numpy, open_parquet, open_csv)
@@ -102,7 +103,7 @@ def reader_of(path: Path, options: ReadingOptions) -> RecordingReader:
         return reader
     raise RecordingError(
         f"{path}: a {'folder' if path.is_dir() else 'file'} of unknown format. Give a recording made by armload, a ROS "
-        "2 bag (folder, .db3 or .mcap), or a table with column names (.csv, .parquet, .npz)."
+        "bag (folder, .db3, .mcap or .bag), or a table with column names (.csv, .parquet, .npz)."
     )
 
 

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from armload_identification.recording.csv_columns import CsvColumns
+
+if TYPE_CHECKING:  # the command line's options need no numpy
+    from armload_core.arrays import FloatArray
 
 
 class Effort(StrEnum):
@@ -16,19 +20,22 @@ class Effort(StrEnum):
     CURRENT = "current"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReadingOptions:
     """Information about a recording that is not in the file.
 
     Attributes:
         columns: The columns of a table; None to recognise them by name.
         effort: Quantity of the effort, for formats that do not specify it.
-        joint_names: Names of the arm's joints, if known; of several groups of joints the reader takes the one with
-            these.
+        joint_names: Names of the arm's joints, if known; columns are matched to them, and of several groups of joints
+            the reader takes the one with these.
         episode: Number of the recording in a data set of several.
+        position_limits_rad: (n, 2) least and greatest positions of the arm's joints, if known; they tell degrees from
+            radians in a data set that states no unit.
     """
 
     columns: CsvColumns | None = None
     effort: Effort = Effort.TORQUE
     joint_names: Sequence[str] = ()
     episode: int | None = None
+    position_limits_rad: FloatArray | None = None

@@ -20,6 +20,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.garbage_rows import GarbageFilter
+from armload_identification.recording.joint_names import JointNames
 from armload_identification.recording.reduction.repeated_values import RepeatedValues
 from armload_identification.recording.row_block import QUANTITIES, RowBlock, joined
 from armload_identification.recording.run_format import RUN_ATTACHMENT
@@ -41,6 +42,7 @@ class RecordingSource:
         joint_names: Names of the joints in the order of the columns; empty if the recording does not name them.
         ignored_joints: Names of joints in the file that the arm does not have.
         between_s: Times since the first row between which rows were used; None for the whole recording.
+        remarks: What was concluded while it was read, for the user to check.
     """
 
     path: Path
@@ -54,6 +56,7 @@ class RecordingSource:
     joint_names: tuple[str, ...] = ()
     ignored_joints: tuple[str, ...] = ()
     between_s: tuple[float, float] | None = None
+    remarks: tuple[str, ...] = ()
 
     def run(self) -> dict[str, Any]:
         """The `run.json` attachment; empty without one.
@@ -159,7 +162,7 @@ class Recording(RowBlock):
         """The same run with only the joints of these names, in this order.
 
         Args:
-            names: Names of the wanted joints, base first.
+            names: Names of the wanted joints, base first; the recording may have them with another prefix or separator.
 
         Raises:
             RecordingError: the recording does not name its joints, or lacks one of these.
@@ -169,15 +172,17 @@ class Recording(RowBlock):
                 f"{self.source.path}: the recording does not name its joints, so they cannot be matched by name. "
                 "Put them in the order of the arm, or give a recording with joint names."
             )
-        absent = [name for name in names if name not in self.joint_names]
+        places = JointNames(names).places(self.joint_names)
+        absent = [name for joint, name in enumerate(names) if joint not in places]
         if absent:
             raise RecordingError(
                 f"{self.source.path}: no joint named {', '.join(absent)}; the recording has "
                 f"{', '.join(self.joint_names)}. Use a recording and a description of the same arm."
             )
-        ignored = tuple(name for name in self.joint_names if name not in names)
-        run = self.joints([self.joint_names.index(name) for name in names])
-        return replace(run, source=replace(run.source, ignored_joints=self.source.ignored_joints + ignored))
+        ignored = tuple(name for place, name in enumerate(self.joint_names) if place not in places.values())
+        run = self.joints([places[joint] for joint in range(len(names))])
+        source = replace(run.source, joint_names=tuple(names), ignored_joints=self.source.ignored_joints + ignored)
+        return replace(run, source=source)
 
     @classmethod
     def from_arrays(

@@ -40,9 +40,11 @@ class RowBlock:
         """Rows of a table, without a phase.
 
         Args:
-            columns: (N, k) by quantity: one column of times, n of every other; absent quantities become None.
+            columns: (N, k) by quantity: the time, and perhaps nanoseconds to add to it, and n columns of every other;
+                absent quantities become None.
         """
-        return cls(**{**columns, "time_s": columns["time_s"][:, 0]})
+        seconds, *nanoseconds = columns["time_s"].T
+        return cls(**{**columns, "time_s": seconds + 1e-9 * nanoseconds[0] if nanoseconds else seconds})
 
     @property
     def n(self) -> int:

@@ -30,7 +30,7 @@ def _group() -> None:
 
 @recordings.command("show")
 def show_command(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording: MCAP, ROS 2 bag, CSV, Parquet, NPZ.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording: MCAP, ROS bag, CSV, Parquet, NPZ.")],
     other: Annotated[
         Path | None,
         typer.Argument(

@@ -23,8 +23,11 @@ import pyarrow.parquet as pq
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.column_names import columns_by_name
+from armload_identification.recording.column_units import DEGREE_RAD
 from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.joint_names import JointNames
 from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.row_block import RowBlock
 from armload_identification.storage.regular_file import hash_of_files, read_whole
 
@@ -39,6 +42,11 @@ _LISTS: Final = {
 }
 """Columns that may contain lists, by quantity."""
 _TIMES: Final = ("timestamp", "time", "time_s", "t")
+_ANGLES: Final = {"position_rad", "velocity_rad_s"}
+_NORMALISED: Final = 100.0
+"""End of the range of a joint that LeRobot records in percent."""
+_SLACK_RAD: Final = 0.1
+"""How far a position may be beyond a limit."""
 _BLOCK_ROWS: Final = 2**13
 _BROKEN: Final = (pa.ArrowException, ValueError, KeyError, TypeError, OSError, AttributeError)
 
@@ -48,8 +56,8 @@ class ParquetReader:
 
     Args:
         path: The file, or the folder of a data set.
-        columns: The columns; recognised by their names if not given.
-        episode: Number of the episode to read, if there are several.
+        options: The columns, recognised by their names if not given; the episode to read, if there are several; and the
+            arm's joints.
 
     Raises:
         RecordingError: not readable, several episodes of which none is chosen, or an episode that does not exist.
@@ -58,15 +66,16 @@ class ParquetReader:
     kind = "parquet"
     attachments: Mapping[str, str] = {}
 
-    def __init__(self, path: Path, columns: CsvColumns | None, episode: int | None = None) -> None:
-        self._path, self._episode = path, episode
+    def __init__(self, path: Path, options: ReadingOptions) -> None:
+        self._path, self._episode, self._options = path, options.episode, options
         info, self._files = _described(path) if path.is_dir() else ({}, [path])
         try:
             self._names = pq.ParquetFile(self._files[0]).schema_arrow
             self._require_episode()
         except _BROKEN as error:
             raise self._damaged(error) from error
-        self._columns = columns or self._recognised(info)
+        self._remarks: tuple[str, ...] = ()
+        self._columns = options.columns or self._recognised(info)
 
     def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
         """See `RecordingReader`.
@@ -85,7 +94,8 @@ class ParquetReader:
                 f"{self._path}: no column {', '.join(absent)}; there are {', '.join(self._names.names)}. "
                 "Correct the column map."
             )
-        account.joint_names = self._columns.joint_names
+        account.remarks = self._remarks
+        account.joint_names, account.columns = self._columns.joint_names, (self._columns, self._names.names)
         account.sha256 = hash_of_files(self._files)
         if self._episode is not None:
             account.sha256 = hashlib.sha256(f"{account.sha256} episode {self._episode}".encode()).hexdigest()
@@ -119,12 +129,45 @@ class ParquetReader:
         time = next((name for name in _TIMES if name in names), None)
         position = found["position_rad"]
         if position is None or time is None:
-            return columns_by_name(self._path, names)
+            return columns_by_name(self._path, names, self._options.joint_names)
         joints = _joints_of(info, position)
         others = {key: None if name is None else [name] for key, name in found.items()}
-        return CsvColumns(
+        columns = CsvColumns(
             time, [position], others["velocity_rad_s"], others["current_a"], others["torque_nm"], joint_names=joints
         )
+        limits = self._options.position_limits_rad
+        return columns if limits is None or not info else self._in_stated_unit(columns, position, limits)
+
+    def _in_stated_unit(self, columns: CsvColumns, position: str, limits_rad: FloatArray) -> CsvColumns:
+        """The columns in the unit that the positions of a LeRobot data set must have, as it does not state one."""
+        places = JointNames(self._options.joint_names).places(columns.joint_names)
+        chosen = [places[joint] for joint in sorted(places)]
+        ranges = []
+        for file in self._files:
+            for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=[position]):
+                values = _numbers(batch.column(0))[:, chosen]
+                ranges.append(np.stack([values.min(axis=0), values.max(axis=0)], axis=1))
+        if not ranges or not chosen:
+            return columns
+        low, high = np.min(ranges, axis=0)[:, 0], np.max(ranges, axis=0)[:, 1]
+        least, most = np.clip(limits_rad[sorted(places)], -2.0 * np.pi, 2.0 * np.pi).T
+
+        def within(unit_rad: float) -> bool:
+            return bool((unit_rad * low >= least - _SLACK_RAD).all() and (unit_rad * high <= most + _SLACK_RAD).all())
+
+        if within(1.0) or not within(DEGREE_RAD):
+            return columns
+        in_degrees = columns.in_units({key: DEGREE_RAD for key in columns.groups() if key in _ANGLES})
+        if np.count_nonzero((low == -_NORMALISED) | (high == _NORMALISED)) > 1:
+            raise RecordingError(
+                f"{self._path}: {position} ends at exactly -{_NORMALISED:g} or {_NORMALISED:g}, so it may be in "
+                f"percent of each joint's range. If it is in degrees, say so: {in_degrees.option(self._names.names)}."
+            )
+        self._remarks = (
+            f"{position} reaches {max(-low.min(), high.max()):.4g}, beyond the arm's limits in radians and within them "
+            "in degrees: it was read in degrees.",
+        )
+        return in_degrees
 
     def _require_episode(self) -> None:
         """Raise for several episodes of which none is chosen, and for a choice that does not exist."""

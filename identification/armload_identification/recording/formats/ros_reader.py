@@ -1,4 +1,4 @@
-"""ROS 2 bags: a folder, or one of its storage files.
+"""ROS bags: of ROS 2, a folder or one of its storage files; of ROS 1, a file.
 
 The messages read are `sensor_msgs/JointState`, `control_msgs/DynamicJointState` and
 `control_msgs/JointTrajectoryControllerState`. Joints are matched by name in every message, as their order may change.
@@ -25,6 +25,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.joint_names import JointNames
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.row_block import RowBlock
@@ -143,12 +144,12 @@ class RosReader:
                 f"{self._path}: the bag has no joint positions; it has {others}. "
                 f"Record a topic of one of these types: {', '.join(_TYPES)}."
             )
-        wanted = set(self._options.joint_names)
+        arm = JointNames(self._options.joint_names)
 
         def worth(key: tuple[str, frozenset[str]]) -> tuple[int, int, int, int]:
             samples = [sample for _, sample in groups[key]]
             with_effort = sum(_has(sample.effort, sample) for sample in samples)
-            return len(wanted & key[1]), with_effort > 0, len(key[1]), len(samples)
+            return len(arm.places(sorted(key[1]))), with_effort > 0, len(key[1]), len(samples)
 
         best = max(groups, key=worth)
         samples = [sample for _, sample in groups[best]]

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.column_names import columns_by_name
@@ -207,7 +209,7 @@ def test_columns_are_written_briefly(text, expected):
     ("text", "said"),
     [
         ("position=1-6", "lacks the time column or the positions"),
-        ("time=0,1 position=1-6", "lacks the time column"),
+        ("time=0,1,2 position=1-6", "lacks the time column"),
         ("time=0 position", "'position' is invalid"),
         ("time=0 positon=1-6", "'positon=1-6' is invalid"),
         ("time=0 time=1 position=1", "'time=1' is invalid"),
@@ -219,3 +221,62 @@ def test_columns_are_written_briefly(text, expected):
 def test_columns_that_cannot_be_understood_are_named(text, said):
     with pytest.raises(RecordingError, match=said):
         parse_columns(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "factors"),
+    [
+        ("time[ms]=0 position[deg]=1-3 torque=4-6", {"time_s": 1e-3, "position_rad": DEGREE}),
+        (
+            "time[us]=0 position[°]=1-3 velocity[deg/s]=4-6",
+            {"time_s": 1e-6, "position_rad": DEGREE, "velocity_rad_s": DEGREE},
+        ),
+        ("time[s]=0 position[rad]=1-3 current[mA]=4-6", {"current_a": 1e-3}),
+        ("time=0 position=1-3 torque[N mm]=4-6", {"torque_nm": 1e-3}),
+    ],
+)
+def test_units_can_be_said(text, factors):
+    assert parse_columns(text).scale == pytest.approx(factors)
+
+
+def test_seconds_and_nanoseconds_are_two_columns():
+    assert parse_columns("time=0,1 position=2-3 torque=4-5").groups()["time_s"] == [0, 1]
+
+
+@pytest.mark.parametrize("text", ["time[h]=0 position=1-6", "time=0 position[counts]=1-6", "time=0 position[Nm]=1-2"])
+def test_a_unit_that_is_not_known_is_named(text):
+    with pytest.raises(RecordingError, match=r"unknown unit.* can be in"):
+        parse_columns(text)
+
+
+@given(
+    st.sampled_from([1.0, 1e-3, 1e-6, 1e-9]),
+    st.sampled_from([1.0, DEGREE]),
+    st.permutations(range(1, 7)),
+    st.booleans(),
+)
+def test_the_option_says_what_was_recognised(second, angle, order, nanoseconds):
+    names = [f"c{i}" for i in range(14)]
+    scale = {key: factor for key, factor in (("time_s", second), ("position_rad", angle)) if factor != 1.0}
+    columns = CsvColumns(0, order, torque=list(range(7, 13)), scale=scale, nanoseconds=13 if nanoseconds else None)
+    assert parse_columns(columns.option(names).split('"')[1]) == columns
+
+
+ARM = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")
+
+
+@pytest.mark.parametrize(
+    "pattern", ["{}.position", "robot7/{}/position", "ur_{}_pos", "pos[{}]", "{}Position", "q {} (rad)"]
+)
+def test_the_arms_joints_come_before_numbers(pattern):
+    """`wrist_1_joint.position` was joint 1."""
+    names = ["t", *(pattern.format(name) for name in sorted(ARM))]
+    found = columns_by_name(HERE, names, ARM)
+    assert found.position == [pattern.format(name) for name in ARM]
+    assert found.joint_names == ARM
+    assert set(columns_by_name(HERE, names).position) == set(names[1:])
+
+
+def test_the_shortest_end_that_no_other_joint_has_is_a_name():
+    names = ["t", *(f"{name}.pos" for name in ("pan", "shoulder_lift", "elbow", "wrist1", "wrist2", "wrist-3"))]
+    assert columns_by_name(HERE, names, ARM).position == names[1:]

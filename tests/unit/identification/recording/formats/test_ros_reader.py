@@ -256,7 +256,7 @@ def test_bags_that_cannot_be_read_are_refused_in_a_sentence(bag, state, store, t
     with pytest.raises(RecordingError, match=r"no metadata.yaml and 2 storage files"):
         read_recording(tmp_path / "two")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(RecordingError, match=r"a folder of unknown format.*ROS 2 bag"):
+    with pytest.raises(RecordingError, match=r"a folder of unknown format.*ROS bag"):
         read_recording(tmp_path / "empty")
 
 
@@ -280,3 +280,24 @@ def test_a_real_bag(shared_data):
     assert recording.joint_names == tuple(f"fer_joint{k}" for k in range(1, 8))
     assert recording.size == 727
     assert recording.time_s[-1] - recording.time_s[0] == pytest.approx(24.2, abs=0.1)
+
+
+def test_a_bag_of_ros_1(tmp_path):
+    """`rosbag record` of ROS 1; the arm's joints have a prefix in it, and are in another order."""
+    from rosbags.rosbag1 import Writer as FirstWriter
+
+    old = get_typestore(Stores.ROS1_NOETIC)
+    types, path = old.types, tmp_path / "run.bag"
+    with FirstWriter(path) as writer:
+        connection = writer.add_connection("/joint_states", STATE, typestore=old)
+        for k in range(ROWS):
+            stamp_ns = START_NS + k * STEP_NS
+            stamp = types["builtin_interfaces/msg/Time"](stamp_ns // 10**9, stamp_ns % 10**9)
+            names = [f"cell/{name}" for name in NAMES[::-1]]
+            values = (POSITION[k, ::-1], VELOCITY[k, ::-1], EFFORT[k, ::-1])
+            message = types[STATE](types["std_msgs/msg/Header"](k, stamp, ""), names, *(np.array(v) for v in values))
+            writer.write(connection, stamp_ns, old.serialize_ros1(message, STATE))
+    recording = read_recording(path, ReadingOptions(joint_names=NAMES)).named_joints(NAMES)
+    np.testing.assert_allclose(recording.position_rad, POSITION)
+    np.testing.assert_allclose(recording.torque_nm, EFFORT)
+    assert recording.joint_names == tuple(NAMES)

@@ -1,0 +1,85 @@
+"""Data frames in memory: pandas, polars, or anything else with named columns that NumPy can read."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, Protocol, runtime_checkable
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.column_names import columns_by_name
+from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.reading_options import ReadingOptions
+from armload_identification.recording.row_block import RowBlock
+
+_BLOCK_ROWS: Final = 2**13
+
+
+@runtime_checkable
+class DataFrame(Protocol):
+    """What pandas' and polars' frames have in common."""
+
+    @property
+    def columns(self) -> Iterable[Any]:
+        """Names of the columns."""
+
+    def __getitem__(self, name: Any, /) -> Any:
+        """One column."""
+
+
+class FrameReader:
+    """Reads a frame; an index with a name, as pandas has it, is a column too.
+
+    Args:
+        frame: The frame; levels of a name are joined by dots.
+        name: Name of the recording in messages.
+        options: The columns, recognised by their names if not given, and the names of the arm's joints.
+
+    Raises:
+        RecordingError: columns that cannot be recognised, or do not exist.
+    """
+
+    kind = "frame"
+    attachments: Mapping[str, str] = {}
+
+    def __init__(self, frame: DataFrame, name: Path, options: ReadingOptions) -> None:
+        self._name = name
+        if getattr(getattr(frame, "index", None), "name", None) is not None:
+            frame = frame.reset_index()  # type: ignore[attr-defined]
+        keys = list(frame.columns)
+        self._names = [key if isinstance(key, str) else ".".join(map(str, np.atleast_1d(key))) for key in keys]
+        self._columns = options.columns or columns_by_name(name, self._names, options.joint_names)
+        groups = self._columns.groups()
+        scale = self._columns.scale
+        self._table = {
+            quantity: scale.get(quantity, 1.0) * np.column_stack([self._numbers(frame, keys, one) for one in wanted])
+            for quantity, wanted in groups.items()
+        }
+
+    def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
+        """See `RecordingReader`."""
+        account.joint_names, account.columns = self._columns.joint_names, (self._columns, self._names)
+        digest = hashlib.sha256()
+        for quantity, values in self._table.items():
+            digest.update(f"{quantity}{values.shape}".encode() + np.ascontiguousarray(values).tobytes())
+        account.sha256 = digest.hexdigest()
+        account.rows_read = len(self._table["time_s"])
+        for first in range(0, account.rows_read, _BLOCK_ROWS):
+            yield RowBlock.of_columns({name: table[first : first + _BLOCK_ROWS] for name, table in self._table.items()})
+
+    def _numbers(self, frame: DataFrame, keys: Sequence[Any], column: int | str) -> FloatArray:
+        """(N,) numbers of a column; of dates, seconds since 1970."""
+        place = column if isinstance(column, int) else self._names.index(column) if column in self._names else -1
+        if not 0 <= place < len(keys):
+            raise RecordingError(f"{self._name}: no column {column}; there are {', '.join(self._names)}.")
+        array = np.asarray(frame[keys[place]])
+        try:
+            if array.dtype.kind == "M":
+                return 1e-9 * array.astype("datetime64[ns]").astype(np.float64)
+            return array.astype(np.float64)
+        except (TypeError, ValueError) as error:
+            raise RecordingError(f"{self._name}: column {self._names[place]} has no numbers: {error}.") from error
