@@ -215,6 +215,12 @@ class PayloadEstimator:
     def update_all(self, time_s: FloatArray, position_rad: FloatArray, effort: FloatArray, /) -> None:
         """Process N samples: (N,) times, (N, n) positions and efforts."""
 
+    def exchange(self, time_s: float, /) -> None:
+        """Another payload since a time, as known from elsewhere: the next sample forgets the old one."""
+
+    def become(self, other: PayloadEstimator, /) -> None:
+        """Take over the state of another estimator, of the same arm: 0.3 MB are copied."""
+
     def read_into(
         self,
         theta: FloatArray,

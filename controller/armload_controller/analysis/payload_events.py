@@ -2,7 +2,8 @@
 
     grasped, dropped        the payload's mass changed, and the change is known to within a quarter of its value
     changed tool            the payload changed: same mass, different centre of mass
-    contact                 at rest, an external force exceeds what friction could hold
+    something acts          in motion, a torque that neither the payload nor friction explains
+    contact                 it was a push; or at rest, an external force exceeds what friction could hold
     friction drifting       a joint's friction differs from the calibration by `DRIFTING` standard deviations
     calibration out of date the same with `OUTDATED` of them; or the estimated mass is below zero
     controller told wrong   the payload that the arm's controller was told is outside the interval of the mass
@@ -22,6 +23,7 @@ import numpy as np
 from armload_controller.feedforward.adaptation_rules import friction_size
 from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.contact.force_watch import ForceEvent, ForceEventKind
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.verdict.recording_checks.friction_validity import FAR
 
@@ -33,6 +35,8 @@ MOVED_WITHIN_M: Final = 0.01
 """The centre of mass has moved if the difference exceeds the half widths by more than this."""
 DRIFTING: Final = 3.0
 """Standard deviations of the drift between runs and of the estimate together."""
+FORCE_SIGMAS: Final = 3.0
+"""A push has a direction if its force exceeds its standard deviation by this."""
 OUTDATED: Final = FAR
 MOVED_S: Final = 5.0
 """Time in motion after which friction and a mass below zero are assessed."""
@@ -45,23 +49,35 @@ class PayloadEvent:
 
     Attributes:
         time_s: Time on the clock of the recording's stamps.
-        kind: "changed" as soon as a change is detected; then "grasped", "dropped" or "changed tool" once its size is
-            known; "contact" at rest, and "contact over"; "friction drifting"; "calibration out of date"; "controller
-            told wrong".
+        kind: "something acts" as soon as it is noticed in motion; then "changed" if it is another payload, and
+            "grasped", "dropped" or "changed tool" once its size is known; "contact" if it is a push, or at rest, and
+            "contact over"; "friction drifting"; "calibration out of date"; "controller told wrong".
         mass_kg: Change of the payload's mass, or how much more it is than the controller was told; None if unknown or
             not applicable.
         joint: Name of the joint whose friction has changed; None for other events.
+        half_width_95_kg: Half width of the 95 % interval of `mass_kg`.
+        joints: Names of the joints that show a force; None for other events.
+        force_n: Force of a push on the flange, in the base frame; None if it is not determined.
     """
 
     time_s: float
     kind: str
     mass_kg: float | None = None
     joint: str | None = None
+    half_width_95_kg: float | None = None
+    joints: tuple[str, ...] | None = None
+    force_n: tuple[float, ...] | None = None
 
     def __str__(self) -> str:
         """One line of text."""
-        text = self.kind if self.mass_kg is None else f"{self.kind} ({self.mass_kg:+.2f} kg)"
-        return text if self.joint is None else f"{text}: {self.joint}"
+        text = self.kind
+        if self.mass_kg is not None:
+            width = "" if self.half_width_95_kg is None else f" +- {self.half_width_95_kg:.2f}"
+            text += f" ({self.mass_kg:+.2f}{width} kg)"
+        if self.force_n is not None:
+            text += f" ({np.linalg.norm(self.force_n):.0f} N: {', '.join(f'{each:z.0f}' for each in self.force_n)})"
+        named = self.joint or ", ".join(self.joints or ())
+        return f"{text}: {named}" if named else text
 
 
 class PayloadEvents:
@@ -87,6 +103,22 @@ class PayloadEvents:
             told: The payload that the arm's controller was told; None if unknown.
         """
         return (*self._changed(found), *self._contact(found), *self._outdated(found), *self._told_wrong(found, told))
+
+    def of_forces(self, happened: Sequence[ForceEvent]) -> tuple[PayloadEvent, ...]:
+        """Forces in motion; another payload is reported by `of`."""
+        events = []
+        for each in happened:
+            joints = tuple(name for name, shows in zip(self._joint_names, each.joints, strict=True) if shows) or None
+            if each.kind is ForceEventKind.ACTING:
+                events.append(PayloadEvent(each.time_s, "something acts", joints=joints))
+            elif each.kind is ForceEventKind.PUSH and each.assessment is not None:
+                found = each.assessment
+                known = np.linalg.norm(found.force_n) > FORCE_SIGMAS * np.linalg.norm(found.force_deviation_n)
+                force_n = tuple(found.force_n.tolist()) if known else None
+                events.append(PayloadEvent(each.since_s, "contact", joints=joints, force_n=force_n))
+            elif each.kind is ForceEventKind.OVER:
+                events.append(PayloadEvent(each.since_s, "contact over"))
+        return tuple(events)
 
     def _told_wrong(self, found: LivePayload, told: ToldPayload | None) -> list[PayloadEvent]:
         """The controller's payload is not what the arm carries, once for each payload and each thing told."""
@@ -114,8 +146,7 @@ class PayloadEvents:
         if self._payload_before is not None:
             kind = kind_of_change(self._payload_before, found)
             if kind is not None:
-                change_kg = None if kind == "changed tool" else found.mass_kg - self._payload_before.mass_kg
-                events.append(PayloadEvent(found.changed_s, kind, change_kg))
+                events.append(_weighed(kind, self._payload_before, found))
                 self._payload_before = None
         if self._payload_before is None:
             self._last_weighed = found
@@ -144,6 +175,14 @@ class PayloadEvents:
         fresh = sorted(held - self._reported, key=str)
         self._reported |= held
         return [PayloadEvent(found.time_s, kind, joint=joint) for kind, joint in fresh]
+
+
+def _weighed(kind: str, before: LivePayload, after: LivePayload) -> PayloadEvent:
+    """A change of payload with its size."""
+    if kind == "changed tool":
+        return PayloadEvent(after.changed_s, kind)
+    width_kg = float(np.hypot(before.half_width_95[0], after.half_width_95[0]))
+    return PayloadEvent(after.changed_s, kind, after.mass_kg - before.mass_kg, half_width_95_kg=width_kg)
 
 
 def kind_of_change(before: LivePayload, after: LivePayload) -> str | None:

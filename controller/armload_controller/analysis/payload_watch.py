@@ -15,8 +15,10 @@ from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import FilePath, arm_of
 from armload_core.arrays import FloatArray
 from armload_drivers.listening.overheard_arm import ToldPayload
+from armload_identification.contact.force_watch import Force
+from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.identification_errors import RecordingError
-from armload_identification.pipeline.payload_estimator import LivePayload, PayloadEstimator
+from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.recording.garbage_rows import GarbageFilter
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reader_registry import reader_of
@@ -60,16 +62,18 @@ class WatchedMoment:
         payload: The estimate; None if the arm is only recorded because it is not calibrated.
         events: Events since the previous moment.
         bus: State of the bus; None for a recording.
+        force: Whether something acts on the moving arm; then the payload is that of before.
     """
 
     time_s: float
     payload: LivePayload | None
     events: tuple[PayloadEvent, ...] = ()
     bus: HeardBus | None = None
+    force: Force = Force.FREE
 
     def to_numbers(self) -> dict[str, Any]:
         """The estimate and the state of its source, without events: the fields of `to_dict`."""
-        return {**_payload_fields(self.payload), **(_bus_fields(self.bus) or {})}
+        return {**_payload_fields(self.payload), "force": str(self.force), **(_bus_fields(self.bus) or {})}
 
     def to_dict(self, robot: str, version: str) -> dict[str, Any]:
         """Numbers, texts, lists and dictionaries: the schema `armload/watch/1`."""
@@ -79,6 +83,7 @@ class WatchedMoment:
             "robot": robot,
             "time_s": self.time_s,
             **_payload_fields(self.payload),
+            "force": str(self.force),
             "events": [asdict(event) for event in self.events],
             "bus": _bus_fields(self.bus),
         }
@@ -132,7 +137,7 @@ class PayloadWatch:
         found, _ = used.calibrated("identifying a payload during operation requires the arm's calibration")
         self._robot, self._every_s = robot, every_s
         self.calibration, self.effort = found, found.effort
-        self._estimator = PayloadEstimator(found, robot.chain, robot.transmission)
+        self._watched = WatchedPayload(found, robot.chain, robot.transmission)
         self._next_s: float | None = None
         self._last_s = -np.inf
         self._events = PayloadEvents(found, robot.joint_names)
@@ -208,9 +213,14 @@ class PayloadWatch:
             position: (N, n) joint positions in rad.
             effort: (N, n) motor currents in A or reported joint torques in N m, as specified by `effort`.
         """
-        self._estimator.update_all(time_s, position, effort)
+        self._watched.take(time_s, position, effort)
         if time_s.size:
             self._last_s = float(time_s[-1])
+
+    @property
+    def has_news(self) -> bool:
+        """Whether something was noticed or decided since the last moment."""
+        return self._watched.has_news
 
     def moment(self, bus: HeardBus | None = None) -> WatchedMoment:
         """The estimate, and the events since the previous moment.
@@ -218,8 +228,10 @@ class PayloadWatch:
         Args:
             bus: State of the bus, for an arm on its bus.
         """
-        found = self._estimator.estimate()
-        return WatchedMoment(found.time_s, found, self._events.of(found, None if bus is None else bus.told), bus)
+        found = self._watched.estimate()
+        told = None if bus is None else bus.told
+        events = (*self._events.of_forces(self._watched.take_events()), *self._events.of(found, told))
+        return WatchedMoment(self._last_s, found, events, bus, self._watched.force)
 
 
 def watch(

@@ -26,8 +26,8 @@ from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, OVERHEARD, RUN_ATTACHMENT
 
-_CYCLES_PER_BLOCK: Final = 64
-"""Cycles passed to the estimator at a time."""
+_BLOCK_S: Final = 0.1
+"""Time of the cycles that are passed to the estimator together."""
 
 
 @contextmanager
@@ -154,7 +154,7 @@ class BusWatch:
                 missing += cycle.feedback.missing
                 self._process(cycle)
                 next_s = time_s + self._every_s if next_s is None else next_s
-                due = time_s >= next_s
+                due = time_s >= next_s or (self._payload is not None and self._payload.has_news)
             if due:
                 shown, shown_s, next_s = count, now_s, time_s + self._every_s
                 yield moment(now_s - heard_s)
@@ -169,7 +169,7 @@ class BusWatch:
             self._recorder.write(cycle.feedback, cycle.command, OVERHEARD, None)
         if self._payload is not None and not cycle.feedback.missing.any():
             self._block.append(cycle)
-            if len(self._block) >= _CYCLES_PER_BLOCK:
+            if cycle.feedback.time_s - self._block[0].feedback.time_s >= _BLOCK_S:
                 self._pass_to_estimator(self._payload)
 
     def _pass_to_estimator(self, payload: PayloadWatch) -> None:

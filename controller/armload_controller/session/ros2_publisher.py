@@ -29,6 +29,7 @@ from armload_drivers.feeds.ros2_messages import (
     Vector3,
 )
 from armload_drivers.feeds.ros2_participant import Ros2Participant
+from armload_identification.contact.force_watch import Force
 
 SILENT_S: Final = 3.0
 """Silence after which the state is stale."""
@@ -88,8 +89,8 @@ def _state(moment: WatchedMoment) -> tuple[int, str]:
         return _STALE, f"no joint states for {bus.silent_s:.0f} s"
     if found is None:
         return _FINE, "recording"
-    if found.contact:
-        return _WARNING, "contact"
+    if found.contact or moment.force is not Force.FREE:
+        return _WARNING, "contact" if found.contact else f"{moment.force}: the payload of before is held"
     if found.moving_s.max() < SHOWN_S or not found.determined[0]:
         return _FINE, "not determined yet"
     return _FINE, f"{found.mass_kg:z.3f} +- {found.half_width_95[0]:.3f} kg"

@@ -157,6 +157,14 @@ class PayloadEstimator:
         self.update = self._kernel.update
         self.update_all = self._kernel.update_all
 
+    def exchange(self, time_s: float) -> None:
+        """Another payload since a time, as known from elsewhere: the next sample forgets the old one."""
+        self._kernel.exchange(time_s)
+
+    def become(self, other: PayloadEstimator) -> None:
+        """Take over the state of another estimator of the same arm; takes some tens of microseconds."""
+        self._kernel.become(other._kernel)
+
     @property
     def changes(self) -> int:
         """Number of changes of the payload; takes a microsecond or two, unlike `estimate`."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armload_controller.analysis.payload_watch import SHOWN_S, HeardBus, WatchedMoment
+from armload_identification.contact.force_watch import Force
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -88,6 +89,8 @@ def moment_text(moment: WatchedMoment) -> str:
     if found.moving_s.max() < SHOWN_S:
         return f"{at}no estimate yet: {found.moving_s.max():.1f} s of motion of {SHOWN_S:g} s needed{lost}"
     mass = f"{found.mass_kg:z7.3f} +- {found.half_width_95[0]:.3f} kg"
+    if moment.force is not Force.FREE:
+        return f"{at}{mass}, held: {moment.force}{lost}"
     if not found.determined[1:].any():
         return at + mass + lost
     center = zip(1e3 * found.values[1:], 1e3 * np.asarray(found.half_width_95[1:]), found.determined[1:], strict=True)

@@ -152,6 +152,34 @@ static PyObject *update_all(PyObject *object, PyObject *const *args, Py_ssize_t 
     return fits ? Py_NewRef(Py_None) : NULL;
 }
 
+PyDoc_STRVAR(exchange_doc, "exchange($self, time_s, /)\n--\n\nAnother payload since a time.");
+
+static PyObject *exchange(PyObject *object, PyObject *value)
+{
+    const double time_s = PyFloat_AsDouble(value);
+    if (time_s == -1.0 && PyErr_Occurred()) {
+        return NULL;
+    }
+    payload_estimator *e = &((payload_estimator_object *)object)->estimator;
+    e->noticing = 1;
+    e->noticed = time_s;
+    e->noticed_mass = 0.0;
+    Py_RETURN_NONE;
+}
+
+PyDoc_STRVAR(become_doc, "become($self, other, /)\n--\n\nThe state of another estimator.");
+
+static PyObject *become(PyObject *object, PyObject *other)
+{
+    payload_estimator *e = &((payload_estimator_object *)object)->estimator;
+    if (Py_TYPE(other) != Py_TYPE(object) || ((payload_estimator_object *)other)->estimator.n != e->n) {
+        PyErr_SetString(PyExc_TypeError, "expected a PayloadEstimator of as many joints");
+        return NULL;
+    }
+    *e = ((payload_estimator_object *)other)->estimator;
+    Py_RETURN_NONE;
+}
+
 PyDoc_STRVAR(read_into_doc, "read_into($self, theta, covariance, friction, moving_s, status, /)\n--\n\n"
                             "The estimate into arrays.");
 
@@ -241,6 +269,8 @@ static PyMethodDef METHODS[] = {{"update", FASTCALL(update), METH_FASTCALL, upda
                                 {"update_all", FASTCALL(update_all), METH_FASTCALL, update_all_doc},
                                 {"read_into", FASTCALL(read_into), METH_FASTCALL, read_into_doc},
                                 {"friction_into", FASTCALL(friction_into), METH_FASTCALL, friction_into_doc},
+                                {"exchange", exchange, METH_O, exchange_doc},
+                                {"become", become, METH_O, become_doc},
                                 {"rows_into", rows_into, METH_O, rows_into_doc},
                                 {NULL, NULL, 0, NULL}};
 

@@ -30,8 +30,8 @@ def test_a_payload_is_weighed_once_both_are_known():
     after = {"changes": 1, "changed_s": 5.4}
     assert events(
         found(5.0), found(6.0, 0.9, 0.4, **after), found(7.0, 0.7, 0.1, **after), found(8.0, 0.7, 0.05, **after)
-    ) == ["changed", "grasped (+0.70 kg)"]
-    assert events(found(5.0, 0.7), found(6.0, **after)) == ["changed", "dropped (-0.70 kg)"]
+    ) == ["changed", "grasped (+0.70 +- 0.11 kg)"]
+    assert events(found(5.0, 0.7), found(6.0, **after)) == ["changed", "dropped (-0.70 +- 0.07 kg)"]
 
 
 def test_another_tool_of_the_same_mass_is_known_by_its_centre():

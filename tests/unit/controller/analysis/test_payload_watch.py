@@ -51,6 +51,9 @@ def table(pinocchio_arm):
     return lines, float(loaded.time_s[third]), float(loaded.time_s[2 * third])
 
 
+KINDS = ["something acts", "changed", "grasped", "something acts", "changed", "dropped"]
+
+
 def events_of(moments):
     return [event for moment in moments for event in moment.events]
 
@@ -61,13 +64,14 @@ def test_grasped_and_dropped_are_reported_with_their_mass(robot, calibration_fil
     path.write_text("\n".join(lines) + "\n", "utf-8")
     moments = list(PayloadWatch(robot, calibration_file, 1.0).file(path))
     events = events_of(moments)
-    assert [event.kind for event in events] == ["changed", "grasped", "changed", "dropped"]
-    for event, at_s in zip(events, (grasped_s, grasped_s, dropped_s, dropped_s), strict=True):
-        assert 0.0 < event.time_s - at_s < 1.0
+    assert [event.kind for event in events] == KINDS
+    for event, at_s in zip(events, np.repeat([grasped_s, dropped_s], 3), strict=True):
+        assert -0.05 < event.time_s - at_s < 1.0
     mass_kg = pinocchio_arm.payload.mass_kg
-    assert events[1].mass_kg == pytest.approx(mass_kg, rel=0.2)
-    assert events[3].mass_kg == pytest.approx(-mass_kg, rel=0.2)
-    assert str(events[1]).startswith("grasped (+")
+    assert events[0].joints
+    for event, change_kg in ((events[2], mass_kg), (events[5], -mass_kg)):
+        assert abs(event.mass_kg - change_kg) < 2.0 * event.half_width_95_kg < 0.4 * mass_kg
+    assert str(events[2]).startswith("grasped (+")
     document = moments[-1].to_dict("six", "0")
     assert document["changes"] == 2
     assert document["center_of_mass_m"] == [None, None, None]
@@ -91,7 +95,7 @@ def test_a_growing_file_is_seen_once(robot, calibration_file, table, tmp_path):
     assert stamps == sorted(stamps)
     assert moments[-1].payload.refused == 0
     assert moments[-1].payload.time_s == pytest.approx(float(lines[-1].split(",")[0]))
-    assert [event.kind for event in events_of(moments)] == ["changed", "grasped", "changed", "dropped"]
+    assert [event.kind for event in events_of(moments)] == KINDS
     assert len(waits) == IDLE_LOOKS + 2
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def test_a_determined_payload_is_published_in_the_flange_frame(publisher, networ
     assert math.isnan(sent.inertia.com.z)
     assert math.isnan(sent.inertia.ixx)
     (text,) = network.sent["/armload/my_arm/events"]
-    assert json.loads(text.data) == {"time_s": 3.5, "kind": "grasped", "mass_kg": 2.4, "joint": None}
+    assert json.loads(text.data) == asdict(event)
     ((status,),) = [array.status for array in network.sent["/diagnostics"]]
     values = {each.key: json.loads(each.value) for each in status.values}
     assert (status.level, status.message, status.hardware_id) == (0, "2.500 +- 0.100 kg", "my arm")

@@ -1,0 +1,103 @@
+"""What the motion of the last minute says about payload and friction, as a prediction of the residual.
+
+    A <- f A + H' W H, b <- f b + H' W e, x = (1 + A)^-1 b, P = (1 + A)^-1, f = exp(-dt / memory)
+
+W is one over the residual's spectral density at frequency zero, times the weight of the row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.contact.contact_levels import CHECKPOINT_S, MEMORY_S, OLD_S
+from armload_identification.contact.force_rows import PAYLOAD, ForceRows
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """Payload and friction as known at a time.
+
+    Attributes:
+        time_s: That time.
+        value: (m,) in units of the priors.
+        covariance: (m, m) likewise.
+    """
+
+    time_s: float
+    value: FloatArray
+    covariance: FloatArray
+
+
+class ArmMemory:
+    """Collects rows.
+
+    Args:
+        states: Number of unknowns.
+    """
+
+    def __init__(self, states: int) -> None:
+        self._prior = np.eye(states)
+        self._prior_right = np.zeros(states)
+        self._information = np.zeros((states, states))
+        self._right = np.zeros(states)
+        self._last_s: float | None = None
+        self._known: list[Known] = []
+
+    def add(self, rows: ForceRows, density: FloatArray) -> None:
+        """Add rows.
+
+        Args:
+            rows: The rows.
+            density: (n,) spectral density of the residual, (N m)^2 s.
+        """
+        start = 0
+        while start < rows.size:
+            first = float(rows.time_s[start])
+            due_s = first if not self._known else self._known[-1].time_s + CHECKPOINT_S
+            end = max(int(np.searchsorted(rows.time_s, due_s, side="right")), start + 1)
+            self._add_part(rows.part(slice(start, end)), density)
+            if float(rows.time_s[end - 1]) >= due_s:
+                self._checkpoint(float(rows.time_s[end - 1]))
+            start = end
+
+    def _add_part(self, rows: ForceRows, density: FloatArray) -> None:
+        time_s = rows.time_s
+        before = time_s[0] if self._last_s is None else self._last_s
+        steps = np.clip(np.diff(time_s, prepend=before), 0.0, 0.1)
+        self._last_s = float(time_s[-1])
+        fade = float(np.exp(-(self._last_s - before) / MEMORY_S))
+        weight = rows.weight**2 / density * steps[:, None]
+        tall = rows.columns.reshape(-1, rows.columns.shape[2])
+        weighted = tall * weight.reshape(-1, 1)
+        self._information = fade * self._information + weighted.T @ tall
+        self._right = fade * self._right + weighted.T @ rows.residual_nm.ravel()
+
+    def _checkpoint(self, time_s: float) -> None:
+        covariance: FloatArray = np.asarray(np.linalg.inv(self._prior + self._information), dtype=float)
+        self._known.append(Known(time_s, covariance @ (self._prior_right + self._right), covariance))
+        del self._known[:-16]
+
+    def before(self, time_s: float) -> Known | None:
+        """What was known `OLD_S` before a time; None if nothing was."""
+        return next((each for each in reversed(self._known) if each.time_s <= time_s - OLD_S), None)
+
+    def begin_anew(self, known: Known, *, payload: bool) -> None:
+        """Continue from what was known at an earlier time.
+
+        Args:
+            known: What was known.
+            payload: Whether the payload is still the same.
+        """
+        prior = np.linalg.inv(known.covariance)
+        if not payload:
+            friction = known.covariance[PAYLOAD:, PAYLOAD:]
+            prior = np.eye(len(prior))
+            prior[PAYLOAD:, PAYLOAD:] = np.linalg.inv(friction)
+        # the prior itself never fades; what was learnt does
+        value = known.value if payload else np.concatenate([np.zeros(PAYLOAD), known.value[PAYLOAD:]])
+        self._information = prior - self._prior
+        self._right = prior @ value - self._prior_right
+        self._known, self._last_s = [Known(known.time_s, value, np.linalg.inv(prior))], None

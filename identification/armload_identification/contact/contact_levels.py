@@ -1,0 +1,91 @@
+"""All numbers of this room that do not depend on the arm: unit, meaning, origin, and what it costs to be wrong by two.
+
+The costs are from `python -m benchmarks.live.pushes` on the UR10e's recorded motion.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+# ---- rows ----
+BIN_S: Final = 0.0095
+"""Samples that come faster are averaged over this, as in the recursive estimator."""
+BINS: Final = 9
+"""Means in the cubic fit of a row, +-40 ms at 100 Hz. More: later; fewer: a noisier acceleration."""
+STEP_S: Final = 0.019
+"""Least time between two rows."""
+HOLE_S: Final = 0.3
+"""Longest time that the means of a row may span."""
+
+# ---- what is known of payload and friction ----
+MEMORY_S: Final = 60.0
+"""Memory of the motion that predicts the residual."""
+CHECKPOINT_S: Final = 0.5
+"""Time between two estimates of it."""
+OLD_S: Final = 2.0
+"""Least age of the estimate that predicts: a younger one has absorbed a slow grasp."""
+REMEMBERED_S: Final = 9.0
+"""Rows kept to decide."""
+
+# ---- something acts ----
+WINDOWS_S: Final = (0.1, 0.25, 0.5, 1.0)
+"""Windows over which the residual is averaged."""
+TAIL_SIGMAS: Final = (4.8, 3.7, 3.9, 3.4)
+"""Bounds of the test in each window, as standard deviations of a normal variable with the same probability: 40, 28, 30
+and 25 for six joints. The short window has many independent values."""
+WHITE_S: Final = 0.1
+"""Time over which the white part of the residual is stated."""
+COLOUR_S: Final = 0.5
+"""Correlation time of the rest."""
+STOPPING: Final = 1.5
+"""Share of its friction by which a joint is uncertain that stops, starts or reverses. Half: joints that stop give false
+events; twice: pushes against slow joints are not noticed."""
+SLOW: Final = 2.5
+"""Speed below which it is, in reversal speeds."""
+AHEAD_S: Final = 0.1
+"""Time before a joint stops from which on it is, and after."""
+JERK: Final = 0.2
+"""Share of the inertial torque of a changing acceleration by which a joint is uncertain."""
+QUIET_RAD_S2: Final = 0.4
+"""Change of acceleration within a window that has no effect."""
+KNOWN_S: Final = 3.0
+"""Time of rows after which the test begins."""
+
+# ---- what it is ----
+BACK_S: Final = 2.3
+"""Earliest onset before the notice: a slow grasp is noticed late."""
+DECISION_STEP_S: Final = 0.1
+"""Width of the means by which a decision is made."""
+LOOKS_S: Final = (0.3, 0.5, 0.8, 1.1, 1.5, 2.0, 2.5, 2.9)
+"""Times after the notice at which it is looked at; at the last one it is decided."""
+FAVOUR: Final = 30.0
+"""Log likelihood by which a push must be better than a payload: grasps are no steps, and no arm is its model."""
+SURE: Final = 20.0
+"""Log likelihood beyond that by which a payload is decided before the last look."""
+PUSH_SURE: Final = 60.0
+"""The same for a push: a heavy payload that is grasped slowly is far from a step at first."""
+PAYLOAD_FROM_S: Final = 1.5
+"""Earliest decision for a payload."""
+FORCE_N: Final = 60.0
+MOMENT_NM: Final = 10.0
+"""Sizes of a push, as prior standard deviations."""
+OVER_S: Final = 0.3
+"""Time without evidence after which a push is over."""
+PAYLOAD_SIZE: Final = 0.2
+"""Size of a change of payload, as a share of what the arm's strongest joint can hold at 0.5 m."""
+HELD_ROWS: Final = 3
+"""Rows above the bound that are an event; two rows of a stuttering controller are none."""
+AT_ONCE: Final = 3.0
+"""Share of the bound above which a single row is."""
+WHITE_MEMORY_S: Final = 30.0
+"""Memory of the residual's white part, which depends on the drives and is not in a calibration."""
+FAR_SIGMAS: Final = 3.0
+"""Standard deviations of a joint's residual from which the joint is named."""
+STATE_S: Final = 0.5
+"""Time between two kept states of the recursive estimator."""
+KEPT_S: Final = 12.0
+"""Time for which states and samples are kept: an onset before the notice, and the time until a decision."""
+PART_S: Final = 0.1
+"""Samples that are processed together."""
+SETTLED_S: Final = 0.4
+"""Time after the onset until the new payload alone acts: a grasp's duration and the estimator's window."""

@@ -1,0 +1,224 @@
+"""Notice that something acts on a calibrated arm in motion, and decide within 3 s what it is.
+
+    FREE      nothing acts
+    ACTING    something acts; what it is, is not decided yet
+    PUSHED    it is a push, which lasts
+
+Nothing here belongs in a control loop: a decision takes tens of milliseconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.contact.arm_memory import ArmMemory, Known
+from armload_identification.contact.contact_levels import (
+    AT_ONCE,
+    COLOUR_S,
+    FAR_SIGMAS,
+    HELD_ROWS,
+    KNOWN_S,
+    LOOKS_S,
+    OVER_S,
+    PAYLOAD_FROM_S,
+    PUSH_SURE,
+    REMEMBERED_S,
+    SETTLED_S,
+    SURE,
+    WHITE_MEMORY_S,
+    WHITE_S,
+)
+from armload_identification.contact.force_rows import PAYLOAD, ForceRows, RowMaker
+from armload_identification.contact.load_or_push import Assessment, assess
+from armload_identification.contact.something_acts import Noise, Test, acting
+from armload_identification.model.chain import Chain
+from armload_identification.pipeline.estimator_constants import estimator_constants
+from armload_identification.signals.joint_torque import Transmission
+
+
+class Force(StrEnum):
+    """The state of the watch."""
+
+    FREE = "free"
+    ACTING = "something acts"
+    PUSHED = "push"
+
+
+class ForceEventKind(StrEnum):
+    """What happened."""
+
+    ACTING = "something acts"
+    PAYLOAD = "payload"
+    PUSH = "push"
+    OVER = "over"
+
+
+@dataclass(frozen=True, eq=False)
+class ForceEvent:
+    """One step of an event.
+
+    Attributes:
+        kind: What happened.
+        time_s: Time of the newest row when it was known.
+        since_s: Most likely onset; the time of the notice while nothing is decided.
+        joints: (n,) True for joints whose residual showed it at the notice.
+        assessment: What decided; None for a notice and an end.
+    """
+
+    kind: ForceEventKind
+    time_s: float
+    since_s: float
+    joints: NDArray[np.bool_]
+    assessment: Assessment | None = None
+
+
+class ForceWatch:
+    """Watches one arm.
+
+    Args:
+        calibration: The arm.
+        chain: The configured arm.
+        transmission: Nominal gains, and coupling.
+
+    Attributes:
+        state: The present state.
+
+    Raises:
+        ModelError: the calibration belongs to another arm.
+    """
+
+    def __init__(self, calibration: ArmCalibration, chain: Chain, transmission: Transmission) -> None:
+        constants = estimator_constants(calibration, chain, transmission)
+        self.state = Force.FREE
+        self._maker = RowMaker(calibration, chain, constants.from_effort)
+        self._memory = ArmMemory(PAYLOAD + 3 * chain.n)
+        coloured = calibration.known_arm(chain).noise_nm ** 2
+        self._noise = Noise(coloured, coloured)
+        self._rows: ForceRows | None = None
+        self._seen_s = 0.0
+        self._above = 0
+        self._last_mean: FloatArray | None = None
+        self._base: Known | None = None
+        self._noticed_s = self._evident_s = 0.0
+        self._looks = list(LOOKS_S)
+        self._joints = np.zeros(chain.n, dtype=np.bool_)
+
+    def take(self, time_s: FloatArray, position: FloatArray, effort: FloatArray) -> list[ForceEvent]:
+        """Process samples.
+
+        Args:
+            time_s: (N,) stamps, increasing.
+            position: (N, n) joint positions in rad.
+            effort: (N, n) as calibrated.
+        """
+        known = self._base or self._memory.before(np.inf)
+        theta = np.zeros(PAYLOAD) if known is None else known.value[:PAYLOAD] * self._maker.scale
+        rows = self._maker.take(time_s, position, effort, theta)
+        if not rows.size:
+            return []
+        earlier = self._rows
+        if earlier is not None and earlier.size and rows.time_s[0] < earlier.time_s[-1]:
+            earlier = None
+        self._rows = rows if earlier is None else earlier.and_then(rows)
+        self._rows = self._rows.part(self._rows.time_s > rows.time_s[-1] - REMEMBERED_S)
+        self._seen_s += min(float(rows.time_s[-1] - rows.time_s[0]) + 0.02, 0.02 * rows.size)
+        predicted = self._base or self._memory.before(float(rows.time_s[0]))
+        if predicted is None or self._seen_s < KNOWN_S:
+            self._learn(rows, predicted)
+            return []
+        inertia = self._maker.inertia_kg_m2(rows.position_rad[-1])
+        test = acting(self._rows, self._rows.size - rows.size, predicted, self._noise, inertia)
+        if self.state is Force.FREE:
+            return self._notice(rows, test, predicted)
+        if (test.ratio > 1.0).any():
+            self._evident_s = float(rows.time_s[np.flatnonzero(test.ratio > 1.0)[-1]])
+        return self._decide(float(rows.time_s[-1]))
+
+    def suspect(self) -> list[ForceEvent]:
+        """Something else says that the payload has changed: look at it as after a notice."""
+        if self.state is not Force.FREE or self._rows is None:
+            return []
+        return self._begin(float(self._rows.time_s[-1]), np.zeros_like(self._joints))
+
+    def _learn(self, rows: ForceRows, predicted: Known | None) -> None:
+        """Use rows in which nothing acts."""
+        self._memory.add(rows, self._noise.density)
+        if predicted is None:
+            return
+        white, coloured = self._noise.white_nm2, self._noise.coloured_nm2
+        mean = np.mean(rows.residual_nm - rows.columns @ predicted.value, axis=0)
+        if self._last_mean is not None:
+            apart_s = float(rows.time_s[-1] - rows.time_s[0]) + 0.02
+            remembered = coloured * (1.0 - np.exp(-apart_s / COLOUR_S))
+            found = np.minimum(0.5 * (mean - self._last_mean) ** 2, 9.0 * (white + remembered)) - remembered
+            found = np.maximum(found, 0.0) * apart_s / WHITE_S
+            white = white + apart_s / WHITE_MEMORY_S * (found - white)
+            self._noise = Noise(np.maximum(white, 0.05 * coloured), coloured)
+        self._last_mean = mean
+
+    def _notice(self, rows: ForceRows, test: Test, predicted: Known) -> list[ForceEvent]:
+        """Begin where the test has been above its bound for long enough."""
+        for k, ratio in enumerate(test.ratio):
+            self._above = self._above + 1 if ratio > 1.0 else 0
+            if self._above >= HELD_ROWS or ratio > AT_ONCE:
+                return self._begin(float(rows.time_s[k]), np.abs(test.joints[k]) > FAR_SIGMAS)
+        if not self._above:
+            self._learn(rows, predicted)
+        return []
+
+    def _begin(self, noticed_s: float, joints: NDArray[np.bool_]) -> list[ForceEvent]:
+        """Something acts."""
+        self._base = self._memory.before(noticed_s - OVER_S) or self._memory.before(noticed_s)
+        if self._base is None:
+            return []
+        self.state, self._above, self._last_mean = Force.ACTING, 0, None
+        self._noticed_s = self._evident_s = noticed_s
+        self._looks, self._joints = list(LOOKS_S), joints
+        return [ForceEvent(ForceEventKind.ACTING, noticed_s, noticed_s, joints)]
+
+    def _decide(self, now_s: float) -> list[ForceEvent]:
+        """Look at the event when it is time, and see whether a push is over."""
+        events = []
+        if (
+            self._looks
+            and now_s - self._noticed_s >= self._looks[0]
+            and self._base is not None
+            and self._rows is not None
+        ):
+            due_s = self._looks.pop(0)
+            found = assess(self._rows, self._base, self._noise, self._maker.chain, self._maker.scale, self._noticed_s)
+            last = not self._looks or due_s >= LOOKS_S[-2]
+            if found is not None:
+                events += self._judge(found, now_s, due_s, last=last)
+        over = now_s - self._evident_s >= OVER_S
+        if self.state is Force.PUSHED and over:
+            events.append(ForceEvent(ForceEventKind.OVER, now_s, self._evident_s, self._joints))
+            self._resume(payload=True, from_s=self._evident_s + OVER_S)
+        return events
+
+    def _judge(self, found: Assessment, now_s: float, due_s: float, *, last: bool) -> list[ForceEvent]:
+        """Decide, if it can be decided."""
+        if found.odds > 0.0 and (last or (due_s >= PAYLOAD_FROM_S and found.odds > SURE)):
+            event = ForceEvent(ForceEventKind.PAYLOAD, now_s, found.payload_since_s, self._joints, found)
+            self._resume(payload=False, from_s=found.payload_since_s + SETTLED_S)
+            return [event]
+        if self.state is Force.ACTING and (found.odds < -PUSH_SURE or (last and found.odds <= 0.0)):
+            self.state = Force.PUSHED
+            return [ForceEvent(ForceEventKind.PUSH, now_s, found.push_s[0], self._joints, found)]
+        return []
+
+    def _resume(self, *, payload: bool, from_s: float) -> None:
+        """Go on with the same payload or another one."""
+        if self._base is None or self._rows is None:
+            return
+        self._memory.begin_anew(self._base, payload=payload)
+        self._rows = self._rows.part(self._rows.time_s >= from_s)
+        if self._rows.size:
+            self._memory.add(self._rows, self._noise.density)
+        self.state, self._base, self._above = Force.FREE, None, 0

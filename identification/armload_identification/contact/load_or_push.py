@@ -1,0 +1,182 @@
+"""What acts on the arm: another payload, or a push.
+
+    e = H x + X b 1[t0, t1) + noise            x from before the onset
+    another payload: X = H_payload, t1 = infinity        a push: X = J', a constant force and moment at the flange
+
+The log marginal likelihood of each is averaged over t0 and t1 on a grid. With N = noise + H P H', r = e - H x and sums
+over the means within [t0, t1),
+
+    v = sum_i X_i' (N^-1 r)_i        B = sum_ij X_i' (N^-1)_ij X_j        ln L = v' (1 + B)^-1 v / 2 - ln det(1 + B) / 2
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.contact.arm_memory import Known
+from armload_identification.contact.contact_levels import (
+    BACK_S,
+    COLOUR_S,
+    DECISION_STEP_S,
+    FAVOUR,
+    FORCE_N,
+    MOMENT_NM,
+    PAYLOAD_SIZE,
+)
+from armload_identification.contact.force_rows import PAYLOAD, ForceRows
+from armload_identification.contact.something_acts import Noise
+from armload_identification.model.chain import Chain
+
+_FORCE: Final = np.array([FORCE_N] * 3 + [MOMENT_NM] * 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """What the rows since an onset say.
+
+    Attributes:
+        odds: Log likelihood of another payload less that of a push, plus what favours the payload: above 0 a payload.
+        payload_since_s: Most likely onset if it is a payload.
+        push_s: Most likely onset and end if it is a push; the end is infinite while it lasts.
+        force_n: (3,) its force on the arm in the base frame.
+        force_deviation_n: (3,) standard deviations.
+        mass_kg: Change of the payload's mass if it is a payload.
+    """
+
+    odds: float
+    payload_since_s: float
+    push_s: tuple[float, float]
+    force_n: FloatArray
+    force_deviation_n: FloatArray
+    mass_kg: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Explanation:
+    """Sums of one family over all pairs of means.
+
+    Attributes:
+        right: (K + 1, m) cumulative v.
+        information: (K + 1, K + 1, m, m) cumulative B in both directions.
+    """
+
+    right: FloatArray
+    information: FloatArray
+
+    @classmethod
+    def of(cls, columns: FloatArray, inverse: FloatArray, residual: FloatArray) -> _Explanation:
+        """From (K, n, m) columns, (K n, K n) N^-1 and (K n,) residual."""
+        count, n, m = columns.shape
+        blocks = inverse.reshape(count, n, count, n)
+        pairs = np.einsum("iam,iajb,jbl->ijml", columns, blocks, columns, optimize=True)
+        right = np.einsum("iam,ia->im", columns, (inverse @ residual).reshape(count, n))
+        information = np.zeros((count + 1, count + 1, m, m))
+        information[1:, 1:] = pairs.cumsum(axis=0).cumsum(axis=1)
+        return cls(np.concatenate([np.zeros((1, m)), right.cumsum(axis=0)]), information)
+
+    def within(self, start: int, end: int) -> tuple[float, FloatArray, FloatArray]:
+        """The sum ln L, b and its covariance for the means from `start` to before `end`."""
+        v = self.right[end] - self.right[start]
+        whole = self.information
+        B = whole[end, end] - whole[start, end] - whole[end, start] + whole[start, start]
+        covariance = np.linalg.inv(np.eye(len(v)) + B)
+        b = covariance @ v
+        return float(0.5 * v @ b + 0.5 * np.linalg.slogdet(covariance)[1]), b, covariance
+
+
+def assess(
+    rows: ForceRows, known: Known, noise: Noise, chain: Chain, scale: FloatArray, noticed_s: float
+) -> Assessment | None:
+    """Compare the explanations.
+
+    Args:
+        rows: Rows from before the earliest onset until now.
+        known: What was known of payload and friction before.
+        noise: The residual's noise.
+        chain: The arm.
+        scale: (10,) units of the payload's parameters.
+        noticed_s: Time of the notice.
+
+    Returns:
+        The assessment; None while there are too few rows.
+    """
+    means = _means(rows.part(rows.time_s >= noticed_s - BACK_S))
+    if means.size < 2:
+        return None
+    count = means.size
+    residual = means.residual_nm - means.columns @ known.value
+    inverse: FloatArray = np.asarray(np.linalg.inv(_covariance(means, known, noise)), dtype=float)
+    payload = _Explanation.of(PAYLOAD_SIZE * means.columns[:, :, :PAYLOAD], inverse, residual.ravel())
+    jacobians = np.array([jacobian(chain, q) for q in means.position_rad])
+    push = _Explanation.of(np.swapaxes(jacobians, 1, 2) * _FORCE, inverse, residual.ravel())
+    onsets = [k for k in range(count) if means.time_s[k] <= noticed_s + DECISION_STEP_S] or [0]
+    payloads = {k: payload.within(k, count) for k in onsets}
+    pushes = {(k, end): push.within(k, end) for k in onsets for end in range(k + 1, count + 1)}
+    since = max(payloads, key=lambda k: payloads[k][0])
+    best = max(pushes, key=lambda window: pushes[window][0])
+    mass_kg, spread_kg = (
+        float(PAYLOAD_SIZE * scale[0] * value) for value in (payloads[since][1][0], np.sqrt(payloads[since][2][0, 0]))
+    )
+    odds = _mean([each[0] for each in payloads.values()]) + FAVOUR - _mean([each[0] for each in pushes.values()])
+    if known.value[0] * scale[0] + mass_kg + 3.0 * spread_kg < 0.0:
+        odds = -np.inf
+    _, b, covariance = pushes[best]
+    return Assessment(
+        odds=odds,
+        payload_since_s=float(means.time_s[since]),
+        push_s=(float(means.time_s[best[0]]), np.inf if best[1] == count else float(means.time_s[best[1]])),
+        force_n=_FORCE[:3] * b[:3],
+        force_deviation_n=_FORCE[:3] * np.sqrt(np.diag(covariance)[:3]),
+        mass_kg=mass_kg,
+    )
+
+
+def jacobian(chain: Chain, position_rad: FloatArray) -> FloatArray:
+    """(6, n) velocity of the flange per joint velocity, linear part first, in the base frame."""
+    poses = chain.forward(position_rad)
+    axes = np.einsum("jab,jb->ja", poses[:-1, :3, :3], chain.axis)
+    return np.concatenate([np.cross(axes, poses[-1, :3, 3] - poses[:-1, :3, 3]), axes], axis=1).T
+
+
+def _mean(logarithms: list[float]) -> float:
+    """Logarithm of the mean of likelihoods."""
+    values = np.array(logarithms)
+    top = float(values.max())
+    return top + float(np.log(np.mean(np.exp(values - top))))
+
+
+def _means(rows: ForceRows) -> ForceRows:
+    """Means of rows over `DECISION_STEP_S`; the doubt is the greatest."""
+    if not rows.size:
+        return rows
+    step = np.floor((rows.time_s - rows.time_s[0]) / DECISION_STEP_S).astype(int)
+    starts = np.flatnonzero(np.diff(step, prepend=-1))
+    counts = np.diff(np.append(starts, rows.size))
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.asarray(np.add.reduceat(values, starts, axis=0) / counts.reshape(-1, *[1] * (values.ndim - 1)))
+
+    return ForceRows(
+        time_s=rows.time_s[starts],
+        position_rad=mean(rows.position_rad),
+        residual_nm=mean(rows.residual_nm),
+        columns=mean(rows.columns),
+        doubt_nm=np.maximum.reduceat(rows.doubt_nm, starts, axis=0),
+        acceleration_rad_s2=mean(rows.acceleration_rad_s2),
+        weight=mean(rows.weight),
+    )
+
+
+def _covariance(means: ForceRows, known: Known, noise: Noise) -> FloatArray:
+    """(K n, K n) of the residuals: noise of each joint with its memory, and what was not known."""
+    count, n = means.residual_nm.shape
+    tall = means.columns.reshape(count * n, -1)
+    whole = (tall @ known.covariance @ tall.T).reshape(count, n, count, n)
+    together = np.exp(-np.abs(means.time_s[:, None] - means.time_s) / COLOUR_S)
+    for j in range(n):
+        whole[:, j, :, j] += noise.coloured_nm2[j] * together + np.diag(noise.white_nm2[j] + means.doubt_nm[:, j] ** 2)
+    return whole.reshape(count * n, count * n)

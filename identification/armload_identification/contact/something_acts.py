@@ -1,0 +1,121 @@
+"""Whether something acts on the arm that payload and friction of the last minute do not explain.
+
+    z = mean over a window of (e - H x)
+    S = H P H' + noise + what joints that stop, and a changing acceleration, make uncertain
+    z' S^-1 z > bound
+
+References:
+    Haddadin et al., "Robot collisions: a survey", IEEE T-RO 33(6), 2017.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.contact.arm_memory import Known
+from armload_identification.contact.contact_levels import (
+    AHEAD_S,
+    COLOUR_S,
+    JERK,
+    QUIET_RAD_S2,
+    TAIL_SIGMAS,
+    WHITE_S,
+    WINDOWS_S,
+)
+from armload_identification.contact.force_rows import ForceRows
+
+LEAST_FILLED = 0.6
+"""Share of a window that must have rows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """The residual's noise.
+
+    Attributes:
+        white_nm2: (n,) variance of a mean over `WHITE_S` of the part that has no memory.
+        coloured_nm2: (n,) variance of the rest, with a correlation time of `COLOUR_S`.
+    """
+
+    white_nm2: FloatArray
+    coloured_nm2: FloatArray
+
+    @property
+    def density(self) -> FloatArray:
+        """(n,) spectral density at frequency zero, (N m)^2 s."""
+        return np.asarray(self.white_nm2 * WHITE_S + self.coloured_nm2 * 2.0 * COLOUR_S)
+
+    def of_mean(self, window_s: float) -> FloatArray:
+        """(n,) variance of a mean over a window."""
+        ratio = window_s / COLOUR_S
+        coloured = 2.0 / ratio * (1.0 - (1.0 - np.exp(-ratio)) / ratio)
+        return np.asarray(self.white_nm2 * WHITE_S / window_s + self.coloured_nm2 * coloured)
+
+
+@dataclass(frozen=True, eq=False)
+class Test:
+    """The test at K times.
+
+    Attributes:
+        ratio: (K,) greatest statistic as a share of its bound; above 1 something acts.
+        joints: (K, n) residual of each joint in standard deviations, in the window of the greatest ratio.
+    """
+
+    ratio: FloatArray
+    joints: FloatArray
+
+
+def bound(sigmas: float, freedoms: int) -> float:
+    """Bound of a chi-squared variable (Wilson and Hilferty 1931).
+
+    Args:
+        sigmas: Standard deviations of a normal variable with the same probability.
+        freedoms: Degrees of freedom.
+    """
+    third = 2.0 / (9.0 * freedoms)
+    return float(freedoms * (1.0 - third + sigmas * np.sqrt(third)) ** 3)
+
+
+def acting(rows: ForceRows, since: int, known: Known, noise: Noise, inertia_kg_m2: FloatArray) -> Test:
+    """Test the newest rows.
+
+    Args:
+        rows: Rows of the last seconds.
+        since: Index of the first row to test.
+        known: What is known of payload and friction.
+        noise: The residual's noise.
+        inertia_kg_m2: (n,) inertia about each joint.
+    """
+    count, n = rows.size - since, rows.residual_nm.shape[1]
+    best, joints = np.zeros(count), np.zeros((count, n))
+    left = rows.residual_nm - rows.columns @ known.value
+    sums = np.concatenate([np.zeros((1, n)), np.cumsum(left, axis=0)])
+    columns = np.concatenate([np.zeros((1, *rows.columns.shape[1:])), np.cumsum(rows.columns, axis=0)])
+    ends = np.arange(since, rows.size) + 1
+    for window_s, sigmas in zip(WINDOWS_S, TAIL_SIGMAS, strict=True):
+        starts = np.searchsorted(rows.time_s, rows.time_s[ends - 1] - window_s, side="right")
+        earlier = np.searchsorted(rows.time_s, rows.time_s[ends - 1] - window_s - AHEAD_S, side="right")
+        number = (ends - starts)[:, None]
+        z = (sums[ends] - sums[starts]) / number
+        H = (columns[ends] - columns[starts]) / number[:, :, None]
+        doubt = _greatest(rows.doubt_nm, earlier, ends)
+        changed = _greatest(rows.acceleration_rad_s2, starts, ends) + _greatest(-rows.acceleration_rad_s2, starts, ends)
+        jerk = JERK * inertia_kg_m2 * np.maximum(changed - QUIET_RAD_S2, 0.0)
+        own = noise.of_mean(window_s) + doubt**2 + jerk**2
+        S = H @ known.covariance @ np.swapaxes(H, 1, 2) + own[:, :, None] * np.eye(n)
+        statistic = np.einsum("ki,ki->k", z, np.linalg.solve(S, z[:, :, None])[:, :, 0])
+        filled = number[:, 0] * 0.02 >= LEAST_FILLED * window_s
+        ratio = np.where(filled, statistic / bound(sigmas, n), 0.0)
+        better = ratio > best
+        best = np.where(better, ratio, best)
+        joints[better] = (z / np.sqrt(np.diagonal(S, axis1=1, axis2=2)))[better]
+    return Test(best, joints)
+
+
+def _greatest(values: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> FloatArray:
+    """(K, n) greatest of each part of (N, n) values."""
+    return np.array([values[a:b].max(axis=0) for a, b in zip(starts, ends, strict=True)])

@@ -1,0 +1,145 @@
+"""The payload of a calibrated arm on which something may act: held until it is decided what acts.
+
+The recursive estimator runs all the time, and its state is kept every half second. Until something is decided, the
+payload of before is reported. A decision for another payload takes the estimator back to before the onset, lets it
+forget the payload there, and gives it the samples since. After a push it goes on from before the onset with the samples
+after the end. So a push changes nothing in the estimate.
+
+Not for a control loop: a call takes up to some tens of milliseconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.contact.contact_levels import KEPT_S, OVER_S, PART_S, SETTLED_S, STATE_S
+from armload_identification.contact.force_watch import Force, ForceEvent, ForceEventKind, ForceWatch
+from armload_identification.model.chain import Chain
+from armload_identification.pipeline.payload_estimator import LivePayload, PayloadEstimator
+from armload_identification.signals.joint_torque import Transmission
+
+Samples = tuple[FloatArray, FloatArray, FloatArray]
+"""(N,) stamps, (N, n) positions, (N, n) efforts."""
+_CLOCK_BACK_S: Final = 1.0
+"""Stamps that go back by more than this are from a clock that was set."""
+
+
+class WatchedPayload:
+    """Payload and forces of one arm.
+
+    Args:
+        calibration: The arm.
+        chain: The configured arm.
+        transmission: Nominal gains, and coupling.
+
+    Raises:
+        ModelError: the calibration belongs to another arm.
+    """
+
+    def __init__(self, calibration: ArmCalibration, chain: Chain, transmission: Transmission) -> None:
+        self._arm = calibration, chain, transmission
+        self._estimator, self._force = PayloadEstimator(*self._arm), ForceWatch(*self._arm)
+        self._states: list[tuple[float, PayloadEstimator]] = []
+        self._samples: list[Samples] = []
+        self._held: LivePayload | None = None
+        self._onset_s = 0.0
+        self._events: list[ForceEvent] = []
+
+    @property
+    def force(self) -> Force:
+        """Whether something acts."""
+        return self._force.state
+
+    @property
+    def has_news(self) -> bool:
+        """Whether `take_events` would return any."""
+        return bool(self._events)
+
+    def take(self, time_s: FloatArray, position: FloatArray, effort: FloatArray) -> None:
+        """Process samples.
+
+        Args:
+            time_s: (N,) stamps.
+            position: (N, n) joint positions in rad.
+            effort: (N, n) as calibrated.
+        """
+        start = 0
+        while start < time_s.size:
+            end = start + max(int(np.searchsorted(time_s[start:], time_s[start] + PART_S)), 1)
+            self._take_part((time_s[start:end], position[start:end], effort[start:end]))
+            start = end
+
+    def estimate(self) -> LivePayload:
+        """The payload; while something acts, that of before."""
+        if self._held is None:
+            return self._estimator.estimate()
+        return replace(self._held, time_s=float(self._samples[-1][0][-1]))
+
+    def take_events(self) -> list[ForceEvent]:
+        """What happened since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    def _take_part(self, part: Samples) -> None:
+        """Process a tenth of a second of samples."""
+        now_s = float(part[0][-1])
+        if self._samples and part[0][0] < self._samples[-1][0][-1] - _CLOCK_BACK_S:
+            self._states, self._samples, self._held, self._force = [], [], None, ForceWatch(*self._arm)
+        changes = self._estimator.changes
+        self._estimator.update_all(*part)
+        self._samples.append(part)
+        while self._samples[0][0][-1] < now_s - KEPT_S:
+            del self._samples[0]
+        events = self._force.take(*part)
+        if self._estimator.changes != changes and self._force.state is Force.FREE:
+            events += self._force.suspect()
+        for event in events:
+            self._follow(event)
+        self._events += events
+        if self._force.state is Force.FREE and (not self._states or now_s - self._states[-1][0] >= STATE_S):
+            # states are used in turn, because each has the memory of a minute
+            kept = self._states.pop(0)[1] if len(self._states) * STATE_S > KEPT_S else PayloadEstimator(*self._arm)
+            kept.become(self._estimator)
+            self._states.append((now_s, kept))
+
+    def _follow(self, event: ForceEvent) -> None:
+        """Hold, exchange or go on."""
+        if event.kind is ForceEventKind.ACTING:
+            self._onset_s = event.since_s - OVER_S
+            before = self._before(self._onset_s)
+            self._held = None if before is None else before[1].estimate()
+        elif event.kind is ForceEventKind.PAYLOAD:
+            self._go_back(event.since_s)
+            self._estimator.exchange(event.since_s)
+            self._replay(event.since_s + SETTLED_S)
+            self._held = None
+        elif event.kind is ForceEventKind.PUSH:
+            self._onset_s = min(self._onset_s, event.since_s - OVER_S)
+        elif event.kind is ForceEventKind.OVER:
+            self._go_back(self._onset_s)
+            self._replay(event.since_s + OVER_S)
+            self._held = None
+
+    def _before(self, time_s: float) -> tuple[float, PayloadEstimator] | None:
+        """The last kept state before a time."""
+        return next((each for each in reversed(self._states) if each[0] <= time_s), None)
+
+    def _go_back(self, time_s: float) -> None:
+        """The estimator as it was at a time."""
+        before = self._before(time_s)
+        if before is None:
+            return
+        self._estimator.become(before[1])
+        self._replay(before[0], time_s)
+        self._states = [each for each in self._states if each[0] <= time_s]
+
+    def _replay(self, after_s: float, until_s: float = np.inf) -> None:
+        """Give the estimator kept samples again."""
+        for time_s, position, effort in self._samples:
+            part = slice(*np.searchsorted(time_s, (after_s, until_s), side="right"))
+            self._estimator.update_all(*(np.ascontiguousarray(values[part]) for values in (time_s, position, effort)))

@@ -1,0 +1,74 @@
+"""The test for a force: its bound, the noise of means, and the two that make it careful: stopping joints and jerk."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, norm
+
+from armload_identification.contact.arm_memory import Known
+from armload_identification.contact.force_rows import ForceRows
+from armload_identification.contact.something_acts import Noise, acting, bound
+
+N, COUNT = 3, 80
+NOISE = Noise(np.full(N, 0.01), np.full(N, 0.04))
+NOTHING = Known(0.0, np.zeros(10 + 3 * N), 1e-12 * np.eye(10 + 3 * N))
+
+
+def rows(residual_nm, doubt_nm=0.0, acceleration=0.0):
+    """Rows of 20 ms whose joint 1 has a residual in the last 0.3 s."""
+    time_s = 0.02 * np.arange(COUNT)
+    residual = np.zeros((COUNT, N))
+    residual[-15:, 1] = residual_nm
+    swinging = np.zeros((COUNT, N))
+    swinging[:, 1] = acceleration * (-1.0) ** np.arange(COUNT)
+    return ForceRows(
+        time_s,
+        np.zeros((COUNT, N)),
+        residual,
+        np.zeros((COUNT, N, 10 + 3 * N)),
+        np.full((COUNT, N), doubt_nm),
+        swinging,
+        np.ones((COUNT, N)),
+    )
+
+
+def ratio(found, inertia=1.0):
+    return acting(found, COUNT - 1, NOTHING, NOISE, np.full(N, inertia)).ratio[-1]
+
+
+@pytest.mark.parametrize("freedoms", [3, 6, 7, 16])
+@pytest.mark.parametrize("sigmas", [3.4, 3.9, 4.8])
+def test_the_bound_is_that_of_chi_squared(freedoms, sigmas):
+    assert bound(sigmas, freedoms) == pytest.approx(chi2.isf(norm.sf(sigmas), freedoms), rel=0.08)
+
+
+def test_the_noise_of_a_mean_lies_between_its_limits():
+    assert NOISE.of_mean(1e-6)[0] == pytest.approx(0.04 + 0.01 * 0.1 / 1e-6, rel=1e-3)
+    assert NOISE.of_mean(1000.0)[0] == pytest.approx(NOISE.density[0] / 1000.0, rel=1e-2)
+
+
+def test_a_residual_beyond_its_noise_is_a_force_on_that_joint():
+    found = acting(rows(3.0), COUNT - 2, NOTHING, NOISE, np.ones(N))
+    assert (found.ratio > 1.0).all()
+    assert np.argmax(np.abs(found.joints[-1])) == 1
+    assert ratio(rows(0.3)) < 1.0
+
+
+def test_a_joint_that_stops_is_uncertain():
+    assert ratio(rows(3.0, doubt_nm=3.0)) < 1.0
+
+
+def test_a_joint_whose_acceleration_changes_is_uncertain():
+    assert ratio(rows(3.0, acceleration=5.0), inertia=2.0) < 1.0
+    assert ratio(rows(3.0, acceleration=0.19), inertia=2.0) > 1.0
+
+
+def test_what_is_not_known_of_the_payload_is_no_force():
+    unsure = rows(3.0)
+    unsure.columns[:, 1, 0] = 1.0
+    unknown = Known(0.0, NOTHING.value, np.eye(10 + 3 * N))
+    assert acting(unsure, COUNT - 1, unknown, NOISE, np.ones(N)).ratio[-1] < 1.0
+
+
+def test_a_window_with_too_few_rows_says_nothing():
+    found = rows(30.0).part(np.arange(COUNT) % 8 == 7)
+    assert acting(found, found.size - 1, NOTHING, NOISE, np.ones(N)).ratio[-1] == 0.0

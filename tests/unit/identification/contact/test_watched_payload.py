@@ -1,0 +1,99 @@
+"""The payload is held while something acts; a push leaves no trace in it, and another payload is weighed anew."""
+
+import numpy as np
+import pytest
+
+from armload_identification.contact.contact_levels import LOOKS_S, OVER_S
+from armload_identification.contact.force_watch import Force, ForceEventKind
+from armload_identification.contact.watched_payload import WatchedPayload
+from armload_identification.pipeline.payload_estimator import PayloadEstimator
+
+FORCE_N = np.array([40.0, -30.0, 10.0])
+BEGIN_S, END_S = 9.0, 9.7
+ACTING, PAYLOAD, PUSH, OVER = ForceEventKind
+
+
+def watched(moved, seconds, current):
+    watch = WatchedPayload(*moved.watched_arm)
+    watch.take(*moved.until(seconds, current))
+    return watch
+
+
+def plain(moved, seconds, current):
+    estimator = PayloadEstimator(*moved.watched_arm)
+    estimator.update_all(*moved.until(seconds, current))
+    return estimator.estimate()
+
+
+def test_without_a_force_the_estimate_is_the_estimators_own(moved):
+    watch = watched(moved, 14.0, moved.empty)
+    assert not watch.has_news
+    assert np.array_equal(watch.estimate().theta, plain(moved, 14.0, moved.empty).theta)
+
+
+def test_a_push_is_noticed_named_and_measured(moved):
+    events = watched(moved, 12.0, moved.pushed(FORCE_N, BEGIN_S, END_S)).take_events()
+    assert [event.kind for event in events] == [ACTING, PUSH, OVER]
+    noticed, push, over = events
+    assert -0.05 < noticed.time_s - moved.at(BEGIN_S) < 0.25
+    assert noticed.joints.any()
+    assert abs(push.since_s - moved.at(BEGIN_S)) < 0.2
+    assert np.linalg.norm(push.assessment.force_n - FORCE_N) < 0.2 * np.linalg.norm(FORCE_N)
+    assert abs(over.since_s - moved.at(END_S)) < 0.8
+    assert over.time_s - over.since_s >= OVER_S
+
+
+def test_the_payload_is_held_until_the_push_is_over(moved):
+    current = moved.pushed(FORCE_N, BEGIN_S, END_S)
+    before = plain(moved, BEGIN_S - 0.5, moved.empty)
+    during = watched(moved, BEGIN_S + 0.8, current)
+    assert during.force is Force.PUSHED
+    held = during.estimate()
+    assert held.time_s == pytest.approx(moved.at(BEGIN_S + 0.8), abs=0.02)
+    assert abs(held.mass_kg - before.mass_kg) < 0.3 * before.half_width_95[0]
+    assert held.changes == 0
+
+
+def test_a_push_leaves_no_trace_in_the_estimate(moved):
+    pushed = watched(moved, 14.0, moved.pushed(FORCE_N, BEGIN_S, END_S))
+    assert pushed.force is Force.FREE
+    found, calm = pushed.estimate(), plain(moved, 14.0, moved.empty)
+    assert found.changes == 0
+    assert abs(found.mass_kg - calm.mass_kg) < 0.3 * calm.half_width_95[0]
+
+
+@pytest.mark.parametrize("grasp", [True, False])
+def test_another_payload_is_decided_within_three_seconds_and_weighed(moved, grasp):
+    current = moved.grasped(BEGIN_S) if grasp else moved.grasped(0.0, BEGIN_S)
+    watch = watched(moved, BEGIN_S + 4.0, current)
+    events = watch.take_events()
+    assert [event.kind for event in events] == [ACTING, PAYLOAD]
+    assert events[1].time_s - events[0].time_s < LOOKS_S[-1] + 0.2
+    found, mass_kg = watch.estimate(), moved.arm.payload.mass_kg if grasp else 0.0
+    assert found.changes == 1
+    assert abs(found.changed_s - moved.at(BEGIN_S)) < 0.2
+    assert abs(found.mass_kg - mass_kg) < found.half_width_95[0] < 0.3
+
+
+def test_samples_in_any_parts_give_the_same(moved):
+    whole = watched(moved, 12.0, moved.grasped(BEGIN_S)).estimate()
+    in_parts = WatchedPayload(*moved.watched_arm)
+    samples = moved.until(12.0, moved.grasped(BEGIN_S))
+    for start in range(0, samples[0].size, 7):
+        in_parts.take(*(values[start : start + 7] for values in samples))
+    assert abs(in_parts.estimate().mass_kg - whole.mass_kg) < 0.2 * whole.half_width_95[0]
+
+
+def test_a_clock_that_is_set_back_begins_a_new_watch(moved):
+    watch = watched(moved, BEGIN_S + 0.5, moved.pushed(FORCE_N, BEGIN_S, END_S))
+    assert watch.force is not Force.FREE
+    time_s, position, current = moved.until(2.0, moved.empty)
+    watch.take(time_s - 1000.0, position, current)
+    assert watch.force is Force.FREE
+    assert watch.estimate().time_s < moved.time_s[0]
+
+
+def test_a_second_push_is_noticed_after_the_first(moved):
+    current = moved.pushed(FORCE_N, BEGIN_S, END_S) + moved.pushed(-FORCE_N, 12.5, 13.0) - moved.empty
+    kinds = [event.kind for event in watched(moved, 15.0, current).take_events()]
+    assert kinds == [ACTING, PUSH, OVER] * 2
