@@ -19,6 +19,7 @@ DriverError
  |    +-- LinkDown         ... has no link: a cable is unplugged
  |    +-- WorkingCounterWrong     ... carries frames in which not every drive takes part
  +-- ForeignMaster         another master commands the same bus
+ +-- LssRefused           a node cannot be given a node id or bit rate
  +-- DescriptionError      a device description (EDS, DCF) that cannot be used
  +-- StateError            the caller requested something that the present state does not allow
  +-- CommandError          ... or a setpoint that cannot be sent to a drive
@@ -89,6 +90,10 @@ class WorkingCounterWrong(BusError):
 
 class ForeignMaster(DriverError):
     """Another node sends what only the master of this arm may send."""
+
+
+class LssRefused(DriverError):
+    """A node cannot be given a node id or bit rate by layer setting services."""
 
 
 class DescriptionError(DriverError):

@@ -55,7 +55,8 @@ class Requests:
 SAFETY = {f"making sure that the drive {of.value.title}": of for of in Safety}
 STEPS = [
     "looking for the node", "identifying", "looking for torque", "looking for a second axis",
-    "checking the mode", "reading the scaling", "looking for the objects of its PDOs", "setting the cycle",
+    "checking the mode", "reading the scaling", "looking for the objects of its PDOs",
+    "checking the reference", "setting the cycle",
     "mapping the receive PDO 1",
     "mapping the transmit PDO 1", "switching unused PDOs off", "selecting the mode",
     *SAFETY, "configuring the heartbeat consumer", "reading the name",

@@ -36,8 +36,8 @@ from armload_drivers.cia402.process_data.process_image import feedback_entries, 
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import CommandError, SdoRefused, ServoTimeout, WrongDevice
 
-Step = tuple[str, Callable[[], None]]
-"""A step of the configuration, by name."""
+Step = tuple[str, Callable[[], str | None]]
+"""A step of the configuration, by name; may return what it has found, as text."""
 
 _MODE_KEYS = {OperationMode.CYCLIC_SYNCHRONOUS_POSITION: "csp", OperationMode.INTERPOLATED_POSITION: "ip"}
 """Values of the key `mode`."""
@@ -160,6 +160,7 @@ class DriveSetup(DriveDialogue, ABC):
             ("modes", self._check_mode),
             ("scaling", self._read_scale),
             ("objects", self._find_mapped_objects),
+            ("reference", self._check_reference),
         )
 
     def writing_steps(self) -> tuple[Step, ...]:
@@ -280,6 +281,24 @@ class DriveSetup(DriveDialogue, ABC):
                 f"the drive serves several axes with one node id: it has {od.SECOND_POSITION}",
                 "A drive whose axes are sub-indices of one object cannot be used: use a drive for each axis",
             )
+
+    def _check_reference(self) -> str:
+        """Require an axis whose position has its reference, if the drive reports this; what it says about homing."""
+        self._sdo.step = "checking the reference"
+        bit = self.settings.homed_bit
+        if bit is not None and not self._sdo.read(od.STATUSWORD) >> bit & 1:
+            raise self._sdo.failure(
+                f"the axis is not homed: bit {bit} of the statusword (6041) is 0",
+                "Its position means nothing. Home it with the manufacturer's tool, or see the manual for how an "
+                "absolute encoder is set; then repeat this command",
+            )
+        offset, method = (self._sdo.read_if_there(entry) for entry in (od.HOME_OFFSET, od.HOMING_METHOD))
+        found = [
+            f"{name} is {value}"
+            for name, value in (("home offset (607C)", offset), ("homing method (6098)", method))
+            if value is not None
+        ]
+        return ", ".join(found) or "no 607C, no 6098"
 
     def _check_mode(self) -> None:
         """Require the configured mode to be among 6502, with the object for its setpoint."""

@@ -175,6 +175,24 @@ def _is_anonymous(setup: DriveSetup) -> bool:
     return not setup.settings.is_named and not is_simulation(setup.identity)
 
 
+def require_named(setup: DriveSetup, what: str) -> Identity:
+    """Identity of a drive that may be written to.
+
+    Args:
+        setup: The drive.
+        what: What is to be done with it, for the error.
+
+    Raises:
+        WrongDevice: it is not the configured drive, or a real one whose identity the configuration does not state.
+        ServoError: an SDO failed.
+    """
+    found = setup.check_identity()
+    if _is_anonymous(setup):
+        settings, remedy = setup.settings, f"Then repeat {what}"
+        raise WrongDevice(settings.node_id, settings.joint, "identifying", _name_it(found), remedy)
+    return found
+
+
 def _name_it(found: Identity) -> str:
     """How to state the identity of an anonymous drive."""
     return (
@@ -195,12 +213,12 @@ def _passed(setup: DriveSetup, steps: tuple[Step, ...], rows: list[Check]) -> bo
     sound = True
     for name, step in steps:
         try:
-            step()
+            found = step()
         except ServoError as error:
             sound = False
             rows.append(_row(setup, name, Verdict.WRONG, str(error)))
         else:
-            rows.append(_row(setup, name, Verdict.OK, ""))
+            rows.append(_row(setup, name, Verdict.OK, found or ""))
     return sound
 
 
@@ -227,9 +245,7 @@ def reset(bring_up: ArmBringUp, joint: str, consent: Callable[[str], bool]) -> S
     """
     setups = bring_up.setups
     setup = next(setup for setup in setups if setup.settings.joint == joint)
-    found = setup.check_identity()
-    if _is_anonymous(setup):
-        raise WrongDevice(setup.settings.node_id, joint, "identifying", _name_it(found), "Then reset it again")
+    found = require_named(setup, "resetting")
     for drive in bring_up.powered_drives([other for other in setups if other.is_up()]):
         raise drive.refusal()
     cause = setup.read_fault()

@@ -166,6 +166,30 @@ class DriveDialogue:
         self.require_disabled()
         return self.read_state()
 
+    def require_storage(self) -> None:
+        """Require a drive that stores its settings on request (1010:1, bit 0).
+
+        Raises:
+            ServoError: it does not.
+        """
+        self._sdo.step = "looking for its memory"
+        able = self._sdo.read_if_there(od.STORE_ALL)
+        if able is None or not able & 1:
+            what = f"no {od.STORE_ALL}" if able is None else f"{od.STORE_ALL} is 0x{able:X}, without bit 0"
+            raise self._sdo.failure(
+                f"the drive does not store its settings on request: {what}", "Store them with the manufacturer's tool"
+            )
+
+    def store_settings(self) -> None:
+        """Store the present settings in the drive's memory.
+
+        Raises:
+            ServoError: the drive refuses, or does not confirm it in time.
+        """
+        self._sdo.step = "storing the settings"
+        with self._sdo.limited_to(self._timeouts.store_s):
+            self._sdo.write(od.STORE_ALL, od.STORE_SIGNATURE)
+
     def remove_torque(self, limit_s: float) -> None:
         """Remove the torque of a drive that has left the cycle, by SDO.
 

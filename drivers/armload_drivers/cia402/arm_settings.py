@@ -137,6 +137,7 @@ class DriveSettings:
         effort_bits: Size of 6078 or 6077, 16 or 32.
         pdo_objects_max: Greatest number of objects in one PDO, whatever their size.
         rated_torque_unit_nm: Value of one unit of 6076, in N m.
+        homed_bit: Bit of the statusword that is 1 while the position has its reference; None if the drive reports none.
         bus: Number of the bus that the drive is on, from 0.
         second_axis_unused: Whether nothing is connected to the further axes of a drive that serves several.
         alias: EtherCAT station alias that the drive must have; None if it is not checked.
@@ -173,6 +174,7 @@ class DriveSettings:
     second_axis_unused: bool = False
     alias: int | None = None
     sync0: bool = False
+    homed_bit: int | None = None
     bus: int = 0
 
     @property

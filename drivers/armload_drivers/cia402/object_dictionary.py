@@ -102,6 +102,9 @@ SYNC_COB_ID = Entry(0x1005, 0, "COB-ID SYNC", _T.U32)
 CYCLE_PERIOD_US = Entry(0x1006, 0, "communication cycle period", _T.U32)
 DEVICE_NAME = Entry(0x1008, 0, "manufacturer device name", _T.STRING, _A.RO)
 SOFTWARE_VERSION = Entry(0x100A, 0, "manufacturer software version", _T.STRING, _A.RO)
+STORE_ALL = Entry(0x1010, 1, "store all parameters", _T.U32)
+STORE_SIGNATURE = int.from_bytes(b"save", "little")
+"""Value of 1010 that stores; no other is taken."""
 EMERGENCY_COB_ID = Entry(0x1014, 0, "COB-ID EMCY", _T.U32, _A.RO)
 HEARTBEAT_CONSUMER = Entry(0x1016, 1, "consumer heartbeat time", _T.U32)
 HEARTBEAT_PRODUCER_MS = Entry(0x1017, 0, "producer heartbeat time", _T.U16)
@@ -146,6 +149,8 @@ TORQUE_ACTUAL_32 = Entry(0x6077, 0, "torque actual value", _T.I32, _A.RO, _M.TPD
 CURRENT_ACTUAL_32 = Entry(0x6078, 0, "current actual value", _T.I32, _A.RO, _M.TPDO)
 """The variants of some manufacturers."""
 TARGET_POSITION = Entry(0x607A, 0, "target position", _T.I32, _A.RW, _M.RPDO)
+HOME_OFFSET = Entry(0x607C, 0, "home offset", _T.I32)
+HOMING_METHOD = Entry(0x6098, 0, "homing method", _T.I8)
 POSITION_LIMIT_MIN = Entry(0x607D, 1, "software position limit, min", _T.I32)
 POSITION_LIMIT_MAX = Entry(0x607D, 2, "software position limit, max", _T.I32)
 POLARITY = Entry(0x607E, 0, "polarity", _T.U8)

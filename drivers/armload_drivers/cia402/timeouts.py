@@ -21,6 +21,7 @@ class Timeouts:
         stop_s: From the quick stop to standstill; time of the SYNC.
         disable_s: From standstill to drives without torque; time of the SYNC.
         torque_off_s: One SDO request to its answer while an axis is in motion that has lost its loop.
+        store_s: From the request to store settings to its confirmation.
         fault_reset_s: From the first rising edge to SWITCH ON DISABLED.
     """
 
@@ -33,4 +34,5 @@ class Timeouts:
     stop_s: float = 5.0
     disable_s: float = 3.0
     torque_off_s: float = 0.05
+    store_s: float = 10.0
     fault_reset_s: float = 2.0

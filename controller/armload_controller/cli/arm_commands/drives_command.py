@@ -2,7 +2,7 @@
 
 Nothing here energises a drive, so it is allowed on any bus. `scan` and `show` only read;
 `armload_drivers.bring_up.drive_check` decides what `check` and `reset` may write to which drive. On the virtual bus,
-which has no other node, simulated drives answer.
+which has no other node, simulated drives answer. `store` and `assign` write what a drive keeps, and ask first.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import can
 
     from armload_controller.config.robot import Robot
+    from armload_drivers.canopen.lss_master import LssAddress
 
 EXIT_WRONG = 1
 
@@ -149,6 +150,78 @@ def reset_command(
         raise CommissioningError("not confirmed: nothing was reset")
     screen.document(partial(reset_document, arm.name, joint, node_id, state))
     screen.result(f"{joint}: {state.title}")
+
+
+@drives.command("store")
+def store_command(
+    robot: RobotArgument,
+    bus: BusOption = None,
+    bitrate: BitrateOption = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Store the settings: do not ask.")] = False,
+) -> None:
+    """Store the present settings of the arm's drives in their memory (1010). On a real arm, asks first."""
+    from armload_controller.cli.screen import Screen
+    from armload_drivers.bring_up.drive_store import store
+    from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
+
+    arm = arm_on_bus(robot, bus, bitrate)
+    screen = Screen()
+    with _bus_of(arm) as opened:
+        bring_up = CanopenBringUp(arm.drives.settings, opened)
+        if not store(bring_up, lambda question: yes or screen.confirm(question)):
+            raise CommissioningError("not confirmed: nothing was stored")
+    screen.result(f"stored: {', '.join(arm.joint_names)}")
+
+
+@drives.command("assign")
+def assign_command(
+    bus: Annotated[str, typer.Argument(metavar=BUS_FORM, help="The bus, such as socketcan:can0.")],
+    node_id: Annotated[int, typer.Option("--node-id", min=1, max=127, help="Node id of the node from now on.")],
+    new_bitrate: Annotated[
+        int | None, typer.Option("--new-bitrate", help="Bit rate of the node from its next power-on, in bit/s.")
+    ] = None,
+    identity: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VENDOR:PRODUCT:REVISION:SERIAL",
+            help="Identity (1018) of the node; by default the one that has no node id.",
+        ),
+    ] = None,
+    bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of the bus in bit/s.")] = 1_000_000,
+    yes: Annotated[bool, typer.Option("--yes", help="Set it: do not ask.")] = False,
+) -> None:
+    """Give a node its node id, and a bit rate, by layer setting services (LSS). Asks first."""
+    from armload_controller.cli.screen import Screen
+    from armload_controller.session.arm_access import open_bus
+    from armload_drivers.canopen.lss_master import BIT_TIMINGS
+    from armload_drivers.canopen.node_assignment import assign
+
+    if new_bitrate is not None and new_bitrate not in BIT_TIMINGS:
+        raise typer.BadParameter(f"{new_bitrate}: expected one of {', '.join(map(str, BIT_TIMINGS))}")
+    address = None if identity is None else _address(identity)
+    screen = Screen()
+    with open_bus(*bus_address(bus, BUS_FORM), bitrate) as opened:
+        found = assign(opened, node_id, new_bitrate, address, lambda question: yes or screen.confirm(question))
+    if found is None:
+        raise CommissioningError("not confirmed: nothing was set")
+    screen.result(f"{found}: node id {node_id}")
+
+
+def _address(text: str) -> LssAddress:
+    """The identity in an option.
+
+    Raises:
+        BadParameter: not four numbers of 32 bits.
+    """
+    from armload_drivers.canopen.lss_master import LssAddress
+
+    try:
+        numbers = [int(part, 0) for part in text.split(":")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 4 or not all(0 <= number < 1 << 32 for number in numbers):
+        raise typer.BadParameter(f"{text!r}: expected four numbers of 32 bits, such as 0x2DC:0x1:0x10000:0x7")
+    return LssAddress(*numbers)
 
 
 @contextmanager

@@ -214,6 +214,7 @@ class ProductKeys(Table):
     torque_offset: bool = True
     torque_offset_bits: Literal[16, 32] = 16
     effort_bits: Literal[16, 32] = 16
+    homed_bit: Literal[8, 14, 15] | None = None
     pdo_objects_max: Annotated[int, Field(ge=2, le=8)] = 8
     rated_torque_unit_nm: Positive = 1e-3
     effort_object: EffortObjectTable | None = None
@@ -308,6 +309,7 @@ class DriveTable(ProductKeys):
             vendor_settings=tuple(table.setting() for table in self.vendor_settings),
             torque_offset_bits=self.torque_offset_bits,
             effort_bits=self.effort_bits,
+            homed_bit=self.homed_bit,
             pdo_objects_max=self.pdo_objects_max,
             rated_torque_unit_nm=self.rated_torque_unit_nm,
         )

@@ -44,6 +44,7 @@ class DriveTraits:
             those of the description, if given there.
         boot_message: Whether it sends a boot-up message after a reset.
         takes_mode: Whether it follows 6060; otherwise 6061 stays 0.
+        homed: Whether the position has its reference, if the configuration names the bit that reports it.
         stuck_in: Power state that no controlword makes it leave.
         on_request: Called with every SDO request: None lets it be answered, `SILENCE` ignores it, and any other number
             is the abort code with which it is refused.
@@ -58,6 +59,7 @@ class DriveTraits:
     description: DeviceDescription | None = None
     boot_message: bool = True
     takes_mode: bool = True
+    homed: bool = True
     stuck_in: State | None = None
     on_request: Callable[[bytes], int | None] | None = None
 
@@ -94,6 +96,8 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
         (od.CYCLE_PERIOD_US, 0),
         (od.DEVICE_NAME, f"armload simulated drive, {settings.joint}"),
         (od.SOFTWARE_VERSION, "1"),
+        _count(0x1010, 1),
+        (od.STORE_ALL, 1),
         (od.EMERGENCY_COB_ID, od.EMERGENCY_BASE + node_id),
         _count(0x1016, 1),
         (od.HEARTBEAT_CONSUMER, 0),
@@ -131,6 +135,8 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
         (od.TORQUE_ACTUAL, 0),
         (od.CURRENT_ACTUAL, 0),
         (od.TARGET_POSITION, 0),
+        (od.HOME_OFFSET, 0),
+        (od.HOMING_METHOD, 0),
         _count(0x607D, 2),
         (od.POSITION_LIMIT_MIN, limit[0]),
         (od.POSITION_LIMIT_MAX, limit[1]),
@@ -157,6 +163,7 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
     for entry, value in rows:
         dictionary.add(entry, value)
     dictionary.allowed[od.ERROR_COUNT.key] = {0}
+    dictionary.allowed[od.STORE_ALL.key] = {od.STORE_SIGNATURE}
     dictionary.allowed[od.MODE.key] = modes | {0}
     dictionary.allowed[od.QUICK_STOP_OPTION.key] = {0, 1, 2, 5, 6}
     dictionary.allowed[od.FAULT_REACTION_OPTION.key] = {0, 1, 2}

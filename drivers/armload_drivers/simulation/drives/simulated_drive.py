@@ -208,8 +208,10 @@ class SimulatedDrive:
     def _report_state(self) -> None:
         """Update the statusword."""
         remote = _REMOTE if self.state is _OPERATIONAL else 0
+        bit = self._settings.homed_bit
+        homed = 0 if bit is None or not self._traits.homed else 1 << bit
         self._reported = self.power.machine.state
-        self._values[od.STATUSWORD.key] = self.power.statusword | remote
+        self._values[od.STATUSWORD.key] = self.power.statusword | remote | homed
 
     # Frames --------------------------------------------------------------------------------------------------
 

@@ -405,3 +405,19 @@ def test_a_node_that_refuses_its_device_type_is_no_drive(bench):
         (True, False),
         (False, True),
     ]
+
+
+def test_what_a_drive_says_about_its_reference_is_shown(bench):
+    rig = bench({5: DriveTraits(absent=frozenset({0x607C, 0x6098}))})
+    rows = check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps
+    said = {row.node_id: row.detail for row in rows if row.step == "reference"}
+    assert said[2] == "home offset (607C) is 0, homing method (6098) is 0"
+    assert said[5] == "no 607C, no 6098"
+
+
+def test_an_axis_that_is_not_homed_is_refused(bench, arm_settings):
+    rig = bench({3: DriveTraits(homed=False)}, arm_settings(homed_bit=15))
+    rows = check(CanopenBringUp(rig.arm, rig.bus, LIMITS)).steps
+    (wrong,) = [row for row in rows if row.verdict is Verdict.WRONG]
+    assert (wrong.node_id, wrong.step) == (3, "reference")
+    assert "not homed: bit 15" in wrong.detail

@@ -1,0 +1,101 @@
+"""Node id and bit rate by layer setting services, with an independent slave."""
+
+import can
+import pytest
+
+from armload_drivers.canopen.lss_master import BIT_TIMINGS, LssAddress
+from armload_drivers.canopen.node_assignment import assign
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import LssRefused
+from armload_drivers.servos import JointCommand
+from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
+from tests.lss_slave import LssSlave
+
+IDENTITY = (0x0000_02DC, 0xFFFF_FFFF, 0x0001_0000, 0x8000_0001)
+LIMITS = Timeouts(scan_s=0.3)
+
+
+@pytest.fixture
+def wire():
+    """Makes a bus with slaves on it; gives the master's end."""
+    opened = []
+
+    def make(*slaves, wire=None):
+        wire = wire or LockstepWire()
+        for slave in slaves:
+            end = LockstepBus(wire)
+            opened.append(end)
+
+            def act(message, slave=slave, end=end):
+                answer = slave.receive(message.arbitration_id, message.data)
+                if answer is not None:
+                    end.send(can.Message(arbitration_id=answer[0], data=answer[1], is_extended_id=False))
+
+            end.listen(act)
+        opened.append(LockstepBus(wire))
+        return opened[-1]
+
+    yield make
+    for bus in opened:
+        bus.shutdown()
+
+
+def agreed(question):
+    return True
+
+
+@pytest.mark.parametrize("identity", [IDENTITY, (1, 0, 0, 0), (0xFFFF_FFFF,) * 4])
+def test_the_node_without_an_id_is_found_by_its_identity(wire, identity):
+    other, slave = LssSlave((5, 6, 7, 8), node_id=9, device_type=0x191), LssSlave(identity)
+    asked = []
+    found = assign(wire(other, slave), 12, 500_000, None, lambda question: not asked.append(question), LIMITS)
+    assert found == LssAddress(*identity)
+    assert (slave.node_id, slave.stored) == (12, (12, bytes([0, BIT_TIMINGS[500_000]])))
+    assert "node id 12, and 500000 bit/s" in asked[0]
+    assert (other.node_id, other.stored, other.configuring, slave.configuring) == (9, None, False, False)
+
+
+def test_a_node_with_an_id_is_addressed_by_its_identity(wire):
+    slaves = LssSlave((5, 6, 7, 8), node_id=9, device_type=0x191), LssSlave(IDENTITY, node_id=3, device_type=0x191)
+    assert assign(wire(*slaves), 4, None, LssAddress(*IDENTITY), agreed, LIMITS) == LssAddress(*IDENTITY)
+    assert [slave.stored for slave in slaves] == [None, (4, None)]
+    with pytest.raises(LssRefused, match="no node with identity 0x00000001:0x0000"):
+        assign(wire(*slaves), 8, None, LssAddress(1, 2, 3, 4), agreed, LIMITS)
+
+
+def test_without_consent_nothing_is_set(wire):
+    slave = LssSlave(IDENTITY)
+    assert assign(wire(slave), 12, None, None, lambda question: False, LIMITS) is None
+    assert (slave.node_id, slave.stored, slave.configuring) == (None, None, False)
+
+
+@pytest.mark.parametrize(
+    ("refuses", "said"), [(0x11, "this node id"), (0x13, "this bit rate"), (0x17, "cannot store its settings")]
+)
+def test_what_a_node_refuses_is_said(wire, refuses, said):
+    slave = LssSlave(IDENTITY, refuses=refuses)
+    with pytest.raises(LssRefused, match=said):
+        assign(wire(slave), 12, 125_000, None, agreed, LIMITS)
+    assert not slave.configuring, "whatever ends, it waits again"
+
+
+def test_an_id_that_is_in_use_is_refused(wire):
+    slave = LssSlave(IDENTITY)
+    with pytest.raises(LssRefused, match="node id 9 is in use"):
+        assign(wire(LssSlave((5, 6, 7, 8), node_id=9), slave), 9, None, None, agreed, LIMITS)
+    assert slave.stored is None
+
+
+def test_where_every_node_has_an_id_the_other_ways_are_named(wire):
+    with pytest.raises(LssRefused, match="addressed by its identity"):
+        assign(wire(LssSlave(IDENTITY, node_id=9, device_type=0x191)), 12, None, None, agreed, LIMITS)
+
+
+def test_nothing_is_set_while_a_drive_on_the_bus_carries_torque(wire, virtual_arm):
+    arm, slave = virtual_arm(), LssSlave(IDENTITY)
+    arm.servos.connect()
+    here = arm.servos.enable().position_rad
+    arm.servos.exchange(JointCommand(here, 0.0 * here, 0.0 * here))
+    with pytest.raises(LssRefused, match="node 2 carries torque"):
+        assign(wire(slave, wire=arm.wires[0]), 12, None, None, agreed, LIMITS)
+    assert slave.stored is None
