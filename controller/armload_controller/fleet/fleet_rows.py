@@ -16,7 +16,7 @@ from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
 _PAYLOAD_KINDS: Final = (Kind.MASS, Kind.CENTER_X, Kind.CENTER_Y, Kind.CENTER_Z)
 _COLUMNS: Final = (
     *(name for names in value_columns()[: len(_PAYLOAD_KINDS)] for name in names),
-    *("payload", "robot", "robot_name", "outcome", "error", "joint_names", "loaded_sha256"),
+    *("payload", "robot", "robot_name", "outcome", "error", "joint_names", "loaded_sha256", "recorded_by"),
     *("gain_change", "gain_half_width_95", "friction_nm", "residual_rms_nm", "noise_nm"),
 )
 
@@ -44,6 +44,7 @@ def runs_of(folder: Path) -> list[ArmRun]:
             recording=row["loaded"],
             problem="" if row["outcome"] == RowOutcome.IDENTIFIED else row["error"] or row["outcome"],
             figures=dict(_figures(row)),
+            dated_by=row["recorded_by"] or "identification",
         )
         for row in _of_known_models(_each_once(rows))
     ]

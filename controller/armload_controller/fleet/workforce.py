@@ -4,8 +4,10 @@ At most two jobs per thread are submitted at a time, one running and one waiting
 memory does not grow with the table. Workers that join during a run get their share. Dask restarts a killed worker and
 repeats its job; a job that kills its worker three times becomes a row with the outcome "failed".
 
-A local cluster listens only on loopback. Anyone who can connect to a scheduler can run programs as its user: one on a
-network must use `tls://` with certificates, which Dask reads from its own configuration.
+Anyone who can connect to a scheduler can run programs as its user. A local cluster listens only on loopback, and
+accepts only connections with a key that is made for this run and that only this user can read, so that other users of
+the machine are refused. A scheduler on a network must use `tls://` with certificates, which Dask reads from its own
+configuration; if that demands encryption, it applies to a local cluster, too.
 """
 
 from __future__ import annotations
@@ -65,9 +67,13 @@ class Workforce:
             stack.enter_context(dask.config.set(_CONFIGURATION))
             address = self._scheduler
             try:
+                security = None
                 if address is None:
-                    address = stack.enter_context(_cluster(self._workers))
-                self._client = stack.enter_context(distributed.Client(address, timeout=_CONNECT_TIMEOUT_S))
+                    security = _own_security()
+                    address = stack.enter_context(_cluster(self._workers, security))
+                self._client = stack.enter_context(
+                    distributed.Client(address, timeout=_CONNECT_TIMEOUT_S, security=security)
+                )
             except (OSError, ValueError, TypeError, RuntimeError) as problem:
                 raise FleetError(
                     f"no scheduler at {address}: {problem}; check `scheduler=` and its certificates "
@@ -155,8 +161,18 @@ def _loaded_version() -> str:
     return version("armload")
 
 
-def _cluster(workers: int) -> Any:
-    """A cluster on this machine, reachable only from this machine."""
+def _own_security() -> Any:
+    """A key and certificate for one run; the user's own configuration if that demands encryption."""
+    import dask
+    from distributed import Security
+
+    if dask.config.get("distributed.comm.require-encryption", None):
+        return Security()
+    return Security.temporary()
+
+
+def _cluster(workers: int, security: Any) -> Any:
+    """A cluster on this machine, reachable only from this machine and with its key."""
     from distributed import LocalCluster
 
     return LocalCluster(
@@ -164,6 +180,8 @@ def _cluster(workers: int) -> Any:
         threads_per_worker=1,
         processes=True,
         host=LOOPBACK,
+        protocol="tls://",
+        security=security,
         dashboard_address=f"{LOOPBACK}:0",
         worker_dashboard_address=f"{LOOPBACK}:0",
         scheduler_kwargs={"dashboard": False},

@@ -34,6 +34,10 @@ UNITS: Mapping[Kind, tuple[str, float]] = {
 """Unit in which each is shown, and factor from SI; a gain is its change relative to nominal."""
 
 
+STATED = ("recording", "time stamps")
+"""Where a recording's own date comes from; other dates are those of its file, or of its identification."""
+
+
 @dataclass(frozen=True, order=True)
 class Quantity:
     """One monitored quantity of an arm.
@@ -64,6 +68,7 @@ class ArmRun:
         recording: Its path or URL.
         problem: Why nothing was identified; empty for a result.
         figures: Value and standard deviation due to the run's noise, SI units; determined quantities only.
+        dated_by: What states the date: the recording, its time stamps, its file, or the identification.
     """
 
     arm: str
@@ -72,3 +77,9 @@ class ArmRun:
     recording: str
     problem: str
     figures: Mapping[Quantity, tuple[float, float]]
+    dated_by: str = STATED[0]
+
+    @property
+    def states_its_date(self) -> bool:
+        """Whether the date is the recording's own."""
+        return self.dated_by in STATED

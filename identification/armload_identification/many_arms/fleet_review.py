@@ -9,7 +9,9 @@ are
 - silence: the latest recordings gave no result.
 
 An arm without a recent recording was removed, or its recordings no longer arrive: it is listed, but neither assessed
-nor compared.
+nor compared. Recent is relative to the fleet's date, which the latest results of a quarter of the arms have reached, so
+that no single wrong clock, and no file that was copied today, makes the other arms old; results that state their own
+date count before those dated by their file. Recordings dated much later than that are listed as odd.
 
 All charts of a fleet together have a false alarm in one report of a hundred, and so have all comparisons with twins.
 Suspicions are ranked by the number of standard deviations of a normal variable that is equally improbable.
@@ -43,7 +45,9 @@ LATEST_RUNS: Final = 5
 TWINS_LEAST: Final = 3
 """Least number of twins for a comparison."""
 ABSENT: Final = timedelta(days=30)
-"""An arm's latest recording is not recent if it is older than the fleet's latest result by more than this, ..."""
+"""An arm's latest recording is not recent if it is older than the fleet's date by more than this, ..."""
+_FEWEST_FOR_QUARTER: Final = 4
+"""Number of arms from which the fleet's date is what a quarter, at least two, have reached; with fewer, the latest."""
 ABSENT_INTERVALS: Final = 2
 """... and by more than this number of the arm's longest interval between recordings: some are recorded each quarter."""
 SILENT: Final = 3.0
@@ -106,6 +110,11 @@ class Suspicion:
     deviations: float
     text: str
 
+    @property
+    def sentence(self) -> str:
+        """The text with its improbability; a recording without a result has none."""
+        return self.text if self.quantity is None else f"{self.text} ({self.deviations:.0f} standard deviations)"
+
 
 @dataclass(frozen=True)
 class Twins:
@@ -132,12 +141,14 @@ class AbsentArm:
         arm: Its name.
         model: Its model.
         runs: Number of recordings.
+        without_result: Number of recordings without a result.
         latest: When the last one was made.
     """
 
     arm: str
     model: str
     runs: int
+    without_result: int
     latest: datetime
 
 
@@ -177,11 +188,13 @@ class FleetReview:
         arms: Arms with a recent recording, the most suspicious first, equal ones by name.
         absent: Arms without one, the last to be recorded first.
         problems: Recordings of `arms` without a result, the latest first.
+        odd: Results whose date is much later than the fleet's, the latest first.
     """
 
     arms: tuple[ArmReview, ...]
     absent: tuple[AbsentArm, ...]
     problems: tuple[ArmRun, ...]
+    odd: tuple[ArmRun, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,10 +230,9 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
     of_all: defaultdict[ArmKey, list[ArmRun]] = defaultdict(list)
     for run in ordered:
         of_all[run.arm, run.model].append(run)
-    # Results only: a recording that is missing has the date of the attempt to read it.
-    latest = max((run.recorded for run in ordered if not run.problem), default=None)
+    latest = _fleet_date(of_all)
     absent = {
-        arm: AbsentArm(*arm, len(of_arm), of_arm[-1].recorded)
+        arm: AbsentArm(*arm, len(of_arm), sum(bool(run.problem) for run in of_arm), of_arm[-1].recorded)
         for arm, of_arm in of_all.items()
         if latest is not None and _is_absent(of_arm, latest)
     }
@@ -252,11 +264,30 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
         tuple(arms),
         tuple(sorted(absent.values(), key=lambda arm: arm.latest, reverse=True)),
         tuple(run for run in reversed(ordered) if run.problem and (run.arm, run.model) in by_arm),
+        tuple(
+            run
+            for run in reversed(ordered)
+            if not run.problem and latest is not None and run.recorded > latest + ABSENT
+        ),
     )
 
 
+def _fleet_date(runs: Mapping[ArmKey, Sequence[ArmRun]]) -> datetime | None:
+    """The date that the latest results of a quarter of the arms have reached; None without a result.
+
+    Results only: a recording that is missing has the date of the attempt to read it.
+    """
+    results = [[run for run in of_arm if not run.problem] for of_arm in runs.values()]
+    stated = [[run for run in of_arm if run.states_its_date] for of_arm in results]
+    chosen = stated if any(stated) else results
+    latest = sorted((max(run.recorded for run in of_arm) for of_arm in chosen if of_arm), reverse=True)
+    if not latest:
+        return None
+    return latest[0 if len(latest) < _FEWEST_FOR_QUARTER else max(-(-len(latest) // 4) - 1, 1)]
+
+
 def _is_absent(runs: Sequence[ArmRun], latest: datetime) -> bool:
-    """Whether the last of an arm's runs is not recent, compared with the latest result of the fleet."""
+    """Whether the last of an arm's runs is not recent, compared with the fleet's date and the arm's own history."""
     intervals = (later.recorded - run.recorded for run, later in pairwise(runs))
     return latest - runs[-1].recorded > max(ABSENT, ABSENT_INTERVALS * max(intervals, default=timedelta()))
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from armload_controller.fleet.fleet_run import FleetTally
     from armload_controller.fleet.row_store import RowStore
 
+EXIT_ATTENTION = 5
+
 fleet = typer.Typer(cls=CommandGroup, help="Identify and assess the recordings of many arms.", no_args_is_help=True)
 
 TableArgument = Annotated[
@@ -129,31 +131,129 @@ def report_command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Report (HTML) to write; by default FOLDER/report.html.")
     ] = None,
+    metrics: Annotated[
+        Path | None, typer.Option(help="File in Prometheus' text format to write, for the textfile collector.")
+    ] = None,
+    webhook: Annotated[
+        str | None,
+        typer.Option(envvar="ARMLOAD_WEBHOOK", help="URL that gets a POST with the findings that are new, as JSON."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Assess the arms of a fleet: payload, gains and friction over time, the most suspicious first."""
+    """Assess the arms of a fleet: payload, gains and friction over time, the most suspicious first.
+
+    Exit status 5: an arm needs attention that nobody has acknowledged.
+    """
+    from datetime import UTC, datetime
     from importlib.metadata import version
 
     from armload_identification.extras import Extra, require_extra
+    from armload_identification.report.numerals import counted
 
     require_extra(Extra.FLEET, "armload fleet")
     from armload_controller.cli.output.fleet_output import fleet_report_document, suspicion_lines
     from armload_controller.cli.screen import Screen
+    from armload_controller.fleet.alerts import metrics_text, notify, write_metrics
+    from armload_controller.fleet.attention import attention_of
     from armload_controller.fleet.fleet_rows import runs_of
     from armload_identification.many_arms.fleet_review import review_fleet
 
-    screen = Screen(as_json=as_json)
+    screen, now = Screen(as_json=as_json), datetime.now(UTC)
     page = output or folder / "report.html"
     runs = runs_of(folder)
     require_drawable(page)
     from armload_identification.report.fleet.fleet_report import write_fleet_report
 
     review = review_fleet(runs)
-    write_fleet_report(page, review, version("armload"))
-    for line in suspicion_lines(review):
+    attention = attention_of(review, folder, now.date())
+    write_fleet_report(page, review, version("armload"), {arm.arm: attention.words_on(arm.arm) for arm in review.arms})
+    for line in suspicion_lines(review, attention):
         screen.result(line)
+    if metrics is not None:
+        write_metrics(metrics, metrics_text(review, attention, now))
+    for path in (page, *([] if metrics is None else [metrics])):
+        screen.step(f"written: {path}")
+    screen.document(partial(fleet_report_document, review, attention), {"report": page, "metrics": metrics})
+    if webhook is not None:
+        sent = notify(webhook, folder, attention, version("armload"))
+        screen.step(f"webhook: {counted(len(sent), 'new finding')} sent" if sent else "webhook: nothing new")
+    if attention.needed:
+        raise typer.Exit(EXIT_ATTENTION)
+
+
+@fleet.command("history")
+def history_command(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the rows.")],
+    arm: Annotated[str, typer.Argument(metavar="ARM", help="Name of the arm.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Page (HTML) to write; by default FOLDER/ARM.html.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a page with charts of every monitored quantity of an arm over all its recordings."""
+    from datetime import UTC, datetime
+    from importlib.metadata import version
+
+    from armload_identification.extras import Extra, require_extra
+
+    require_extra(Extra.FLEET, "armload fleet")
+    from armload_controller.cli.output.fleet_output import arm_document
+    from armload_controller.cli.screen import Screen
+    from armload_controller.control_errors import ConfigurationError
+    from armload_controller.export.exported_payload import identifier_of
+    from armload_controller.fleet.attention import attention_of
+    from armload_controller.fleet.fleet_rows import runs_of
+    from armload_identification.many_arms.fleet_review import review_fleet
+
+    screen = Screen(as_json=as_json)
+    runs = runs_of(folder)
+    names = sorted({run.arm for run in runs})
+    if arm not in names:
+        raise ConfigurationError("command line", "ARM", arm, f"expected one of {', '.join(names)}")
+    page = output or folder / f"{identifier_of(arm)}.html"
+    require_drawable(page)
+    from armload_identification.report.fleet.fleet_report import write_arm_history
+
+    review = review_fleet(runs)
+    # an arm without a recent recording is reviewed by itself: against its own history
+    found = [each for each in review.arms if each.arm == arm] or list(
+        review_fleet([run for run in runs if run.arm == arm]).arms
+    )
+    attention = attention_of(review, folder, datetime.now(UTC).date())
+    write_arm_history(page, found[0], version("armload"), attention.words_on(arm))
+    for suspicion in found[0].suspicions:
+        screen.result(suspicion.sentence)
     screen.step(f"written: {page}")
-    screen.document(partial(fleet_report_document, review), {"report": page})
+    screen.document(partial(arm_document, found[0]), {"page": page})
+
+
+@fleet.command("acknowledge")
+def acknowledge_command(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the rows.")],
+    arm: Annotated[str, typer.Argument(metavar="ARM", help="Name of the arm.")],
+    until: Annotated[str, typer.Option(metavar="DATE", help="Last day, such as 2026-12-31.")],
+    why: Annotated[str, typer.Option(metavar="TEXT", help="The reason, shown in every report until then.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Acknowledge what an arm has now: until DATE it needs no attention, but is listed in every report.
+
+    A finding of another kind or quantity needs attention nevertheless.
+    """
+    from datetime import UTC, datetime
+
+    from armload_identification.extras import Extra, require_extra
+
+    require_extra(Extra.FLEET, "armload fleet")
+    from armload_controller.cli.output.fleet_output import acknowledged_document
+    from armload_controller.cli.screen import Screen
+    from armload_controller.fleet.attention import acknowledge
+    from armload_controller.fleet.fleet_rows import runs_of
+    from armload_identification.many_arms.fleet_review import review_fleet
+
+    screen = Screen(as_json=as_json)
+    made = acknowledge(folder, review_fleet(runs_of(folder)), arm, until, why, datetime.now(UTC))
+    screen.step(f"{arm}: acknowledged until {made.until}: {'; '.join(made.findings)}")
+    screen.document(partial(acknowledged_document, made))
 
 
 @contextmanager

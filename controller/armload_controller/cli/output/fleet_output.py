@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from armload_controller.cli.output.json_output import json_document
+from armload_controller.fleet.attention import Acknowledgement, Attention
 from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
 from armload_identification.many_arms.fleet_review import AbsentArm, ArmReview, FleetReview, Suspicion
@@ -39,16 +40,29 @@ def fleet_document(tally: FleetTally) -> dict[str, Any]:
     return json_document("fleet", tally.to_dict())
 
 
-def suspicion_lines(review: FleetReview) -> list[str]:
-    """The most suspicious arms, one line each, and the arms without a recent recording in one."""
-    suspicious = [arm for arm in review.arms if arm.suspicions]
-    if not suspicious:
-        return [f"to be inspected: none of {counted(len(review.arms), 'arm')}", *_absent_lines(review)]
-    shown = [
-        f"{number:3}. {arm.arm}: {arm.suspicions[0].text} ({arm.deviations:.0f} standard deviations)"
-        for number, arm in enumerate(suspicious[:_MOST_LINES], 1)
+def suspicion_lines(review: FleetReview, attention: Attention) -> list[str]:
+    """The most suspicious arms, one line each; then what is acknowledged, absent, oddly dated, and without a result."""
+    present = {arm.arm for arm in review.arms}
+    suspicious = [arm for arm in attention.arms if arm in present]
+    count = len(suspicious) or "none"
+    lines = [f"to be inspected: {count} of {counted(len(review.arms), 'arm')}"]
+    for number, arm in enumerate(suspicious[:_MOST_LINES], 1):
+        lines.append(f"{number:3}. {arm}: {attention.of(arm)[0].text}")
+    if more := len(suspicious) - _MOST_LINES:
+        lines += [f"     and {more} more: see the report"] if more > 0 else []
+    lines += [
+        f"{known.arm}: {found.text}; acknowledged until {known.until}: {known.why}"
+        for found, known in attention.acknowledged
     ]
-    return [f"to be inspected: {len(suspicious)} of {counted(len(review.arms), 'arm')}", *shown, *_absent_lines(review)]
+    lines += _absent_lines(review)
+    lines += [
+        f"odd date: {run.arm}: {run.recording} is dated {run.recorded:%Y-%m-%d} ({run.dated_by}), long after the others"
+        for run in review.odd[:_MOST_LINES]
+    ]
+    if review.problems:
+        arms = len({run.arm for run in review.problems})
+        lines.append(f"without a result: {counted(len(review.problems), 'recording')} of {counted(arms, 'arm')}")
+    return lines
 
 
 def _absent_lines(review: FleetReview) -> list[str]:
@@ -61,7 +75,7 @@ def _absent_lines(review: FleetReview) -> list[str]:
     return [f"no recent recording, not assessed: {listed}; removed, or their recordings no longer arrive"]
 
 
-def fleet_report_document(review: FleetReview) -> dict[str, Any]:
+def fleet_report_document(review: FleetReview, attention: Attention) -> dict[str, Any]:
     """All arms for `--json`, the most suspicious first."""
 
     def identity(arm: ArmReview | AbsentArm) -> dict[str, Any]:
@@ -77,4 +91,34 @@ def fleet_report_document(review: FleetReview) -> dict[str, Any]:
         | {"without_result": arm.without_result, "suspicions": [suspicion(found) for found in arm.suspicions]}
         for arm in review.arms
     ]
-    return json_document("fleet-report", {"arms": arms, "absent": [identity(arm) for arm in review.absent]})
+    odd = [
+        {"name": run.arm, "recording": run.recording, "dated": run.recorded.isoformat(), "dated_by": run.dated_by}
+        for run in review.odd
+    ]
+    acknowledged = [
+        {"name": known.arm, "text": found.text, "until": known.until, "why": known.why}
+        for found, known in attention.acknowledged
+    ]
+    lists = {"arms": arms, "absent": [identity(arm) for arm in review.absent], "odd": odd}
+    return json_document("fleet-report", lists | {"attention": list(attention.arms), "acknowledged": acknowledged})
+
+
+def arm_document(arm: ArmReview) -> dict[str, Any]:
+    """One arm over its recordings for `--json`."""
+    figures = [
+        {
+            "figure": figure.quantity.kind.value,
+            "of": figure.quantity.of,
+            "dates": [moment.isoformat() for moment in figure.recorded],
+            "values": figure.values.tolist(),
+            "level": figure.center,
+        }
+        for figure in arm.figures.values()
+    ]
+    return json_document("fleet-history", {"name": arm.arm, "model": arm.model, "figures": figures})
+
+
+def acknowledged_document(made: Acknowledgement) -> dict[str, Any]:
+    """An acknowledgement for `--json`."""
+    listed = {"name": made.arm, "until": made.until, "why": made.why, "findings": list(made.findings)}
+    return json_document("fleet-acknowledged", listed)

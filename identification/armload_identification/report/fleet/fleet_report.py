@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Final
 
@@ -23,21 +25,26 @@ _SHOWN: Final = (Kind.MASS, Kind.GAIN, Kind.FRICTION)
 _TEMPLATE: Final = "fleet/fleet.html.j2"
 
 
-def write_fleet_report(path: Path, review: FleetReview, armload_version: str) -> None:
+def write_fleet_report(
+    path: Path, review: FleetReview, armload_version: str, acknowledged: Mapping[str, str] | None = None
+) -> None:
     """Write the report of a fleet.
 
     Args:
         path: The file; an existing one is replaced.
         review: The fleet.
         armload_version: Version of the program.
+        acknowledged: What was said of arms whose findings are acknowledged, by arm.
 
     Raises:
         ReportError: the file cannot be written.
     """
-    write_page(path, render_fleet_report(review, armload_version))
+    write_page(path, render_fleet_report(review, armload_version, acknowledged))
 
 
-def render_fleet_report(review: FleetReview, armload_version: str) -> str:
+def render_fleet_report(
+    review: FleetReview, armload_version: str, acknowledged: Mapping[str, str] | None = None
+) -> str:
     """The report's text.
 
     Returns:
@@ -50,17 +57,56 @@ def render_fleet_report(review: FleetReview, armload_version: str) -> str:
         arms=len(review.arms),
         runs=sum(arm.runs for arm in review.arms),
         without_result=len(review.problems),
-        latest=f"{max(arm.latest for arm in review.arms):%Y-%m-%d}",
+        latest=f"{max(_latest(review)):%Y-%m-%d}",
         suspicious=len(suspicious),
         panels=[(arm, _charts(arm, number)) for number, arm in enumerate(suspicious[:MOST_SUSPICIOUS], 1)],
         rows=[(arm, [_shown(kind, _most_off(arm, kind)) for kind in _SHOWN]) for arm in review.arms],
         absent=review.absent,
+        odd=review.odd[:_MOST_PROBLEMS],
+        acknowledged=acknowledged or {},
         absent_days=ABSENT.days,
         problems=[
             (run.arm, run.recording, run.problem.removeprefix(f"{run.recording}: "))
             for run in review.problems[:_MOST_PROBLEMS]
         ],
     )
+
+
+def write_arm_history(path: Path, arm: ArmReview, armload_version: str, acknowledged: str) -> None:
+    """Write the page of one arm: every monitored quantity over all runs.
+
+    Args:
+        path: The file; an existing one is replaced.
+        arm: The arm.
+        armload_version: Version of the program.
+        acknowledged: What was said of its findings; empty if they are not acknowledged.
+
+    Raises:
+        ReportError: the file cannot be written.
+    """
+    write_page(path, render_arm_history(arm, armload_version, acknowledged))
+
+
+def render_arm_history(arm: ArmReview, armload_version: str, acknowledged: str = "") -> str:
+    """The page of one arm.
+
+    Returns:
+        HTML.
+    """
+    figures = list(arm.figures.values())
+    rows = [figures[start : start + CHARTS] for start in range(0, len(figures), CHARTS)]
+    charts = []
+    for number, row in enumerate(rows, 1):
+        title = f"{', '.join(str(figure.quantity) for figure in row)} over the runs."
+        charts.append(Markup(charts_figure(row, f"charts-{number}", title)))
+    return rendered(
+        "fleet/arm.html.j2", armload_version=armload_version, arm=arm, charts=charts, acknowledged=acknowledged
+    )
+
+
+def _latest(review: FleetReview) -> list[datetime]:
+    """The latest recording of each arm."""
+    return [arm.latest for arm in review.arms] + [arm.latest for arm in review.absent]
 
 
 def _charts(arm: ArmReview, number: int) -> Markup:

@@ -11,6 +11,7 @@ import pytest
 
 from armload_controller.cli.output.fleet_output import suspicion_lines
 from armload_controller.control_errors import ConfigurationError, FleetError, ListingError
+from armload_controller.fleet.attention import attention_of
 from armload_controller.fleet.fleet_rows import runs_of
 from armload_controller.fleet.fleet_run import FleetTally, do_jobs, looks
 from armload_controller.fleet.job import Job
@@ -137,9 +138,14 @@ def nights(tmp_path):
     return tmp_path
 
 
+def lines_on(runs, folder):
+    review = review_fleet(runs)
+    return suspicion_lines(review, attention_of(review, folder, FIRST.date()))
+
+
 def test_the_report_names_what_changed(armload, nights):
     result = armload("fleet", "report", nights, "--json")
-    assert result.exit_code == 0, (result.output, result.exception)
+    assert result.exit_code == 5, (result.output, result.exception)
     first, second = json.loads(result.stdout)["arms"]
     assert (first["name"], first["model"], first["runs"], first["without_result"]) == ("one", "er50", NIGHTS, 1)
     assert {found["cause"]: found["figure"] for found in first["suspicions"]} == {"change": "mass", "no result": None}
@@ -147,9 +153,9 @@ def test_the_report_names_what_changed(armload, nights):
     assert second["suspicions"] == []
     assert "mass of tool" in (nights / "report.html").read_text()
     runs = runs_of(nights)
-    assert "  1. one: mass of tool is 2.30 kg since 2026-03-07" in suspicion_lines(review_fleet(runs))[1]
+    assert "  1. one: mass of tool is 2.30 kg since 2026-03-07" in lines_on(runs, nights)[1]
     today = [replace(run, recorded=run.recorded + timedelta(days=40)) for run in runs if run.arm == "two"]
-    assert suspicion_lines(review_fleet([*today, *(run for run in runs if run.arm == "one")])) == [
+    assert lines_on([*today, *(run for run in runs if run.arm == "one")], nights) == [
         "to be inspected: none of 1 arm",
         "no recent recording, not assessed: one (2026-03-10); removed, or their recordings no longer arrive",
     ]
@@ -255,3 +261,27 @@ def test_the_page_describes_every_column_and_no_other():
     columns = column_kinds()
     assert [name for name in columns if not any(fnmatch(name, pattern) for pattern in patterns)] == []
     assert [pattern for pattern in patterns if not any(fnmatch(name, pattern) for name in columns)] == []
+
+
+def test_acknowledged_arms_are_listed_and_leave_the_exit_status_at_0(armload, nights):
+    done = armload(
+        "fleet", "acknowledge", nights, "one", "--until", "2999-12-31", "--why", "a new gripper", columns=300
+    )
+    assert done.exit_code == 0, (done.output, done.exception)
+    report = armload("fleet", "report", nights, "--metrics", nights / "fleet.prom", columns=300)
+    assert report.exit_code == 0, report.output
+    assert "to be inspected: none of 2 arms" in report.output
+    assert (
+        "the latest recording gave no result: cut short; acknowledged until 2999-12-31: a new gripper" in report.output
+    )
+    assert "without a result: 1 recording of 1 arm" in report.output
+    assert 'armload_arm_acknowledged{arm="one",model="er50"} 2' in (nights / "fleet.prom").read_text()
+
+
+def test_the_history_of_an_arm_is_a_page(armload, nights):
+    done = armload("fleet", "history", nights, "one", columns=300)
+    assert done.exit_code == 0, (done.output, done.exception)
+    assert "the latest recording gave no result: cut short" in done.output
+    assert "mass of tool" in (nights / "one.html").read_text()
+    refused = armload("fleet", "history", nights, "three")
+    assert "expected one of one, two" in str(refused.exception)

@@ -120,6 +120,33 @@ def tls_of(folder):
 
 
 @pytest.fixture(scope="module")
+def local(tmp_path_factory):
+    """The address of a local cluster, what strangers get, and a row of its owner; collected as in `behind_tls`."""
+    import distributed
+
+    missing = str(tmp_path_factory.mktemp("local") / "none.mcap")
+    with Workforce(workers=1) as force:
+        address = force._client.scheduler.address
+        refusals = []
+        for stranger in (distributed.Security(), distributed.Security.temporary()):
+            for there in (address, address.replace("tls://", "tcp://")):
+                try:
+                    distributed.Client(there, security=stranger, timeout=3.0)
+                    refusals.append(None)
+                except (OSError, TypeError, RuntimeError, ValueError) as problem:
+                    refusals.append(problem)
+        (row,) = force.rows([Job("key", "arm", "er50", {"loaded": missing}, "", "", None, None)])
+    return SimpleNamespace(address=address, refusals=refusals, row=row)
+
+
+def test_another_user_of_the_machine_cannot_use_the_local_scheduler(local):
+    """Neither without a certificate nor with one of their own; the owner's jobs are done."""
+    assert local.address.startswith("tls://127.0.0.1:")
+    assert None not in local.refusals
+    assert "none.mcap" in local.row["error"]
+
+
+@pytest.fixture(scope="module")
 def behind_tls(recorded_er50, tmp_path_factory):
     """Results of a scheduler with TLS and one worker in this process, for its owner and for strangers.
 

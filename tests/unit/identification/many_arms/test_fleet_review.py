@@ -9,7 +9,7 @@ import pytest
 
 from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
 from armload_identification.many_arms.fleet_review import Anomaly, review_fleet
-from armload_identification.report.fleet.fleet_report import MOST_SUSPICIOUS, render_fleet_report
+from armload_identification.report.fleet.fleet_report import MOST_SUSPICIOUS, render_arm_history, render_fleet_report
 
 FIRST = datetime(2026, 3, 1, 22, tzinfo=UTC)
 ARMS, NIGHTS = 12, 14
@@ -227,3 +227,50 @@ def test_what_recordings_say_is_text_on_the_page():
     page = render_fleet_report(review_fleet(runs), "1.2")
     assert "<script>" not in page
     assert "&lt;b&gt;" in page
+
+
+def test_one_recording_with_a_date_far_ahead_makes_no_other_arm_old():
+    """A CSV without a date that was copied today, or a recording by a wrong clock."""
+    runs = fleet(cell03=[(FRICTIONS[1], 7, 99, 4.0)])
+    last = next(run for run in reversed(runs) if run.arm == "cell01")
+    for dated_by in ("file", "recording"):
+        odd = replace(last, recording="copy.csv", recorded=FIRST + timedelta(days=400), dated_by=dated_by)
+        found = review_fleet([*runs, odd])
+        assert not found.absent
+        assert {arm.arm for arm in found.arms if arm.suspicions} == {"cell03"}
+        assert [run.recording for run in found.odd] == ["copy.csv"]
+        page = render_fleet_report(found, "1.2")
+        assert "<h2>Odd dates</h2>" in page
+        assert f"2027-04-05, {dated_by}</td>" in page
+    assert not review_fleet(runs).odd
+
+
+def test_dates_of_files_do_not_count_beside_stated_ones():
+    stated = of_arms(fleet(), "cell00", "cell01", "cell02")
+    copied = [
+        replace(run, recorded=FIRST + timedelta(days=300 + i), dated_by="file")
+        for i, run in enumerate(of_arms(fleet(), "cell04", "cell05", "cell06"))
+    ]
+    found = review_fleet([*stated, *copied])
+    assert not found.absent
+    assert {run.arm for run in found.odd} == {"cell04", "cell05", "cell06"}
+
+
+def test_a_recording_without_a_result_is_not_measured_in_deviations(review):
+    (silent,) = (arm for arm in review.arms if arm.arm == "cell09")
+    assert [found.sentence for found in silent.suspicions] == [
+        "the 2 latest recordings gave no result: loaded.mcap is damaged"
+    ]
+    page = render_fleet_report(review, "1.2", {"cell09": "acknowledged until 2026-12-31: the reader is repaired"})
+    assert "Acknowledged until 2026-12-31: the reader is repaired" in page
+
+
+def test_the_history_of_an_arm_has_all_its_charts(review):
+    (arm,) = (arm for arm in review.arms if arm.arm == "cell03")
+    page = render_arm_history(arm, "1.2", "acknowledged until 2026-12-31: a new gear is ordered")
+    assert page.count('id="charts-') >= -(-len(USUAL) // 3)
+    for quantity in USUAL:
+        assert str(quantity) in page
+    assert "Friction of joint2 is " in page
+    assert "a new gear is ordered" in page
+    assert "No recording has a result." in render_arm_history(replace(arm, figures={}, suspicions=()), "1.2")

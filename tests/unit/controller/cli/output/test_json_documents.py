@@ -4,7 +4,8 @@ import json
 import re
 from collections import defaultdict
 from contextlib import redirect_stdout
-from datetime import UTC, datetime
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from functools import cache, partial
 from io import StringIO
 from pathlib import Path
@@ -18,7 +19,12 @@ from armload_controller.analysis.payload_events import PayloadEvent
 from armload_controller.analysis.payload_watch import HeardBus, WatchedMoment
 from armload_controller.analysis.robot_wiggle import DesignedWiggle
 from armload_controller.cli.main import app
-from armload_controller.cli.output.fleet_output import fleet_document, fleet_report_document
+from armload_controller.cli.output.fleet_output import (
+    acknowledged_document,
+    arm_document,
+    fleet_document,
+    fleet_report_document,
+)
 from armload_controller.cli.output.result_documents import (
     feedforward_document,
     half_document,
@@ -29,6 +35,7 @@ from armload_controller.cli.screen import Screen
 from armload_controller.config.robot import load_robot
 from armload_controller.feedforward.adaptation import AdaptationDecision, DecisionKind
 from armload_controller.feedforward.offset_check import OffsetVerdict
+from armload_controller.fleet.attention import Acknowledgement, Attention, Finding
 from armload_controller.fleet.fleet_run import FleetProblem, FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
 from armload_controller.session.feedforward_comparison import FollowingComparison, Measure
@@ -39,8 +46,15 @@ from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.state_machine import State
 from armload_identification.calibration.run_health import RunHealth
 from armload_identification.excitation.fourier import FourierTrajectory
-from armload_identification.many_arms.arm_runs import Kind, Quantity
-from armload_identification.many_arms.fleet_review import AbsentArm, Anomaly, ArmReview, FleetReview, Suspicion
+from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
+from armload_identification.many_arms.fleet_review import (
+    AbsentArm,
+    Anomaly,
+    ArmReview,
+    FleetReview,
+    Suspicion,
+    review_fleet,
+)
 from armload_identification.pipeline.any_motion import Window
 from armload_identification.pipeline.arm_drift import arm_drift
 from armload_identification.pipeline.payload_estimator import LivePayload
@@ -136,7 +150,27 @@ def fleet_review():
     change = Suspicion(Anomaly.CHANGE, Quantity(Kind.MASS, "tool"), 9.0, "a sentence")
     silence = Suspicion(Anomaly.SILENCE, None, 3.0, "another")
     one = ArmReview("one", "er50", 2, 1, datetime(2026, 3, 1, tzinfo=UTC), {}, (change, silence))
-    return FleetReview((one,), (AbsentArm("two", "er50", 3, datetime(2026, 1, 1, tzinfo=UTC)),), ())
+    return FleetReview((one,), (AbsentArm("two", "er50", 3, 0, datetime(2026, 1, 1, tzinfo=UTC)),), ())
+
+
+def fleet_attention():
+    """The fleet with an odd date, and a finding that is acknowledged."""
+    moment = datetime(2027, 1, 1, tzinfo=UTC)
+    odd = ArmRun("one", "er50", moment, "copy.csv", "", {}, "file")
+    finding = Finding("two", "er50", "no recent recording", "a sentence")
+    known = Acknowledgement("two", "2026-12-31", "scrapped", ("no recent recording",), "2026-03-01T00:00:00+00:00")
+    needed = (Finding("one", "er50", "no result", "another"),)
+    return replace(fleet_review(), odd=(odd,)), Attention(needed, ((finding, known),))
+
+
+def reviewed_arm():
+    """An arm with one quantity over two runs."""
+    first = datetime(2026, 3, 1, tzinfo=UTC)
+    runs = [
+        ArmRun("one", "er50", first + timedelta(days=day), f"{day}.mcap", "", {Quantity(Kind.MASS, "tool"): (2.0, 0.1)})
+        for day in (0, 1)
+    ]
+    return review_fleet(runs).arms[0]
 
 
 def made():
@@ -195,7 +229,9 @@ def made():
         printed(partial(feedforward_document, "arm", offset, [compared], [decision]), picture="picture.svg"),
         nodes_document("socketcan", "can0", [node]),
         printed(half_document, directory="runs/today"),
-        printed(partial(fleet_report_document, fleet_review()), report="report.html"),
+        printed(partial(fleet_report_document, *fleet_attention()), report="report.html", metrics="fleet.prom"),
+        printed(partial(arm_document, reviewed_arm()), page="one.html"),
+        printed(partial(acknowledged_document, fleet_attention()[1].acknowledged[0][1])),
         printed(
             partial(
                 fleet_document,
