@@ -34,6 +34,7 @@ from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.paths import BlockedWay
 from armload_controller.session.installed_plugins import plugins_of
+from armload_controller.session.standing_check import moved_since_recording
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import OperationMode
 from armload_drivers.servos import JointServos
@@ -254,11 +255,14 @@ class RunSession:
 
         if path not in self._slow_rounds_done:
             if not self._has_moved:
+                since = ""
+                if recorder is not None and not self.simulated:
+                    since = moved_since_recording(self.robot, recorder.partial.parent, self._servos.standing_rad())
                 consent.require(
                     self._servos,
-                    f"First motion {self.load}: the arm will move slowly to the start of the excitation and once along "
-                    "it. Is the workspace clear and the emergency stop at hand?",
-                    always=self.load is Load.LOADED,
+                    f"{since}First motion {self.load}: the arm will move slowly to the start of the excitation and "
+                    "once along it. Is the workspace clear and the emergency stop at hand?",
+                    always=self.load is Load.LOADED or bool(since),
                     first=True,
                 )
                 self._has_moved = True

@@ -33,7 +33,7 @@ from armload_identification.excitation.geometry.workspace import HalfSpace, Sphe
 from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.model.payload import InertialParameters
 from armload_identification.recording.file_reading import read_recording
-from armload_identification.recording.run_format import WAY_ROUND_ATTACHMENT
+from armload_identification.recording.run_format import RUN_ATTACHMENT, WAY_ROUND_ATTACHMENT
 from armload_identification.report.provenance import motion_sentence
 
 CYCLE_S = 0.02
@@ -391,3 +391,31 @@ def test_the_operator_reads_what_the_servos_remark_after_connecting_and_after_ea
         with pytest.raises(MotionError, match="a defect"):
             session.run(checked(), "second")
     assert display.texts[-1] == "4 error frames", "a run that fails needs it most"
+
+
+def test_an_arm_that_stands_elsewhere_than_the_last_recording_ended_is_asked_about(ideal_servos, tmp_path):
+    """Even with consent given in advance; only on a real arm, and once in a session."""
+    robot = load_robot("er50").with_bus(cycle_hz=1.0 / CYCLE_S)
+    swing = FourierTrajectory(1.0, np.array([0.0, 0.3, 0.6, 0.0, 0.0, 0.0]), np.full((6, 1), 0.02), np.zeros((6, 1)))
+    path = check_path(Excitation(swing, 1), robot.motion_constraints, CYCLE_S, file=robot.file, key="swing")
+    run = json.dumps({"joints": list(robot.joint_names)})
+
+    def session_from(position_rad, name, *, simulated):
+        servos = ideal_servos(6, CYCLE_S, position_rad=position_rad)
+        servos.simulated = simulated
+        person = Person(*[True] * 4)
+        operator = Operator(NoDisplay(), MotionControl(), Consent(person, given=True))
+        with (
+            Recorder(tmp_path / name, {RUN_ATTACHMENT: run}) as recorder,
+            run_session(robot, Load.UNLOADED, lambda load: nullcontext(servos), operator) as session,
+        ):
+            session.run(path, "run", recorder=recorder)
+            session.run(path, "again", recorder=recorder)
+        return person.asked
+
+    here = np.array([0.0, 0.3, 0.6, 0.0, 0.0, 0.0])
+    assert session_from(here, "first.mcap", simulated=False) == []
+    asked = session_from(here + 0.2 * np.eye(6)[0], "second.mcap", simulated=False)
+    assert len(asked) == 1
+    assert "where first.mcap ended: joint_1 by" in asked[0]
+    assert session_from(here + 0.3, "third.mcap", simulated=True) == []
