@@ -14,6 +14,8 @@ from armload_drivers.cia402.arm_settings import Identity, OperationMode
 from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.drive_safety import Safety, has_a_way
 
+_WIDE_BITS = 32
+
 
 @dataclass(frozen=True)
 class DriveDraft:
@@ -25,6 +27,7 @@ class DriveDraft:
         mode: "csp" or "ip"; None if it supports neither, or this is unknown.
         feedback: "torque" or "current"; None if unknown.
         torque_offset: Whether it has 60B2; None if unknown.
+        wide: Keys of objects that have 32 bits instead of 16.
         max_torque_permille: Value of 6072 after a reset; None if unknown.
         missing: Names of the safety properties for which it has no object.
     """
@@ -36,6 +39,7 @@ class DriveDraft:
     torque_offset: bool | None
     max_torque_permille: int | None
     missing: tuple[str, ...]
+    wide: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -95,11 +99,13 @@ def drives_found(nodes: Sequence[FoundNode], n: int, described: DeviceDescriptio
 def drive_described(description: DeviceDescription, node_id: int) -> DriveDraft:
     """One drive's data from a device description."""
     vendor, product = description.vendor_id, description.product_code
-    modes = description.value(od.SUPPORTED_MODES, node_id) or 0
+    modes = description.modes
+    effort = description.find(od.TORQUE_ACTUAL) or description.find(od.CURRENT_ACTUAL)
     torque, current = (description.find(entry) is not None for entry in (od.TORQUE_ACTUAL, od.CURRENT_ACTUAL))
+    sizes = {"torque_offset_bits": description.find(od.TORQUE_OFFSET), "effort_bits": effort}
     return DriveDraft(
         node_id=node_id,
-        identity=None if vendor is None or product is None else Identity(vendor, product),
+        identity=None if vendor is None else Identity(vendor, product),
         mode=_mode(tuple(number + 1 for number in range(32) if modes >> number & 1)),
         feedback="torque" if torque else "current" if current else None,
         torque_offset=description.find(od.TORQUE_OFFSET) is not None,
@@ -107,6 +113,7 @@ def drive_described(description: DeviceDescription, node_id: int) -> DriveDraft:
         missing=tuple(
             of.key for of in Safety if not has_a_way(of, None, lambda entry: description.find(entry) is not None)
         ),
+        wide=tuple(key for key, found in sizes.items() if found is not None and found.bits == _WIDE_BITS),
     )
 
 

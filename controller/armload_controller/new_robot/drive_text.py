@@ -72,6 +72,7 @@ def add_drive(file: DraftedFile, joint: int, drive: DriveDraft | None, bus: BusD
     add("has_brake", None, "true or false")
     if known.torque_offset is False:
         add("torque_offset", "false", "no 60B2: no feed-forward")
+    lines += [f"{key} = 32  # as its description states" for key in known.wide]
     if known.missing:
         listed = ", ".join(text(name) for name in known.missing)
         lines.append(
@@ -91,5 +92,6 @@ def add_drive(file: DraftedFile, joint: int, drive: DriveDraft | None, bus: BusD
         lines.append(f"description = {text(bus.description)}")
     if known.identity is not None:
         numbers = {"vendor_id": known.identity.vendor_id, "product_code": known.identity.product_code}
-        lines.append(f"identity = {inline({key: f'0x{value or 0:08X}' for key, value in numbers.items()})}")
+        stated = {key: f"0x{value:08X}" for key, value in numbers.items() if value is not None}
+        lines.append(f"identity = {inline(stated)}")
     file.add(*(lines if drive is not None else [f"# {line}".replace("# #", "#") for line in lines]), "")

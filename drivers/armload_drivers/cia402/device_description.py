@@ -22,7 +22,14 @@ from armload_drivers.cia402.object_dictionary import (
     CONTROLWORD,
     DEVICE_TYPE,
     HEARTBEAT_CONSUMER,
+    INTERPOLATION_SETPOINT,
+    INTERPOLATION_TIME,
+    POSITION_OFFSET,
     SECOND_POSITION,
+    SUPPORTED_MODES,
+    TARGET_POSITION,
+    TORQUE_OFFSET,
+    VELOCITY_OFFSET,
     Access,
     DataType,
     Entry,
@@ -37,6 +44,7 @@ LARGEST_BYTES = 8_000_000
 MOST_WARNINGS = 200
 """Further warnings are only counted."""
 UNTOLD = 0xFFFF_FFFF
+_ONLY_IN_CYCLIC_MODES = (INTERPOLATION_TIME, POSITION_OFFSET, VELOCITY_OFFSET, TORQUE_OFFSET)
 _LONGEST_QUOTE = 40
 
 _OBJECT = re.compile(r"([0-9a-f]{4})(?:sub([0-9a-f]{1,2}))?")
@@ -144,6 +152,14 @@ class DeviceDescription:
     def find(self, entry: Entry) -> DescribedObject | None:
         """The description of an object; None if the drive does not have it."""
         return self.objects.get(entry.key)
+
+    @property
+    def modes(self) -> int:
+        """Value of 6502; of a file that gives none, or 0, the streaming modes for which it has all objects."""
+        cyclic = self.find(TARGET_POSITION) and any(map(self.find, _ONLY_IN_CYCLIC_MODES))
+        by_objects = bool(cyclic) << 7 | bool(self.find(INTERPOLATION_SETPOINT)) << 6
+        stated = self.find(SUPPORTED_MODES)
+        return (stated.value.constant if stated is not None and stated.value is not None else 0) or by_objects
 
     def value(self, entry: Entry, node_id: int) -> int | None:
         """Value of an integer object on one node; None if unknown."""

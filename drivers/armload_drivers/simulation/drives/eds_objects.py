@@ -59,7 +59,6 @@ _OWN = frozenset(
 """Objects whose values come from the simulation: measured values, and values in the arm's units."""
 _MEASURED = frozenset(entry.key for entry in (od.CONTROLWORD, od.STATUSWORD, od.POSITION_ACTUAL))
 """Those of them that a drive must have with the standard's size."""
-_ONLY_IN_CYCLIC_MODES = (od.INTERPOLATION_TIME, od.POSITION_OFFSET, od.VELOCITY_OFFSET, od.TORQUE_OFFSET)
 
 _WITHOUT = {
     od.ABORT_CONNECTION_OPTION: 0,
@@ -113,7 +112,7 @@ def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int)
     for entry, value in _WITHOUT.items():
         if entry.key not in dictionary.entries:
             dictionary.values[entry.key] = value
-    modes = described.value(od.SUPPORTED_MODES, node_id) or _modes_by_objects(described)
+    modes = described.modes
     dictionary.values[od.SUPPORTED_MODES.key] = modes
     dictionary.allowed[od.MODE.key] = {0} | {number + 1 for number in range(32) if modes >> number & 1}
     if not described.value(od.DEVICE_TYPE, node_id):
@@ -159,13 +158,6 @@ def _mapped_by_default(described: DeviceDescription) -> frozenset[int]:
         if (found := described.find(direction.map_entry(number, position))) is not None and found.value is not None
     )
     return frozenset(word >> 8 for word in words)
-
-
-def _modes_by_objects(described: DeviceDescription) -> int:
-    """A value of 6502 from the objects of a file that gives none."""
-    cyclic = described.find(od.TARGET_POSITION) and any(map(described.find, _ONLY_IN_CYCLIC_MODES))
-    interpolated = described.find(od.INTERPOLATION_SETPOINT)
-    return bool(cyclic) << 7 | bool(interpolated) << 6
 
 
 def _entry(found: DescribedObject, known: Entry | None, *, mapped: bool) -> Entry:

@@ -22,6 +22,7 @@ from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.simulation.drives.drive_eds import drive_eds
 from armload_identification.model.chain import pose_from_xyz_rpy, rpy_rad
 from armload_identification.model.dynamics import ArmDynamics
+from tests.drive_descriptions import eds, maker_drive
 from tests.urdf_simulation import PinocchioArm
 
 NAMES = ("j1", "j2", "j3", "j4", "j5")
@@ -228,6 +229,25 @@ def test_a_description_gives_objects_and_identity_and_with_the_holes_filled_the_
     robot = load_robot(str(path))
     assert [drive.node_id for drive in robot.drives.settings.drives] == [1, 2, 3, 4, 5]
     assert {place.split(".")[-1] for place in file.holes} <= {"has_brake", "max_torque_permille"}
+
+
+@pytest.mark.parametrize(
+    ("without", "modes", "mode"),
+    [((), "0x40", "ip"), ((), "0", "csp"), ([0x60B2, 0x60C2], "", "ip"), ([0x60B2, 0x60C1, 0x60C2], "", None)],
+)
+def test_of_a_description_without_a_value_of_6502_the_objects_decide(without, modes, mode):
+    text = eds(maker_drive(without, {"6502": {"DefaultValue": modes}}), vendor=7)
+    (drive,) = nodes_described(parse_description(text.encode(), "own.eds"), 1)
+    assert drive.mode == mode
+
+
+def test_what_a_description_says_about_sizes_and_a_vendor_alone_is_written(drafted):
+    changes = {"60B2": {"DataType": "4"}, "6077": {"DataType": "4"}}
+    drives = nodes_described(parse_description(eds(maker_drive(changes=changes), vendor=7).encode(), "own.eds"), 5)
+    _, _, path = drafted(bus=BusDraft(drives, "socketcan", "can0", 1_000_000, None, "from own.eds"))
+    text = path.read_text()
+    for line in ("torque_offset_bits = 32", "effort_bits = 32", "identity = { vendor_id = 0x00000007 }"):
+        assert text.count(line) == 5
 
 
 def answers(*lines):
