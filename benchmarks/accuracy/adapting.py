@@ -36,9 +36,9 @@ from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.model.regressor import payload_torque
-from armload_identification.pipeline.payload_estimator import PayloadEstimator
 from armload_identification.recording.recording import Recording, RecordingSource
 from benchmarks.arms.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid
 from benchmarks.arms.calibrated import calibrated
@@ -285,13 +285,13 @@ def with_adaptation(
     """The run with adaptation."""
     rated_kg = robot.payloads.rated_kg
     declared = DeclaredMass(0.0, 0.8 * rated_kg, rated_kg)
-    estimator = PayloadEstimator(calibration, robot.chain, robot.drives.transmission)
+    watched = WatchedPayload(calibration, robot.chain, robot.drives.transmission)
     added = FeedforwardPlugin(
         robot.chain, robot.name, None, 1.0 / robot.bus.cycle_hz, None, calibration.commanded(robot.drives.coupling)
     )
     added.allow(np.ones(robot.n, dtype=np.bool_))
     adaptation = PayloadAdaptation(
-        EstimatorPlugin(estimator, calibration.effort),
+        EstimatorPlugin(watched, calibration.effort),
         AdaptationRules(declared, calibration, robot.joint_names),
         added,
     )

@@ -1,9 +1,11 @@
 """Feed-forward that adapts to the estimated payload: a plug-in of the cycle around estimator and injection.
 
-The estimator processes the feedback in every cycle, which takes microseconds. Its estimate, and the nearest physically
-possible body, take tens of milliseconds and are computed outside the cycle, every `LOOK_S`. The body is what is fed
-forward, and therefore what is checked, compared and recorded. It is fed once two in succession agree and satisfy all
-rules; the first violation removes all torque. A change of payload is detected in the cycle itself.
+The cycle only keeps the feedback. Estimator and the watch for forces process it outside the cycle, every `TAKE_S`; an
+estimate, and the nearest physically possible body, which take tens of milliseconds, are computed every `LOOK_S`. The
+body is what is fed forward, and therefore what is checked, compared and recorded. It is fed once two in succession
+agree and satisfy all rules; the first violation removes all torque. When something acts on the moving arm, what is fed
+is frozen until it is decided what it is: another payload removes the torque, and after a push nothing has changed. If
+a look takes longer than `STALE_S`, nobody watches, and all torque is removed.
 
 The injection (`FeedforwardPlugin`) adds the torque, with its transition, on the joints found usable, and through the
 gate.
@@ -11,10 +13,11 @@ gate.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass
 from enum import StrEnum
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -24,14 +27,20 @@ from armload_controller.cycle.plugins import CycleStep
 from armload_controller.feedforward.adaptation_rules import AdaptationRules, carried_body, mass_and_center
 from armload_controller.feedforward.feedforward_plugin import FeedforwardPlugin
 from armload_core.arrays import FloatArray
+from armload_identification.contact.force_watch import Force
+from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
-from armload_identification.pipeline.payload_estimator import LivePayload, PayloadEstimator
+from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.pipeline.payload_identification import FLANGE
 from armload_identification.recording.reading_options import Effort
 
 LOOK_S: Final = 1.0
 """Time between two estimates."""
+TAKE_S: Final = 0.1
+"""Time between two looks at the feedback for a force."""
+STALE_S: Final = 1.0
+"""Longest time of a look; one takes some tens of milliseconds."""
 FEED_S: Final = 0.5
 """Time in which a payload, or a refined estimate of it, is faded in."""
 DROP_S: Final = 0.2
@@ -50,11 +59,17 @@ class Look:
         found: The estimate; None if its equations could not be solved.
         body: The body to feed; None if it must not be fed.
         doubt: The reason why not; empty if it may be fed.
+        changes: Number of changes of the payload so far.
+        force: Whether something acts.
+        estimated: Whether there is an estimate in this look.
     """
 
     found: LivePayload | None
     body: InertialParameters | None
     doubt: str = ""
+    changes: int = 0
+    force: Force = Force.FREE
+    estimated: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +106,8 @@ class DecisionKind(StrEnum):
     """A payload's torque is faded in."""
     REFINED = "refined"
     """A refined estimate replaces it."""
+    FROZEN = "frozen"
+    """Something acts: what is fed stays as it is until it is decided what acts."""
     DROPPED = "dropped"
     """All torque is removed."""
     REFUSED = "refused"
@@ -169,25 +186,31 @@ def at_once(look: Callable[[], Look]) -> Future[Look]:
 
 
 class EstimatorPlugin:
-    """The estimator as a plug-in of the cycle; it adds no torque.
+    """Keeps the feedback of the cycle for the estimator; it adds no torque.
 
     Args:
-        estimator: Estimator of a calibrated arm.
+        watched: Payload and forces of a calibrated arm.
         effort: The effort that the arm was calibrated with.
     """
 
     name = "payload estimator"
 
-    def __init__(self, estimator: PayloadEstimator, effort: Effort) -> None:
-        self.estimator = estimator
+    def __init__(self, watched: WatchedPayload, effort: Effort) -> None:
+        self.watched = watched
         self._with_torque = effort is Effort.TORQUE
+        self._kept: list[tuple[float, FloatArray, FloatArray]] = []
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Process one cycle's feedback; cycles with a joint's feedback missing are skipped."""
+        """Keep one cycle's feedback; cycles with a joint's feedback missing are skipped."""
         feedback = step.feedback
         effort = feedback.torque_nm if self._with_torque else feedback.current_a
         if effort is not None and not feedback.missing.any():
-            self.estimator.update(feedback.time_s, feedback.position_rad, effort)
+            self._kept.append((feedback.time_s, feedback.position_rad.copy(), effort.copy()))
+
+    def kept(self) -> list[tuple[float, FloatArray, FloatArray]]:
+        """The feedback since the last call."""
+        kept, self._kept = self._kept, []
+        return kept
 
 
 class PayloadAdaptation:
@@ -221,7 +244,8 @@ class PayloadAdaptation:
         self._estimated, self._rules, self._feedforward = estimated, rules, feedforward
         self._run_beside, self._report = beside, report
         self._pending: Future[Look] | None = None
-        self._last_look_s = -np.inf
+        self._last_look_s = self._last_take_s = -np.inf
+        self._frozen = False
         self._change_count = 0
         self._fed: Candidate | None = None
         self._candidate: Candidate | None = None
@@ -246,37 +270,58 @@ class PayloadAdaptation:
         time_s = step.feedback.time_s
         if self._pending is not None and self._pending.done():
             look, self._pending = self._pending.result(), None
-            # An estimate from before a change belongs to another payload.
-            if look.found is None or look.found.changes == self._change_count:
-                self._decide(time_s, look)
-        changes = self._estimated.estimator.changes
-        if changes != self._change_count:
-            self._change_count = changes
+            self._follow(time_s, look)
+        elif self._pending is not None and self._fed is not None and time_s - self._last_take_s > STALE_S:
+            self._candidate = None
+            self._drop(time_s, self._fed.found, f"no estimate has been made for {STALE_S:g} s")
+        if self._pending is None and time_s - self._last_take_s >= TAKE_S - 1e-9:
+            self._last_take_s = time_s
+            estimated = time_s - self._last_look_s >= LOOK_S
+            self._last_look_s = time_s if estimated else self._last_look_s
+            self._pending = self._run_beside(partial(self._look, self._estimated.kept(), estimated=estimated))
+        return self._feedforward.on_cycle(step)
+
+    def _follow(self, time_s: float, look: Look) -> None:
+        """Freeze, drop or decide after a look."""
+        if look.force is not Force.FREE:
+            self._candidate = None
+            if not self._frozen and self._fed is not None:
+                self._report_decision(time_s, DecisionKind.FROZEN, self._fed.found, f"{look.force}")
+            self._frozen = True
+            return
+        self._frozen = False
+        if look.changes != self._change_count:
+            self._change_count = look.changes
             self._candidate = None
             if self._fed is not None:
                 self._drop(time_s, self._fed.found, "the payload has changed")
-        if self._pending is None and time_s - self._last_look_s >= LOOK_S:
-            self._last_look_s = time_s
-            self._pending = self._run_beside(self._look)
-        return self._feedforward.on_cycle(step)
+        if look.estimated:
+            self._decide(time_s, look)
 
-    def _look(self) -> Look:
-        """Compute an estimate and the body that would be fed; runs outside the cycle."""
+    def _look(self, kept: Sequence[tuple[float, FloatArray, FloatArray]], *, estimated: bool) -> Look:
+        """Process feedback, and compute an estimate and the body that would be fed; runs outside the cycle."""
+        watched = self._estimated.watched
+        if kept:
+            time_s, position, effort = (np.array(values) for values in zip(*kept, strict=True))
+            watched.take(time_s, position, effort)
+        seen = partial(Look, changes=watched.changes, force=watched.force, estimated=estimated)
+        if not estimated or watched.force is not Force.FREE:
+            return seen(None, None)
         try:
-            found = self._estimated.estimator.estimate()
+            found = watched.estimate()
         except np.linalg.LinAlgError:
-            return Look(None, None, "the equations of the estimate cannot be solved")
+            return seen(None, None, "the equations of the estimate cannot be solved")
         doubt = self._rules.why_not(found)
         if doubt is not None:
-            return Look(found, None, doubt)
+            return seen(found, None, doubt)
         try:
             body = carried_body(found)
         except EstimationError:
             body = None
         if body is None:
-            return Look(found, None, "no possible body is near the estimate")
+            return seen(found, None, "no possible body is near the estimate")
         doubt = self._rules.why_not_fed(found, body)
-        return Look(found, body) if doubt is None else Look(found, None, doubt)
+        return seen(found, body) if doubt is None else seen(found, None, doubt)
 
     def _decide(self, time_s: float, look: Look) -> None:
         """Decide what to do with an estimate."""

@@ -16,8 +16,8 @@ from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdi
 from armload_controller.motion.checked_path import CheckedPath
 from armload_controller.session.run_session import AddedTorque, RunSession
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.model.payload import InertialParameters
-from armload_identification.pipeline.payload_estimator import PayloadEstimator
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ def adapted_run(
         robot.chain, robot.name, None, path.cycle_s, commanded=calibration.commanded(robot.drives.coupling)
     )
     adaptation = PayloadAdaptation(
-        EstimatorPlugin(PayloadEstimator(calibration, robot.chain, robot.drives.transmission), calibration.effort),
+        EstimatorPlugin(WatchedPayload(calibration, robot.chain, robot.drives.transmission), calibration.effort),
         AdaptationRules(declared, calibration, robot.joint_names),
         added,
         beside=beside,

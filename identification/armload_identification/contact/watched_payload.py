@@ -56,6 +56,11 @@ class WatchedPayload:
         return self._force.state
 
     @property
+    def changes(self) -> int:
+        """Number of changes of the payload that were decided."""
+        return self._estimator.changes if self._held is None else self._held.changes
+
+    @property
     def has_news(self) -> bool:
         """Whether `take_events` would return any."""
         return bool(self._events)

@@ -16,6 +16,8 @@ from armload_controller.feedforward.adaptation import (
     DROP_S,
     FEED_S,
     LOOK_S,
+    STALE_S,
+    TAKE_S,
     DecisionKind,
     EstimatorPlugin,
     Look,
@@ -33,6 +35,7 @@ from armload_controller.feedforward.payload_feedforward import PayloadFeedforwar
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.contact.force_watch import Force
 from armload_identification.model.payload import REFERENCE_LENGTH_M
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.recording.reading_options import Effort
@@ -207,13 +210,13 @@ def test_an_estimate_whose_equations_cannot_be_solved_is_a_doubt(fed):
 
 
 class Estimated:
-    """An estimator with results set by the test; the cycle sees `changes` immediately."""
+    """Payload and forces set by the test."""
 
     def __init__(self):
-        self.says, self.changes, self.updates = found(), 0, []
+        self.says, self.changes, self.force, self.updates = found(), 0, Force.FREE, []
 
-    def update(self, time_s, position_rad, effort):
-        self.updates.append((time_s, position_rad.copy(), effort.copy()))
+    def take(self, time_s, position_rad, effort):
+        self.updates += zip(time_s, position_rad, effort, strict=True)
 
     def estimate(self):
         return replace(self.says, changes=self.changes)
@@ -316,38 +319,84 @@ def test_any_doubt_takes_the_torque_away(estimate, reason):
     assert len(arm.kinds) == 2, "a doubt is said once"
 
 
-def test_a_change_is_noticed_in_the_cycle_and_not_at_the_next_look():
+def test_a_change_is_followed_at_once_and_not_at_the_next_estimate():
     arm = Arm()
     arm.run(CONFIRMED_S)
     arm.run(LOOK_S / 5.0)
     arm.estimator.changes = 1
-    arm.run(CYCLE_S)
+    arm.run(TAKE_S + CYCLE_S)
     assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED]
     assert arm.adaptation.decisions[-1].reason == "the payload has changed"
     assert not arm.run(DROP_S).any()
 
 
-def test_an_estimate_from_before_a_change_is_not_fed():
+def test_an_estimate_from_before_a_change_does_not_count_after_it():
     made = []
 
     def later(estimate):
-        made.append((Future(), estimate()))
-        return made[-1][0]
+        made.append(Future())
+        return made[-1]
 
     arm = Arm(beside=later)
-    arm.run(LOOK_S)
-    for number in range(4):
-        future, result = made[-1]
-        if number == 3:
-            arm.estimator.changes = 1
-            arm.run(CYCLE_S)
-        future.set_result(result)
-        arm.run(LOOK_S)
+    one = Look(found(), carried_body(found()))
+    other = Look(replace(found(), changes=1), carried_body(found()), changes=1)
+    for look, kinds in (
+        (one, []),
+        (one, [DecisionKind.FED]),
+        (other, [DecisionKind.FED, DecisionKind.DROPPED]),
+        (other, [DecisionKind.FED, DecisionKind.DROPPED, DecisionKind.FED]),
+    ):
+        arm.run(2.0 * TAKE_S)
+        made[-1].set_result(look)
+        arm.run(CYCLE_S)
+        assert arm.kinds == kinds, "two estimates of one payload are needed"
+
+
+def test_what_is_fed_is_frozen_while_something_acts():
+    arm = Arm()
+    fed = arm.run(CONFIRMED_S)
+    for arm.estimator.force in (Force.ACTING, Force.PUSHED):
+        arm.estimator.says = found(mass_kg=1.0)
+        np.testing.assert_array_equal(arm.run(2.0 * LOOK_S), fed)
+    assert arm.kinds == [DecisionKind.FED, DecisionKind.FROZEN], "said once"
+    assert str(arm.adaptation.decisions[-1]).endswith("something acts")
+    arm.estimator.force, arm.estimator.says = Force.FREE, found()
+    np.testing.assert_array_equal(arm.run(2.0 * LOOK_S), fed)
+    assert arm.kinds == [DecisionKind.FED, DecisionKind.FROZEN], "a push has changed nothing"
+
+
+def test_without_a_look_all_torque_is_removed():
+    made = []
+
+    def stuck(look):
+        made.append(Future())
+        if len(made) < 40:
+            made[-1].set_result(look())
+        return made[-1]
+
+    arm = Arm(beside=stuck)
+    assert arm.run(CONFIRMED_S).any()
+    assert not arm.run(STALE_S + DROP_S + CONFIRMED_S).any()
     assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED]
-    (open_, _) = made[-1]
-    open_.set_result(Look(replace(found(), changes=1), carried_body(found())))
-    arm.run(2.0 * LOOK_S)
-    assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED], "one estimate of the new payload is not enough"
+    assert "no estimate has been made for 1 s" in arm.adaptation.decisions[-1].reason
+
+
+def test_nothing_is_fed_for_the_first_time_while_something_acts():
+    arm = Arm()
+    arm.run(LOOK_S)
+    arm.estimator.force = Force.ACTING
+    assert not arm.run(CONFIRMED_S).any()
+    assert not arm.kinds
+
+
+def test_another_payload_after_the_freeze_takes_the_torque_away():
+    arm = Arm()
+    arm.run(CONFIRMED_S)
+    arm.estimator.force = Force.ACTING
+    arm.run(LOOK_S)
+    arm.estimator.force, arm.estimator.changes = Force.FREE, 1
+    assert not arm.run(TAKE_S + CYCLE_S + DROP_S).any()
+    assert arm.kinds == [DecisionKind.FED, DecisionKind.FROZEN, DecisionKind.DROPPED]
 
 
 def test_an_estimate_that_fails_is_an_error_of_the_plugin():
@@ -365,8 +414,8 @@ def test_feedback_that_is_missing_is_not_estimated_with():
     arm = Arm()
     arm.run(0.1, missing=True)
     assert not arm.estimator.updates
-    arm.run(0.1)
-    assert len(arm.estimator.updates) == 10
+    arm.run(0.1 + CYCLE_S)
+    assert 10 <= len(arm.estimator.updates) <= 11
     np.testing.assert_array_equal(arm.estimator.updates[0][2], np.full(N, 3.0))
 
 
