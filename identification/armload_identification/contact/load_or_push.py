@@ -12,9 +12,10 @@ over the means within [t0, t1),
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.contact.arm_memory import Known
@@ -55,6 +56,15 @@ class Assessment:
     mass_kg: float
 
 
+class _Fits(NamedTuple):
+    """Fits of one family in several windows: ln of the mean L, the best one, its b and the covariance."""
+
+    logarithm: float
+    best: int
+    b: FloatArray
+    covariance: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class _Explanation:
     """Sums of one family over all pairs of means.
@@ -78,14 +88,17 @@ class _Explanation:
         information[1:, 1:] = pairs.cumsum(axis=0).cumsum(axis=1)
         return cls(np.concatenate([np.zeros((1, m)), right.cumsum(axis=0)]), information)
 
-    def within(self, start: int, end: int) -> tuple[float, FloatArray, FloatArray]:
-        """The sum ln L, b and its covariance for the means from `start` to before `end`."""
+    def within(self, start: NDArray[np.intp], end: NDArray[np.intp]) -> _Fits:
+        """The fits to the means from `start` to before `end`, (W,) each."""
         v = self.right[end] - self.right[start]
         whole = self.information
         B = whole[end, end] - whole[start, end] - whole[end, start] + whole[start, start]
-        covariance = np.linalg.inv(np.eye(len(v)) + B)
-        b = covariance @ v
-        return float(0.5 * v @ b + 0.5 * np.linalg.slogdet(covariance)[1]), b, covariance
+        covariance = np.linalg.inv(np.eye(v.shape[1]) + B)
+        b = np.einsum("wij,wj->wi", covariance, v)
+        logarithm = 0.5 * np.einsum("wi,wi->w", v, b) + 0.5 * np.linalg.slogdet(covariance)[1]
+        best = int(np.argmax(logarithm))
+        top = float(logarithm[best])
+        return _Fits(top + float(np.log(np.mean(np.exp(logarithm - top)))), best, b[best], covariance[best])
 
 
 def assess(
@@ -113,24 +126,24 @@ def assess(
     payload = _Explanation.of(PAYLOAD_SIZE * means.columns[:, :, :PAYLOAD], inverse, residual.ravel())
     jacobians = np.array([jacobian(chain, q) for q in means.position_rad])
     push = _Explanation.of(np.swapaxes(jacobians, 1, 2) * _FORCE, inverse, residual.ravel())
-    onsets = [k for k in range(count) if means.time_s[k] <= noticed_s + DECISION_STEP_S] or [0]
-    payloads = {k: payload.within(k, count) for k in onsets}
-    pushes = {(k, end): push.within(k, end) for k in onsets for end in range(k + 1, count + 1)}
-    since = max(payloads, key=lambda k: payloads[k][0])
-    best = max(pushes, key=lambda window: pushes[window][0])
+    onsets = np.arange(max(int(np.searchsorted(means.time_s, noticed_s + DECISION_STEP_S, side="right")), 1))
+    payloads = payload.within(onsets, np.full(onsets.size, count))
+    start, end = (each.ravel() for each in np.meshgrid(onsets, np.arange(1, count + 1), indexing="ij"))
+    start, end = start[end > start], end[end > start]
+    pushes = push.within(start, end)
+    first, last = int(start[pushes.best]), int(end[pushes.best])
     mass_kg, spread_kg = (
-        float(PAYLOAD_SIZE * scale[0] * value) for value in (payloads[since][1][0], np.sqrt(payloads[since][2][0, 0]))
+        float(PAYLOAD_SIZE * scale[0] * value) for value in (payloads.b[0], np.sqrt(payloads.covariance[0, 0]))
     )
-    odds = _mean([each[0] for each in payloads.values()]) + FAVOUR - _mean([each[0] for each in pushes.values()])
+    odds = payloads.logarithm + FAVOUR - pushes.logarithm
     if known.value[0] * scale[0] + mass_kg + 3.0 * spread_kg < 0.0:
         odds = -np.inf
-    _, b, covariance = pushes[best]
     return Assessment(
         odds=odds,
-        payload_since_s=float(means.time_s[since]),
-        push_s=(float(means.time_s[best[0]]), np.inf if best[1] == count else float(means.time_s[best[1]])),
-        force_n=_FORCE[:3] * b[:3],
-        force_deviation_n=_FORCE[:3] * np.sqrt(np.diag(covariance)[:3]),
+        payload_since_s=float(means.time_s[payloads.best]),
+        push_s=(float(means.time_s[first]), np.inf if last == count else float(means.time_s[last])),
+        force_n=_FORCE[:3] * pushes.b[:3],
+        force_deviation_n=_FORCE[:3] * np.sqrt(np.diag(pushes.covariance)[:3]),
         mass_kg=mass_kg,
     )
 
@@ -140,13 +153,6 @@ def jacobian(chain: Chain, position_rad: FloatArray) -> FloatArray:
     poses = chain.forward(position_rad)
     axes = np.einsum("jab,jb->ja", poses[:-1, :3, :3], chain.axis)
     return np.concatenate([np.cross(axes, poses[-1, :3, 3] - poses[:-1, :3, 3]), axes], axis=1).T
-
-
-def _mean(logarithms: list[float]) -> float:
-    """Logarithm of the mean of likelihoods."""
-    values = np.array(logarithms)
-    top = float(values.max())
-    return top + float(np.log(np.mean(np.exp(values - top))))
 
 
 def _means(rows: ForceRows) -> ForceRows:
