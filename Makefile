@@ -40,6 +40,7 @@ lint: env
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/mypy --strict tests/typing
+	$(BIN)/mypy --strict tests/example_plugin
 	$(BIN)/lint-imports
 
 bench: env

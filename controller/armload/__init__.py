@@ -55,6 +55,7 @@ if TYPE_CHECKING:  # read by `_homes` too: the only list of the public names
     from armload_controller.config.robot import load_robot as load_robot
     from armload_controller.control_errors import ControlError as ControlError
     from armload_controller.cycle.plugins import CycleStep as CycleStep
+    from armload_controller.export.exported_payload import ExportSubject as ExportSubject
     from armload_controller.feedforward.payload_feedforward import NOTHING as NOTHING
     from armload_controller.feedforward.payload_feedforward import PayloadFeedforward as PayloadFeedforward
     from armload_controller.fleet.many_recordings import fleet as fleet

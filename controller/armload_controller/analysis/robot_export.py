@@ -33,7 +33,7 @@ class Exported:
     """
 
     robot: str
-    export_format: ExportFormat
+    export_format: str
     files: Mapping[Path, bool]
     notes: tuple[str, ...]
 
@@ -54,7 +54,8 @@ def export(
     Args:
         robot: The arm that carries it: a robot, the name of a shipped robot, or the path of its TOML.
         payload: The payload, or its file; or an arm's calibration file, with the format "urdf" or "mjcf".
-        export_format: Name of the format, such as "c", "fmu", "urdf" or "kuka"; a wrong one is answered with all.
+        export_format: Name of the format, such as "c", "fmu", "urdf" or "kuka", or of one from an installed package; a
+            wrong one is answered with all.
         output: Folder, or a file if the format has only one; an existing file is not overwritten.
         calibration: Calibration of the arm, or its file: the payload's friction in the gears, and the recursive
             estimator, become part of the C source.
@@ -73,11 +74,8 @@ def export(
         ['er50_payload_inertial.xml']
     """
     arm, folder = robot_of(robot), Path(output)
-    try:
-        target = ExportFormat(export_format)
-    except ValueError as error:
-        raise ExportError(f"{export_format!r}", f"no such format: one of {', '.join(ExportFormat)}") from error
-    if single and target is not ExportFormat.C:
+    target, write = str(export_format), exporter(export_format)
+    if single and target != ExportFormat.C:
         raise ExportError("`single=`", f"can only be used with the format c, not with {target}")
     if flange_rpy_rad is not None and target not in LOAD_DATA:
         raise ExportError(
@@ -106,7 +104,7 @@ def export(
         files = write_files(export_c(subject, Precision.SINGLE), folder)
         notes.append(single_precision_error(subject).statement)
     else:
-        files = write_files(exporter(target)(subject), folder)
+        files = write_files(write(subject), folder)
     unknown = [name for name, known in zip(PARAMETER_NAMES, result.determined, strict=True) if not known]
     if unknown:
         notes.append(f"not determined: {', '.join(unknown)}; the exported file states what is written for them")
@@ -115,7 +113,7 @@ def export(
     return Exported(arm.name, target, files, tuple(notes))
 
 
-def _exported_arm(arm: Robot, target: ExportFormat, file: Path, output: Path) -> Exported:
+def _exported_arm(arm: Robot, target: str, file: Path, output: Path) -> Exported:
     """A calibrated arm as URDF or MJCF."""
     from armload_controller.export.calibrated_mjcf import arm_mjcf
     from armload_controller.export.calibrated_urdf import arm_urdf
@@ -125,7 +123,7 @@ def _exported_arm(arm: Robot, target: ExportFormat, file: Path, output: Path) ->
     possible = possible_links(calibration.level(arm.chain), calibration)
     sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
     made_from = f"armload {version('armload')} from {file.name}, sha256 {sha256}"
-    as_urdf = target is ExportFormat.URDF
+    as_urdf = target == ExportFormat.URDF
     files = write_files((arm_urdf if as_urdf else arm_mjcf)(arm, calibration, possible, made_from), output)
     absent = "rotors and load-dependent friction" if as_urdf else "load-dependent friction"
     notes = [f"{target.upper()} cannot describe {absent}; the comment in the file contains them"]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gc
 import sys
+import warnings
 
 EXIT_REFUSED = 1
 EXIT_INTERRUPTED = 130
@@ -27,6 +28,7 @@ def main() -> None:
         from armload_identification.extras import missing_extra
         from armload_identification.identification_errors import IdentificationError
 
+        warnings.formatwarning = _in_one_line
         try:
             try:
                 app()
@@ -46,6 +48,11 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
         sys.exit(EXIT_INTERRUPTED)
+
+
+def _in_one_line(message: Warning | str, *_where: object, **_more: object) -> str:
+    """A warning without its place in the program."""
+    return f"warning: {message}\n"
 
 
 def _notes(error: Exception) -> list[str]:

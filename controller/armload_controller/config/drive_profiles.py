@@ -1,6 +1,8 @@
 """Profiles of drives: settings of a product family, one file each, named in a robot's `[joints.drive]`.
 
-A profile holds facts about the product. It cannot consent to missing safety properties and does not describe the arm;
+It comes with armload, with an installed package (`armload.drive_profiles`: the entry point's name is the profile's, its
+value the Python package that contains NAME.toml), or is a file beside the robot's, named with its suffix. A profile
+holds facts about the product. It cannot consent to missing safety properties and does not describe the arm;
 both belong to the robot's file, whose keys take precedence.
 """
 
@@ -13,6 +15,7 @@ from typing import Any
 
 from armload_controller.config.tables.profile_table import ProfileFile
 from armload_controller.control_errors import ConfigurationError
+from armload_identification.extensions import ExtensionGroup, extension, extension_names
 from armload_identification.storage.regular_file import require_regular
 from armload_identification.storage.strict_toml import parse, read_text
 
@@ -42,14 +45,34 @@ def read_profile(name: str, folder: Path, file: str, key: str) -> ProfileFile:
         path = Path(str(resources.files("armload_configs").joinpath("drives", name + _SUFFIX)))
     else:
         path = folder / name
-        expected = f"expected a shipped profile, {', '.join(shipped)}, or a TOML file in the same folder"
         if not name.endswith(_SUFFIX):
-            raise ConfigurationError(file, key, name, expected)
+            return _packaged(name, shipped, file, key)
+        expected = f"expected a shipped profile, {', '.join(shipped)}, or a TOML file in the same folder"
         try:
             require_regular(path)
         except OSError as problem:
             raise ConfigurationError(file, key, name, f"{expected} ({problem.strerror})") from problem
     return parse(read_text(path, ConfigurationError), path.name, ProfileFile, ConfigurationError)
+
+
+def _packaged(name: str, shipped: tuple[str, ...], file: str, key: str) -> ProfileFile:
+    """The profile of an installed package.
+
+    Raises:
+        ConfigurationError: there is none with this name, or it cannot be used.
+    """
+    found = extension(ExtensionGroup.DRIVE_PROFILES, name, shipped)
+    if found is None:
+        names = (*shipped, *extension_names(ExtensionGroup.DRIVE_PROFILES, shipped))
+        expected = f"expected a profile, {', '.join(names)}, or a TOML file in the same folder"
+        raise ConfigurationError(file, key, name, expected)
+    module, package = found
+    try:
+        text = resources.files(module).joinpath(name + _SUFFIX).read_text("utf-8")  # type: ignore[arg-type]
+    except (OSError, TypeError, AttributeError, UnicodeDecodeError) as problem:
+        expected = f"{package} provides no {name}{_SUFFIX} in {module!r} ({problem}); reinstall that package"
+        raise ConfigurationError(file, key, name, expected) from problem
+    return parse(text, f"{name}{_SUFFIX} of {package}", ProfileFile, ConfigurationError)
 
 
 def with_profiles(values: Mapping[str, Any], folder: Path, file: str) -> dict[str, Any]:
@@ -78,7 +101,7 @@ def own_profiles(values: Mapping[str, Any]) -> tuple[str, ...]:
     joints = values.get("joints")
     named = dict.fromkeys(_profile_of(joint) for joint in joints) if isinstance(joints, list) else {}
     shipped = shipped_profiles()
-    return tuple(name for name in named if name is not None and name not in shipped)
+    return tuple(name for name in named if name is not None and name not in shipped and name.endswith(_SUFFIX))
 
 
 def _completed(joint: object, number: int, folder: Path, file: str) -> object:

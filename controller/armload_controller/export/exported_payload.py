@@ -51,6 +51,13 @@ class ExportSubject:
     Raises:
         ExportError: mass or centre of mass is not determined, the payload is not in the flange frame, was identified on
             another arm, or is not physically possible.
+
+    Examples:
+        >>> import armload
+        >>> def export_mass(subject: armload.ExportSubject) -> dict[str, str]:
+        ...     return {f"{subject.identifier}_mass.txt": f"{subject.payload.model.mass_kg:.3f} kg"}
+        >>> callable(export_mass)  # an entry point of `armload.exports`
+        True
     """
 
     robot: str

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from enum import StrEnum
+from functools import partial
 from importlib import import_module
-from typing import TYPE_CHECKING, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from armload_controller.control_errors import ExportError
+from armload_identification.extensions import ExtensionGroup, extension, extension_names
 
 if TYPE_CHECKING:
     from armload_controller.export.exported_payload import ExportSubject
@@ -66,8 +71,40 @@ _HOMES: Final = {
 """Module in this room, and its function, for each format."""
 
 
-def exporter(export_format: ExportFormat) -> Exporter:
-    """The function that writes a format."""
-    module, function = _HOMES[export_format]
-    found: Exporter = getattr(import_module(f"armload_controller.export.{module}"), function)
-    return found
+def format_names() -> tuple[str, ...]:
+    """Names of all formats, with those of installed packages."""
+    return (*ExportFormat, *extension_names(ExtensionGroup.EXPORTS, tuple(ExportFormat)))
+
+
+def exporter(export_format: str) -> Exporter:
+    """The function that writes a format: armload's, or that of an installed package (`armload.exports`).
+
+    Raises:
+        ExportError: no such format, or the package's function fails.
+    """
+    if export_format in _HOMES:
+        module, function = _HOMES[ExportFormat(export_format)]
+        own: Exporter = getattr(import_module(f"armload_controller.export.{module}"), function)
+        return own
+    found = extension(ExtensionGroup.EXPORTS, export_format, tuple(ExportFormat))
+    if found is None or not callable(found[0]):
+        raise ExportError(f"{export_format!r}", f"no such format: one of {', '.join(format_names())}")
+    return partial(_by_extension, found[0], f"{export_format} of {found[1]}")
+
+
+def _by_extension(function: Exporter, whose: str, subject: ExportSubject) -> Mapping[str, str | bytes]:
+    """What a package's function writes, checked: texts in ASCII, names without folders."""
+    try:
+        contents: dict[Any, Any] = dict(function(subject))
+    except Exception as problem:
+        raise ExportError(subject.payload_file, f"{whose} failed: {type(problem).__name__}: {problem}") from problem
+    for name, content in contents.items():
+        if not isinstance(name, str) or Path(name).name != name or not isinstance(content, str | bytes):
+            raise ExportError(
+                subject.payload_file, f"{whose} gave {name!r}, expected names of files without folders, and texts"
+            )
+        if isinstance(content, str) and not content.isascii():
+            raise ExportError(subject.payload_file, f"{whose} gave {name} with characters that are not ASCII")
+    if not contents:
+        raise ExportError(subject.payload_file, f"{whose} gave no file")
+    return contents

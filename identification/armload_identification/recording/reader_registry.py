@@ -10,6 +10,7 @@ from typing import Final
 
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.formats.csv_reader import CsvReader
+from armload_identification.recording.formats.extension_reader import open_extension
 from armload_identification.recording.reader import ReaderFactory, RecordingReader
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.run_format import MAGIC
@@ -76,8 +77,9 @@ def open_csv(path: Path, start: bytes, options: ReadingOptions) -> RecordingRead
     return CsvReader(path, options)
 
 
-READERS: Final[tuple[ReaderFactory, ...]] = (open_ros, open_mcap, open_numpy, open_parquet, open_csv)
-"""The first reader that accepts a file is used; CSV comes last, because a text table has no signature."""
+READERS: Final[tuple[ReaderFactory, ...]] = (open_ros, open_mcap, open_numpy, open_parquet, open_extension, open_csv)
+"""The first reader that accepts a file is used; CSV comes last, because a text table has no signature. Other packages'
+readers get only files that have none of armload's suffixes and signatures."""
 
 
 def reader_of(path: Path, options: ReadingOptions) -> RecordingReader:

@@ -10,7 +10,14 @@ import typer
 
 from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.json_output import JsonOption
-from armload_controller.export.format_registry import DEFAULT_LICENCE, ExportFormat
+from armload_controller.export.format_registry import DEFAULT_LICENCE, ExportFormat, format_names
+
+
+def _known(name: str) -> str:
+    """The name of a format, after checking that there is one."""
+    if name in tuple(ExportFormat) or name in format_names():
+        return name
+    raise typer.BadParameter(f"{name!r} is not one of {', '.join(map(repr, map(str, format_names())))}")
 
 
 def export(
@@ -22,8 +29,14 @@ def export(
         ),
     ],
     export_format: Annotated[
-        ExportFormat,
-        typer.Option("--format", metavar="FORMAT", help=f"What to write: {', '.join(ExportFormat)}."),
+        str,
+        typer.Option(
+            "--format",
+            metavar="FORMAT",
+            help=f"What to write: {', '.join(ExportFormat)}; or a format of an installed package.",
+            callback=_known,
+            autocompletion=lambda: list(ExportFormat),
+        ),
     ],
     output: Annotated[
         Path,

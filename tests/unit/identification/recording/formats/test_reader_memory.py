@@ -108,4 +108,4 @@ def test_memory_does_not_grow_with_the_file(tmp_path, monkeypatch, name):
 
 
 def test_every_reader_is_tried():
-    assert len(READERS) == 5
+    assert len(READERS) == 6  # that of other packages has a function's arrays, which are in memory before

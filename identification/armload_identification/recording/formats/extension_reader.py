@@ -1,0 +1,94 @@
+"""Recordings read by other packages: a function from a path to arrays, `armload.readers` named after the files' suffix.
+
+    def read_trc(path: Path) -> dict[str, NDArray[np.float64]]      "time_s" (N,), "position_rad" (N, n), and, as far as
+                                                                    known, "velocity_rad_s", "current_a", "torque_nm"
+The function raises ValueError or OSError for a file that it cannot read, with a sentence for the user.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.extensions import ExtensionGroup, extension
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.reading_options import ReadingOptions
+from armload_identification.recording.row_block import QUANTITIES, RowBlock
+from armload_identification.storage.regular_file import hash_of_files
+
+OWN_SUFFIXES: Final = frozenset({"csv", "tsv", "txt", "log", "mcap", "npz", "npy", "parquet", "db3", "bag"})
+"""Suffixes of the formats that armload reads itself; no extension gets such a file."""
+_BLOCK_ROWS: Final = 2**13
+
+ReadArrays = Callable[[Path], Mapping[str, FloatArray]]
+
+
+def open_extension(path: Path, start: bytes, options: ReadingOptions) -> ExtensionReader | None:
+    """The reader of the installed package for files with this suffix."""
+    del start, options
+    suffix = path.suffix.removeprefix(".").lower()
+    if not suffix or suffix in OWN_SUFFIXES or path.is_dir():
+        return None
+    found = extension(ExtensionGroup.READERS, suffix, OWN_SUFFIXES)
+    if found is None:
+        return None
+    function, package = found
+    if not callable(function):
+        raise RecordingError(f"{path}: {package} provides {function!r} for .{suffix} files, expected a function")
+    return ExtensionReader(path, function, package)
+
+
+class ExtensionReader:
+    """Yields the arrays of a package's function in blocks of rows.
+
+    Args:
+        path: The file.
+        function: The package's function.
+        package: Name and version of the package, for messages.
+    """
+
+    attachments: Mapping[str, str] = {}
+
+    def __init__(self, path: Path, function: ReadArrays, package: str) -> None:
+        self.kind = path.suffix.removeprefix(".").lower()
+        self._path, self._function, self._package = path, function, package
+
+    def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
+        """See `RecordingReader`.
+
+        Raises:
+            RecordingError: the function raises, or its arrays are not those of a recording.
+        """
+        account.sha256 = hash_of_files([self._path])
+        account.remarks = (f"read by {self._package}",)
+        arrays = self._arrays()
+        rows = len(arrays["time_s"])
+        account.rows_read = rows
+        for first in range(0, rows, _BLOCK_ROWS):
+            yield RowBlock(**{name: values[first : first + _BLOCK_ROWS] for name, values in arrays.items()})
+
+    def _arrays(self) -> dict[str, FloatArray]:
+        """The arrays, checked."""
+        try:
+            found = dict(self._function(self._path))
+            arrays = {name: np.array(values, dtype=np.float64) for name, values in found.items()}
+        except Exception as problem:
+            raise RecordingError(
+                f"{self._path}: cannot be read by {self._package}: {type(problem).__name__}: {problem}"
+            ) from problem
+        shape = arrays["position_rad"].shape if "position_rad" in arrays else ()
+        shapes = {name: shape[:1] if name in {"time_s", "phase_s"} else shape for name in arrays}
+        wrong = {"time_s", "position_rad"} - set(arrays) | set(arrays) - set(QUANTITIES)
+        wrong |= {name for name, values in arrays.items() if len(shape) != 2 or values.shape != shapes[name]}
+        if wrong:
+            given = ", ".join(f"{name} {values.shape}" for name, values in arrays.items()) or "nothing"
+            raise RecordingError(
+                f"{self._path}: {self._package} gave {given}; "
+                f"expected time_s (N,), position_rad (N, n), and the same shape for others of {', '.join(QUANTITIES)}"
+            )
+        return arrays

@@ -1,0 +1,1 @@
+"""Profiles of drives: `profile = "example_servo"` in a robot's file."""
