@@ -77,11 +77,14 @@ def heading(subject: ExportSubject, fields: str, inertia: str, prefix: str, manu
 def comment(paragraphs: Iterable[str], prefix: str) -> list[str]:
     """Paragraphs as comment lines with a prefix.
 
-    They contain names from files, so every paragraph is made safe first: see `printable`.
+    They contain names from files, so every paragraph is made safe first: see `printable`. A backslash would continue a
+    comment of C++ in the next line.
     """
     lines = []
     for paragraph in paragraphs:
-        wrapped = textwrap.wrap(printable(paragraph), WIDTH - len(prefix) - 1, break_on_hyphens=False)
+        wrapped = textwrap.wrap(
+            printable(paragraph).replace("\\", "/"), WIDTH - len(prefix) - 1, break_on_hyphens=False
+        )
         lines += [f"{prefix} {line}" for line in wrapped]
     return lines
 

@@ -134,6 +134,7 @@ def _post(url: str, findings: Sequence[Finding], armload_version: str) -> None:
         with urllib.request.build_opener(_NoRedirect).open(request, timeout=_PATIENCE_S):
             pass
     except urllib.error.HTTPError as problem:
+        problem.close()
         raise FleetError(f"the webhook at {where} refused the findings: HTTP {problem.code}") from problem
     except OSError as problem:
         raise FleetError(f"the webhook at {where} does not answer: {problem}; the next report tries again") from problem

@@ -82,14 +82,13 @@ class Attention:
         """The findings of an arm that need attention."""
         return tuple(finding for finding in self.needed if finding.arm == arm)
 
-    def words_on(self, arm: str) -> str:
-        """The acknowledgement of an arm's findings in words; empty if none is acknowledged."""
-        words = {
-            f"acknowledged until {known.until}: {known.why}"
-            for finding, known in self.acknowledged
-            if finding.arm == arm
-        }
-        return "; ".join(sorted(words))
+    @property
+    def words(self) -> dict[str, str]:
+        """What was said of acknowledged findings, by arm."""
+        said: dict[str, set[str]] = {}
+        for finding, known in self.acknowledged:
+            said.setdefault(finding.arm, set()).add(f"acknowledged until {known.until}: {known.why}")
+        return {arm: "; ".join(sorted(words)) for arm, words in said.items()}
 
 
 def attention_of(review: FleetReview, folder: Path, today: date) -> Attention:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
 from armload_controller.config.objects_or_paths import FilePath
+from armload_controller.fleet.attention import attention_of
 from armload_controller.fleet.fleet_rows import runs_of
 from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
 from armload_controller.fleet.row_store import RowStore
@@ -69,5 +71,6 @@ def fleet_report(rows: FilePath, report: FilePath | None = None) -> FleetReview:
         require_extra(Extra.REPORT, "the report of a fleet")
         from armload_identification.report.fleet.fleet_report import write_fleet_report
 
-        write_fleet_report(Path(report), review, version("armload"))
+        attention = attention_of(review, Path(rows), datetime.now(UTC).date())
+        write_fleet_report(Path(report), review, version("armload"), attention.words)
     return review

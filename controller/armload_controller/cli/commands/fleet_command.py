@@ -166,7 +166,7 @@ def report_command(
 
     review = review_fleet(runs)
     attention = attention_of(review, folder, now.date())
-    write_fleet_report(page, review, version("armload"), {arm.arm: attention.words_on(arm.arm) for arm in review.arms})
+    write_fleet_report(page, review, version("armload"), attention.words)
     for line in suspicion_lines(review, attention):
         screen.result(line)
     if metrics is not None:
@@ -220,7 +220,7 @@ def history_command(
         review_fleet([run for run in runs if run.arm == arm]).arms
     )
     attention = attention_of(review, folder, datetime.now(UTC).date())
-    write_arm_history(page, found[0], version("armload"), attention.words_on(arm))
+    write_arm_history(page, found[0], version("armload"), attention.words.get(arm, ""))
     for suspicion in found[0].suspicions:
         screen.result(suspicion.sentence)
     screen.step(f"written: {page}")

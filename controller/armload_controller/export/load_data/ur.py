@@ -64,7 +64,8 @@ def export_ur(subject: ExportSubject) -> dict[str, str]:
         "moments not negative.",
         "THE CALL ZEROES THE READINGS OF THE FORCE/TORQUE SENSOR, as zero_ftsensor() does: not while the tool is in "
         "contact.",
-        "UR's ROS 2 driver, ur_msgs 2.5 (with ur_msgs 3.0, the first three are in geometry_msgs/Inertia payload):",
+        "UR's ROS 2 driver, with ur_msgs 2.5 (in ur_msgs 3.0, mass, centre and inertia are the fields m, com and ixx "
+        ".. izz of payload, and transition_time is a number in s):",
     )
     x, y, z = (positional(c) for c in body.center_of_mass_m)
     tensor = ", ".join(f"{name}: {positional(v)}" for name, v in zip(TENSOR_ELEMENTS, elements, strict=True))

@@ -52,7 +52,7 @@ def test_what_is_acknowledged_is_quiet_until_its_day_and_only_that(tmp_path):
         ("one", "the reader is repaired"),
         ("gone", "scrapped"),
     }
-    assert found.words_on("one") == "acknowledged until 2026-03-31: the reader is repaired"
+    assert found.words["one"] == "acknowledged until 2026-03-31: the reader is repaired"
     assert needed(review, tmp_path, date(2026, 4, 1)) == {("one", "no result")}
     assert needed(fleet(one=[SILENCE, CHANGE]), tmp_path) == {("one", "change, mass of gripper")}
 

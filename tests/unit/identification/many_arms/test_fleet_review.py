@@ -144,8 +144,9 @@ def test_an_arm_that_is_no_longer_recorded_is_neither_assessed_nor_ranked():
         assert len(found.arms) + len(found.absent) == ARMS
     (first, second) = found.absent
     assert (first.model, first.runs, first.latest) == ("er50", NIGHTS, FIRST + timedelta(days=NIGHTS - 1))
-    page = render_fleet_report(found, "1.2")
+    page = render_fleet_report(found, "1.2", {"cell03": "acknowledged until 2026-12-31: scrapped"})
     assert "10 arms</h1>" in page
+    assert "acknowledged until 2026-12-31: scrapped" in page
     assert "; 2 more arms without a recent recording</p>" in page
     assert re.findall(r'rowheader">(\w+)</th>', page[page.index("<h2>No recent recording") :]) == [*gone]
     assert "<dt>No recent recording</dt>" in page
