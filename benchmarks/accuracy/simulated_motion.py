@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cache
@@ -58,6 +58,12 @@ BEGINNINGS, BEGINNING_S = 16, 30.0
 """Number and length of motions that start with such friction."""
 _WARMING_S = 600.0
 _ROLES = ("identification", "validation")
+
+
+Signals = tuple[FloatArray, FloatArray, FloatArray]
+"""Time, positions and efforts."""
+Empty = tuple[Robot, ArmCalibration, Iterator[Signals]]
+"""An arm, and motions of it without a payload."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,6 +203,15 @@ def calibration_of(robot: Robot, twin: Twin, rng: np.random.Generator, gain_erro
 
 def _alarms_of_an_hour(name: str, cold: float) -> int:
     """False changes in an hour of the same motion with new noise and friction that settles."""
+    robot, calibration, pieces = an_hour(name, cold)
+    estimator = PayloadEstimator(calibration, robot.chain, robot.drives.transmission)
+    for piece in pieces:
+        estimator.update_all(*piece)
+    return estimator.changes
+
+
+def an_hour(name: str, cold: float) -> Empty:
+    """An hour of the same motion with new noise and friction that settles, in pieces."""
     robot = load_robot(name)
     rng, right = np.random.default_rng(5), np.zeros(robot.n)
     calibration = calibration_of(robot, Twin.NORMATIVE, rng, right)
@@ -207,31 +222,42 @@ def _alarms_of_an_hour(name: str, cold: float) -> int:
     )
     moved = streamed(twin_spec(robot, Twin.NORMATIVE, None), robot.drives.settings, np.vstack([cycle[-1:], cycle]))
     friction = _friction_at_axes(robot, calibration, moved)
-    estimator = PayloadEstimator(calibration, robot.chain, robot.drives.transmission)
     lasts_s = len(friction) * moved.sample_s
-    for piece in range(PIECES):
+
+    def piece_of(piece: int) -> Signals:
         elapsed_s = piece * lasts_s + np.arange(len(friction)) * moved.sample_s
         more = cold * (1.0 - np.log1p(elapsed_s / _WARMING_S) / np.log1p(HOUR_S / _WARMING_S))
         colder = replace(moved, axis_torque_nm=moved.axis_torque_nm + more[:, None] * friction)
         time_s, position, effort = signals_of(as_recorded(colder, scales_of(robot), rng, right, f"piece {piece}"))
-        estimator.update_all(time_s + piece * lasts_s, position, effort)
-    return estimator.changes
+        return time_s + piece * lasts_s, position, effort
+
+    return robot, calibration, map(piece_of, range(PIECES))
 
 
 def _alarms_of_beginnings(name: str, cold: float) -> int:
     """False changes in the first half minute of empty motions with different friction."""
+    robot, calibration, motions = beginnings(name, cold)
+    alarms = 0
+    for motion in motions:
+        estimator = PayloadEstimator(calibration, robot.chain, robot.drives.transmission)
+        estimator.update_all(*motion)
+        alarms += estimator.changes
+    return alarms
+
+
+def beginnings(name: str, cold: float) -> Empty:
+    """The first half minute of empty motions with different friction."""
     robot = load_robot(name)
     rng, right = np.random.default_rng(6), np.zeros(robot.n)
     calibration = calibration_of(robot, Twin.NORMATIVE, rng, right)
-    alarms = 0
-    for number in range(BEGINNINGS):
+
+    def beginning(number: int) -> Signals:
         moved = empty_stream(name, Twin.NORMATIVE, 5000 + number, BEGINNING_S)
         friction = cold * _friction_at_axes(robot, calibration, moved)
         colder = replace(moved, axis_torque_nm=moved.axis_torque_nm + friction)
-        estimator = PayloadEstimator(calibration, robot.chain, robot.drives.transmission)
-        estimator.update_all(*signals_of(as_recorded(colder, scales_of(robot), rng, right, f"beginning {number}")))
-        alarms += estimator.changes
-    return alarms
+        return signals_of(as_recorded(colder, scales_of(robot), rng, right, f"beginning {number}"))
+
+    return robot, calibration, map(beginning, range(BEGINNINGS))
 
 
 def _friction_at_axes(robot: Robot, calibration: ArmCalibration, moved: Stream) -> FloatArray:
@@ -249,7 +275,7 @@ def _smooth(count: int) -> FloatArray:
     return np.asarray(u**3 * (10.0 - 15.0 * u + 6.0 * u * u))
 
 
-def signals_of(run: Recording) -> tuple[FloatArray, FloatArray, FloatArray]:
+def signals_of(run: Recording) -> Signals:
     """Time, positions and efforts."""
     effort = run.current_a if run.torque_nm is None else run.torque_nm
     if effort is None:

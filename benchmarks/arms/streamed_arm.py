@@ -29,13 +29,14 @@ class Stream:
     axis_torque_nm: FloatArray
 
 
-def streamed(spec: PlantSpec, arm: ArmSettings, setpoint_rad: FloatArray) -> Stream:
+def streamed(spec: PlantSpec, arm: ArmSettings, setpoint_rad: FloatArray, force_n: FloatArray | None = None) -> Stream:
     """Follow setpoints, one per cycle; a sample at a SYNC is in the row of the setpoint that this SYNC latches.
 
     Args:
         spec: The arm with its load; noise, seed and gain errors are ignored.
         arm: Its drives.
         setpoint_rad: (K, n) joint positions.
+        force_n: (K, 3) push against the last link, base frame; None for none.
     """
     units, cycle_s, nothing = ArmUnits(arm), arm.cycle_s, np.zeros(setpoint_rad.shape[1])
     plant = ArmPlant(replace(noiseless(spec), start_position_rad=setpoint_rad[0]))
@@ -43,6 +44,8 @@ def streamed(spec: PlantSpec, arm: ArmSettings, setpoint_rad: FloatArray) -> Str
         plant.set_powered(axis, True)
     position, torque = np.empty((2, *setpoint_rad.shape))
     for row, target_rad in enumerate(setpoint_rad):
+        if force_n is not None:
+            plant.push(force_n[row])
         plant.advance((row + 1) * cycle_s)
         sample = plant.sample(cycle_s)
         position[row], torque[row] = sample.axis_position_rad, sample.axis_torque_nm

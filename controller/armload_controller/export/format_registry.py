@@ -32,6 +32,7 @@ class ExportFormat(StrEnum):
     FRANKA = "franka"
     FANUC = "fanuc"
     YASKAWA = "yaskawa"
+    THRESHOLDS = "thresholds"
 
 
 LOAD_DATA: Final = frozenset(
@@ -67,6 +68,7 @@ _HOMES: Final = {
     ExportFormat.FRANKA: ("load_data.franka", "export_franka"),
     ExportFormat.FANUC: ("load_data.fanuc", "export_fanuc"),
     ExportFormat.YASKAWA: ("load_data.yaskawa", "export_yaskawa"),
+    ExportFormat.THRESHOLDS: ("thresholds", "export_thresholds"),
 }
 """Module in this room, and its function, for each format."""
 

@@ -165,10 +165,18 @@ class ArmPlant:
         """
         self._carry_on_with(build_model(replace(self._spec, payload=payload)))
 
+    def push(self, force_n: FloatArray) -> None:
+        """Push against the last link, at its centre of mass, until the next call.
+
+        Args:
+            force_n: (3,) force in the base frame; zeros end the push.
+        """
+        self._data.xfrc_applied[-1, :3] = force_n
+
     def _carry_on_with(self, built: PlantModel) -> None:
         """Continue with another model, in the same state of motion."""
         before, data = self._data, built.data
-        for name in ("qpos", "qvel", "qfrc_applied"):
+        for name in ("qpos", "qvel", "qfrc_applied", "xfrc_applied"):
             getattr(data, name)[:] = getattr(before, name)
         data.time = before.time
         built.model.dof_frictionloss[:] = self._model.dof_frictionloss

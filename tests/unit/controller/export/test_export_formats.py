@@ -376,8 +376,9 @@ def test_a_payload_of_another_frame_arm_or_world_is_refused(make_subject):
 
 
 @pytest.mark.parametrize("name", [name for name in ExportFormat if "fmu" not in name])
-def test_every_text_says_where_it_comes_from_and_is_ascii(make_subject, name):
-    subject = replace(make_subject(), robot="Ünit--3", payload_file="last-->\n\u2603.toml")
+def test_every_text_says_where_it_comes_from_and_is_ascii(make_subject, calibrated, name):
+    subject = calibrated if name == ExportFormat.THRESHOLDS else make_subject()
+    subject = replace(subject, robot="Ünit--3", payload_file="last-->\n\u2603.toml")
     for file, text in exporter(name)(subject).items():
         assert text.isascii()
         if file.endswith(".json"):  # has no comments

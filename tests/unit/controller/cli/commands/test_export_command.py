@@ -34,7 +34,7 @@ def export(armload, tmp_path, make_subject):
     return export
 
 
-@pytest.mark.parametrize("export_format", ExportFormat)
+@pytest.mark.parametrize("export_format", sorted(set(ExportFormat) - {ExportFormat.THRESHOLDS}))
 def test_every_format_writes_files_and_says_so(export, tmp_path, monkeypatch, export_format):
     monkeypatch.setenv("CFLAGS", "-O0")  # for compiled formats
     folder = tmp_path / "new" / "folder"
@@ -45,6 +45,13 @@ def test_every_format_writes_files_and_says_so(export, tmp_path, monkeypatch, ex
     assert sorted(result.output.splitlines()) == [f"written: {path}" for path in written]
     again = export("--format", export_format, "--output", folder)
     assert sorted(again.output.splitlines()) == [f"unchanged: {path}" for path in written]
+
+
+def test_thresholds_need_a_calibration(export, tmp_path):
+    result = export("--format", "thresholds", "--output", tmp_path / "out")
+    assert isinstance(result.exception, ExportError)
+    assert "Give --calibration FILE" in str(result.exception)
+    assert not (tmp_path / "out").exists()
 
 
 def test_without_output_the_files_go_where_one_stands(export, tmp_path):

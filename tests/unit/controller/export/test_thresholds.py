@@ -1,0 +1,46 @@
+"""Thresholds for a collision detection: from noise and friction of the calibration, under the payload."""
+
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_controller.control_errors import ExportError
+from armload_controller.export.thresholds import export_thresholds
+from armload_identification.model.payload import InertialParameters
+
+
+def thresholds_of(subject):
+    (text,) = export_thresholds(subject).values()
+    return tomllib.loads(text), text
+
+
+def test_every_joint_has_the_sum_of_its_noise_and_its_friction(calibrated):
+    found, text = thresholds_of(calibrated)
+    assert found["joints"] == list(calibrated.joint_names)
+    np.testing.assert_allclose(found["threshold_nm"], np.add(found["noise_nm"], found["friction_nm"]), rtol=1e-6)
+    body = calibrated.calibration.body
+    assert (np.array(found["friction_nm"]) >= 1.5 * body.coulomb_nm - 1e-6).all()
+    assert "NO SAFETY FUNCTION" in text
+
+
+def test_a_heavier_payload_has_higher_thresholds(calibrated):
+    payload = calibrated.payload
+    heavier = replace(payload, model=InertialParameters(20.0 * payload.model.theta))
+    light, heavy = (thresholds_of(replace(calibrated, payload=each))[0] for each in (payload, heavier))
+    assert sum(heavy["friction_nm"]) > 1.5 * sum(light["friction_nm"])
+    assert heavy["noise_nm"] == light["noise_nm"]
+
+
+def test_noise_is_that_of_the_calibration(calibrated):
+    noisier = replace(calibrated.calibration, noise_nm=2.0 * calibrated.calibration.noise_nm)
+    once, twice = (
+        thresholds_of(replace(calibrated, calibration=each))[0] for each in (calibrated.calibration, noisier)
+    )
+    np.testing.assert_allclose(twice["noise_nm"], 2.0 * np.array(once["noise_nm"]), rtol=1e-6)
+
+
+def test_an_arm_that_is_not_calibrated_has_none(make_subject):
+    with pytest.raises(ExportError, match="only a calibration states"):
+        export_thresholds(make_subject())
