@@ -176,8 +176,9 @@ class ArmPlant:
     def _carry_on_with(self, built: PlantModel) -> None:
         """Continue with another model, in the same state of motion."""
         before, data = self._data, built.data
-        for name in ("qpos", "qvel", "qfrc_applied", "xfrc_applied"):
+        for name in ("qpos", "qvel", "qfrc_applied"):
             getattr(data, name)[:] = getattr(before, name)
+        data.xfrc_applied[-1] = before.xfrc_applied[-1]
         data.time = before.time
         built.model.dof_frictionloss[:] = self._model.dof_frictionloss
         built.mujoco.mj_forward(built.model, data)

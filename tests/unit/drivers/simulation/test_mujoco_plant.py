@@ -345,6 +345,17 @@ class TestFriction:
 HEAVY = RigidBody(8.0, np.array([0.5, 0.0, 0.0]), np.diag([0.01, 0.02, 0.02]))
 
 
+class TestPush:
+    def test_a_push_is_carried_by_the_motor_until_it_ends(self) -> None:
+        plant = powered(arm(joint()))
+        force_n = np.array([0.0, 40.0, 0.0])
+        plant.push(force_n)
+        assert after(plant, 1.0).axis_torque_nm[0] == pytest.approx(-0.3 * force_n[1], rel=0.01)
+        plant.mount(RigidBody(1e-6, np.zeros(3), 1e-9 * np.eye(3)))
+        plant.push(np.zeros(3))
+        assert abs(after(plant, 1.0).axis_torque_nm[0]) < 0.2
+
+
 class TestPayloadThatChanges:
     def test_from_then_on_it_is_the_arm_with_that_payload(self) -> None:
         spec = arm(lifting(**FRICTION), changes=(PayloadChange(0.5, HEAVY), PayloadChange(1.5, None)))
