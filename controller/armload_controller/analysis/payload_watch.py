@@ -24,6 +24,7 @@ from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reader_registry import reader_of
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.row_block import RowBlock
+from armload_identification.results.json_document import json_document
 
 SHOWN_S: Final = 3.0
 """Time in motion after which an estimate is shown."""
@@ -75,18 +76,19 @@ class WatchedMoment:
         """The estimate and the state of its source, without events: the fields of `to_dict`."""
         return {**_payload_fields(self.payload), "force": str(self.force), **(_bus_fields(self.bus) or {})}
 
-    def to_dict(self, robot: str, version: str) -> dict[str, Any]:
+    def to_dict(self, robot: str) -> dict[str, Any]:
         """Numbers, texts, lists and dictionaries: the schema `armload/watch/1`."""
-        return {
-            "schema": "armload/watch/1",
-            "armload_version": version,
-            "robot": robot,
-            "time_s": self.time_s,
-            **_payload_fields(self.payload),
-            "force": str(self.force),
-            "events": [asdict(event) for event in self.events],
-            "bus": _bus_fields(self.bus),
-        }
+        return json_document(
+            "watch",
+            {
+                "robot": robot,
+                "time_s": self.time_s,
+                **_payload_fields(self.payload),
+                "force": str(self.force),
+                "events": [asdict(event) for event in self.events],
+                "bus": _bus_fields(self.bus),
+            },
+        )
 
 
 def _bus_fields(bus: HeardBus | None) -> dict[str, Any] | None:

@@ -29,6 +29,7 @@ from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.information import named_criterion
 from armload_identification.extras import Extra, require_extra
+from armload_identification.results.json_document import json_document
 
 POSITION_MARGIN_RAD: Final = 0.1
 """Margin to the position limits, for the ramps and the servo."""
@@ -145,22 +146,23 @@ class DesignedExcitation(DesignedMotion):
     def to_dict(self) -> dict[str, Any]:
         """The figures as numbers, texts, lists and dictionaries: the schema `armload/design/1`."""
         result = self.result
-        return {
-            "schema": "armload/design/1",
-            "armload_version": version("armload"),
-            "robot": self.arm.name,
-            "criterion": result.criterion,
-            "cost": float(result.cost),
-            "condition_number": float(result.condition_number),
-            "rank": int(result.rank),
-            "period_s": float(result.trajectory.period_s),
-            "periods": self.periods,
-            "harmonics": int(result.trajectory.harmonics),
-            "seed": result.seed,
-            "speed_m_s": self.speed_m_s,
-            "slow_round_s": self.slow_round_s,
-            "nearest": {key: {"name": name, "room": room} for key, (name, room) in self.nearest().items()},
-        }
+        return json_document(
+            "design",
+            {
+                "robot": self.arm.name,
+                "criterion": result.criterion,
+                "cost": float(result.cost),
+                "condition_number": float(result.condition_number),
+                "rank": int(result.rank),
+                "period_s": float(result.trajectory.period_s),
+                "periods": self.periods,
+                "harmonics": int(result.trajectory.harmonics),
+                "seed": result.seed,
+                "speed_m_s": self.speed_m_s,
+                "slow_round_s": self.slow_round_s,
+                "nearest": {key: {"name": name, "room": room} for key, (name, room) in self.nearest().items()},
+            },
+        )
 
     def __str__(self) -> str:
         """Figures, and the smallest margin to every kind of limit."""

@@ -25,6 +25,7 @@ from armload_identification.excitation.information import condition_number
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.pipeline.mass_prospect import MassProspect
 from armload_identification.pipeline.wiggle import Wiggle, shortest_wiggle
+from armload_identification.results.json_document import json_document
 
 _WITHOUT_BUS_S: Final = 0.01
 """Time between setpoints for an arm without a `[bus]`."""
@@ -89,22 +90,23 @@ class DesignedWiggle(DesignedMotion):
 
     def to_dict(self) -> dict[str, Any]:
         """The figures as numbers, texts, lists and dictionaries: the schema `armload/wiggle/1`."""
-        return {
-            "schema": "armload/wiggle/1",
-            "armload_version": version("armload"),
-            "robot": self.arm.name,
-            "expected_kg": float(self.arm.payloads.expected.mass_kg),
-            "half_width_95_kg": self.wiggle.half_width_kg,
-            "period_s": self.wiggle.trajectory.period_s,
-            "periods": self.wiggle.periods,
-            "measured_s": self.measured_s,
-            "slow_round_s": self.path.slow_round_s,
-            "speed_m_s": self.speed_m_s,
-            "joints": [
-                {"name": name, "at_rad": float(at), "amplitude_rad": float(size)}
-                for name, at, size in zip(self.arm.joint_names, self.at_rad, self.amplitude_rad, strict=True)
-            ],
-        }
+        return json_document(
+            "wiggle",
+            {
+                "robot": self.arm.name,
+                "expected_kg": float(self.arm.payloads.expected.mass_kg),
+                "half_width_95_kg": self.wiggle.half_width_kg,
+                "period_s": self.wiggle.trajectory.period_s,
+                "periods": self.wiggle.periods,
+                "measured_s": self.measured_s,
+                "slow_round_s": self.path.slow_round_s,
+                "speed_m_s": self.speed_m_s,
+                "joints": [
+                    {"name": name, "at_rad": float(at), "amplitude_rad": float(size)}
+                    for name, at, size in zip(self.arm.joint_names, self.at_rad, self.amplitude_rad, strict=True)
+                ],
+            },
+        )
 
     def __str__(self) -> str:
         """Accuracy, duration and extent."""

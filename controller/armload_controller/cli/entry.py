@@ -9,10 +9,8 @@ import gc
 import sys
 import warnings
 
-EXIT_REFUSED = 1
-EXIT_INTERRUPTED = 130
-EXIT_BY_SIGNAL = 128
-"""Plus the signal's number: 129 for a lost terminal, 131 for SIGQUIT, 143 for `kill`."""
+from armload_controller.cli.exit_status import ExitStatus
+
 _OBJECTS_BETWEEN_COLLECTIONS = 20_000
 """Python's default is 700. Loading makes 70,000 objects that stay: searching them for garbage again and again takes 3 %
 of an identification's time."""
@@ -41,13 +39,13 @@ def main() -> None:
             status = _exit_status(error)
             from armload_controller.cli.screen import Screen
 
-            text = f"error: {error}" if status == EXIT_REFUSED else str(error)
+            text = f"error: {error}" if status == ExitStatus.REFUSED else str(error)
             text = "\n".join([text, *_notes(error)])
             Screen().errors.print(text, style="bold red", soft_wrap=True)
             sys.exit(status)
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
-        sys.exit(EXIT_INTERRUPTED)
+        sys.exit(ExitStatus.INTERRUPTED)
 
 
 def _in_one_line(message: Warning | str, *_where: object, **_more: object) -> str:
@@ -72,7 +70,7 @@ def _exit_status(error: Exception) -> int:
 
     for reason in (error, error.__cause__):
         if isinstance(reason, OperatorStop | KeyboardInterrupt):
-            return EXIT_INTERRUPTED
+            return ExitStatus.INTERRUPTED
         if isinstance(reason, TerminationStop):
-            return EXIT_BY_SIGNAL + reason.signal_number
-    return EXIT_REFUSED
+            return ExitStatus.BY_SIGNAL + reason.signal_number
+    return ExitStatus.REFUSED

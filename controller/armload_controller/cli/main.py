@@ -32,10 +32,10 @@ from armload_controller.cli.commands.identify_command import identify_payload
 from armload_controller.cli.commands.init_command import init
 from armload_controller.cli.commands.recordings_command import recordings
 from armload_controller.cli.commands.report_command import report
+from armload_controller.cli.commands.schema_command import schema
 from armload_controller.cli.commands.tools_command import tools
 from armload_controller.cli.commands.validate_command import validate_payload
-
-EXIT_USAGE = 2
+from armload_controller.cli.exit_status import ExitStatus
 
 app = typer.Typer(
     name="armload",
@@ -59,6 +59,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "export": export,
     "feedforward": feedforward,
     "watch": watch,
+    "schema": schema,
 }
 for name, command in COMMANDS.items():
     app.command(name)(command)
@@ -95,7 +96,7 @@ def _without_command(context: typer.Context) -> None:
     """Show help; at a terminal, ask what to do instead, run it, and show the command."""
     if not (attended() and sys.stdout.isatty()):
         typer.echo(context.get_help())
-        raise typer.Exit(EXIT_USAGE)
+        raise typer.Exit(ExitStatus.USAGE)
     from armload_controller.cli.guide import guided_words
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import shipped_robots

@@ -14,6 +14,7 @@ from armload_identification.extras import Extra, require_extra
 from armload_identification.pipeline.arm_drift import Monitored
 from armload_identification.report.compared_runs import ComparedRuns
 from armload_identification.report.numerals import counted
+from armload_identification.results.json_document import json_document
 from armload_identification.results.result_table import PrintedResult, ResultTable
 
 _PICTURE_DPI: Final = 130
@@ -52,45 +53,46 @@ class ArmHistory(PrintedResult, ComparedRuns):
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, texts, lists and dictionaries: the schema `armload/drift/1`."""
         drift = self.drift
-        return {
-            "schema": "armload/drift/1",
-            "armload_version": self.armload_version,
-            "robot": self.robot,
-            "calibration": self.calibration_name,
-            "out_of_date": drift.out_of_date,
-            "advice": self.advice,
-            "runs": [
-                {
-                    "name": run.name,
-                    "began": drift.began[number].isoformat() if drift.began else None,
-                    "length_s": run.length_s,
-                    "carried": run.carried,
-                }
-                for number, run in enumerate(drift.runs)
-            ],
-            "joints": [
-                {
-                    "name": name,
-                    "friction_nm": float(drift.friction_nm[joint]),
-                    "warm_up_nm": self._warming_nm(joint),
-                    "charts": {quantity.value: self._chart(quantity, joint) for quantity in Monitored},
-                }
-                for joint, name in enumerate(self.joint_names)
-            ],
-            "findings": [
-                {
-                    "joint": self.joint_names[found.joint],
-                    "figure": found.quantity.value,
-                    "run": drift.runs[found.run].name,
-                    "alone": found.alone,
-                    "before": _linear(found.quantity, found.before),
-                    "after": _linear(found.quantity, found.after),
-                    "text": found.text,
-                }
-                for found in drift.findings
-            ],
-            "left_out": [{"name": name, "reason": reason} for name, reason in self.left_out],
-        }
+        return json_document(
+            "drift",
+            {
+                "robot": self.robot,
+                "calibration": self.calibration_name,
+                "out_of_date": drift.out_of_date,
+                "advice": self.advice,
+                "runs": [
+                    {
+                        "name": run.name,
+                        "began": drift.began[number].isoformat() if drift.began else None,
+                        "length_s": run.length_s,
+                        "carried": run.carried,
+                    }
+                    for number, run in enumerate(drift.runs)
+                ],
+                "joints": [
+                    {
+                        "name": name,
+                        "friction_nm": float(drift.friction_nm[joint]),
+                        "warm_up_nm": self._warming_nm(joint),
+                        "charts": {quantity.value: self._chart(quantity, joint) for quantity in Monitored},
+                    }
+                    for joint, name in enumerate(self.joint_names)
+                ],
+                "findings": [
+                    {
+                        "joint": self.joint_names[found.joint],
+                        "figure": found.quantity.value,
+                        "run": drift.runs[found.run].name,
+                        "alone": found.alone,
+                        "before": _linear(found.quantity, found.before),
+                        "after": _linear(found.quantity, found.after),
+                        "text": found.text,
+                    }
+                    for found in drift.findings
+                ],
+                "left_out": [{"name": name, "reason": reason} for name, reason in self.left_out],
+            },
+        )
 
     def _chart(self, quantity: Monitored, joint: int) -> dict[str, Any]:
         """A chart; None for unknown values."""

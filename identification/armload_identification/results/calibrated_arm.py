@@ -15,6 +15,7 @@ from armload_identification.extras import Extra, require_extra
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.recording.reading_options import Effort
 from armload_identification.results.findings_document import number
+from armload_identification.results.json_document import json_document
 from armload_identification.results.result_table import PrintedResult, ResultTable
 
 
@@ -122,13 +123,14 @@ class CalibratedArm(PrintedResult):
             }
             for j, name in enumerate(self.joint_names)
         ]
-        return {
-            "schema": "armload/calibration/1",
-            "armload_version": self.armload_version,
-            "robot": result.robot,
-            "gain_unit": "N m/A" if result.effort is Effort.CURRENT else "N m/(N m)",
-            "joints": joints,
-            "runs": [{"name": run.name, "mounting": run.mounting or None, "off": run.off} for run in result.runs],
-            "left_out": [{"name": name, "reason": reason} for name, reason in result.left_out],
-            "warnings": list(result.warnings),
-        }
+        return json_document(
+            "calibration",
+            {
+                "robot": result.robot,
+                "gain_unit": "N m/A" if result.effort is Effort.CURRENT else "N m/(N m)",
+                "joints": joints,
+                "runs": [{"name": run.name, "mounting": run.mounting or None, "off": run.off} for run in result.runs],
+                "left_out": [{"name": name, "reason": reason} for name, reason in result.left_out],
+                "warnings": list(result.warnings),
+            },
+        )

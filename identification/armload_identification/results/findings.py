@@ -15,6 +15,7 @@ from armload_identification.recording.recording import hashes_by_name
 from armload_identification.report.report_content import ReportContent, ReportSubject
 from armload_identification.report.verdict_box import VerdictBox, verdict_box
 from armload_identification.results.findings_document import findings_document
+from armload_identification.results.json_document import json_document
 from armload_identification.results.payload_text import value_texts
 from armload_identification.results.result_table import PrintedResult, ResultTable
 from armload_identification.verdict.agreement import Outcome
@@ -137,9 +138,9 @@ class Findings(PrintedResult):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, texts, lists and dictionaries: the schema `armload/payload/1`."""
-        return findings_document(self.arm.name, self.arm.joint_names, self.payload, self.content, self.verdict) | {
-            "armload_version": self.armload_version
-        }
+        arm = self.arm
+        fields = findings_document(arm.name, arm.joint_names, self.payload, self.content, self.verdict)
+        return json_document("payload", fields)
 
     def table(self) -> ResultTable:
         """Values, intervals and verdict."""

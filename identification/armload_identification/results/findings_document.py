@@ -1,6 +1,6 @@
 """Findings as a document of plain numbers, texts, lists and dictionaries: the schema `armload/payload/1`.
 
-`controller/JSON.md` describes every key; a test compares the two. Keys contain their units; a missing number is None.
+`json_schemas.json` describes every key.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from armload_identification.report.report_content import ReportContent
 from armload_identification.report.verdict_box import VerdictBox
 from armload_identification.verdict.agreement import Agreement
 
-SCHEMA: Final = "armload/payload/1"
 _AXES: Final = ("x", "y", "z")
 
 
@@ -39,7 +38,6 @@ def findings_document(
     """
     fitted, validation = content.fitted, content.validation
     return {
-        "schema": SCHEMA,
         "robot": robot,
         "joint_names": list(joint_names),
         "payload": payload_fields(payload),

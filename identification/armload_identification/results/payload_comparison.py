@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.results.findings_document import agreement_fields, numbers
+from armload_identification.results.json_document import json_document
 from armload_identification.results.payload_text import NOT_DETERMINED, UNITS
 from armload_identification.results.result_table import PrintedResult, ResultTable
 from armload_identification.verdict.agreement import Agreement, Known, Outcome
@@ -66,10 +67,11 @@ class PayloadComparison(PrintedResult):
             name: {"cad": cad, "estimate": estimate if known else None, "error": error if known else None}
             for name, cad, estimate, error, known in rows
         }
-        return {
-            "schema": "armload/comparison/1",
-            "armload_version": self.armload_version,
-            "frame": self.errors.frame,
-            "parameters": parameters,
-            **agreement_fields(self.agreement),
-        }
+        return json_document(
+            "comparison",
+            {
+                "frame": self.errors.frame,
+                "parameters": parameters,
+                **agreement_fields(self.agreement),
+            },
+        )

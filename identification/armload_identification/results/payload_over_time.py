@@ -10,6 +10,7 @@ from typing import Any
 from armload_identification.extras import Extra, require_extra
 from armload_identification.pipeline.any_motion import Window
 from armload_identification.recording.recording import RecordingSource
+from armload_identification.results.json_document import json_document
 from armload_identification.results.result_table import PrintedResult, ResultTable
 
 _PICTURE_DPI = 130
@@ -48,13 +49,14 @@ class PayloadOverTime(PrintedResult):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, texts, lists and dictionaries: the schema `armload/windows/1`."""
-        return {
-            "schema": "armload/windows/1",
-            "armload_version": self.armload_version,
-            "robot": self.robot,
-            "recording": str(self.source.path),
-            "windows": [_window(window) for window in self.windows],
-        }
+        return json_document(
+            "windows",
+            {
+                "robot": self.robot,
+                "recording": str(self.source.path),
+                "windows": [_window(window) for window in self.windows],
+            },
+        )
 
     def picture(self, path: str | PathLike[str]) -> None:
         """Draw mass and its 95 % interval over time, .png, .svg or .pdf; an existing file is replaced.

@@ -7,7 +7,6 @@ which has no other node, simulated drives answer. `store` and `assign` write wha
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armload_controller.cli.command_group import CommandGroup
+from armload_controller.cli.exit_status import ExitStatus
 from armload_controller.cli.given_arm import arm_on_bus
 from armload_controller.cli.options import BUS_FORM, BitrateOption, BusOption, CycleOption, RobotArgument, bus_address
 from armload_controller.cli.output.json_output import JsonOption
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from armload_controller.config.robot import Robot
     from armload_drivers.canopen.lss_master import LssAddress
-
-EXIT_WRONG = 1
 
 drives = typer.Typer(cls=CommandGroup, help="Inspect the drives on a bus. Nothing is energised.", no_args_is_help=True)
 
@@ -57,7 +55,7 @@ def scan_command(
     screen.document(partial(nodes_document, interface, channel, found))
     if not found:
         screen.step(f"no node answers on {interface}:{channel} at {bitrate} bit/s")
-        sys.exit(EXIT_WRONG)
+        raise typer.Exit(ExitStatus.REFUSED)
     screen.table(found_table(found))
 
 
@@ -89,9 +87,10 @@ def check_command(
     wrong = sum(row.verdict in {Verdict.WRONG, Verdict.NOT_DONE} for row in rows)
     missing = sum(row.verdict is Verdict.MISSING for row in rows)
     screen.document(partial(checks_document, arm.name, found))
-    screen.result(f"{len(rows) - wrong - missing} ok, {missing} missing, {wrong} wrong or not done")
+    left = [f"{count} {what}" for count, what in ((wrong, "wrong or not done"), (missing, "missing")) if count]
+    screen.result(f"of {len(rows)} steps {', '.join(left)}" if left else f"all {len(rows)} steps are ok")
     if wrong:
-        sys.exit(EXIT_WRONG)
+        raise typer.Exit(ExitStatus.REFUSED)
 
 
 @drives.command("show")

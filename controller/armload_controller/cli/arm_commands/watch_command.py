@@ -116,8 +116,6 @@ def _show(
     screen: Screen, arm: Robot, moments: Iterator[WatchedMoment], diary: WatchDiary | None, report: Path | None
 ) -> None:
     """Show the moments as they come, and write the report at the end."""
-    from importlib.metadata import version
-
     from armload_controller.cli.output.watch_output import shown_moments
     from armload_drivers.driver_errors import DriverError
 
@@ -127,7 +125,7 @@ def _show(
                 show(moment)
                 if diary is not None:
                     diary.add(moment)
-                screen.document(partial(moment.to_dict, arm.name, version("armload")))
+                screen.document(partial(moment.to_dict, arm.name))
     except KeyboardInterrupt:
         screen.step("stopped watching")
     except DriverError:

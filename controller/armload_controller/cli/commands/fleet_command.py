@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armload_controller.cli.command_group import CommandGroup
+from armload_controller.cli.exit_status import ExitStatus
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import make_folder, require_drawable, require_writable
 
@@ -82,7 +83,7 @@ def identify_command(
                 raise
     _show_tally(screen, tally, output)
     if tally.done and not tally.outcomes[RowOutcome.IDENTIFIED.value]:
-        raise typer.Exit(1)
+        raise typer.Exit(ExitStatus.REFUSED)
 
 
 @fleet.command("watch")

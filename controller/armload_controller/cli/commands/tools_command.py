@@ -47,7 +47,7 @@ def list_command(as_json: JsonOption = False) -> None:
 def _show(screen: Screen) -> None:
     """Show all tools."""
     from armload_controller.analysis.tools import tool_names, tool_payload, tools_folder
-    from armload_controller.cli.output.json_output import json_document
+    from armload_identification.results.json_document import json_document
 
     payloads = {name: tool_payload(name) for name in tool_names()}
     for name, tool in payloads.items():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 from rich.table import Column, Table
 from rich.text import Text
@@ -13,6 +14,8 @@ from armload_drivers.cia402.drive_safety import SafetyFinding
 from armload_drivers.cia402.emergency import describe
 
 MODE_NAMES = {1: "PP", 3: "PV", 4: "PT", 6: "HM", 7: "IP", 8: "CSP", 9: "CSV", 10: "CST"}
+_Cells = TypeVar("_Cells", bound=tuple[Any, ...])
+_SAFETY_COLOURS = {"ok": "green", "accepted": "yellow", "missing": "red"}
 _COLOURS = {Verdict.OK: "green", Verdict.MISSING: "yellow", Verdict.WRONG: "red", Verdict.NOT_DONE: "dim"}
 
 
@@ -45,33 +48,47 @@ def _folded(*headings: str) -> list[Column]:
 
 
 def check_table(rows: Sequence[Check]) -> Table:
-    """One row per step and joint."""
-    table = Table(*_folded("joint", "node", "step", "", "what"), title="bring-up short of enabling")
-    for row in rows:
-        verdict = Text(row.verdict.value, style=_COLOURS[row.verdict])
-        table.add_row(row.joint, str(row.node_id), row.step, verdict, row.detail)
+    """One row per step and result, for all joints that have it; what is not ok first."""
+    table = Table(*_folded("joint (node)", "step", "", "what"), title="bring-up short of enabling")
+    order = [Verdict.WRONG, Verdict.NOT_DONE, Verdict.MISSING, Verdict.OK]
+    found = [((row.step, row.verdict, row.detail), f"{row.joint} ({row.node_id})") for row in rows]
+    for (step, verdict, detail), joints in _together(found, lambda cells: order.index(cells[1])):
+        table.add_row(joints, step, Text(verdict.value, style=_COLOURS[verdict]), detail)
     return table
 
 
 def safety_table(drives: Sequence[DriveSafety]) -> Table:
-    """One row per property and joint: how it is provided, or the consequence of its absence and the remedy."""
-    table = Table(*_folded("joint", "the drive ...", "", "by"), title="safety properties of the drives")
-    for drive in drives:
-        for number, finding in enumerate(drive.findings):
-            joint = f"{drive.joint} ({drive.node_id})" if not number else ""
-            table.add_row(joint, finding.of.value.title, *_safety_cells(finding), end_section=False)
-        table.add_section()
+    """One row per property and how it is provided, or the consequence of its absence and the remedy; these first."""
+    table = Table(*_folded("joint (node)", "the drive ...", "", "by"), title="safety properties of the drives")
+    found = [
+        ((finding.of.value.title, *_safety_cells(finding)), f"{drive.joint} ({drive.node_id})")
+        for drive in drives
+        for finding in drive.findings
+    ]
+    order = ["missing", "accepted", "ok"]
+    for (title, verdict, what), joints in _together(found, lambda cells: order.index(cells[1])):
+        table.add_row(joints, title, Text(verdict, style=_SAFETY_COLOURS[verdict]), what)
     return table
 
 
-def _safety_cells(finding: SafetyFinding) -> tuple[Text, str]:
+def _together(found: Sequence[tuple[_Cells, str]], rank: Callable[[_Cells], int]) -> list[tuple[_Cells, str]]:
+    """Equal cells once, with their joints, those of the lowest rank first."""
+    joints: dict[_Cells, list[str]] = {}
+    for cells, joint in found:
+        joints.setdefault(cells, []).append(joint)
+    count = len({joint for _, joint in found})
+    shown = {cells: f"all {count}" if len(names) == count > 1 else ", ".join(names) for cells, names in joints.items()}
+    return sorted(shown.items(), key=lambda entry: rank(entry[0]))
+
+
+def _safety_cells(finding: SafetyFinding) -> tuple[str, str]:
     """Verdict and explanation of one property."""
     if finding.way is not None:
-        return Text("ok", style="green"), f"{finding.way.text}: {finding.way.verified}"
+        return "ok", f"{finding.way.text}: {finding.way.verified}"
     what = f"{finding.found}. Consequence: {finding.of.value.lost}. {finding.of.value.remedy}"
     if finding.accepted:
-        return Text("accepted", style="yellow"), what
-    return Text("missing", style="red"), f'{what}. Then name "{finding.of.key}" in accept_missing'
+        return "accepted", what
+    return "missing", f'{what}. Then name "{finding.of.key}" in accept_missing'
 
 
 def status_table(status: ArmStatus) -> Table:

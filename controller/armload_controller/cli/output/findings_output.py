@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.output.verdict_output import EXIT_WRONG, show_verdict
+from armload_controller.cli.exit_status import ExitStatus
+from armload_controller.cli.output.verdict_output import show_verdict
 
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
@@ -59,4 +60,4 @@ def require_not_wrong(findings: Findings) -> None:
     from armload_identification.verdict.agreement import Outcome
 
     if findings.outcome is Outcome.WRONG:
-        raise typer.Exit(EXIT_WRONG)
+        raise typer.Exit(ExitStatus.WRONG_PAYLOAD)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from armload_controller.cli.output.json_output import json_document
 from armload_controller.fleet.attention import Acknowledgement, Attention
 from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
 from armload_identification.many_arms.fleet_review import AbsentArm, ArmReview, FleetReview, Suspicion
 from armload_identification.report.numerals import counted
+from armload_identification.results.json_document import json_document
 
 _MOST_LINES = 10
 _MOST_REASONS = 5

@@ -8,10 +8,10 @@ from typing import Any
 from rich.table import Table
 
 from armload_controller.cli.console_text import right
-from armload_controller.cli.output.json_output import json_document
 from armload_identification.pipeline.recording_survey import RecordingSurvey
 from armload_identification.report.numerals import counted
 from armload_identification.results.findings_document import numbers
+from armload_identification.results.json_document import json_document
 
 _RUN_KEYS = ("robot", "load", "role", "created")
 _SOURCE_KEYS = ("sha256", "truncated", "rows_read", "rows_dropped")

@@ -1,4 +1,4 @@
-"""Results of commands as documents for `--json`; `controller/JSON.md` describes them, and a test compares the two.
+"""Results of commands as documents for `--json`; `json_schemas.json` describes them.
 
 A missing number is None, and so is one that is not finite.
 """
@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from armload_controller.cli.output.json_output import json_document
 from armload_identification.results.findings_document import number
+from armload_identification.results.json_document import json_document
 
 if TYPE_CHECKING:
     # a command does not load the modules of the other documents

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from armload_controller.cli.exit_status import ExitStatus
 from armload_identification.verdict.tolerance import Tolerance
 
 if TYPE_CHECKING:
@@ -13,9 +14,6 @@ if TYPE_CHECKING:
 
     from armload_controller.cli.screen import Screen
     from armload_identification.verdict.agreement import Outcome
-
-EXIT_WRONG: Final = 3
-EXIT_CANNOT_TELL: Final = 4
 
 TOLERANCE: Final = (Tolerance().mass_share, Tolerance().center_m)
 ToleranceOption = Annotated[
@@ -43,4 +41,8 @@ def exit_status(outcome: Outcome) -> int:
     """0 if the payload is right, 3 if it is wrong, 4 if the runs cannot tell."""
     from armload_identification.verdict.agreement import Outcome
 
-    return {Outcome.RIGHT: 0, Outcome.WRONG: EXIT_WRONG, Outcome.CANNOT_TELL: EXIT_CANNOT_TELL}[outcome]
+    return {
+        Outcome.RIGHT: ExitStatus.DONE,
+        Outcome.WRONG: ExitStatus.WRONG_PAYLOAD,
+        Outcome.CANNOT_TELL: ExitStatus.CANNOT_TELL,
+    }[outcome]

@@ -4,8 +4,9 @@ import io
 
 from rich.console import Console
 
-from armload_controller.cli.output.drive_result_tables import found_table, safety_table
-from armload_drivers.bring_up.drive_check import DriveSafety
+from armload_controller.cli.console_text import fitted
+from armload_controller.cli.output.drive_result_tables import check_table, found_table, safety_table
+from armload_drivers.bring_up.drive_check import Check, DriveSafety, Verdict
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.drive_safety import Safety, SafetyFinding
@@ -29,11 +30,32 @@ def test_a_property_is_given_or_what_a_person_must_do_is_said():
         SafetyFinding(Safety.MASTER_LOST, None, False, obstacles),
         SafetyFinding(Safety.MASTER_LOST, None, True, obstacles),
     )
-    given, missing, accepted = rows(shown(safety_table([DriveSafety("joint_2", 5, findings)])))
+    missing, accepted, given = rows(shown(safety_table([DriveSafety("joint_2", 5, findings)])))
     assert given == ["joint_2 (5)", torque.title, "ok", f"{torque.ways[1].text}: {torque.ways[1].verified}"]
     reason = f"no 6007; no 1029:1. Consequence: {lost.lost}. {lost.remedy}"
     assert missing[2:] == ["missing", f'{reason}. Then name "master_lost" in accept_missing']
     assert accepted[2:] == ["accepted", reason]
+
+
+def test_what_is_not_ok_is_first_and_equal_results_are_one_row_within_100_columns():
+    drives = [DriveSafety(f"joint_{i}", i, (SafetyFinding(Safety.MASTER_LOST, None, i == 2, ()),)) for i in (1, 2, 3)]
+    assert [row[0] for row in rows(shown(safety_table(drives)))] == ["joint_1 (1), joint_3 (3)", "joint_2 (2)"]
+    steps = [Check(f"joint_{i}", i, step, Verdict.OK, "") for i in (1, 2) for step in ("answers", "modes")]
+    steps += [
+        Check("joint_3", 3, "answers", Verdict.WRONG, "no answer"),
+        Check("joint_3", 3, "modes", Verdict.NOT_DONE, ""),
+    ]
+    table = check_table(steps)
+    assert [row[:3] for row in rows(shown(table))] == [
+        ["joint_3 (3)", "answers", Verdict.WRONG.value],
+        ["joint_3 (3)", "modes", Verdict.NOT_DONE.value],
+        ["joint_1 (1), joint_2 (2)", "answers", "ok"],
+        ["joint_1 (1), joint_2 (2)", "modes", "ok"],
+    ]
+    narrow = Console(file=io.StringIO(), width=100)
+    (part,) = fitted(safety_table(drives), narrow)
+    narrow.print(part)
+    assert max(map(len, narrow.file.getvalue().splitlines())) <= 100
 
 
 def test_a_node_that_is_no_drive_shows_its_device_type():

@@ -1,7 +1,6 @@
-"""`--json`: every command with a result prints one document, and controller/JSON.md describes exactly its keys."""
+"""`--json`: every command with a result prints one document, and its JSON Schema describes exactly its keys."""
 
 import json
-import re
 from collections import defaultdict
 from contextlib import redirect_stdout
 from dataclasses import replace
@@ -14,6 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import typer
+from jsonschema import Draft202012Validator
 
 from armload_controller.analysis.payload_events import PayloadEvent
 from armload_controller.analysis.payload_watch import HeardBus, WatchedMoment
@@ -44,6 +44,7 @@ from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.canopen import canopen_inspection
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.state_machine import State
+from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.calibration.run_health import RunHealth
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
@@ -62,40 +63,30 @@ from armload_identification.pipeline.wiggle import Wiggle
 from armload_identification.recording.reading_options import Effort
 from armload_identification.results.arm_history import ArmHistory
 from armload_identification.results.calibrated_arm import CalibratedArm
+from armload_identification.results.json_document import json_schemas
 from armload_identification.results.payload_over_time import PayloadOverTime
 
-PAGE = Path(__file__).resolve().parents[5] / "controller" / "JSON.md"
-COMMON = {"schema", "armload_version"}
+
+def strict(schema):
+    """A schema that allows no key that it does not describe."""
+    if isinstance(schema, list):
+        return [strict(each) for each in schema]
+    if not isinstance(schema, dict):
+        return schema
+    closed = {"additionalProperties": False} if "properties" in schema and "additionalProperties" not in schema else {}
+    return closed | {key: strict(value) for key, value in schema.items()}
 
 
-def described():
-    """Keys by schema, as listed on the page."""
-    keys, schema = defaultdict(set), None
-    for line in PAGE.read_text("utf-8").splitlines():
-        if line.startswith("## "):
-            schema = line.removeprefix("## ")
-        elif found := re.match(r"\| `([^`]+)` \|", line):
-            keys[schema].add(found[1])
-    return dict(keys)
-
-
-def paths(value, at, known):
-    """Paths of the leaves; a value described as one is a leaf, and null has no leaves."""
-    if at in known:
-        return {at}
-    if value is None or value in ([], {}):
-        return set()
-    if isinstance(value, list):
-        return set().union(*(paths(item, f"{at}[]", known) for item in value))
-    if isinstance(value, dict):
-        found = set()
-        for key, item in value.items():
-            path = f"{at}.{key}" if at else key
-            general = f"{at}.*"
-            starred = any(other == general or other.startswith(f"{general}.") for other in known)
-            found |= paths(item, general if starred else path, known)
-        return found
-    return {at}
+def described(schema, value):
+    """Whether every described key is somewhere in documents; yields the paths of those that are not."""
+    for key, inner in schema.get("properties", {}).items():
+        found = [each[key] for each in value if isinstance(each, dict) and key in each]
+        if not found:
+            yield key
+        yield from (f"{key}.{path}" for path in described(inner, found))
+    items = [item for each in value if isinstance(each, list) for item in each]
+    if "items" in schema and items:
+        yield from (f"[].{path}" for path in described(schema["items"], items))
 
 
 ROLES, LOADS = ("identification", "validation"), ("loaded", "unloaded")
@@ -219,9 +210,10 @@ def made():
     states = {"contact": False, "refused": 0, "covariance": np.eye(10)}
     states["friction_covariance"] = np.zeros((2, 2, 2))
     live = LivePayload(1.0, ones, four, 0.1 * four, sure_of, ones, ones, 1, 0.5, 1.0, **states)
-    moment = WatchedMoment(1.0, live, (PayloadEvent(0.5, "grasped", 1.0),), HeardBus(100, (0, 0, 1), True, 0.0))
+    bus = HeardBus(100, (0, 0, 1), True, 0.0, told=ToldPayload(1.0, (0.0, 0.0, 0.1)))
+    moment = WatchedMoment(1.0, live, (PayloadEvent(0.5, "grasped", 1.0),), bus)
     return [
-        moment.to_dict("arm", "0"),
+        moment.to_dict("arm"),
         history.to_dict() | {"files": {"picture": None}},
         wiggle.to_dict() | {"files": {"excitation": "wiggle.toml", "picture": "wiggle.png"}},
         weeks.to_dict() | {"files": {"report": None, "picture": None}},
@@ -296,28 +288,39 @@ def test_a_joint_that_never_left_its_setpoint_has_no_reduction():
     "name",
     [pytest.param(name, marks=[pytest.mark.long] * (name in {"design", "identify", "report"})) for name in COMMANDS],
 )
-def test_the_page_describes_every_key(document, name):
+def test_a_document_is_as_its_schema_says(document, name):
     found = document(name)
-    assert set(found) >= COMMON
-    known = described()[found["schema"]]
-    content = {key: value for key, value in found.items() if key not in COMMON}
-    leaves = paths(content, "", known)
-    assert leaves <= known
-    assert leaves
+    schema = json_schemas()[found["schema"].split("/")[1]]
+    Draft202012Validator(strict(schema)).validate(found)
+    wrong = found | {"robot": 5, "frame": 5, "recordings": 5}
+    assert not Draft202012Validator(schema).is_valid(wrong)
+
+
+def test_documents_made_without_their_commands_are_as_their_schemas_say():
+    for found in made():
+        Draft202012Validator(strict(json_schemas()[found["schema"].split("/")[1]])).validate(found)
 
 
 @pytest.mark.long
-def test_the_page_describes_no_key_that_is_not_there(document):
-    printed = [*(document(name) for name in COMMANDS), *made()]
-    pages, found = described(), defaultdict(set)
-    for each in printed:
-        known = pages[each["schema"]]
-        content = {key: value for key, value in each.items() if key not in COMMON}
-        found[each["schema"]] |= paths(content, "", known)
-    for schema, keys in found.items():
-        absent = {key for key in pages[schema] if key.startswith("notes")}
-        assert pages[schema] - keys <= absent, schema
-    assert set(pages) == set(found)
+def test_no_schema_describes_a_key_that_is_not_there(document):
+    printed = defaultdict(list)
+    for found in (*(document(name) for name in COMMANDS), *made()):
+        printed[found["schema"]].append(found)
+    assert {f"armload/{kind}/1" for kind in json_schemas()} == set(printed)
+    absent = {schema["title"]: list(described(schema, printed[schema["title"]])) for schema in json_schemas().values()}
+    assert {kind: paths for kind, paths in absent.items() if paths} == {}
+
+
+def test_the_schema_of_each_document_is_printed(armload):
+    whole = json.loads(armload("schema").stdout)
+    for kind, schema in whole.items():
+        Draft202012Validator.check_schema(schema)
+        assert json.loads(armload("schema", kind).stdout) == schema
+        assert schema["title"] == f"armload/{kind}/1"
+        assert schema["description"].startswith("Printed by `")
+    refused = armload("schema", "payloads")
+    assert refused.exit_code == 2
+    assert "expected one of payload, windows" in refused.output
 
 
 def test_every_command_with_a_result_has_the_option():
@@ -333,7 +336,7 @@ def test_every_command_with_a_result_has_the_option():
         for name, command in commands(typer.main.get_command(app))
         if not any("--json" in option.opts for option in command.params)
     }
-    assert without == {"simulate"}
+    assert without == {"simulate", "schema"}
 
 
 def test_of_a_validation_there_is_no_identification(document):
