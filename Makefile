@@ -7,13 +7,23 @@ PIP     := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 CORE    := identification/armload_core
 KERNELS := $(CORE)/kernels.abi3.so
 DIST    := dist
+SMALL   := controller/commission.lock
+
+# $(call installed,LOCK) installs what a lock file lists, and shows which of how many it is at.
+installed = total=$$(grep -c == $(1)); $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off \
+  --require-hashes --no-deps -r $(1) | awk -v total=$$total '\
+    /^(Collecting|Requirement already)/ { printf "\r   %d of %d  %-40.40s", ++n, total, $$1 == "Collecting" ? $$2 : $$4; fflush() } \
+    /^Installing/ { printf "\r   %d of %d  installing                              ", n, total; fflush() } END { print "" }'
 
 # $(call timed,WHAT,COMMANDS) says what is being done, and how long it took.
 timed = @echo "== $(1)"; start=$$(date +%s); { $(2); } && echo "== done in $$(( $$(date +%s) - start )) s"
 
-.PHONY: commission test env lint bench paper accuracy pictures peers wheels lock
+SHELL := /bin/bash
+.SHELLFLAGS := -o pipefail -c
 
-commission: env
+.PHONY: docs commission test env lint bench paper accuracy pictures peers wheels lock
+
+commission: $(KERNELS)
 	$(call timed,commissioning the simulated arm $(ROBOT) over CANopen: four runs and an identification in two minutes,$(BIN)/armload commission $(ROBOT))
 
 # The rewritten assertions are written beside the tests, even where PYTHONDONTWRITEBYTECODE is set: a second run, and the
@@ -23,14 +33,19 @@ test: env
 	@echo "== testing: about three minutes in one process, half of that with WORKERS=2"
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest $(if $(WORKERS),-n $(WORKERS) --dist worksteal)
 
-env: $(KERNELS)
+env: $(KERNELS) .venv/.requirements
 
-$(KERNELS): .venv/.requirements pyproject.toml $(wildcard $(CORE)/source/*.[ch] $(CORE)/source/*/*.[ch]) $(CORE)/source/compilation/build_extension.py
+$(KERNELS): .venv/.commission pyproject.toml $(wildcard $(CORE)/source/*.[ch] $(CORE)/source/*/*.[ch]) $(CORE)/source/compilation/build_extension.py
 	$(call timed,building: the kernels are compiled and armload is installed into .venv: some seconds,$(PIP) --no-deps --no-build-isolation --editable .)
 	@touch $@
 
-.venv/.requirements: requirements.lock
-	$(call timed,downloading what armload requires into .venv (1.5 GB): a minute or two the first time,$(PYTHON) -m venv .venv && $(PIP) --require-hashes --no-deps -r requirements.lock)
+.venv/.requirements: requirements.lock .venv/.commission
+	$(call timed,downloading what tests and extras require into .venv (1.2 GB): a minute or two the first time,$(call installed,requirements.lock))
+	@touch $@
+
+# What a commissioning runs, and nothing else.
+.venv/.commission: $(SMALL)
+	$(call timed,downloading what a commissioning requires into .venv (0.5 GB): half a minute the first time,$(PYTHON) -m venv .venv && $(call installed,$(SMALL)))
 	@PYTHONPATH=identification $(BIN)/python -c "from armload_core.c_compiler import c_compiler as cc; exit(cc() is None)" || { \
 	  echo "== no C compiler was found: downloading one, ziglang"; $(PIP) --require-hashes --no-deps -r $(CORE)/source/compilation/compiler.lock; }
 	@touch $@
@@ -75,7 +90,11 @@ wheels: .venv-wheels/.requirements
 
 # Resolves the pinned versions anew; needs pip-tools in the environment that runs it. Lines of options, in which the
 # addresses of this machine's configuration would stand, are taken out.
+COMPILE := -m piptools compile --quiet --strip-extras --allow-unsafe --generate-hashes --no-header
 lock:
-	$(PYTHON) -m piptools compile --quiet --strip-extras --allow-unsafe --generate-hashes --no-header \
-	  --extra identify --extra report --extra sim --extra urdf --extra ros --extra parquet --extra live --extra ros2 --extra fleet --extra dev --output-file requirements.lock pyproject.toml
-	sed -i '/^--/d; /^$$/d' requirements.lock
+	$(PYTHON) $(COMPILE) \
+	  --extra docs --extra identify --extra report --extra sim --extra urdf --extra ros --extra parquet --extra live --extra ros2 --extra fleet --extra dev --output-file requirements.lock pyproject.toml
+	$(PYTHON) $(COMPILE) --constraint requirements.lock --build-deps-for editable \
+	  --extra identify --extra report --extra sim --output-file $(SMALL) pyproject.toml
+	sed -i '/^--/d; /^$$/d' requirements.lock $(SMALL)
+

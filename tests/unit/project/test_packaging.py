@@ -14,7 +14,13 @@ PEERS = ROOT / "benchmarks" / "peers"
 
 
 def test_the_pins_carry_hashes_and_no_addresses():
-    locks = [ROOT / "requirements.lock", BUILD / "compiler.lock", BUILD / "wheels.lock", PEERS / "requirements.lock"]
+    locks = [
+        ROOT / "requirements.lock",
+        ROOT / "controller" / "commission.lock",
+        BUILD / "compiler.lock",
+        BUILD / "wheels.lock",
+        PEERS / "requirements.lock",
+    ]
     if not locks[0].is_file():
         pytest.skip("not a checkout: the pins are not installed")
     text = "\n".join(lock.read_text() for lock in locks)
@@ -23,6 +29,17 @@ def test_the_pins_carry_hashes_and_no_addresses():
     for line in pins:
         assert line[0].isalpha() or line.startswith("    --hash=sha256:"), line
         assert "/" not in line, line
+
+
+def test_the_pins_of_a_commissioning_are_among_all_pins():
+    locks = [ROOT / "requirements.lock", ROOT / "controller" / "commission.lock"]
+    if not locks[0].is_file():
+        pytest.skip("not a checkout: the pins are not installed")
+    every, few = ({line for line in lock.read_text().splitlines() if "==" in line} for lock in locks)
+    assert {line for line in few if not line.startswith("editables")} < every  # pip needs it to install the checkout
+    names = {line.partition("==")[0] for line in few}
+    assert {"scipy", "matplotlib", "mujoco", "hatchling"} <= names
+    assert not names & {"pin", "dask", "pyarrow", "pytest"}
 
 
 def build_program():
