@@ -68,6 +68,11 @@ paper: env
 accuracy: env
 	$(BIN)/python -m benchmarks.accuracy
 
+# The site, from the Markdown in the folders; no warning is allowed, and every link within it is checked.
+docs: env
+	$(call timed,building the documentation: a minute,$(BIN)/python -m sphinx --fail-on-warning --keep-going -q -c docs . docs/site)
+	@echo "== open docs/site/index.html"
+
 # The README's picture, from a commissioning.
 pictures: env
 	$(BIN)/python -m benchmarks.canopen_runs.pictures

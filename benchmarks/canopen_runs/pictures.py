@@ -1,114 +1,111 @@
-"""The README's picture, from a commissioning of prbt, and that of WATCH.md: `make pictures`.
+"""The README's picture, from a commissioning of er50, and that of WATCH.md: `make pictures`.
 
-prbt's drives report torque; with er50's nominal gains a commissioning does not determine the mass to 2 %.
-
-One SVG shows what the top of a report shows: verdict, mass, the centre of mass on the flange, and one joint's torque.
+One SVG: the arm at a moment of its excitation, the currents of three joints with and without the payload, the mass.
 """
 
 from __future__ import annotations
 
-import re
 import tempfile
 from html import escape
 from pathlib import Path
 
-from typer.testing import CliRunner
+import numpy as np
 
 import armload
-from armload_controller.cli.main import app
-from armload_identification.report.figures.center_figure import center_views
-from armload_identification.report.figures.joint_figures import torque_figure
+from armload_core.arrays import FloatArray
 from armload_identification.report.numerals import NO_BREAK
 from armload_identification.report.parameters import mass_card
 from armload_identification.results.findings import Findings
 from benchmarks.canopen_runs import watch_picture
 
 PICTURE = Path(__file__).parents[2] / "controller" / "pictures" / "result.svg"
-ROBOT = "prbt"
-_COLORS = {"passed": "#009e73", "failed": "#d55e00", "missing": "#e69f00"}
-_JOINT = 1
-_STYLE = """
-text { font-family: Helvetica, Arial, 'Liberation Sans', sans-serif; fill: #1a1a1a; }
-.soft { fill: #555; }
-.centre-view { font-size: 20px; }
-.flange { fill: #cfd6db; }
-.axis { fill: none; stroke: #c4c4c4; stroke-dasharray: 4 3; }
-.ruler { fill: none; stroke: #555; stroke-width: 1.5; }
-.interval { fill: #d55e00; fill-opacity: .25; stroke: #d55e00; stroke-width: 1.5; }
-.cross { fill: none; stroke: #d55e00; }
-.centre { fill: #d55e00; }
-"""
+ROBOT, JOINTS, MOMENT_S = "er50", (1, 2, 4), 12.0
+"""Joints with the payload's weight, and the moment at which the arm is drawn, before the end of the excitation."""
+_LOADED, _EMPTY = "#d55e00", "#56697a"
+_STYLE = "text{font-family:Helvetica,Arial,'Liberation Sans',sans-serif;fill:#1a1a1a}.soft{fill:#555}"
+_PIXELS_PER_M = 150.0
 
 
 def run() -> None:
     """Commission the arm in a temporary folder, and draw the result."""
     with tempfile.TemporaryDirectory() as folder:
-        result = CliRunner().invoke(app, ["commission", ROBOT, "--output", folder])
-        if result.exit_code != 0:
-            raise SystemExit(result.output)
-        found = armload.identify(
-            ROBOT,
-            *_pair(Path(folder), "identification"),
-            validation=_pair(Path(folder), "validation"),
-        )
+        found = armload.commission(ROBOT, folder)
+        runs = [armload.read_recording(Path(folder) / f"{load}_identification.mcap") for load in ("loaded", "unloaded")]
     PICTURE.parent.mkdir(exist_ok=True)
-    PICTURE.write_text(picture(found))
+    PICTURE.write_text(picture(found, *runs))
     print(f"{PICTURE}: {PICTURE.stat().st_size} bytes")
 
 
-def _pair(folder: Path, role: str) -> tuple[Path, Path]:
-    """Files of the loaded and the unloaded run."""
-    return folder / f"loaded_{role}.mcap", folder / f"unloaded_{role}.mcap"
-
-
-def picture(found: Findings) -> str:
+def picture(found: Findings, loaded: armload.Recording, unloaded: armload.Recording) -> str:
     """The SVG of a determined payload.
 
     Args:
         found: An identification and its validation.
+        loaded: The run with the payload that it was identified from.
+        unloaded: The run without it.
     """
     mass = mass_card(found.payload)
-    fitted = found.content.fitted
-    if mass is None or fitted is None:
+    if mass is None:
         raise SystemExit("the mass is not determined: nothing to draw")
-    side, front = center_views(found.payload)
-    name = found.arm.joint_names[_JOINT]
-    title = f"Joint {_JOINT + 1} ({name}): measured and predicted payload torque, and the difference."
-    torque = torque_figure(fitted.signal, fitted.predicted_nm, _JOINT, "torque", title)
     parts = [
-        '<rect width="960" height="590" fill="#fff"/>',
-        f'<rect x="20" y="20" width="8" height="60" fill="{_COLORS[found.verdict.kind]}"/>',
-        _text(44, 46, 22, f"{found.verdict.title}", weight=700),
-        _text(44, 72, 15, f"Simulated arm {found.arm.name}, judged on runs that it was not identified from", soft=True),
-        _text(20, 170, 62, mass[0], weight=700),
-        _text(22, 204, 16, f"95{NO_BREAK}% interval {mass[1]}", soft=True),
-        _text(22, 262, 16, "Payload torque of a joint: measured and predicted,"),
-        _text(22, 284, 16, "and what is left of it beside the noise"),
-        _placed(side.svg, 500, 20, 220, 220),
-        _placed(front.svg, 730, 20, 220, 220),
-        _text(610, 262, 15, side.heading, anchor="middle"),
-        _text(840, 262, 15, front.heading, anchor="middle"),
-        _text(500, 288, 14, "Centre of mass on the flange, to scale, with its 95 % interval", soft=True),
-        _placed(torque, 20, 300, 920, 280),
+        '<rect width="960" height="330" fill="#fff"/>',
+        _arm(loaded.position_rad[np.searchsorted(loaded.time_s, loaded.time_s[-1] - MOMENT_S)]),
+        '<text x="330" y="30" font-size="15">motor currents over ten seconds, '
+        f'<tspan style="fill:{_LOADED}">with</tspan> and <tspan style="fill:{_EMPTY}">without</tspan> the payload</text>',
+        *(_currents(loaded, unloaded, joint, 46 + 92 * row) for row, joint in enumerate(JOINTS)),
+        _text(735, 150, 44, mass[0], weight=700),
+        _text(737, 182, 15, f"95{NO_BREAK}% interval", soft=True),
+        _text(737, 202, 15, mass[1], soft=True),
+        _text(737, 240, 15, found.verdict.title),
     ]
-    described = escape(f"{found.verdict.title}. Mass {mass[0]}, {mass[1]}.")
+    described = escape(f"A simulated arm, its motor currents, and the result. {found.verdict.title}. Mass {mass[0]}.")
     return (
-        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 960 590" role="img">'
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 960 330" role="img">'
         f"<title>{described}</title><style>{_STYLE}</style>{''.join(parts)}</svg>\n"
     )
 
 
-def _text(x: int, y: int, size: int, text: str, *, weight: int = 400, soft: bool = False, anchor: str = "start") -> str:
-    kind = ' class="soft"' if soft else ""
+def _arm(position_rad: FloatArray) -> str:
+    """The arm's joints and flange from the side, with what it carries."""
+    chain = armload.load_robot(ROBOT).chain
+    points = np.vstack([np.zeros(3), chain.forward(position_rad)[:, :3, 3]])
+    up = -chain.gravity_m_s2 / np.linalg.norm(chain.gravity_m_s2)
+    ahead = points[-1] - (points[-1] @ up) * up
+    flat = np.column_stack([points @ ahead / np.linalg.norm(ahead), points @ up])
+    x, y = 60.0 + _PIXELS_PER_M * flat[:, 0], 290.0 - _PIXELS_PER_M * (flat[:, 1] - flat[:, 1].min())
+    links = " ".join(f"{a:.0f},{b:.0f}" for a, b in zip(x, y, strict=True))
+    dots = "".join(
+        f'<circle cx="{a:.0f}" cy="{b:.0f}" r="7" fill="#39618a"/>' for a, b in zip(x[1:-1], y[1:-1], strict=True)
+    )
     return (
-        f'<text x="{x}" y="{y}" font-size="{size}" font-weight="{weight}" text-anchor="{anchor}"{kind}>'
-        f"{escape(text)}</text>"
+        '<rect x="20" y="290" width="270" height="6" fill="#bbb"/>'
+        f'<polyline points="{links}" fill="none" stroke="#8fa9c2" stroke-width="16" stroke-linejoin="round" '
+        f'stroke-linecap="round"/>{dots}<circle cx="{x[-1]:.0f}" cy="{y[-1] + 16:.0f}" r="17" fill="{_LOADED}"/>'
     )
 
 
-def _placed(svg: str, x: int, y: int, width: int, height: int) -> str:
-    """An SVG, placed inside another."""
-    return re.sub(r"^<svg ", f'<svg x="{x}" y="{y}" width="{width}" height="{height}" ', svg)
+def _currents(loaded: armload.Recording, unloaded: armload.Recording, joint: int, top: int) -> str:
+    """Currents of one joint over ten seconds of the excitation, without and with the payload."""
+    lines, runs = [], ((unloaded, _EMPTY), (loaded, _LOADED))
+    currents = []
+    for run, _ in runs:
+        assert run.current_a is not None  # noqa: S101 - er50 records currents
+        part = np.abs(run.time_s - run.time_s[-1] + 13.0) < 5.0
+        width = max(1, int(part.sum()) // 300)
+        count = int(part.sum()) // width
+        currents.append(run.current_a[part][: count * width, joint].reshape(count, width).mean(axis=1))
+    most = max(float(np.abs(current).max()) for current in currents)
+    for (_, color), current in zip(runs, currents, strict=True):
+        x, y = np.linspace(380, 710, current.size), top + 42 - 36 * current / most
+        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+        lines.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="1.8"/>')
+    axis = f'<path d="M380 {top + 42}H710" stroke="#ccc"/>'
+    return _text(330, top + 47, 14, f"joint {joint + 1}", soft=True) + axis + "".join(lines)
+
+
+def _text(x: int, y: int, size: int, text: str, *, weight: int = 400, soft: bool = False) -> str:
+    kind = ' class="soft"' if soft else ""
+    return f'<text x="{x}" y="{y}" font-size="{size}" font-weight="{weight}"{kind}>{escape(text)}</text>'
 
 
 if __name__ == "__main__":

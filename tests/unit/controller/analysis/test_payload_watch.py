@@ -72,7 +72,7 @@ def test_grasped_and_dropped_are_reported_with_their_mass(robot, calibration_fil
     for event, change_kg in ((events[2], mass_kg), (events[5], -mass_kg)):
         assert abs(event.mass_kg - change_kg) < 2.0 * event.half_width_95_kg < 0.4 * mass_kg
     assert str(events[2]).startswith("grasped (+")
-    document = moments[-1].to_dict("six", "0")
+    document = moments[-1].to_dict("six")
     assert document["changes"] == 2
     assert document["center_of_mass_m"] == [None, None, None]
 

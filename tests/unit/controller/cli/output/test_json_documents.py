@@ -292,7 +292,7 @@ def test_a_document_is_as_its_schema_says(document, name):
     found = document(name)
     schema = json_schemas()[found["schema"].split("/")[1]]
     Draft202012Validator(strict(schema)).validate(found)
-    wrong = found | {"robot": 5, "frame": 5, "recordings": 5}
+    wrong = found | {"robot": 5, "frame": 5, "recordings": 5, "tools": 5}
     assert not Draft202012Validator(schema).is_valid(wrong)
 
 

@@ -1,0 +1,62 @@
+"""The documentation: its code runs, its commands are accepted, and the site builds without a warning."""
+
+import importlib.util
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.glob("*.md"))
+pytestmark = pytest.mark.skipif(not PAGES, reason="not a checkout: the documentation is not installed")
+
+
+def blocks(page, language):
+    indented = re.findall(rf"^( *)```{language}\n(.*?)^ *```", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+    return [re.sub(rf"^{indent}", "", text, flags=re.MULTILINE) for indent, text in indented]
+
+
+PROGRAMS = [
+    pytest.param(page, marks=[pytest.mark.long] * (page.stem == "five-minutes"), id=page.stem) for page in PAGES
+]
+
+
+@pytest.mark.parametrize("page", PROGRAMS)
+def test_the_code_of_a_page_runs(page, tmp_path):
+    program = "\n".join(blocks(page, "python"))
+    run = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert bool(run.stdout) == bool(program)
+
+
+COMMANDS = [
+    words
+    for page in PAGES
+    for text in blocks(page, "console")
+    for line in text.replace("\\\n", " ").splitlines()
+    if (words := shlex.split(line.removeprefix("$ "), comments=True))[:1] == ["armload"]
+]
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_every_command_takes_the_options_it_is_shown_with(words, require_accepted):
+    require_accepted(words[1:])
+
+
+@pytest.mark.long
+@pytest.mark.skipif(importlib.util.find_spec("sphinx") is None, reason="the extra docs is not installed")
+def test_the_site_builds_without_a_warning(tmp_path):
+    command = [sys.executable, "-m", "sphinx", "--fail-on-warning", "--keep-going", "-q", "-c", DOCS, ROOT, tmp_path]
+    built = subprocess.run([*command, "-d", tmp_path / "trees"], capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    theory = (tmp_path / "docs" / "theory.html").read_text("utf-8")
+    assert theory.count("<math ") > 20
+    for page in tmp_path.rglob("*.html"):
+        loaded = re.findall(r'<(?:script|link|img)[^>]*(?:src|href)="(https?:[^"]*)"', page.read_text("utf-8"))
+        assert loaded == [], page
+    assert "armload commission" in (tmp_path / "docs" / "reference" / "commands.html").read_text("utf-8")
+    assert (tmp_path / "searchindex.js").stat().st_size > 100_000
