@@ -51,7 +51,8 @@ def picture(found: Findings, loaded: armload.Recording, unloaded: armload.Record
         '<rect width="960" height="330" fill="#fff"/>',
         _arm(loaded.position_rad[np.searchsorted(loaded.time_s, loaded.time_s[-1] - MOMENT_S)]),
         '<text x="330" y="30" font-size="15">motor currents over ten seconds, '
-        f'<tspan style="fill:{_LOADED}">with</tspan> and <tspan style="fill:{_EMPTY}">without</tspan> the payload</text>',
+        f'<tspan style="fill:{_LOADED}">with</tspan> and '
+        f'<tspan style="fill:{_EMPTY}">without</tspan> the payload</text>',
         *(_currents(loaded, unloaded, joint, 46 + 92 * row) for row, joint in enumerate(JOINTS)),
         _text(735, 150, 44, mass[0], weight=700),
         _text(737, 182, 15, f"95{NO_BREAK}% interval", soft=True),

@@ -97,7 +97,7 @@ def test_a_payload_is_mounted_and_dropped_and_the_watch_notices(robot, calibrati
     page = report.read_text()
     assert all(str(event) in page for event in events)
     assert all(name in page for name in robot.joint_names)
-    document = moments[-1].to_dict("er50", "0")
+    document = moments[-1].to_dict("er50")
     assert document["bus"]["enabled"] is False
     assert json.loads(json.dumps(document)) == document
 
