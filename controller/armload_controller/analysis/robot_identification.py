@@ -146,7 +146,7 @@ def identify(
     method = named_estimator(estimator)
     arm = arm_of(robot)
     used = arm_in_use(arm, calibration)
-    tool = None if minus is None else payload_of(minus, arm)
+    tool = None if minus is None else payload_of(minus, arm, "the tool to subtract")
     gains = used.transmission
     if tool is not None and used.known is None:  # the same gains, so that their error affects both alike
         gains = gains_to_compare_by(tool.mass_center, gains)
@@ -335,10 +335,10 @@ def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:
     )
 
 
-def payload_of(payload: PayloadResult | FilePath, arm: MeasuredArm) -> PayloadResult:
-    """A payload of an arm, in the flange frame."""
-    result = payload_from(payload, "payload")
-    source = "payload" if result is payload else str(payload)
+def payload_of(payload: PayloadResult | FilePath, arm: MeasuredArm, argument: str = "payload") -> PayloadResult:
+    """A payload of an arm, in the flange frame; `argument` is its name in messages if it is not a file."""
+    result = payload_from(payload, argument)
+    source = argument if result is payload else str(payload)
     problem = another_arms(result, arm.chain, arm.name)
     if problem is not None:
         raise PayloadFileError(source, "provenance.robot", result.provenance.robot, problem)
