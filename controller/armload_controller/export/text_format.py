@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from armload_controller.export.exported_payload import ExportSubject
+from armload_controller.export.load_data.makers_flange import outward_axis
 
 WIDTH = 100
 SIGNIFICANT_DIGITS = 9
@@ -45,11 +46,13 @@ def load_data(subject: ExportSubject) -> tuple[str, str, str]:
     """First paragraphs of any controller's load data: provenance, frame, and definition of the load."""
     rpy = subject.flange_rpy_rad
     turned = "" if rpy is None else f", turned by roll, pitch, yaw = {', '.join(f'{a:.6g}' for a in rpy)} rad"
+    known = outward_axis(subject.chain)[1]
+    out_of_flange, direction = (", out of the flange", "") if known else ("", "that z points out of the flange, ")
     return (
         provenance(subject),
-        f"Frame: the flange of {subject.robot}'s configuration{turned}. Checked: its z is the last joint's axis, out "
-        "of the flange, as in the controller's flange frame. NOT CHECKED, because no kinematics state it: that x and y "
-        "agree with the controller's, and where along the axis the origin is.",
+        f"Frame: the flange of {subject.robot}'s configuration{turned}. Checked: its z is the last joint's axis"
+        f"{out_of_flange}, as in the controller's flange frame. NOT CHECKED, because no kinematics state it: "
+        f"{direction}that x and y agree with the controller's, and where along the axis the origin is.",
         "Load: everything mounted between the empty and the loaded run. A tool that was on the flange in both runs is "
         "not included and must be added.",
     )

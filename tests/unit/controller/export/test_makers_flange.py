@@ -114,3 +114,15 @@ def test_the_ur10es_tool0_is_right_and_its_ee_link_is_not(make_subject):
         for subject in (right, replace(wrong, flange_rpy_rad=rpy))
     ]
     assert last[0] == last[1]
+
+
+def test_the_text_says_what_was_checked(make_subject, right):
+    """With the flange at the wrist the kinematics do not tell where out is."""
+    subject = make_subject("er50")
+    placement = subject.chain.placement.copy()
+    placement[-1, :3, 3] = 0.0
+    at_wrist = Chain(placement, subject.chain.axis, np.eye(4), subject.chain.gravity_m_s2)
+    for shown, checked in ((right, True), (replace(subject, chain=at_wrist), False)):
+        text = " ".join(export_ur(shown)["er50_payload.script"].replace("#", "").split())
+        assert ("the last joint's axis, out of the flange, as in" in text) is checked
+        assert ("no kinematics state it: that z points out of the flange, that x and y" in text) is not checked
