@@ -287,6 +287,25 @@ WRITTEN = {
     "only a maker's current, 6078 expected": own(
         without=[0x6077, 0x6078], changes=VENDORS_CURRENT, error=WrongDevice, reason="effort_object"
     ),
+    "a maker's current that it does not have": own(
+        {"vendor_effort": VendorEffort(0x2100, 2, DataType.I16, 1e-3)},
+        changes=VENDORS_CURRENT,
+        error=WrongDevice,
+        reason=r'no 2100:2 .*Correct effort_object\. Or leave it out\. It has 6077:0 .*feedback = "torque"',
+    ),
+    "a maker's current of another size": own(
+        {"vendor_effort": VendorEffort(0x2100, 1, DataType.I32, 1e-3)},
+        without=[0x6077, 0x6078],
+        changes=VENDORS_CURRENT,
+        error=WrongDevice,
+        reason='16 bits instead of 32.*Correct the type in effort_object: "i16"',
+    ),
+    "a maker's current that cannot be mapped": own(
+        {"vendor_effort": VendorEffort(0x2100, 1, DataType.I16, 1e-3)},
+        without=[0x6077, 0x6078],
+        changes=VENDORS_CURRENT | {"2100sub1": VENDORS_CURRENT["2100sub1"] | {"PDOMapping": "0"}},
+        reason=r"does not allow 2100:1 .*Correct effort_object\. A drive must report current",
+    ),
     "IP only": own({"mode": IP}, without=[0x607A], changes={"6502": {"DefaultValue": "0x40"}}, expected=ways()),
     "IP only, CSP expected": own(
         changes={"6502": {"DefaultValue": "0x40"}}, error=WrongDevice, reason="mode 8 .* is not offered, only 7"

@@ -32,7 +32,12 @@ from armload_drivers.cia402.drive_safety import SafetyFinding, SafetyValues
 from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_data.drive_scale import ReportedScale, resolve
 from armload_drivers.cia402.process_data.drive_units import ArmUnits, AxisUnits
-from armload_drivers.cia402.process_data.process_image import feedback_entries, setpoint_entries, target_entry
+from armload_drivers.cia402.process_data.process_image import (
+    effort_entry,
+    feedback_entries,
+    setpoint_entries,
+    target_entry,
+)
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import CommandError, SdoRefused, ServoTimeout, WrongDevice
 
@@ -374,15 +379,20 @@ class DriveSetup(DriveDialogue, ABC):
         """
         if entry.key == od.TORQUE_OFFSET.key:
             return "Set torque_offset = false; feed-forward is then refused on this drive"
-        if entry not in _EFFORTS:
+        ours = self.settings.vendor_effort
+        named = ours is not None and entry.key == effort_entry(self.settings).key
+        if entry not in _EFFORTS and not named:
             return f"A joint requires {entry.index:04X}: use other firmware, or another drive"
         for other, name in ((od.TORQUE_ACTUAL, "torque"), (od.CURRENT_ACTUAL, "current")):
             if entry.key != other.key and can_be_used(other):
-                return f'It has {other}: set feedback = "{name}"'
-        return _NO_EFFORT
+                instead = f'It has {other}: set feedback = "{name}"'
+                return f"Correct effort_object. Or leave it out. {instead}" if named else instead
+        return f"Correct effort_object. {_NO_EFFORT}" if named else _NO_EFFORT
 
     def _resized(self, entry: Entry, bits: int) -> str:
         """How the configuration can use an object of another size."""
+        if self.settings.vendor_effort is not None and entry.key == effort_entry(self.settings).key:
+            return f'Correct the type in effort_object: "i{bits}" has {bits} bits'
         key = {od.TORQUE_OFFSET.key: "torque_offset_bits"} | {effort.key: "effort_bits" for effort in _EFFORTS}
         if entry.key not in key or bits not in {16, 32}:
             return f"A drive of CiA 402 has {entry.type.bits}: ask its manufacturer for firmware that conforms"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import struct
 from abc import ABC, abstractmethod
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 
 from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.driver_errors import SdoRefused, ServoError, ServoTimeout
@@ -132,7 +132,10 @@ class SdoChannel(ABC):
         try:
             self._transfer(entry, struct.pack("<" + entry.type.code, value))
         except SdoRefused as refusal:
-            size = len(self._transfer(entry, None)) if refusal.abort_code in _LENGTHS else 0
+            size = 0
+            if refusal.abort_code in _LENGTHS:
+                with suppress(SdoRefused):  # an object that cannot be read does not state its size
+                    size = len(self._transfer(entry, None))
             if not 0 < size <= _LARGEST_NUMBER or not -(1 << 8 * size - 1) <= value < 1 << 8 * size:
                 raise
             self._transfer(entry, (value & (1 << 8 * size) - 1).to_bytes(size, "little"))
