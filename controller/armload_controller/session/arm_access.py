@@ -70,7 +70,13 @@ def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> No
 
 
 def open_arm(
-    robot: Robot, load: Load, report: Callable[[str], None], *, simulated_drives: bool, attended: bool
+    robot: Robot,
+    load: Load,
+    report: Callable[[str], None],
+    *,
+    simulated_drives: bool,
+    attended: bool,
+    brakes_closed: bool = False,
 ) -> AbstractContextManager[JointServos]:
     """Open the arm that the configuration names: in this process or on a bus.
 
@@ -80,22 +86,26 @@ def open_arm(
         report: Called with remarks for the operator.
         simulated_drives: On a bus, require the simulation's identity of every drive.
         attended: Whether an operator is at the terminal.
+        brakes_closed: Whether brakes stay closed while drives are enabled, to test them.
     """
     if robot.bus.in_virtual_time:
-        return simulated_arm(robot, load)
-    return arm_on_bus(robot, report, simulated_drives=simulated_drives, attended=attended)
+        return simulated_arm(robot, load, brakes_closed=brakes_closed)
+    return arm_on_bus(robot, report, simulated_drives=simulated_drives, attended=attended, brakes_closed=brakes_closed)
 
 
 @contextmanager
-def simulated_arm(robot: Robot, load: Load, described: Sequence[DeviceDescription] = ()) -> Iterator[JointServos]:
+def simulated_arm(
+    robot: Robot, load: Load, described: Sequence[DeviceDescription] = (), *, brakes_closed: bool = False
+) -> Iterator[JointServos]:
     """Master and simulated drives in this process, in lockstep.
 
     Args:
         robot: The arm; the loaded half runs with its configured payload.
         load: Load on the flange.
         described: Device descriptions that the drives implement: none, one for all joints, or one per joint.
+        brakes_closed: As in `open_arm`.
     """
-    arm = robot.drives.settings
+    arm = replace(robot.drives.settings, brakes_closed=brakes_closed)
     payload = robot.simulation.payload_name if load is Load.LOADED else None
     plant = ArmPlant(robot.simulation.plant_spec(payload, run=int(load is Load.LOADED)))
     clock = VirtualClock()
@@ -111,7 +121,12 @@ def simulated_arm(robot: Robot, load: Load, described: Sequence[DeviceDescriptio
 
 @contextmanager
 def arm_on_bus(
-    robot: Robot, report: Callable[[str], None], *, simulated_drives: bool, attended: bool
+    robot: Robot,
+    report: Callable[[str], None],
+    *,
+    simulated_drives: bool,
+    attended: bool,
+    brakes_closed: bool = False,
 ) -> Iterator[JointServos]:
     """Drives on a bus; within the block this process is tuned for the cycle.
 
@@ -120,6 +135,7 @@ def arm_on_bus(
         report: Called with the tuning that was not permitted.
         simulated_drives: Require the simulation's identity of every drive, instead of the configured one.
         attended: Whether an operator is at the terminal.
+        brakes_closed: As in `open_arm`.
 
     Raises:
         ConfigurationError: the file does not state the drives' identities, or the constraints on motions.
@@ -127,7 +143,7 @@ def arm_on_bus(
         BusError: the interface cannot be opened.
     """
     require_rules(robot, simulated_drives=simulated_drives, attended=attended)
-    arm = robot.drives.settings
+    arm = replace(robot.drives.settings, brakes_closed=brakes_closed)
     if simulated_drives:
         drives = tuple(replace(drive, identity=SIMULATION_IDENTITY) for drive in arm.drives)
         arm = replace(arm, drives=drives)

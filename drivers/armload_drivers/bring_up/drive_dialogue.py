@@ -141,6 +141,32 @@ class DriveDialogue:
                 self._sdo.write(entry, 0)
         return counts
 
+    def keep_brake_closed(self) -> None:
+        """Close the brake, and keep it closed while the drive is enabled.
+
+        Raises:
+            ServoError: the drive has no output for it, or does not keep the setting.
+        """
+        self._sdo.step = "keeping the brake closed"
+        for entry in (od.PHYSICAL_OUTPUTS, od.OUTPUT_MASK):
+            value = self._sdo.read_if_there(entry)
+            if value is not None:
+                self._sdo.write(entry, value | od.SET_BRAKE)
+                value = self._sdo.read(entry)
+            if value is None or not value & od.SET_BRAKE:
+                raise self._sdo.failure(
+                    f"the drive does not let its brake be kept closed: {'no ' if value is None else ''}{entry}",
+                    "Test the brake with the manufacturer's tool",
+                )
+
+    def release_brake(self) -> None:
+        """Leave the brake to the drive again."""
+        self._sdo.step = "leaving the brake to the drive"
+        for entry in (od.OUTPUT_MASK, od.PHYSICAL_OUTPUTS):
+            value = self._sdo.read_if_there(entry)
+            if value is not None:
+                self._sdo.write(entry, value & ~od.SET_BRAKE)
+
     def reset_fault(self) -> State:
         """Reset a fault by SDO, by a bounded number of rising edges; nothing is enabled.
 

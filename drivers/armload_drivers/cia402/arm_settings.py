@@ -201,6 +201,7 @@ class ArmSettings:
         bitrate: Bits per second; of CANopen.
         heartbeat_s: Heartbeat period in both directions; of CANopen.
         max_missing_cycles: Greatest number of consecutive cycles in which a joint's feedback may be missing.
+        brakes_closed: Whether brakes stay closed while drives are enabled, to test them.
         other_nodes: Node ids of CiA 402 drives on the bus that do not belong to the arm.
         sync_counter: Overflow value of the SYNC counter (1019), 2 to 240; 0 sends SYNC without one.
         fieldbus: The bus.
@@ -215,6 +216,7 @@ class ArmSettings:
     max_missing_cycles: int
     sync_counter: int = 0
     other_nodes: frozenset[int] = frozenset()
+    brakes_closed: bool = False
     fieldbus: Fieldbus = Fieldbus.CANOPEN
     watchdog_s: float = 0.1
 

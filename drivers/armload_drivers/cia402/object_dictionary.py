@@ -169,6 +169,10 @@ TORQUE_OFFSET_32 = Entry(0x60B2, 0, "torque offset", _T.I32, _A.RW, _M.RPDO)
 INTERPOLATION_SETPOINT = Entry(0x60C1, 1, "interpolation data record, 1st set-point", _T.I32, _A.RW, _M.RPDO)
 INTERPOLATION_TIME = Entry(0x60C2, 1, "interpolation time period value", _T.U8)
 INTERPOLATION_EXPONENT = Entry(0x60C2, 2, "interpolation time index", _T.I8)
+PHYSICAL_OUTPUTS = Entry(0x60FE, 1, "digital outputs, physical outputs", _T.U32)
+OUTPUT_MASK = Entry(0x60FE, 2, "digital outputs, bit mask", _T.U32)
+SET_BRAKE = 1
+"""Bit 0 of both: the brake is closed by the master, whatever the drive would do with it."""
 FOLLOWING_ERROR_ACTUAL = Entry(0x60F4, 0, "following error actual value", _T.I32, _A.RO, _M.TPDO)
 
 DEVICE_TYPE_SERVO = 0x0002_0192

@@ -339,6 +339,7 @@ class CyclicServos(ABC):
             node.target_counts = node.position_counts = setup.hold_present_position()
             node.offset_permille = 0
             setup.watch_master(on=True)
+        self._keep_brakes_closed()
         self._settings = SettingsWatch([setup.objects for setup in self._setups], self.cycle_s)
         self._removal = TorqueRemoval(self._cycle, self._nodes, self._setups, self._timeouts)
         try:
@@ -349,6 +350,18 @@ class CyclicServos(ABC):
                 self._cycle.end()
             raise
 
+    def _keep_brakes_closed(self) -> None:
+        """If the arm is opened to test its brakes, keep all closed, or none if one drive refuses."""
+        braked = [setup for setup in self._setups if self._arm.brakes_closed and setup.settings.has_brake]
+        try:
+            for setup in braked:
+                setup.keep_brake_closed()
+        except BaseException:
+            for setup in braked:
+                with suppress(DriverError):
+                    setup.release_brake()
+            raise
+
     def _end_cycles(self) -> None:
         """End the cycles and the drives' watch on their master; no drive carries torque any more."""
         self._cycle.end()
@@ -356,6 +369,8 @@ class CyclicServos(ABC):
         for node, setup in zip(self._nodes, self._setups, strict=True):
             if not (node.lost or node.restarted or node.is_gone):
                 setup.watch_master(on=False)
+                if self._arm.brakes_closed and node.settings.has_brake:
+                    setup.release_brake()
 
     def _back_out(self, error: BaseException) -> None:
         """After a failed enabling, disable the drives that already have torque."""

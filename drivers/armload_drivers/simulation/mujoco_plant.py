@@ -96,6 +96,7 @@ class ArmPlant:
         self._first_sampled: int | None = None
         braked = [0.0 if joint.has_brake else math.inf for joint in spec.joints]
         self._state[kernels.SERVO_BRAKE_BEGINS] = braked
+        self._kept_braked: set[int] = set()
         for axis in range(self.n):
             self.set_powered(axis, False)
 
@@ -244,7 +245,9 @@ class ArmPlant:
         state = self._state
         self._ramp(axis, self.hold_position(axis), 0.0)
         if on:
-            state[kernels.SERVO_POWER_ENDS, axis] = state[kernels.SERVO_BRAKE_BEGINS, axis] = math.inf
+            state[kernels.SERVO_POWER_ENDS, axis] = math.inf
+            if axis not in self._kept_braked:
+                state[kernels.SERVO_BRAKE_BEGINS, axis] = math.inf
         else:
             state[kernels.SERVO_POWER_ENDS, axis] = min(state[kernels.SERVO_POWER_ENDS, axis], self._step)
             self._engage_brake(axis)
@@ -267,6 +270,21 @@ class ArmPlant:
         self._engage_brake(axis)
         ends, holds = self._state[[kernels.SERVO_POWER_ENDS, kernels.SERVO_BRAKE_BEGINS], axis]
         self._state[kernels.SERVO_POWER_ENDS, axis] = min(ends, holds)
+
+    def keep_braked(self, axis: int, closed: bool) -> None:
+        """Keep an axis's brake closed also while torque is on, or leave it to `set_powered` again.
+
+        Args:
+            axis: Index of the axis.
+            closed: Whether it is kept closed.
+        """
+        if closed:
+            self._kept_braked.add(axis)
+            self._engage_brake(axis)
+        elif axis in self._kept_braked:
+            self._kept_braked.remove(axis)
+            if math.isinf(self._state[kernels.SERVO_POWER_ENDS, axis]):
+                self._state[kernels.SERVO_BRAKE_BEGINS, axis] = math.inf
 
     def _engage_brake(self, axis: int) -> None:
         """Let the brake of an axis hold after its delay, unless it already does or there is none."""

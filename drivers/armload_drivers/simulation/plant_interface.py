@@ -80,6 +80,9 @@ class Plant(Protocol):
     def hold_by_brake(self, axis: int) -> None:
         """Engage the brake, and remove the torque when it holds: for an axis at standstill."""
 
+    def keep_braked(self, axis: int, closed: bool) -> None:
+        """Keep the brake closed also while torque is on, or leave it to `set_powered` again."""
+
     def fail_encoder(self, axis: int, fault: EncoderFault) -> None:
         """Let an encoder fail."""
 
@@ -111,6 +114,7 @@ class IdealPlant:
         n: Number of axes.
         time_s: Time that it has been advanced to.
         powered: Per axis, whether torque is on.
+        kept_braked: Per axis, whether the brake is kept closed.
         torque_offset_nm: (n,) present offsets.
         lag_rad: (n,) distance of encoders behind setpoints; initially zero, to inject following errors.
         encoder_faults: Fault of each axis's encoder, with the position and time at which it occurred; it changes what
@@ -127,6 +131,7 @@ class IdealPlant:
         self.time_s = 0.0
         self.n = len(self._start)
         self.powered = [False] * len(self._start)
+        self.kept_braked = [False] * len(self._start)
         self.torque_offset_nm = np.zeros_like(self._start)
         self.lag_rad = np.zeros_like(self._start)
         self.encoder_faults: dict[int, tuple[EncoderFault, float, float]] = {}
@@ -192,6 +197,10 @@ class IdealPlant:
     def hold_by_brake(self, axis: int) -> None:
         """Switch torque off; the axis keeps its position."""
         self.set_powered(axis, False)
+
+    def keep_braked(self, axis: int, closed: bool) -> None:
+        """Record it: these axes have no brakes that could be tested."""
+        self.kept_braked[axis] = closed
 
     def fail_encoder(self, axis: int, fault: EncoderFault) -> None:
         """Let an encoder fail; it replaces an earlier fault."""

@@ -1,6 +1,6 @@
 """`armload drives`: nodes on the bus, an arm's drives against its configuration, their state, fault reset.
 
-Nothing here energises a drive, so it is allowed on any bus. `scan` and `show` only read;
+Nothing here energises a drive but `check --brakes`, under the rules for moving an arm. `scan` and `show` only read;
 `armload_drivers.bring_up.drive_check` decides what `check` and `reset` may write to which drive. On the virtual bus,
 which has no other node, simulated drives answer. `store` and `assign` write what a drive keeps, and ask first.
 """
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,7 +18,15 @@ import typer
 from armload_controller.cli.command_group import CommandGroup
 from armload_controller.cli.exit_status import ExitStatus
 from armload_controller.cli.given_arm import arm_on_bus
-from armload_controller.cli.options import BUS_FORM, BitrateOption, BusOption, CycleOption, RobotArgument, bus_address
+from armload_controller.cli.options import (
+    BUS_FORM,
+    BitrateOption,
+    BusOption,
+    CycleOption,
+    RobotArgument,
+    SimulatedDrivesOption,
+    bus_address,
+)
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.control_errors import CommissioningError, ConfigurationError, UnsafeBus
 from armload_controller.motion.motion_control import MotionControl
@@ -26,10 +34,13 @@ from armload_controller.motion.motion_control import MotionControl
 if TYPE_CHECKING:
     import can
 
+    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_drivers.canopen.lss_master import LssAddress
 
-drives = typer.Typer(cls=CommandGroup, help="Inspect the drives on a bus. Nothing is energised.", no_args_is_help=True)
+drives = typer.Typer(
+    cls=CommandGroup, help="Inspect the drives on a bus. Only check --brakes energises.", no_args_is_help=True
+)
 
 
 @drives.command("scan")
@@ -65,6 +76,11 @@ def check_command(
     bus: BusOption = None,
     bitrate: BitrateOption = None,
     cycle_hz: CycleOption = None,
+    brakes: Annotated[
+        bool,
+        typer.Option("--brakes", help="Then enable the drives with their brakes closed, and push against each. Asks."),
+    ] = False,
+    simulated_drives: SimulatedDrivesOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Perform bring-up short of enabling, and check the safety properties. Resets and configures the arm's nodes."""
@@ -89,8 +105,33 @@ def check_command(
     screen.document(partial(checks_document, arm.name, found))
     left = [f"{count} {what}" for count, what in ((wrong, "wrong or not done"), (missing, "missing")) if count]
     screen.result(f"of {len(rows)} steps {', '.join(left)}" if left else f"all {len(rows)} steps are ok")
-    if wrong:
+    if wrong or (brakes and not _brakes_hold(arm, screen, simulated_drives=simulated_drives)):
         raise typer.Exit(ExitStatus.REFUSED)
+
+
+def _brakes_hold(arm: Robot, screen: Screen, *, simulated_drives: bool) -> bool:
+    """Try the brakes, show the result, and return whether all hold that there are."""
+    from armload_controller.cli.attendance import attended, operator_at
+    from armload_controller.cli.output.drive_result_tables import brake_table
+    from armload_controller.session.arm_access import open_arm, require_rules
+    from armload_controller.session.brake_test import brakes_tried
+    from armload_controller.session.run_session import Load, run_session
+    from armload_drivers.servos import JointServos
+
+    require_rules(arm, simulated_drives=simulated_drives, attended=attended())
+
+    def open_servos(load: Load) -> AbstractContextManager[JointServos]:
+        return open_arm(
+            arm, load, screen.step, simulated_drives=simulated_drives, attended=attended(), brakes_closed=True
+        )
+
+    with (
+        operator_at(arm, screen, MotionControl(), agreed=False, live=None) as operator,
+        run_session(arm, Load.LOADED, open_servos, operator) as session,
+    ):
+        found = brakes_tried(session)
+    screen.table(brake_table(found))
+    return all(finding.holds or not finding.tried_nm for finding in found)
 
 
 @drives.command("show")

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from rich.table import Column, Table
 from rich.text import Text
 
+from armload_controller.session.brake_test import BrakeFinding
 from armload_drivers.bring_up.drive_check import Check, DriveSafety, Verdict
 from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
 from armload_drivers.cia402.drive_safety import SafetyFinding
@@ -89,6 +90,19 @@ def _safety_cells(finding: SafetyFinding) -> tuple[str, str]:
     if finding.accepted:
         return "accepted", what
     return "missing", f'{what}. Then name "{finding.of.key}" in accept_missing'
+
+
+def brake_table(found: Sequence[BrakeFinding]) -> Table:
+    """One row per joint: whether its brake holds."""
+    table = Table(*_folded("joint", "torque N m", "shown by the motor", "moved rad", "brake"), title="brakes")
+    for finding in found:
+        if not finding.tried_nm:
+            table.add_row(finding.joint, "", "", "", Text("not tried: no brake, or no 60B2", style="yellow"))
+            continue
+        verdict = Text("holds", style="green") if finding.holds else Text("does not hold", style="red")
+        share, moved = f"{100.0 * finding.response:.0f} %", f"{finding.moved_rad:.4f}"
+        table.add_row(finding.joint, f"{finding.tried_nm:.1f}", share, moved, verdict)
+    return table
 
 
 def status_table(status: ArmStatus) -> Table:

@@ -157,6 +157,9 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
         _count(0x60C2, 2),
         (od.INTERPOLATION_TIME, milliseconds(cycle_s) if cycle_s < 0.255 else 255),
         (od.INTERPOLATION_EXPONENT, -3),
+        _count(0x60FE, 2),
+        (od.PHYSICAL_OUTPUTS, 0),
+        (od.OUTPUT_MASK, 0),
         (od.FOLLOWING_ERROR_ACTUAL, 0),
     ]
     dictionary = Dictionary()

@@ -96,6 +96,9 @@ class PowerStage:
         self._vendor_effort = None if settings.vendor_effort is None else effort_entry(settings)
         for entry in (od.POLARITY, od.INTERPOLATION_TIME, od.INTERPOLATION_EXPONENT, od.MODE):
             dictionary.reactions[entry.key] = self._take_settings
+        for entry in (od.PHYSICAL_OUTPUTS, od.OUTPUT_MASK):
+            dictionary.reactions[entry.key] = self._set_brake
+        self._set_brake()
         dictionary.vetoes[od.POLARITY.key] = self._only_without_power
         self._take_settings()
 
@@ -103,6 +106,12 @@ class PowerStage:
         """Veto for objects that may not change while the motor carries torque."""
         if self.machine.state in POWERED:
             raise SdoAbort(Abort.DEVICE_STATE)
+
+    def _set_brake(self) -> None:
+        """Keep the brake closed, or not."""
+        values = self._values
+        closed = values.get(od.PHYSICAL_OUTPUTS.key, 0) & values.get(od.OUTPUT_MASK.key, 0) & od.SET_BRAKE
+        self._plant.keep_braked(self._axis, bool(closed))
 
     def _take_settings(self) -> None:
         """Convert objects that the cycle needs in another form."""

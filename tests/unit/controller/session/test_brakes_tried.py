@@ -1,0 +1,95 @@
+"""The holding test of the brakes: what it concludes from torque and position, and a whole one in simulation."""
+
+from contextlib import nullcontext
+from importlib import resources
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import CommissioningError
+from armload_controller.motion.motion_control import MotionControl
+from armload_controller.session.arm_access import open_arm
+from armload_controller.session.brake_test import MOST_MOVED_RAD, BrakeTest, brakes_tried
+from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator, no_operator, run_session
+from armload_identification.signals.joint_torque import Transmission
+
+CYCLE_S = 0.02
+TRIED_NM = np.array([50.0, 0.0, 20.0])
+WEIGHT_NM = np.array([-30.0, 5.0, 8.0])
+
+
+def tried(response, moved_rad):
+    """Findings where the motors show a share of the torque, and the joints move."""
+    test = BrakeTest(("a", "b", "c"), Transmission(np.ones(3), np.eye(3)), TRIED_NM, CYCLE_S)
+    wanted_nm = np.zeros(3)
+    for _ in range(2000):
+        torque_nm, position_rad = WEIGHT_NM + response * wanted_nm, moved_rad * np.sign(wanted_nm)
+        feedback = SimpleNamespace(torque_nm=torque_nm, current_a=None, position_rad=position_rad)
+        wanted_nm = test.on_cycle(SimpleNamespace(feedback=feedback))
+        if wanted_nm is None:
+            break
+        assert np.count_nonzero(wanted_nm) <= 1, "one joint at a time"
+        assert (np.abs(wanted_nm) <= TRIED_NM).all()
+    assert test.done()
+    return test.findings()
+
+
+@pytest.mark.parametrize(
+    ("response", "moved_rad", "holds"),
+    [
+        (1.0, 0.0, True),
+        (0.75, 0.5 * MOST_MOVED_RAD, True),
+        (0.0, 0.0, False),
+        (-0.3, 0.0, False),
+        (1.0, 1.5 * MOST_MOVED_RAD, False),
+    ],
+)
+def test_a_brake_that_holds_takes_the_torque_and_the_joint_stands(response, moved_rad, holds):
+    first, second, third = tried(response, moved_rad)
+    assert (first.holds, third.holds) == (holds, holds)
+    assert first.response == pytest.approx(response)
+    assert third.moved_rad == pytest.approx(moved_rad)
+    assert (second.tried_nm, second.holds) == (0.0, False)
+
+
+def session_of(robot, operator):
+    def open_servos(load):
+        return open_arm(robot, load, print, simulated_drives=False, attended=False, brakes_closed=True)
+
+    return run_session(robot, Load.LOADED, open_servos, operator)
+
+
+@pytest.mark.long
+def test_a_weak_brake_is_found_in_simulation(tmp_path):
+    """The brakes of joints 1 and 4 hold a fifth of the torque that is tried."""
+    shipped = resources.files("armload_configs")
+    for name in ("er50_identification.toml", "er50_validation.toml"):
+        (tmp_path / name).write_text(shipped.joinpath(name).read_text("utf-8"))
+    head, *joints = shipped.joinpath("er50.toml").read_text("utf-8").split("[[simulation.joints]]\n")
+    for joint, torque_nm in ((0, 60.0), (3, 5.0)):
+        joints[joint] = f"brake_torque_nm = {torque_nm}\n{joints[joint]}"
+    path = tmp_path / "weak.toml"
+    path.write_text("[[simulation.joints]]\n".join([head, *joints]))
+    with session_of(load_robot(str(path)), no_operator()) as session:
+        found = brakes_tried(session)
+    assert [finding.holds for finding in found] == [False, True, True, False, True, True]
+
+
+def test_a_real_arm_is_enabled_with_consent_only(ideal_servos):
+    robot = load_robot("prbt").with_bus(cycle_hz=1.0 / CYCLE_S)
+    asked = []
+    operator = Operator(
+        NoDisplay(), MotionControl(), Consent(lambda question: bool(asked.append(question)), given=True)
+    )
+    servos = ideal_servos(6, CYCLE_S)
+    servos.simulated = False
+
+    def open_servos(load):
+        return nullcontext(servos)
+
+    with run_session(robot, Load.LOADED, open_servos, operator) as session, pytest.raises(CommissioningError):
+        brakes_tried(session)
+    assert "brakes stay closed" in asked[0]
+    assert servos.log == ["connect"]
