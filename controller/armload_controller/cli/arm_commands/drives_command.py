@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
+    from armload_controller.session.brake_test import BrakeFinding
     from armload_drivers.canopen.lss_master import LssAddress
 
 drives = typer.Typer(
@@ -102,15 +103,16 @@ def check_command(
         screen.table(safety_table(found.safety))
     wrong = sum(row.verdict in {Verdict.WRONG, Verdict.NOT_DONE} for row in rows)
     missing = sum(row.verdict is Verdict.MISSING for row in rows)
-    screen.document(partial(checks_document, arm.name, found))
     left = [f"{count} {what}" for count, what in ((wrong, "wrong or not done"), (missing, "missing")) if count]
     screen.result(f"of {len(rows)} steps {', '.join(left)}" if left else f"all {len(rows)} steps are ok")
-    if wrong or (brakes and not _brakes_hold(arm, screen, simulated_drives=simulated_drives)):
+    tried = _brakes_tried(arm, screen, simulated_drives=simulated_drives) if brakes and not wrong else ()
+    screen.document(partial(checks_document, arm.name, found, tried))
+    if wrong or any(finding.tried_nm and not finding.holds for finding in tried):
         raise typer.Exit(ExitStatus.REFUSED)
 
 
-def _brakes_hold(arm: Robot, screen: Screen, *, simulated_drives: bool) -> bool:
-    """Try the brakes, show the result, and return whether all hold that there are."""
+def _brakes_tried(arm: Robot, screen: Screen, *, simulated_drives: bool) -> tuple[BrakeFinding, ...]:
+    """Try the brakes, and show the result."""
     from armload_controller.cli.attendance import attended, operator_at
     from armload_controller.cli.output.drive_result_tables import brake_table
     from armload_controller.session.arm_access import open_arm, require_rules
@@ -131,7 +133,7 @@ def _brakes_hold(arm: Robot, screen: Screen, *, simulated_drives: bool) -> bool:
     ):
         found = brakes_tried(session)
     screen.table(brake_table(found))
-    return all(finding.holds or not finding.tried_nm for finding in found)
+    return found
 
 
 @drives.command("show")
@@ -198,18 +200,21 @@ def store_command(
     bus: BusOption = None,
     bitrate: BitrateOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Store the settings: do not ask.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Store the present settings of the arm's drives in their memory (1010). On a real arm, asks first."""
+    from armload_controller.cli.output.result_documents import stored_document
     from armload_controller.cli.screen import Screen
     from armload_drivers.bring_up.drive_store import store
     from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 
     arm = arm_on_bus(robot, bus, bitrate)
-    screen = Screen()
+    screen = Screen(as_json=as_json)
     with _bus_of(arm) as opened:
         bring_up = CanopenBringUp(arm.drives.settings, opened)
         if not store(bring_up, lambda question: yes or screen.confirm(question)):
             raise CommissioningError("not confirmed: nothing was stored")
+    screen.document(partial(stored_document, arm.name, arm.joint_names))
     screen.result(f"stored: {', '.join(arm.joint_names)}")
 
 
@@ -229,8 +234,10 @@ def assign_command(
     ] = None,
     bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of the bus in bit/s.")] = 1_000_000,
     yes: Annotated[bool, typer.Option("--yes", help="Set it: do not ask.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Give a node its node id, and a bit rate, by layer setting services (LSS). Asks first."""
+    from armload_controller.cli.output.result_documents import assigned_document
     from armload_controller.cli.screen import Screen
     from armload_controller.session.arm_access import open_bus
     from armload_drivers.canopen.lss_master import BIT_TIMINGS
@@ -239,11 +246,12 @@ def assign_command(
     if new_bitrate is not None and new_bitrate not in BIT_TIMINGS:
         raise typer.BadParameter(f"{new_bitrate}: expected one of {', '.join(map(str, BIT_TIMINGS))}")
     address = None if identity is None else _address(identity)
-    screen = Screen()
+    screen = Screen(as_json=as_json)
     with open_bus(*bus_address(bus, BUS_FORM), bitrate) as opened:
         found = assign(opened, node_id, new_bitrate, address, lambda question: yes or screen.confirm(question))
     if found is None:
         raise CommissioningError("not confirmed: nothing was set")
+    screen.document(partial(assigned_document, found, node_id, new_bitrate))
     screen.result(f"{found}: node id {node_id}")
 
 

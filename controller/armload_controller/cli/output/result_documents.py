@@ -19,9 +19,11 @@ if TYPE_CHECKING:
     from armload_controller.feedforward.offset_check import OffsetVerdict
     from armload_controller.new_robot.arm_draft import ArmDraft
     from armload_controller.new_robot.drafted_file import DraftedFile
+    from armload_controller.session.brake_test import BrakeFinding
     from armload_controller.session.feedforward_comparison import FollowingComparison
     from armload_drivers.bring_up.drive_check import ArmCheck
     from armload_drivers.bring_up.inspection import ArmStatus, DriveStatus, FoundNode
+    from armload_drivers.canopen.lss_master import LssAddress
     from armload_drivers.cia402.state_machine import State
 
 
@@ -42,8 +44,8 @@ def nodes_document(interface: str, channel: str, found: Sequence[FoundNode]) -> 
     return json_document("nodes", {"interface": interface, "channel": channel, "nodes": nodes})
 
 
-def checks_document(robot: str, found: ArmCheck) -> dict[str, Any]:
-    """The steps of a bring-up short of enabling, and the safety properties."""
+def checks_document(robot: str, found: ArmCheck, tried: Sequence[BrakeFinding] = ()) -> dict[str, Any]:
+    """The steps of a bring-up short of enabling, the safety properties, and the brakes if they were tried."""
     checks = [asdict(row) | {"verdict": row.verdict.value} for row in found.steps]
     safety = [
         {
@@ -66,7 +68,8 @@ def checks_document(robot: str, found: ArmCheck) -> dict[str, Any]:
         }
         for drive in found.safety
     ]
-    return json_document("checks", {"robot": robot, "checks": checks, "safety": safety})
+    brakes = [asdict(finding) | {"holds": finding.holds} for finding in tried]
+    return json_document("checks", {"robot": robot, "checks": checks, "safety": safety, "brakes": brakes})
 
 
 def status_document(robot: str, status: ArmStatus) -> dict[str, Any]:
@@ -84,6 +87,16 @@ def status_document(robot: str, status: ArmStatus) -> dict[str, Any]:
 def reset_document(robot: str, joint: str, node_id: int, state: State) -> dict[str, Any]:
     """The state of a drive after its fault was reset."""
     return json_document("reset", {"robot": robot, "joint": joint, "node_id": node_id, "state": state.title})
+
+
+def stored_document(robot: str, joints: Sequence[str]) -> dict[str, Any]:
+    """The joints whose drives have stored their settings."""
+    return json_document("stored", {"robot": robot, "joints": list(joints)})
+
+
+def assigned_document(found: LssAddress, node_id: int, bitrate: int | None) -> dict[str, Any]:
+    """The node that was given a node id, and perhaps a bit rate."""
+    return json_document("assigned", asdict(found) | {"node_id": node_id, "bitrate": bitrate})
 
 
 def feedforward_document(

@@ -98,7 +98,6 @@ class PowerStage:
             dictionary.reactions[entry.key] = self._take_settings
         for entry in (od.PHYSICAL_OUTPUTS, od.OUTPUT_MASK):
             dictionary.reactions[entry.key] = self._set_brake
-        self._set_brake()
         dictionary.vetoes[od.POLARITY.key] = self._only_without_power
         self._take_settings()
 

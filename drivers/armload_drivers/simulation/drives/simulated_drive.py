@@ -159,6 +159,7 @@ class SimulatedDrive:
         self.power.remove_torque()
         now_s = self._now_s
         self._initialise()
+        self._plant.keep_braked(self._axis, False)
         self._pass_time(now_s)
         self._restart_heartbeat()
         self.power.machine.initialised()

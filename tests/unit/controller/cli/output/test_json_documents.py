@@ -41,7 +41,8 @@ from armload_controller.fleet.recording_row import RowOutcome
 from armload_controller.session.feedforward_comparison import FollowingComparison, Measure
 from armload_drivers.bring_up import drive_check
 from armload_drivers.bring_up.inspection import FoundNode
-from armload_drivers.canopen import canopen_inspection
+from armload_drivers.canopen import canopen_inspection, node_assignment
+from armload_drivers.canopen.lss_master import LssAddress
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.listening.overheard_arm import ToldPayload
@@ -103,6 +104,8 @@ COMMANDS = {
     "drives check": "drives check er50",
     "drives show": "drives show er50 --once",
     "drives reset": "drives reset er50 joint_2 --yes",
+    "drives store": "drives store er50 --yes",
+    "drives assign": "drives assign virtual:assigned --node-id 7 --yes",
 }
 """Commands with a document that need no bus and move no arm."""
 
@@ -125,6 +128,7 @@ def document(armload, recorded_er50, tmp_path_factory):
         patch.setenv("XDG_DATA_HOME", str(names["out"]))
         patch.setattr(canopen_inspection, "LISTEN_S", 0.01)
         patch.setattr(drive_check, "reset", lambda *_: State.SWITCH_ON_DISABLED)  # no drive is in FAULT
+        patch.setattr(node_assignment, "assign", lambda *_: LssAddress(1, 2, 3, 4))  # no node is on this bus
         yield printed
 
 
