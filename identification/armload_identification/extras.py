@@ -25,7 +25,7 @@ class Extra(StrEnum):
 _LIBRARIES: Final = {
     Extra.IDENTIFY: {"scipy": "SciPy"},
     Extra.REPORT: {"matplotlib": "Matplotlib", "jinja2": "Jinja"},
-    Extra.FLEET: {"distributed": "Dask", "pyarrow": "PyArrow", "fsspec": "fsspec"},
+    Extra.FLEET: {"distributed": "Dask", "pyarrow": "PyArrow", "fsspec": "fsspec", "cryptography": "cryptography"},
 }
 
 
