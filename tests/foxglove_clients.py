@@ -83,7 +83,7 @@ def shake_hands(client):
     """Request the protocol, and check that the server supports it."""
     key = base64.b64encode(bytes(16)).decode()
     client.sendall(
-        f"GET / HTTP/1.1\r\nHost: arm\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: {key}\r\n"
-        f"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: {PROTOCOL}\r\n\r\n".encode()
+        "GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: {PROTOCOL}\r\n\r\n".encode()
     )
     assert b"101" in client.recv(64)

@@ -30,6 +30,13 @@ def main() -> None:
         try:
             try:
                 app()
+            except SystemExit as end:
+                from armload_controller.cli.printable_console import OutlivingStream
+
+                if end.code or OutlivingStream.problem is None:
+                    raise
+                sys.stderr.write(f"error: the output could not be written: {OutlivingStream.problem}\n")
+                sys.exit(EXIT_REFUSED)
             except ModuleNotFoundError as error:
                 missing = missing_extra(error)
                 if missing is None:

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from errno import EIO, EPIPE
-from typing import IO, Any, TextIO, cast
+from typing import IO, Any, ClassVar, TextIO, cast
 
 from rich.console import Console
 from rich.text import Text
@@ -17,10 +17,15 @@ from armload_controller.cli.printable_text import as_options, printable
 
 
 class OutlivingStream:
-    """A stream that survives the loss of its reader: later output is dropped, and the program continues.
+    """A stream that survives the loss of its reader, or a full disk: later output is dropped; the program continues.
 
     A moving arm must not be left uncontrolled because the terminal or a pipe was closed.
+
+    Attributes:
+        problem: Why output that somebody wants was lost, such as a full disk; None if none was, or its reader went.
     """
+
+    problem: ClassVar[str | None] = None
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -41,12 +46,12 @@ class OutlivingStream:
 
     @contextmanager
     def _dropping(self) -> Iterator[None]:
-        """If the reader has gone, redirect the stream to the null device, including what is still buffered."""
+        """After an error, redirect the stream to the null device, including what is still buffered."""
         try:
             yield
         except OSError as error:
             if error.errno not in (EIO, EPIPE):
-                raise
+                OutlivingStream.problem = error.strerror
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, self._stream.fileno())
             os.close(nowhere)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterable
 from pathlib import Path
@@ -94,8 +95,8 @@ def comment(paragraphs: Iterable[str], prefix: str) -> list[str]:
 
 def xml_comment(paragraphs: Iterable[str]) -> list[str]:
     """Paragraphs as one XML comment."""
-    # two hyphens would end the comment
-    return ["<!--", *(line.replace("--", "- -") for line in comment(paragraphs, " ")), "-->"]
+    # two hyphens, of which "---" has two pairs, would end the comment
+    return ["<!--", *(re.sub("-(?=-)", "- ", line) for line in comment(paragraphs, " ")), "-->"]
 
 
 def printable(text: str) -> str:

@@ -213,7 +213,7 @@ def _file_system(url: str) -> tuple[Any, str]:
         raise ListingError(
             f"{url}: {problem}. For {protocol}:// install it: pip install {_PACKAGES.get(protocol, protocol)}"
         ) from problem
-    except ValueError as problem:
+    except Exception as problem:  # a file system may raise anything about a URL that it cannot use
         raise ListingError(f"{url}: {problem}; expected a path, or a URL that fsspec knows, such as s3://") from problem
     return files, path
 

@@ -19,6 +19,7 @@ from armload_identification.excitation.fourier import Excitation
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.formats.frame_reader import DataFrame, FrameReader
 from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter, WrongUnit
+from armload_identification.recording.read_boundary import reading
 from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.reader_registry import reader_of
 from armload_identification.recording.reading_options import ReadingOptions
@@ -58,7 +59,8 @@ def read_recording(
         RecordingError: the file is missing, empty, damaged, of an unknown format, or contains no usable rows.
     """
     path = source if isinstance(source, Path) else Path("data frame")
-    reader = reader_of(source, options) if isinstance(source, Path) else FrameReader(source, path, options)
+    with reading(path):
+        reader = reader_of(source, options) if isinstance(source, Path) else FrameReader(source, path, options)
     text = reader.attachments.get(EXCITATION_ATTACHMENT)
     excitation = None if text is None else parse_excitation(text, f"{path}, attachment {EXCITATION_ATTACHMENT}")
     shown = path if options.episode is None else path.with_name(f"{path.name} episode {options.episode}")
@@ -76,8 +78,6 @@ def read_recording(
             columns, names = account.columns
             option = columns.in_units(error.factors).option(names)
             raise RecordingError(f"{error} Or specify the unit: {option}.") from None
-        except OSError as error:
-            raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check the path.") from error
     raise RecordingError(f"{path}: the recording cannot be reduced. Record it again.")
 
 
@@ -174,6 +174,12 @@ def _usable_rows(
     reader: RecordingReader, account: ReadingAccount, garbage: GarbageFilter, excitation: Excitation | None
 ) -> Iterator[RowBlock]:
     """The usable rows of a file; the phase is dropped without an excitation."""
-    for block in reader.blocks(account):
+    for block in _blocks(reader, account, garbage.path):
         yield from garbage.add(block if excitation is not None else replace(block, phase_s=None))
     yield from garbage.finish()
+
+
+def _blocks(reader: RecordingReader, account: ReadingAccount, path: Path) -> Iterator[RowBlock]:
+    """The reader's blocks."""
+    with reading(path):
+        yield from reader.blocks(account)

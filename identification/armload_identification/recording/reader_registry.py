@@ -92,10 +92,7 @@ def reader_of(path: Path, options: ReadingOptions) -> RecordingReader:
     Raises:
         RecordingError: it cannot be opened, is empty, or has an unknown format.
     """
-    try:
-        start = b"" if path.is_dir() else _start_of(path)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check the path.") from error
+    start = b"" if path.is_dir() else _start_of(path)
     for factory in READERS:
         reader = factory(path, start, options)
         if reader is None:

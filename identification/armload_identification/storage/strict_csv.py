@@ -83,8 +83,12 @@ def parse_csv(
         rows: Description of the expected rows, for the error of an empty table.
         error: Class of the error raised for an invalid table, naming line, column and value.
     """
-    lines = csv.reader(text.splitlines(), skipinitialspace=True)
-    header = [name.strip() for name in next(lines, [])]
+    reader = csv.reader(text.splitlines(), skipinitialspace=True)
+    try:
+        lines = [(reader.line_num, cells) for cells in reader]
+    except csv.Error as problem:
+        raise error(source, f"line {reader.line_num}", None, f"cannot be read: {problem}") from problem
+    header = [name.strip() for name in lines[0][1]] if lines else []
     known = (*required, *optional)
     for separator, called in _OTHER_SEPARATORS.items():
         if len(header) == 1 and separator in header[0]:
@@ -98,13 +102,13 @@ def parse_csv(
         if name not in header:
             raise error(source, f"line 1, {name}", None, f"the header must name {', '.join(required)}")
     found = []
-    for cells in lines:
+    for number, cells in lines[1:]:
         values = [cell.strip() for cell in cells]
         if not any(values) or values[0].startswith("#"):
             continue
         if len(values) > len(header):
-            raise error(source, f"line {lines.line_num}", ",".join(values), f"expected {len(header)} columns")
-        found.append(CsvLine(lines.line_num, dict(zip(header, values, strict=False))))
+            raise error(source, f"line {number}", ",".join(values), f"expected {len(header)} columns")
+        found.append(CsvLine(number, dict(zip(header, values, strict=False))))
     if not found:
         raise error(source, "", None, f"the table has no rows; expected {rows}")
     return tuple(found)

@@ -2,6 +2,10 @@
 
     client <- bounded queue -> Relay <- loopback -> the SDK's server
 
+A client must be a program, or a page that Foxglove serves: any other web page in the operator's browser could read the
+arm's motion. So the relay reads the request's Origin, and its Host, which a page can make its own name (DNS rebinding).
+The number of clients is bounded, and one that sends no request is disconnected.
+
 The SDK cannot disconnect a client; it only drops messages for a slow one. So the relay reads everything from the SDK
 immediately, for every client, and queues what a client has not yet read. A client whose queue grows too long, or that
 reads nothing for too long while data are queued, is disconnected; the others are not affected.
@@ -15,11 +19,15 @@ import struct
 from collections.abc import Callable, Coroutine
 from contextlib import closing, suppress
 from dataclasses import dataclass
+from ipaddress import ip_address
 from threading import Thread
 from typing import Any, Final
+from urllib.parse import urlsplit
 
 LOOPBACK: Final = "127.0.0.1"
 _CHUNK_BYTES: Final = 65536
+_ORIGINS: Final = {"https://app.foxglove.dev", "https://studio.foxglove.dev"}
+"""Pages that may watch."""
 _RESET_ON_CLOSE: Final = struct.pack("ii", 1, 0)
 
 
@@ -32,11 +40,36 @@ class ClientLimits:
         stalled_s: Longest time in s without reading while data are queued; covers a change of access points.
         kernel_bytes: Size of the socket's buffer. The kernel would let it grow to 4 MB, and until it is full a client
             that has stopped reading would seem to read.
+        clients: Most clients at a time.
+        request_s: Longest time in s for a client's request.
     """
 
     waiting_bytes: int = 4 * 2**20
     stalled_s: float = 10.0
     kernel_bytes: int = 2**17
+    clients: int = 32
+    request_s: float = 5.0
+
+
+def refusal(request: bytes) -> str | None:
+    """Why a client must not watch; None for a program, and for a page of Foxglove or of this computer's files.
+
+    Args:
+        request: Its HTTP request, up to the empty line.
+    """
+    lines = [line.partition(":") for line in request.decode("latin-1").split("\r\n")[1:]]
+    headers = {name.strip().lower(): value.strip() for name, _, value in lines}
+    origin = headers.get("origin")
+    if origin is not None and not origin.startswith("file:") and origin not in _ORIGINS:
+        return f"the web page {origin!r:.100} is not one of Foxglove's"
+    host = urlsplit(f"//{headers.get('host', '')}").hostname or ""
+    try:
+        ip_address(host)
+    except ValueError:
+        own = socket.gethostname().lower()
+        if host not in {"localhost", own, f"{own}.local", socket.getfqdn().lower()}:
+            return f"it asked for the host {host!r:.100}, which is no name of this computer; use its address"
+    return None
 
 
 class ClientPace:
@@ -79,6 +112,7 @@ class Relay:
     def __init__(self, listener: socket.socket, port: int, limits: ClientLimits, report: Callable[[str], None]) -> None:
         self._listener, self._port, self._limits, self._report = listener, port, limits, report
         self._clients: set[asyncio.Task[Any]] = set()
+        self._last_refusal = ""
         self._loop = asyncio.new_event_loop()
         self._closing = asyncio.Event()
         self._thread = Thread(target=self._run, daemon=True)
@@ -117,12 +151,22 @@ class Relay:
             return
         own_end = to_client.get_extra_info("socket")
         own_end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._limits.kernel_bytes)
+        request, problem = await self._request(from_client)
+        if problem is not None:
+            host, port, *_ = to_client.get_extra_info("peername")
+            to_client.write(b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")
+            to_client.close()
+            if problem != self._last_refusal:  # told once, not for each of hundreds
+                self._last_refusal = problem
+                self._report(f"the live view refused a client, {host}, port {port}: {problem}")
+            return
         try:
             from_server, to_server = await asyncio.open_connection(LOOPBACK, self._port)
         except OSError:  # the server has ended
             to_client.transport.abort()
             return
         try:
+            to_server.write(request)
             await _until_first_ends(
                 self._forward_to_client(from_server, to_client), _forward_to_server(from_client, to_server)
             )
@@ -132,6 +176,16 @@ class Relay:
             with suppress(OSError, TimeoutError):
                 await asyncio.wait_for(to_client.wait_closed(), self._limits.stalled_s)
             to_client.transport.abort()
+
+    async def _request(self, from_client: asyncio.StreamReader) -> tuple[bytes, str | None]:
+        """A client's request, and why it is refused; None if it is not."""
+        if len(self._clients) > self._limits.clients:
+            return b"", f"there are {self._limits.clients} clients already"
+        try:
+            request = await asyncio.wait_for(from_client.readuntil(b"\r\n\r\n"), self._limits.request_s)
+        except (OSError, EOFError, TimeoutError, asyncio.LimitOverrunError):
+            return b"", f"it sent no request within {self._limits.request_s:g} s"
+        return request, refusal(request)
 
     async def _forward_to_client(self, from_server: asyncio.StreamReader, to_client: asyncio.StreamWriter) -> None:
         """Forward the server's data to a client, until the server ends or the client is too far behind."""

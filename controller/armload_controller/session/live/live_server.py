@@ -165,6 +165,8 @@ def serve_clients(link: socket.socket, host: str, port: int, arm: LiveArm, limit
                 data = link.recv(LIMIT_BYTES)
             except TimeoutError:
                 data = b"{}"
+            except ConnectionError:  # closed with warnings that nobody read
+                break
             if not data:
                 break
             last |= orjson.loads(data)

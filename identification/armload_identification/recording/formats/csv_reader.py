@@ -23,6 +23,7 @@ from armload_identification.recording.row_block import RowBlock
 from armload_identification.recording.text_table import TextTable, echoed_columns, is_number, seconds_of_stamp
 
 _CHUNK_BYTES: Final = 2**18
+_LONGEST_LINE_BYTES: Final = 2**20
 _BLOCK_LINES: Final = 2**12
 
 
@@ -71,6 +72,8 @@ class CsvReader:
             while chunk := file.read(_CHUNK_BYTES):
                 digest.update(chunk)
                 *whole, rest = (rest + chunk).split(b"\n")
+                if len(rest) > _LONGEST_LINE_BYTES:
+                    raise ValueError(f"a line of more than {_LONGEST_LINE_BYTES} bytes, so it is no table")
                 waiting += [text for line in whole if (text := _text(line))]
                 # Some lines are always held back, because the last block must not be empty.
                 while len(waiting) > _BLOCK_LINES:

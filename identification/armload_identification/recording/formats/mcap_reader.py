@@ -22,13 +22,13 @@ import numpy as np
 import orjson
 import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd
 
 from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.read_boundary import MOST_BYTES
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.row_block import RowBlock
 from armload_identification.recording.run_format import MAGIC, RUN_ATTACHMENT, TOPIC
@@ -41,6 +41,10 @@ _MOST_BYTES: Final = 2**26
 """Most bytes of a record, and of an uncompressed chunk: the recorder's have 1 MB at most."""
 _RECORD: Final = struct.Struct("<BQ")
 """Header of every record: its kind and length."""
+_CHUNK_START: Final = struct.Struct("<QQQII")
+"""Start of a chunk: two times, its size, its checksum, and the length of the compression's name."""
+_FRAME_BYTES: Final = 18
+"""Longest header of a zstd frame."""
 _CHANNEL_ID: Final = struct.Struct("<H")
 _MESSAGE_HEADER: Final = 22
 """Bytes before a message's data: channel, sequence number and two times."""
@@ -51,8 +55,6 @@ _OPTIONAL: Final = ("velocity_rad_s", "current_a", "torque_nm")
 """In the order of the kernels' numbering."""
 _SCHEMA_ERRORS: Final = (KeyError, TypeError, ValueError, AttributeError)
 """Exceptions of a message that does not follow the schema."""
-_BROKEN: Final = (McapError, zstandard.ZstdError, RuntimeError, ValueError, OverflowError, EOFError, struct.error)
-"""Exceptions of a record that does not follow the format; LZ4 raises RuntimeError."""
 
 
 class McapReader:
@@ -69,10 +71,7 @@ class McapReader:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        try:
-            self.attachments: Mapping[str, str] = dict(_attached(path))
-        except _BROKEN as error:
-            raise self._damaged(f"an attachment cannot be read: {error}") from error
+        self.attachments: Mapping[str, str] = dict(_attached(path))
 
     def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
         """See `RecordingReader`; a message that violates `run_format.MESSAGE_SCHEMA` is counted as malformed.
@@ -81,12 +80,9 @@ class McapReader:
             RecordingError: the file is damaged, or has no usable message on the topic.
         """
         table = _MessageTable(account)
-        try:
-            for records in self._chunks_of_records(account):
-                yield from table.add(records)
-            yield from table.take()
-        except _BROKEN as error:
-            raise self._damaged(str(error)) from error
+        for records in self._chunks_of_records(account):
+            yield from table.add(records)
+        yield from table.take()
         if not table.n:
             others = f"; it has {', '.join(sorted(table.other_topics))}" if table.other_topics else ""
             raise RecordingError(
@@ -125,9 +121,6 @@ class McapReader:
             while rest := file.read(_COPY_BYTES):
                 digest.update(rest)
         account.sha256 = digest.hexdigest()
-
-    def _damaged(self, how: str) -> RecordingError:
-        return RecordingError(f"{self._path}: damaged, {how}. Copy the file again from where it was recorded.")
 
 
 class _MessageTable:
@@ -257,6 +250,33 @@ class _MessageTable:
         elif opcode == Opcode.MESSAGE and _CHANNEL_ID.unpack_from(records, start)[0] in self._channels:
             return records[start + _MESSAGE_HEADER : end], end
         return None, end
+
+
+def require_bounded(path: Path) -> None:
+    """Raise if a record or a chunk of any program's MCAP file would take more memory than a reader may hold.
+
+    Args:
+        path: The file; only the beginnings of its records are read.
+
+    Raises:
+        ValueError: naming the size.
+    """
+    with path.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        at = len(MAGIC)
+        while at + _RECORD.size <= size:
+            file.seek(at)
+            opcode, length = _RECORD.unpack(file.read(_RECORD.size))
+            sizes = [length]
+            if opcode == Opcode.CHUNK and len(start := file.read(_CHUNK_START.size)) == _CHUNK_START.size:
+                _, _, stated, _, name = _CHUNK_START.unpack(start)
+                compression, frame = file.read(min(name, _FRAME_BYTES)), file.read(8 + _FRAME_BYTES)[8:]
+                sizes += [stated, zstandard.frame_content_size(frame) if compression == b"zstd" else 0]
+            if max(sizes) > MOST_BYTES:
+                raise ValueError(f"a record or chunk of {max(sizes)} bytes, at most {MOST_BYTES} are possible")
+            at += _RECORD.size + length
+            if opcode == Opcode.FOOTER:
+                return
 
 
 def _joint_names(run: str, n: int) -> tuple[str, ...]:

@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -30,7 +29,7 @@ _NAMES: Final = {
 _JOINT_NAMES: Final = "joint_names"
 _BLOCK_ROWS: Final = 2**13
 _MOST_JOINTS: Final = 1024
-_BROKEN: Final = (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, NotImplementedError, SyntaxError)
+_MOST_NAME_BYTES: Final = 2**20
 
 
 class NumpyReader:
@@ -48,11 +47,8 @@ class NumpyReader:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        try:
-            with zipfile.ZipFile(path) as archive:
-                there = {name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")}
-        except _BROKEN as error:
-            raise self._damaged(error) from error
+        with zipfile.ZipFile(path) as archive:
+            there = {name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")}
         self._arrays = {
             quantity: next(name for name in names if name in there)
             for quantity, names in _NAMES.items()
@@ -74,11 +70,8 @@ class NumpyReader:
             RecordingError: damaged, or arrays of inconsistent shapes.
         """
         account.sha256 = hash_of_files([self._path])
-        try:
-            with zipfile.ZipFile(self._path) as archive:
-                yield from self._blocks(archive, account)
-        except _BROKEN as error:
-            raise self._damaged(error) from error
+        with zipfile.ZipFile(self._path) as archive:
+            yield from self._blocks(archive, account)
 
     def _blocks(self, archive: zipfile.ZipFile, account: ReadingAccount) -> Iterator[RowBlock]:
         """Blocks of rows, decompressed one at a time."""
@@ -89,7 +82,7 @@ class NumpyReader:
             expected = shape[:1] if quantity == "time_s" else shape
             if len(shape) != 2 or not 1 <= shape[1] <= _MOST_JOINTS or found != expected:
                 raise ValueError(f"{self._arrays[quantity]} has shape {found}, position {shape}; expected (N, n)")
-        if self._named:
+        if self._named and archive.getinfo(f"{_JOINT_NAMES}.npy").file_size <= _MOST_NAME_BYTES:
             with archive.open(f"{_JOINT_NAMES}.npy") as stream:
                 names = np.lib.format.read_array(stream, allow_pickle=False)
             if names.shape == shape[1:] and names.dtype.kind == "U" and len(set(names.tolist())) == shape[1]:
@@ -106,12 +99,6 @@ class NumpyReader:
                 block[quantity] = values.reshape(rows, *columns).astype(np.float64)
             yield RowBlock(**block)
 
-    def _damaged(self, error: Exception) -> RecordingError:
-        return RecordingError(
-            f"{self._path}: not an archive of consistent arrays: {error}. Save it as np.savez(path, time_s=..., "
-            "position_rad=..., torque_nm=...)."
-        )
-
 
 def _header_of(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Shape and type of an array of real numbers, which must be stored row by row."""
@@ -119,5 +106,5 @@ def _header_of(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, by_columns, kind = read(stream)
     if kind.kind not in "fiu" or (by_columns and len(shape) > 1):
-        raise ValueError("expected real numbers, row by row (np.ascontiguousarray)")
+        raise ValueError("an array is not of real numbers, row by row (np.ascontiguousarray)")
     return shape, kind

@@ -48,7 +48,6 @@ _NORMALISED: Final = 100.0
 _SLACK_RAD: Final = 0.1
 """How far a position may be beyond a limit."""
 _BLOCK_ROWS: Final = 2**13
-_BROKEN: Final = (pa.ArrowException, ValueError, KeyError, TypeError, OSError, AttributeError)
 
 
 class ParquetReader:
@@ -69,11 +68,8 @@ class ParquetReader:
     def __init__(self, path: Path, options: ReadingOptions) -> None:
         self._path, self._episode, self._options = path, options.episode, options
         info, self._files = _described(path) if path.is_dir() else ({}, [path])
-        try:
-            self._names = pq.ParquetFile(self._files[0]).schema_arrow
-            self._require_episode()
-        except _BROKEN as error:
-            raise self._damaged(error) from error
+        self._names = pq.ParquetFile(self._files[0]).schema_arrow
+        self._require_episode()
         self._remarks: tuple[str, ...] = ()
         self._columns = options.columns or self._recognised(info)
 
@@ -101,15 +97,12 @@ class ParquetReader:
             account.sha256 = hashlib.sha256(f"{account.sha256} episode {self._episode}".encode()).hexdigest()
             wanted.append(_EPISODE)
         for file in self._files:
-            try:
-                for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=list(dict.fromkeys(wanted))):
-                    if self._episode is not None:
-                        batch = batch.filter(pc.equal(batch.column(_EPISODE), self._episode))  # noqa: PLW2901
-                    account.rows_read += batch.num_rows
-                    if batch.num_rows:
-                        yield self._block(batch, groups)
-            except _BROKEN as error:
-                raise self._damaged(error) from error
+            for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=list(dict.fromkeys(wanted))):
+                if self._episode is not None:
+                    batch = batch.filter(pc.equal(batch.column(_EPISODE), self._episode))  # noqa: PLW2901
+                account.rows_read += batch.num_rows
+                if batch.num_rows:
+                    yield self._block(batch, groups)
 
     def _block(self, batch: Any, groups: Mapping[str, Sequence[str]]) -> RowBlock:
         """Numbers of a batch."""
@@ -184,10 +177,6 @@ class ParquetReader:
         if self._episode is not None and self._episode not in episodes:
             there = f"there are {_numbered(episodes)}" if episodes else f"no column {_EPISODE}"
             raise RecordingError(f"{self._path}: no episode {self._episode}, {there}. Correct `episode=`.")
-
-    def _damaged(self, error: Exception) -> RecordingError:
-        reason = " ".join(str(error).split())[:200]
-        return RecordingError(f"{self._path}: the table cannot be read: {reason}. Copy it again, or rewrite it.")
 
 
 def _numbered(episodes: set[int]) -> str:

@@ -8,37 +8,36 @@ used, and messages without all of its joints are skipped.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final
 
-import apsw
 import numpy as np
-from mcap.exceptions import McapError
-from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
-from rosbags.rosbag2 import ReaderError
-from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.formats.mcap_reader import require_bounded
 from armload_identification.recording.joint_names import JointNames
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.row_block import RowBlock
-from armload_identification.storage.regular_file import hash_of_files
+from armload_identification.storage.regular_file import hash_of_files, read_whole
 
 STORAGE_SUFFIXES: Final = (".db3", ".mcap")
 METADATA: Final = "metadata.yaml"
+_DEEPEST: Final = 50
 _BLOCK_ROWS: Final = 2**9
 _LEARNT_FROM: Final = 400
 """Messages of each topic from which joints and time stamps are chosen."""
 _INCREASING: Final = 0.9
 """Share of the header stamps that must increase for them to be used."""
-_LONGEST_REASON: Final = 200
 _TYPES: Final = (
     "sensor_msgs/msg/JointState",
     "control_msgs/msg/DynamicJointState",
@@ -55,10 +54,6 @@ _CONTROL_MESSAGES: Final = {
     ),
 }
 """Definitions of ROS 2 Humble, whose SQLite bags do not contain the definitions of their messages."""
-_LIBRARY_ERRORS: Final = (AnyReaderError, ReaderError, SerdeError, TypesysError, McapError, apsw.Error)
-_PYTHON_ERRORS: Final = (ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, RuntimeError)
-_BROKEN: Final = (*_LIBRARY_ERRORS, *_PYTHON_ERRORS, TypeError, ValueError)
-"""Exceptions of the libraries for a damaged bag."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +95,9 @@ class RosReader:
     def __init__(self, path: Path, options: ReadingOptions) -> None:
         self._path, self._options = path, options
         self._bag = _bag_of(path)
+        for file in _files_of(self._bag):
+            if file.suffix == ".mcap":
+                require_bounded(file)
         with self._opened() as reader:
             self._choice = self._chosen(reader)
 
@@ -190,25 +188,17 @@ class RosReader:
         for connection, when_ns, raw in reader.messages(wanted):
             try:
                 yield when_ns, _sample(connection, reader.deserialize(raw, connection.msgtype))
-            except _BROKEN:
+            except Exception:  # noqa: BLE001 - damaged messages make the library raise anything
                 yield when_ns, None
 
     @contextmanager
     def _opened(self) -> Iterator[AnyReader]:
-        """Open the bag; errors of the library become `RecordingError`."""
+        """Open the bag."""
         store = get_typestore(Stores.ROS2_HUMBLE)
         for name, definition in _CONTROL_MESSAGES.items():
             store.register(get_types_from_msg(definition, name))
-        try:
-            with AnyReader([self._bag], default_typestore=store) as reader:
-                yield reader
-        except RecordingError:
-            raise
-        except (*_BROKEN, OSError) as error:
-            raise RecordingError(
-                f"{self._path}: the bag cannot be read: {_short(error)}. Copy it again from where it was recorded, or "
-                "rebuild its index: ros2 bag reindex."
-            ) from error
+        with AnyReader([self._bag], default_typestore=store) as reader:
+            yield reader
 
 
 def _sample(connection: Connection, message: Any) -> _JointSample:
@@ -231,11 +221,6 @@ def _sample(connection: Connection, message: Any) -> _JointSample:
     return _JointSample(tuple(names), stamp_ns, *(np.array(column, dtype=np.float64) for column in columns))
 
 
-def _short(error: Exception) -> str:
-    """A library's message, on one line."""
-    return " ".join(str(error).split())[:_LONGEST_REASON] or type(error).__name__
-
-
 def _has(values: FloatArray, sample: _JointSample) -> bool:
     """Whether a message has a quantity for all its joints, not just NaN as a placeholder."""
     return values.size == len(sample.names) and not np.isnan(values).all()
@@ -249,7 +234,13 @@ def _in_order(wanted: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
 
 def _bag_of(path: Path) -> Path:
     """The path for the library, a folder with its metadata or a storage file; `RecordingError` if it is no bag."""
-    if not path.is_dir() or (path / METADATA).is_file():
+    if (path / METADATA).is_file():
+        brackets = re.sub(rb"[^][{}]", b"", read_whole(path / METADATA))
+        # the library's time for nested lists grows with the square of their depth
+        if max(accumulate(1 if sign in b"[{" else -1 for sign in brackets), default=0) > _DEEPEST:
+            raise ValueError(f"{METADATA} has lists that are nested more than {_DEEPEST} times")
+        return path
+    if not path.is_dir():
         return path
     files = sorted(file for file in path.iterdir() if file.suffix in STORAGE_SUFFIXES)
     if len(files) != 1:

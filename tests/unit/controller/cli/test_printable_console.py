@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -73,9 +74,17 @@ def test_a_pipe_whose_reader_has_gone_is_written_to_no_more():
     assert shown.closed, "what was left in its buffer went nowhere as well"
 
 
-def test_a_full_disk_is_not_taken_for_a_reader_that_has_gone():
-    with pytest.raises(OSError, match="No space left"), Path("/dev/full").open("w") as shown:
-        PrintableConsole(file=shown).print("a result")
+def test_a_full_disk_is_not_taken_for_a_reader_that_has_gone(tmp_path):
+    """The program goes on, as an arm may move, and ends with an error in one line; it ended with a traceback."""
+    path = tmp_path / "log.csv"
+    path.write_text("t,q1,q2,tau1,tau2\n" + "\n".join(f"{0.01 * k},0.{k},1,2,3" for k in range(30)))
+    program = Path(sys.executable).with_name("armload")
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(
+            [program, "recordings", "show", path], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert ended.returncode == 1
+    assert ended.stderr == "error: the output could not be written: No space left on device\n"
 
 
 @pytest.mark.parametrize(("columns", "width"), [("0", 1000), ("", 1000), ("no", 1000), ("72", 72)])

@@ -13,7 +13,7 @@ from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import PhaseState, Segment
-from armload_controller.session.live.live_relay import ClientLimits, ClientPace, Relay
+from armload_controller.session.live.live_relay import ClientLimits, ClientPace, Relay, refusal
 from armload_controller.session.live.live_server import LiveArm, serve_clients
 from armload_controller.session.live.live_view import EVERY_S, LiveView
 from armload_controller.session.run_session import NoDisplay
@@ -29,6 +29,7 @@ ARM = LiveArm(
 )
 SMALL = ClientLimits(waiting_bytes=30_000, stalled_s=1e9, kernel_bytes=4096)
 LATER = 20
+REQUEST = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 
 
 class Lines(NoDisplay):
@@ -115,9 +116,11 @@ def relayed(limits=SMALL):
         listener = socket.create_server(("127.0.0.1", 0))
         relay = Relay(listener, server.getsockname()[1], limits, reports.append)
         with closing(socket.create_connection(listener.getsockname(), 10.0)) as client:
+            client.sendall(REQUEST)
             own, _ = server.accept()
             own.settimeout(10.0)
             with own:
+                assert own.recv(100) == REQUEST
                 yield client, own, reports
         relay.close(10.0)
     assert not relay._thread.is_alive()
@@ -182,3 +185,50 @@ def test_other_names_of_the_loopback_interface_are_served(host):
 def test_a_name_that_cannot_be_is_a_problem():
     with served("..") as (_, answer):
         assert "label empty" in answer["problem"]
+
+
+def asked(port, *headers, host="127.0.0.1"):
+    """The first bytes of the answer to a request with these headers; empty if the connection was closed."""
+    with socket.create_connection(("127.0.0.1", port), timeout=10.0) as client:
+        lines = ["GET / HTTP/1.1", f"Host: {host}:{port}", *headers, "Upgrade: websocket", "Connection: Upgrade"]
+        lines += [f"Sec-WebSocket-Key: {'A' * 22}==", "Sec-WebSocket-Version: 13"]
+        lines += ["Sec-WebSocket-Protocol: foxglove.sdk.v1", "", ""]
+        client.sendall("\r\n".join(lines).encode())
+        return client.recv(12)
+
+
+def test_no_web_page_reads_the_arm():
+    """Any page in the operator's browser could; its own name for this computer (DNS rebinding) does not help."""
+    with served() as (_, answer):
+        port = answer["port"]
+        assert asked(port) == b"HTTP/1.1 101"
+        assert asked(port, "Origin: https://app.foxglove.dev") == b"HTTP/1.1 101"
+        assert asked(port, "Origin: file://") == b"HTTP/1.1 101"
+        for origin in (
+            "https://evil.example",
+            "null",
+            "https://app.foxglove.dev.evil.example",
+            f"http://127.0.0.1:{port}",
+        ):
+            assert asked(port, f"Origin: {origin}") == b"HTTP/1.1 403"
+        assert asked(port, host="evil.example") == b"HTTP/1.1 403"
+
+
+@pytest.mark.parametrize(
+    ("host", "good"),
+    [("localhost:8765", True), ("[::1]:8765", True), ("192.168.1.4:8765", True), ("evil.example", False), ("", False)],
+)
+def test_the_host_is_a_name_of_this_computer(host, good):
+    assert (refusal(f"GET / HTTP/1.1\r\nHost: {host}\r\n\r\n".encode()) is None) is good
+
+
+def test_connections_without_a_request_do_not_shut_the_view():
+    """450 of them took all of the process's files, and no later client was served or told why."""
+    with served(limits=ClientLimits(clients=4, request_s=0.3)) as (view, answer), ExitStack() as stack:
+        port, lines = answer["port"], view._display.texts
+        idle = [stack.enter_context(socket.create_connection(("127.0.0.1", port), 10.0)) for _ in range(450)]
+        for client in idle:
+            assert client.recv(12) == b"HTTP/1.1 403"
+        assert asked(port) == b"HTTP/1.1 101"
+        view.show_warnings()
+        assert any("refused a client" in line for line in lines)

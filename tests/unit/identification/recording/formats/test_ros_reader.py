@@ -242,13 +242,13 @@ def test_bags_that_cannot_be_read_are_refused_in_a_sentence(bag, state, store, t
     whole = file.read_bytes()
     for damaged in (whole[:5000], whole[:100] + b"\xff" * 3000 + whole[3100:]):
         file.write_bytes(damaged)
-        with pytest.raises(RecordingError, match=r"the bag cannot be read|no joint positions|usable rows"):
+        with pytest.raises(RecordingError, match=r"damaged, |no joint positions|usable rows"):
             read_recording(path)
     (path / "metadata.yaml").write_text("nonsense: [")
-    with pytest.raises(RecordingError, match=r"the bag cannot be read.*ros2 bag reindex"):
+    with pytest.raises(RecordingError, match=r"damaged, .*Copy"):
         read_recording(path)
     sqlite3.connect(tmp_path / "no.db3").execute("create table a (b)").connection.close()
-    with pytest.raises(RecordingError, match=r"no\.db3: the bag cannot be read"):
+    with pytest.raises(RecordingError, match=r"no\.db3: damaged, "):
         read_recording(tmp_path / "no.db3")
     (tmp_path / "two").mkdir()
     for name in ("a.db3", "b.db3"):

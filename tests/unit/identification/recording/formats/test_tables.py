@@ -60,7 +60,7 @@ def test_arrays_that_are_no_recording_are_refused(tmp_path, arrays, said):
 def test_objects_are_not_unpickled_and_damage_is_named(tmp_path):
     path = tmp_path / "run.npz"
     np.savez(path, time_s=np.array([{"a": 1}], dtype=object), position_rad=POSITION)
-    with pytest.raises(RecordingError, match=r"run\.npz: not an archive of"):
+    with pytest.raises(RecordingError, match=r"run\.npz: damaged, "):
         read_recording(path)
     np.savez_compressed(path, time_s=TIME, position_rad=POSITION, torque_nm=TORQUE)
     whole = path.read_bytes()
@@ -75,7 +75,7 @@ def test_objects_are_not_unpickled_and_damage_is_named(tmp_path):
         except AssertionError:
             pass
     path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(RecordingError, match="not an archive of"):
+    with pytest.raises(RecordingError, match="damaged, "):
         read_recording(path)
 
 
@@ -159,9 +159,9 @@ def test_damaged_tables_are_named(tmp_path):
     whole = path.read_bytes()
     for damaged in (whole[:500], whole[:200] + b"\xff" * 300 + whole[500:], whole[:-30] + b"\xff" * 30):
         path.write_bytes(damaged)
-        with pytest.raises(RecordingError, match=r"run\.parquet: the table cannot be read"):
+        with pytest.raises(RecordingError, match=r"run\.parquet: damaged, "):
             read_recording(path)
     uneven = pa.table({"t": TIME, "position": pa.array([[1.0] * (1 + k % 2) for k in range(TIME.size)])})
     pq.write_table(uneven, path)
-    with pytest.raises(RecordingError, match="cannot be read"):
+    with pytest.raises(RecordingError, match="damaged, "):
         read_recording(path)
