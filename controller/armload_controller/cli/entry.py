@@ -36,7 +36,7 @@ def main() -> None:
                 if end.code or OutlivingStream.problem is None:
                     raise
                 sys.stderr.write(f"error: the output could not be written: {OutlivingStream.problem}\n")
-                sys.exit(EXIT_REFUSED)
+                sys.exit(ExitStatus.REFUSED)
             except ModuleNotFoundError as error:
                 missing = missing_extra(error)
                 if missing is None:
