@@ -5,12 +5,14 @@ Tests with these drives run below that program: `with-ethercat --drives N ... --
 
 import json
 import os
+import select
 import socket
 import sys
 from pathlib import Path
 
 import numpy as np
 
+from armload_drivers.cia402.axis_brakes import STANDSTILL_RAD_S
 from armload_drivers.ethercat.ethercat_line import EthercatLine
 
 TOOLS = Path(__file__).resolve().parents[2] / "shared" / "tools"
@@ -18,6 +20,8 @@ UNDER_IT = "WITH_ETHERCAT" in os.environ
 WHY = "no drives of with-ethercat on an interface: see .ci/run"
 PATIENCE_S = 1.0
 QUICK_STOP_S = 0.1
+SURELY_S = 0.02
+PATIENT_US = 200_000, 400_000, 400_000
 
 
 def interface():
@@ -64,17 +68,20 @@ class PlantBehindDrives:
         self.counts = np.array([drive.counts_per_rad for drive in arm.drives])
         self.rated_nm = np.array([drive.rated_torque_nm for drive in arm.drives])
         self.powered, self.stopping = [False] * len(self.counts), [False] * len(self.counts)
-        self.begun_s = None
+        self.time_s = 0.0
 
     def __call__(self, record):
         plant = self.plant
-        self.begun_s = record.time_s if self.begun_s is None else self.begun_s
-        plant.advance(record.time_s - self.begun_s)
+        # Only frames count: the drives' own clock also runs while this process is not scheduled.
+        self.time_s += 0.0 if record.tick else self.cycle_s
+        plant.advance(self.time_s)
         sample = plant.sample(self.cycle_s)
         for axis, drive in enumerate(record.drives[: len(self.counts)]):
             on, stopping = bool(record.powered[axis]), bool(record.quick_stop[axis])
-            if on != self.powered[axis]:
-                plant.set_powered(axis, on)
+            if on and not self.powered[axis]:
+                plant.set_powered(axis, True)
+            elif self.powered[axis] and not on:
+                self._switch_off(axis, abs(sample.axis_velocity_rad_s[axis]) < STANDSTILL_RAD_S)
             if stopping and not self.stopping[axis]:
                 plant.slow_down(axis, QUICK_STOP_S)
             elif on and not stopping:
@@ -89,6 +96,13 @@ class PlantBehindDrives:
         )
         return tuple(values)
 
+    def _switch_off(self, axis, at_rest):
+        """As drives do: at rest the brake engages before the torque goes."""
+        if at_rest:
+            self.plant.hold_by_brake(axis)
+        else:
+            self.plant.set_powered(axis, False)
+
 
 class LockstepLine(EthercatLine):
     """A line whose plant answers after every frame, in this thread.
@@ -100,12 +114,15 @@ class LockstepLine(EthercatLine):
 
     def __init__(self, plant, patience_s=PATIENCE_S):
         super().__init__(interface())
+        waits = self._soem.settings.timeouts
+        waits.ret, waits.safe, waits.tx_mailbox = PATIENT_US  # a busy machine may not schedule the drives for a while
         self.patience_s, self.link, self.plant = patience_s, plant_link(), plant
         self.link.reply(*plant(self.link.receive()))
 
     def exchange(self, limit_s):
         counter = super().exchange(self.patience_s)
-        if counter >= 0:
+        # A frame that was lost on its way back has reached the drives, and they wait for the plant.
+        if counter >= 0 or select.select([self.link._socket], [], [], SURELY_S)[0]:
             self.link.serve_cycle(self.plant)
         return counter
 

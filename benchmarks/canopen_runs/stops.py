@@ -28,7 +28,17 @@ from armload_controller.motion.phase import Segment
 from armload_controller.session.run_session import feedback_truth
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
-from armload_drivers.driver_errors import BusError, CommandError, ForeignMaster, ServoError
+from armload_drivers.driver_errors import (
+    BusError,
+    CommandError,
+    DriveHung,
+    DriveLeftOp,
+    ForeignMaster,
+    FramesLost,
+    LinkDown,
+    ServoError,
+    WorkingCounterWrong,
+)
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.simulation.fake_servos import FailureKind, FakeServos, ScriptedFailure
 from armload_drivers.simulation.mujoco_plant import ArmPlant
@@ -319,6 +329,11 @@ def _event(
         Cause.DRIVE: ServoError(3, "joint_3", "streaming", "it left its state by itself", "Look at it"),
         Cause.REFUSED: CommandError("joint_3: the drive takes no torque offset"),
         Cause.BUS: BusError("bus-off"),
+        Cause.FRAMES: FramesLost("4 frames in a row did not return"),
+        Cause.LINK: LinkDown("interface eth1 has no link"),
+        Cause.WORKING_COUNTER: WorkingCounterWrong("the working counter is 15 instead of 18"),
+        Cause.LEFT_OP: DriveLeftOp(3, "joint_3", "in the cycle", "it is in SAFEOP", "Look at it"),
+        Cause.HUNG: DriveHung(3, "joint_3", "in the cycle", "its firmware hangs", "Switch it off"),
         Cause.OTHER_MASTER: ForeignMaster("an SDO client writes 6065 to node 3"),
         Cause.PROGRAM: RuntimeError("a defect"),
     }

@@ -37,14 +37,19 @@ from armload_controller.motion.paths import BlockedWay, InfeasibleMotion
 from armload_drivers.driver_errors import (
     BusError,
     CommandError,
+    DriveHung,
+    DriveLeftOp,
     DriverError,
     ForeignMaster,
+    FramesLost,
+    LinkDown,
     LoopLost,
     ServoError,
     ServoFault,
     ServoTimeout,
     SettingChanged,
     StateError,
+    WorkingCounterWrong,
 )
 
 
@@ -109,6 +114,11 @@ class Cause(Enum):
     MISSING_FEEDBACK = "a drive does not answer"
     DRIVE_FAULT = "a drive reports a fault"
     OTHER_MASTER = "another program or tool commands the drives"
+    FRAMES = "frames of the bus are lost"
+    LINK = "the cable to the drives is unplugged"
+    WORKING_COUNTER = "a drive takes no part in the frames"
+    LEFT_OP = "a drive has left operation by itself"
+    HUNG = "the firmware of a drive hangs"
     DRIVE = "a drive does not behave as expected"
     REFUSED = "a setpoint cannot be sent"
     BUS = "the bus failed"
@@ -169,6 +179,16 @@ DECISIONS: dict[Cause, Reaction] = {
     Cause.MISSING_FEEDBACK: Reaction(_QUICK, "check the drive's supply, its cable and the bus load"),
     Cause.DRIVE_FAULT: Reaction(_QUICK, "clear the cause at the drive, then reset that drive (armload drives reset)"),
     Cause.OTHER_MASTER: Reaction(_QUICK, "stop the other program, or unplug its tool, then repeat the command"),
+    Cause.FRAMES: Reaction(_QUICK, "check cables, plugs and the network interface; nothing else may use it"),
+    Cause.LINK: Reaction(_OFF, "plug the cable in; the drives have stopped by their watchdogs"),
+    Cause.WORKING_COUNTER: Reaction(_QUICK, "check the drives' cables and mappings; reconnect"),
+    Cause.LEFT_OP: Reaction(
+        _QUICK,
+        "if its watchdog has acted, give the program a real-time priority or a longer watchdog_s",
+    ),
+    Cause.HUNG: Reaction(
+        _QUICK, "press the emergency stop: this drive obeys nobody, and may carry torque; then switch it off and on"
+    ),
     Cause.DRIVE: Reaction(_QUICK, "inspect the drive; reconnect"),
     Cause.REFUSED: Reaction(_QUICK, "correct the scaling in the configuration, or run without added torque"),
     Cause.BUS: Reaction(_OFF, "check cable, termination and interface"),
@@ -212,6 +232,11 @@ CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
     (ServoFault, Cause.DRIVE_FAULT),
     (ServoTimeout, Cause.MISSING_FEEDBACK),
     (CommandError, Cause.REFUSED),
+    (FramesLost, Cause.FRAMES),
+    (LinkDown, Cause.LINK),
+    (WorkingCounterWrong, Cause.WORKING_COUNTER),
+    (DriveLeftOp, Cause.LEFT_OP),
+    (DriveHung, Cause.HUNG),
     (BusError, Cause.BUS),
     (ServoError, Cause.DRIVE),
     (StateError, Cause.PROGRAM),

@@ -23,16 +23,23 @@ import can
 
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_simulation import NO_PAYLOAD
+from armload_controller.config.tables.drive_tables import ETHERCAT
 from armload_controller.control_errors import UnsafeBus
 from armload_controller.cycle.realtime import tuned_for_cycles
 from armload_controller.session.run_session import Load
+from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.bus.joined_bus import BusRole, JoinedBus
 from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.bus.sync_sources import TimerSync
+from armload_drivers.canopen.canopen_inspection import find_nodes
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
 from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.driver_errors import BusError
+from armload_drivers.ethercat.ethercat_inspection import find_drives
+from armload_drivers.ethercat.ethercat_line import open_line
+from armload_drivers.ethercat.ethercat_servos import EthercatServos
+from armload_drivers.ethercat.frame_clock import DeadlineClock
 from armload_drivers.servos import JointServos
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
@@ -147,8 +154,16 @@ def arm_on_bus(
     if simulated_drives:
         drives = tuple(replace(drive, identity=SIMULATION_IDENTITY) for drive in arm.drives)
         arm = replace(arm, drives=drives)
-    # SYNC from the kernel if the bus is SocketCAN, otherwise from this process
     first = robot.bus.parts[0]
+    if robot.bus.on_ethercat:
+        with (
+            open_line(first.channel) as line,
+            tuned_for_cycles(report),
+            closing(EthercatServos(arm, line, DeadlineClock())) as servos,
+        ):
+            yield servos
+        return
+    # SYNC from the kernel if the bus is SocketCAN, otherwise from this process
     kernel_sync = first.interface == SOCKETCAN
     role = BusRole.PACED_BY_KERNEL if kernel_sync else BusRole.MASTER
     with bus_of(robot, role) as bus, tuned_for_cycles(report):
@@ -205,16 +220,39 @@ def bus_of(robot: Robot, role: BusRole = BusRole.MASTER) -> Iterator[can.BusABC]
     Args:
         robot: The arm.
         role: Who uses the bus.
+
+    Raises:
+        UnsafeBus: the arm is on EtherCAT.
     """
-    bus = robot.bus
+    bus, bitrate = robot.bus, robot.bus.bitrate
+    if bitrate is None:
+        raise UnsafeBus(
+            "this command works on CANopen only, and the arm's file has an EtherCAT bus: give it a file with a CANopen "
+            "bus"
+        )
     with ExitStack() as stack:
-        opened = [stack.enter_context(open_bus(part.interface, part.channel, bus.bitrate)) for part in bus.parts]
+        opened = [stack.enter_context(open_bus(part.interface, part.channel, bitrate)) for part in bus.parts]
         if len(opened) == 1:
             yield opened[0]
             return
         parts = robot.drives.settings.by_bus()
         members = [frozenset(drive.node_id for drive in part.drives) for part in parts]
         yield stack.enter_context(JoinedBus(opened, members, role, 1 / bus.cycle_hz))
+
+
+def nodes_on(interface: str, channel: str, bitrate: int) -> list[FoundNode]:
+    """All drives that answer on a bus.
+
+    Raises:
+        BusError: the bus cannot be opened, or failed.
+        ForeignMaster: another EtherCAT master is heard.
+        ServoError: a node stops answering.
+    """
+    if interface == ETHERCAT:
+        with open_line(channel) as line:
+            return find_drives(line)
+    with open_bus(interface, channel, bitrate) as bus:
+        return find_nodes(bus)
 
 
 @contextmanager

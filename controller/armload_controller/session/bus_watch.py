@@ -47,6 +47,11 @@ def heard_cycles(robot: Robot) -> Iterator[Iterator[OverheardCycle | None]]:
             "the virtual bus carries nothing from outside this process: give a RECORDING, or the arm's bus, such as "
             "--bus socketcan:can0"
         )
+    if robot.bus.on_ethercat:
+        raise UnsafeBus(
+            "an arm on EtherCAT cannot be listened to: a second master would take its drives out of operation. Watch "
+            "it through its controller (ROS 2, RTDE), or give a RECORDING"
+        )
     robot.drives.require_scales()
     arm = OverheardArm(robot.drives.settings)
     with bus_of(robot, BusRole.LISTENER) as bus:

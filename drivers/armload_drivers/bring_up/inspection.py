@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup
 from armload_drivers.bring_up.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import EffortFeedback, Identity
+from armload_drivers.cia402.arm_settings import EffortFeedback, Fieldbus, Identity
 from armload_drivers.cia402.drive_safety import Safety, has_a_way
 from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_data.process_image import effort_entry
@@ -77,24 +78,27 @@ class ArmStatus:
 
     Attributes:
         drives: One entry per joint.
-        bus_load: Measured share of the bus, every frame at its worst-case length.
+        bus_load: Measured share of the bus, every frame at its worst-case length; None on EtherCAT.
         error_frames: Number of error frames during the measurement.
         error_passive: Whether the controller is error passive.
     """
 
     drives: tuple[DriveStatus, ...]
-    bus_load: float
+    bus_load: float | None
     error_frames: int
     error_passive: bool
 
 
-def describe(sdo: SdoChannel, node_id: int, device_types: list[int | None]) -> FoundNode:
+def describe(
+    sdo: SdoChannel, node_id: int, device_types: Sequence[int | None], fieldbus: Fieldbus = Fieldbus.CANOPEN
+) -> FoundNode:
     """What one node reports about itself.
 
     Args:
         sdo: SDO access to it.
         node_id: Its number.
         device_types: Its 1000 and those of further nodes with the same number; None if the node refuses the request.
+        fieldbus: The bus.
     """
     sdo.step = "scanning"
     modes = sdo.read_if_there(od.SUPPORTED_MODES) or 0
@@ -114,7 +118,7 @@ def describe(sdo: SdoChannel, node_id: int, device_types: list[int | None]) -> F
             sdo.read_if_there(od.VENDOR_ID), sdo.read_if_there(od.PRODUCT_CODE), sdo.read_if_there(od.REVISION)
         ),
         modes=tuple(number + 1 for number in range(32) if modes >> number & 1),
-        missing=tuple(of.key for of in Safety if not has_a_way(of, None, is_there)),
+        missing=tuple(of.key for of in Safety if not has_a_way(of, None, is_there, fieldbus)),
     )
 
 

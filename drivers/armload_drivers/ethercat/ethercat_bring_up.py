@@ -7,7 +7,8 @@ sends, and that no drive is in OP.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from armload_drivers.bring_up.arm_bring_up import ArmBringUp
 from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_with
@@ -21,7 +22,7 @@ from armload_drivers.driver_errors import BusError, ServoError, ServoFault, Tran
 from armload_drivers.ethercat.coe_sdo import CoeSdo
 from armload_drivers.ethercat.ethercat_cycle import EthercatCycle
 from armload_drivers.ethercat.ethercat_drive import EthercatDrive
-from armload_drivers.ethercat.ethercat_line import EthercatLine, LineState
+from armload_drivers.ethercat.ethercat_line import EthercatLine, LineState, open_line
 from armload_drivers.ethercat.ethercat_setup import EthercatSetup
 from armload_drivers.ethercat.frame_clock import DeadlineClock, FrameClock
 
@@ -41,16 +42,16 @@ class EthercatBringUp(ArmBringUp):
     Attributes:
         line_setups: The same as `setups`.
         nodes: Its drives in the cycle.
+        timeouts: Limits of all waits.
     """
 
     def __init__(
         self, arm: ArmSettings, line: EthercatLine, clock: FrameClock | None = None, timeouts: Timeouts | None = None
     ) -> None:
-        self._line, self._clock, self._timeouts = line, clock or DeadlineClock(), timeouts or Timeouts()
-        channels = [CoeSdo(d.node_id, d.joint, line, line.worker, self._timeouts.sdo_s) for d in arm.drives]
+        self._line, self._clock, self.timeouts = line, clock or DeadlineClock(), timeouts or Timeouts()
+        channels = [CoeSdo(d.node_id, d.joint, line, line.worker, self.timeouts.sdo_s) for d in arm.drives]
         self.line_setups = [
-            EthercatSetup(drive, arm, sdo, self._timeouts, line)
-            for drive, sdo in zip(arm.drives, channels, strict=True)
+            EthercatSetup(drive, arm, sdo, self.timeouts, line) for drive, sdo in zip(arm.drives, channels, strict=True)
         ]
         super().__init__(arm, self.line_setups)
         self.nodes = [
@@ -66,7 +67,7 @@ class EthercatBringUp(ArmBringUp):
         """Read 1000 of all devices that the configuration does not name."""
         named = {drive.node_id for drive in self.arm.drives} | self.arm.other_nodes
         for node_id in sorted(set(range(1, self._line.size + 1)) - named):
-            sdo = CoeSdo(node_id, "no configured joint", self._line, self._line.worker, self._timeouts.probe_s)
+            sdo = CoeSdo(node_id, "no configured joint", self._line, self._line.worker, self.timeouts.probe_s)
             try:
                 device_type = sdo.read(od.DEVICE_TYPE)
             except ServoError:
@@ -96,7 +97,7 @@ class EthercatBringUp(ArmBringUp):
         return [
             setup
             for setup in setups
-            if not self._line.reaches(LineState.PREOP, setup.settings.node_id - 1, self._timeouts.sdo_s)
+            if not self._line.reaches(LineState.PREOP, setup.settings.node_id - 1, self.timeouts.sdo_s)
         ]
 
     def cycle(self, units: ArmUnits) -> EthercatCycle:
@@ -136,7 +137,7 @@ class EthercatBringUp(ArmBringUp):
             cycle.begin()
             cycle.run()
             node.machine.request_fault_reset()
-            for _ in range(cycle.count(self._timeouts.fault_reset_s)):
+            for _ in range(cycle.count(self.timeouts.fault_reset_s)):
                 cycle.run()
                 if node.machine.state is not State.FAULT:
                     break
@@ -149,3 +150,12 @@ class EthercatBringUp(ArmBringUp):
             cycle.close()
         setup.require_disabled()
         return setup.read_state()
+
+
+@contextmanager
+def open_bring_up(arm: ArmSettings, interface: str) -> Iterator[EthercatBringUp]:
+    """The drives of an arm in PREOP, on a line that is closed after the block. Raises as `open_line`."""
+    with open_line(interface) as line:
+        bring_up = EthercatBringUp(arm, line)
+        bring_up.find()
+        yield bring_up

@@ -33,6 +33,8 @@ FRAME_SHARE = 0.6
 """Share of the cycle in which the frame must return; the rest is left to the caller."""
 STATE_S = 0.02
 """Time between two reads of the drives' states."""
+STATE_TRIES = 4
+"""A drive is missing if so many readings of its state find none: a reading that is not scheduled in time finds none."""
 POLL_S = 0.02
 """Time between two looks into a mailbox, drive by drive, for emergency messages."""
 EXPLAIN_S = 5e-3
@@ -145,13 +147,20 @@ class EthercatCycle(ArmCycle[EthercatDrive]):
         """Time of the frames' clock."""
         return self._clock.now_s()
 
-    def read_states(self) -> None:
-        """Read the EtherCAT states of all drives."""
-        statuses = self._line.statuses()
-        if LineState.NONE in statuses:  # or only the frame that asked was lost
+    def read_states(self, *, all_answered: bool = False) -> None:
+        """Read the EtherCAT states of all drives.
+
+        Args:
+            all_answered: Whether a frame has just proved that no drive is missing: then it is the reading that failed.
+        """
+        for _ in range(1 if all_answered else STATE_TRIES):
             statuses = self._line.statuses()
+            if LineState.NONE not in statuses:
+                break
         for node in self.nodes:
-            node.status = statuses[node.place]
+            status = statuses[node.place]
+            if status or not all_answered:
+                node.status = status
         self._all_in = all(node.in_op for node in self.nodes)
 
     def run(self) -> JointFeedback:
@@ -180,7 +189,7 @@ class EthercatCycle(ArmCycle[EthercatDrive]):
             self._states_due_s = time_s + STATE_S
             self.wrong += self._all_in
         elif time_s >= self._states_due_s:
-            self.read_states()
+            self.read_states(all_answered=True)
             self._states_due_s = time_s + STATE_S
         # With drives outside OP the counter is smaller by an unknown share: the others must make up at least theirs.
         others = sum(node.in_op for node in nodes) * _OUTPUTS_AND_INPUTS

@@ -17,7 +17,7 @@ from armload_drivers.ethercat.pdo_assignment import FramePart
 
 _ENABLED = State.OPERATION_ENABLED
 _OP = LineState.OP.value
-HUNG_CYCLES = 3
+HUNG_CYCLES = 2
 """Inputs without a single changed bit for so many cycles, on a moving target, point to a hung firmware."""
 HUNG_REQUESTS = 2
 """So many consecutive SDO requests without an answer mean that the firmware hangs: each waits `Timeouts.sdo_s`."""
@@ -169,9 +169,8 @@ class EthercatDrive(CyclicDrive):
         self._sent_counts = self.target_counts
 
     def miss(self) -> None:
-        """Its inputs did not arrive, or are not to be trusted."""
+        """Its inputs did not arrive, or are not to be trusted; it may not have received its setpoints either."""
         self._missing += 1
-        self._sent_counts = self.target_counts
 
     # Problems ------------------------------------------------------------------------------------------------
 

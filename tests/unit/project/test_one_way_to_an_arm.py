@@ -24,6 +24,7 @@ PACKAGE = Path(armload_controller.__file__).parent
         (r"\brun_leg\(", {"session/run_session.py"}),
         (r"\bRunSession\(", {"session/run_session.py"}),
         (r"\bCanopenServos\(", {"session/arm_access.py"}),
+        (r"\bEthercatServos\(", {"session/arm_access.py"}),
     ],
 )
 def test_where_it_is_done(pattern, files):

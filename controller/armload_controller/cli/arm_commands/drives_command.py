@@ -8,7 +8,7 @@ which has no other node, simulated drives answer. `store` and `assign` write wha
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.session.brake_test import BrakeFinding
+    from armload_drivers.bring_up.arm_bring_up import ArmBringUp
+    from armload_drivers.bring_up.inspection import ArmStatus
     from armload_drivers.canopen.lss_master import LssAddress
 
 drives = typer.Typer(
@@ -50,20 +52,21 @@ def scan_command(
     bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of the bus in bit/s.")] = 1_000_000,
     as_json: JsonOption = False,
 ) -> None:
-    """List the drives on the bus: identity, modes, and missing safety properties. Only reads."""
+    """List the drives on the bus: identity, modes, and missing safety properties. Only reads.
+
+    ethercat:eth1 lists the drives of an EtherCAT line, which are put in PREOP; refused if another master is heard.
+    """
     from armload_controller.cli.output.drive_result_tables import found_table
     from armload_controller.cli.output.result_documents import nodes_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.tables.drive_tables import VIRTUAL
-    from armload_controller.session.arm_access import open_bus
-    from armload_drivers.canopen.canopen_inspection import find_nodes
+    from armload_controller.session.arm_access import nodes_on
 
     interface, channel = bus_address(bus, BUS_FORM)
     if interface == VIRTUAL:
         raise UnsafeBus("a virtual bus has no nodes outside this process: give the interface of a real bus")
     screen = Screen(as_json=as_json)
-    with open_bus(interface, channel, bitrate) as opened:
-        found = find_nodes(opened)
+    found = nodes_on(interface, channel, bitrate)
     screen.document(partial(nodes_document, interface, channel, found))
     if not found:
         screen.step(f"no node answers on {interface}:{channel} at {bitrate} bit/s")
@@ -89,14 +92,13 @@ def check_command(
     from armload_controller.cli.output.result_documents import checks_document
     from armload_controller.cli.screen import Screen
     from armload_drivers.bring_up.drive_check import Verdict, check
-    from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 
     arm = arm_on_bus(robot, bus, bitrate, cycle_hz)
     screen = Screen(as_json=as_json)
     for text in arm.drives.peculiarities:
         screen.step(text)
-    with _bus_of(arm) as opened:
-        found = check(CanopenBringUp(arm.drives.settings, opened))
+    with _bring_up(arm) as bring_up:
+        found = check(bring_up)
     rows = found.steps
     screen.table(check_table(rows))
     if found.safety:
@@ -149,14 +151,13 @@ def show_command(
     from armload_controller.cli.output.result_documents import status_document
     from armload_controller.cli.screen import Screen
     from armload_controller.session.stop_signals import StopSignals
-    from armload_drivers.canopen.canopen_inspection import LISTEN_S, show
 
     arm = arm_on_bus(robot, bus, bitrate)
     screen = Screen(as_json=as_json)
     control = MotionControl()
-    with StopSignals(control), _bus_of(arm) as opened:
+    with StopSignals(control), _status_of(arm) as status_now:
         while control.goal.stop is None:
-            status = show(arm.drives.settings, opened, LISTEN_S)
+            status = status_now()
             screen.table(status_table(status))
             screen.result(bus_line(status))
             screen.document(partial(status_document, arm.name, status))
@@ -177,17 +178,14 @@ def reset_command(
     from armload_controller.cli.output.result_documents import reset_document
     from armload_controller.cli.screen import Screen
     from armload_drivers.bring_up.drive_check import reset
-    from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 
     arm = arm_on_bus(robot, bus, bitrate)
     if joint not in arm.joint_names:
         raise ConfigurationError(arm.file, "JOINT", joint, f"one of: {', '.join(arm.joint_names)}")
     node_id = arm.drives.settings.drives[arm.joint_names.index(joint)].node_id
     screen = Screen(as_json=as_json)
-    with _bus_of(arm) as opened:
-        state = reset(
-            CanopenBringUp(arm.drives.settings, opened), joint, lambda question: yes or screen.confirm(question)
-        )
+    with _bring_up(arm) as bring_up:
+        state = reset(bring_up, joint, lambda question: yes or screen.confirm(question))
     if state is None:
         raise CommissioningError("not confirmed: nothing was reset")
     screen.document(partial(reset_document, arm.name, joint, node_id, state))
@@ -206,12 +204,10 @@ def store_command(
     from armload_controller.cli.output.result_documents import stored_document
     from armload_controller.cli.screen import Screen
     from armload_drivers.bring_up.drive_store import store
-    from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 
     arm = arm_on_bus(robot, bus, bitrate)
     screen = Screen(as_json=as_json)
-    with _bus_of(arm) as opened:
-        bring_up = CanopenBringUp(arm.drives.settings, opened)
+    with _bring_up(arm) as bring_up:
         if not store(bring_up, lambda question: yes or screen.confirm(question)):
             raise CommissioningError("not confirmed: nothing was stored")
     screen.document(partial(stored_document, arm.name, arm.joint_names))
@@ -270,6 +266,36 @@ def _address(text: str) -> LssAddress:
     if len(numbers) != 4 or not all(0 <= number < 1 << 32 for number in numbers):
         raise typer.BadParameter(f"{text!r}: expected four numbers of 32 bits, such as 0x2DC:0x1:0x10000:0x7")
     return LssAddress(*numbers)
+
+
+@contextmanager
+def _bring_up(robot: Robot) -> Iterator[ArmBringUp]:
+    """The robot's drives on its bus, before cycles run."""
+    from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
+    from armload_drivers.ethercat.ethercat_bring_up import open_bring_up
+
+    if robot.bus.on_ethercat:
+        with open_bring_up(robot.drives.settings, robot.bus.parts[0].channel) as bring_up:
+            yield bring_up
+        return
+    with _bus_of(robot) as opened:
+        yield CanopenBringUp(robot.drives.settings, opened)
+
+
+@contextmanager
+def _status_of(robot: Robot) -> Iterator[Callable[[], ArmStatus]]:
+    """Reads the status of the robot's drives once a second."""
+    from armload_drivers.canopen import canopen_inspection
+    from armload_drivers.ethercat import ethercat_inspection
+    from armload_drivers.ethercat.ethercat_bring_up import open_bring_up
+
+    arm, listen_s = robot.drives.settings, canopen_inspection.LISTEN_S
+    if robot.bus.on_ethercat:
+        with open_bring_up(arm, robot.bus.parts[0].channel) as bring_up:
+            yield lambda: ethercat_inspection.show(bring_up, listen_s)
+        return
+    with _bus_of(robot) as opened:
+        yield lambda: canopen_inspection.show(arm, opened, listen_s)
 
 
 @contextmanager

@@ -189,12 +189,10 @@ def _bus(n: int, scan: str | None, bitrate: int, description: Path | None, outpu
     described = None if description is None else read_description(description)
     beside = None if description is None else path_beside(description, output)
     if scan is not None:
-        from armload_controller.session.arm_access import open_bus
-        from armload_drivers.canopen.canopen_inspection import find_nodes
+        from armload_controller.session.arm_access import nodes_on
 
         interface, channel = bus_address(scan, "--scan")
-        with open_bus(interface, channel, bitrate) as bus:
-            drives = drives_found(find_nodes(bus), n, described)
+        drives = drives_found(nodes_on(interface, channel, bitrate), n, described)
         return BusDraft(drives, interface, channel, bitrate, beside, f"found on {scan}")
     if described is None:
         return None

@@ -124,5 +124,7 @@ def status_table(status: ArmStatus) -> Table:
 
 def bus_line(status: ArmStatus) -> str:
     """State of the bus in one line."""
+    if status.bus_load is None:
+        return "EtherCAT: drives in PREOP, no process data"
     passive = ", error passive" if status.error_passive else ""
     return f"bus load {100.0 * status.bus_load:.1f} %, {status.error_frames} error frames{passive}"

@@ -15,6 +15,7 @@ from armload_drivers.cia402.arm_settings import (
     ArmSettings,
     DriveSettings,
     EffortFeedback,
+    Fieldbus,
     Identity,
     OperationMode,
     TemperatureObject,
@@ -37,6 +38,10 @@ VIRTUAL = "virtual"
 """The interface inside one process, shared with its simulated drives."""
 
 
+ETHERCAT = "ethercat"
+"""The interface for EtherCAT; its channel is a network interface. All others are python-can's, for CANopen."""
+
+
 class PartTable(Table):
     """One of two buses of an arm."""
 
@@ -45,15 +50,16 @@ class PartTable(Table):
 
 
 class BusTable(Table):
-    """The CANopen bus, or `a` and `b` if the arm has two."""
+    """The CANopen bus, or `a` and `b` if the arm has two; or EtherCAT with `interface = "ethercat"`."""
 
     interface: str | None = None
     channel: str | None = None
     a: PartTable | None = None
     b: PartTable | None = None
-    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)]
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] | None = None
     cycle_hz: Annotated[float, Field(gt=0, le=1000)]
-    heartbeat_s: Positive
+    heartbeat_s: Positive | None = None
+    watchdog_s: Annotated[float, Field(gt=0, le=5)] | None = None
     max_missing_cycles: Annotated[int, Field(ge=0)]
     sync_counter: Annotated[int, Field(ge=0, le=240)] = 0
     other_nodes: list[Annotated[int, Field(ge=1, le=127)]] = Field(default=[])
@@ -112,6 +118,40 @@ class BusTable(Table):
             raise BadValue("b", self.address, "expected two channels of one interface")
         return self
 
+    @property
+    def on_ethercat(self) -> bool:
+        """Whether the bus is EtherCAT."""
+        return self.parts[0].interface == ETHERCAT
+
+    @model_validator(mode="after")
+    def _keys_of_its_kind(self) -> BusTable:
+        required, foreign = (["bitrate", "heartbeat_s"], ["watchdog_s"])
+        kind, other = "CANopen", "EtherCAT"
+        if self.on_ethercat:
+            if self.a is not None:
+                raise BadValue("a", self.address, "an arm on EtherCAT has one line: give interface and channel")
+            required, foreign = ["watchdog_s"], ["bitrate", "heartbeat_s", "sync_counter"]
+            kind, other = other, kind
+        for key in required:
+            if getattr(self, key) is None:
+                raise BadValue(key, None, f'required on {kind} (interface = "{self.parts[0].interface}")')
+        for key in foreign:
+            if getattr(self, key):
+                raise BadValue(
+                    key,
+                    getattr(self, key),
+                    f'belongs to {other}: remove it, as interface = "{self.parts[0].interface}"',
+                )
+        if self.watchdog_s is not None and self.watchdog_s < (self.max_missing_cycles + 2) / self.cycle_hz:
+            least_s = (self.max_missing_cycles + 2) / self.cycle_hz
+            raise BadValue(
+                "watchdog_s",
+                self.watchdog_s,
+                f"expected at least {least_s:g}: max_missing_cycles = {self.max_missing_cycles} frames may be lost at "
+                f"{self.cycle_hz:g} Hz, and the drives would leave OP first",
+            )
+        return self
+
     @model_validator(mode="after")
     def _countable(self) -> BusTable:
         if self.sync_counter == 1:
@@ -129,11 +169,13 @@ class BusTable(Table):
             drives=tuple(drives),
             coupling=coupling,
             cycle_s=1 / self.cycle_hz,
-            bitrate=self.bitrate,
-            heartbeat_s=self.heartbeat_s,
+            bitrate=self.bitrate or 0,
+            heartbeat_s=self.heartbeat_s or 0.0,
             max_missing_cycles=self.max_missing_cycles,
             sync_counter=self.sync_counter,
             other_nodes=frozenset(self.other_nodes),
+            fieldbus=Fieldbus.ETHERCAT if self.on_ethercat else Fieldbus.CANOPEN,
+            watchdog_s=self.watchdog_s or 0.0,
         )
 
 
@@ -143,6 +185,7 @@ class IdentityTable(Table):
     vendor_id: int
     product_code: int | None = None
     revision: int | None = None
+    serial: int | None = None
 
 
 class VendorObjectTable(Table):
@@ -238,6 +281,8 @@ class DriveTable(ProductKeys):
     has_brake: bool
     torque_limit_in_drive: bool = False
     second_axis_unused: bool = False
+    alias: Annotated[int, Field(ge=1, le=65535)] | None = None
+    sync0: bool = False
     accept_missing: list[str] = Field(default=[])
     description: str | None = None
     identity: IdentityTable | None = None
@@ -306,6 +351,8 @@ class DriveTable(ProductKeys):
             torque_limit_in_drive=self.torque_limit_in_drive,
             second_axis_unused=self.second_axis_unused,
             bus="ab".index(self.bus),
+            alias=self.alias,
+            sync0=self.sync0,
             vendor_settings=tuple(table.setting() for table in self.vendor_settings),
             torque_offset_bits=self.torque_offset_bits,
             effort_bits=self.effort_bits,

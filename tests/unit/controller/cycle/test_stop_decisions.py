@@ -26,8 +26,12 @@ from armload_drivers.driver_errors import (
     BusError,
     BusOverload,
     CommandError,
+    DriveHung,
+    DriveLeftOp,
     DriverError,
     ForeignMaster,
+    FramesLost,
+    LinkDown,
     LoopLost,
     ServoError,
     ServoFault,
@@ -36,6 +40,7 @@ from armload_drivers.driver_errors import (
     StateError,
     StatuswordError,
     TransitionError,
+    WorkingCounterWrong,
 )
 
 DRIVE = (3, "elbow", "streaming", "what", "advice")
@@ -86,6 +91,11 @@ def bare(kind):
         (ForeignMaster("another master"), Cause.OTHER_MASTER, QUICK),
         (DriverError("whatever"), Cause.DRIVE, QUICK),
         (CommandError("no 60B2"), Cause.REFUSED, QUICK),
+        (FramesLost("4 in a row"), Cause.FRAMES, QUICK),
+        (LinkDown("unplugged"), Cause.LINK, OFF),
+        (WorkingCounterWrong("15 instead of 18"), Cause.WORKING_COUNTER, QUICK),
+        (DriveLeftOp(*DRIVE), Cause.LEFT_OP, QUICK),
+        (DriveHung(*DRIVE), Cause.HUNG, QUICK),
         (BusError("bus-off"), Cause.BUS, OFF),
         (BusOverload("full"), Cause.BUS, OFF),
         (StateError("not enabled"), Cause.PROGRAM, QUICK),

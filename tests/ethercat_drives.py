@@ -1,0 +1,79 @@
+"""The arms of the tests on EtherCAT, and the drives that suit them.
+
+    python -m tests.ethercat_drives ARM COMMAND ...
+
+runs a command below `../shared/tools/with-ethercat` with the drives of `small` (three axes) or `er50` (six); `large` is
+six axes at 2 ms. The drives state the simulation's identity, so that armload accepts them as simulated ones.
+"""
+
+import os
+import re
+import sys
+from importlib import resources
+
+from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
+from tests.lockstep_line import TOOLS
+
+COUNTS_PER_MOTOR_TURN = 2**17
+IDENTITY = f"vendor_id = {SIMULATION_IDENTITY.vendor_id}, product_code = {SIMULATION_IDENTITY.product_code}"
+_KEY = r"^{} = ([\d.]+)"
+_BUS = """\
+[bus]
+interface = "ethercat"
+channel = "{channel}"
+cycle_hz = 250.0
+watchdog_s = {watchdog_s}
+max_missing_cycles = 3
+
+[[joints]]"""
+
+
+def er50_text(channel, watchdog_s=2.0):
+    """er50's file with an EtherCAT bus; with-ethercat's drives report torque (6077), from which current is computed."""
+    text = (resources.files("armload_configs") / "er50.toml").read_text("utf-8")
+    text, buses = re.subn(
+        r"\[bus\].*?\[\[joints\]\]", _BUS.format(channel=channel, watchdog_s=watchdog_s), text, count=1, flags=re.S
+    )
+
+    def effort(found):
+        scale = float(found[2]) / 1000
+        return (
+            f'{found[1]}effort_object = {{ index = 0x6077, subindex = 0, type = "i16", a_per_unit = {scale} }}\n'
+            f"identity = {{ {IDENTITY} }}\nrated_current_a = {found[2]}"
+        )
+
+    text, drives = re.subn(r'(feedback = "current"[^\n]*\n[^\n]*\n)rated_current_a = ([\d.]+)', effort, text)
+    assert (buses, drives) == (1, 6)
+    return text
+
+
+def _presets(drive, gear, rated_nm, counts=COUNTS_PER_MOTOR_TURN):
+    """Objects of one drive, or of all."""
+    values = {"608F:1": counts, "6091:1": gear, "6076:0": round(1000 * rated_nm / gear)}
+    return [word for entry, value in values.items() for word in ("--set", f"{drive}{entry}={value}")]
+
+
+def options(arm):
+    """Options of with-ethercat."""
+    known = [f"1018:1={SIMULATION_IDENTITY.vendor_id}", f"1018:2={SIMULATION_IDENTITY.product_code}"]
+    words = ["--plant-timeout", "60"]
+    words += [word for entry in (*known, "6075:0=10000") for word in ("--set", entry)]
+    if arm == "small":
+        return ["--drives", "3", "--cycle-us", "10000", *words, *_presets("", 1, 200.0, 1_000_000)]
+    if arm == "large":
+        return ["--drives", "6", "--cycle-us", "2000", *words, *_presets("", 1, 200.0, 1_000_000)]
+    text = (resources.files("armload_configs") / "er50.toml").read_text("utf-8").split("[simulation]")[0]
+    gears, torques, currents = (
+        [float(value) for value in re.findall(_KEY.format(key), text, re.M)]
+        for key in ("gear_ratio", "rated_torque_nm", "rated_current_a")
+    )
+    for number, (gear, rated_nm, rated_a) in enumerate(zip(gears, torques, currents, strict=True)):
+        words += _presets(f"{number}:", round(gear), rated_nm)
+        words += ["--set", f"{number}:6075:0={round(1000 * rated_a)}"]
+    return ["--drives", "6", "--cycle-us", "4000", *words]
+
+
+if __name__ == "__main__":
+    arm, *command = sys.argv[1:]
+    tool = str(TOOLS / "with-ethercat")
+    os.execv(tool, [tool, *options(arm), "--", *command])
