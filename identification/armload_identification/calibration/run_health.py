@@ -32,6 +32,7 @@ from armload_identification.estimation.empty_arm.known_arm_rows import payload_s
 from armload_identification.estimation.problem import EMPTY, Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import MOVING, Posterior, clipped_rms, solve
 from armload_identification.estimation.terms import Scope, Term
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
@@ -193,14 +194,18 @@ class _RunFit:
         missing = np.where(self._moved, 0.0, np.nan)
         counted = np.count_nonzero(self._rows.weight > MOVING, axis=0) / found.correlation
         state = found.groups[0]
-        unlike = float(found.value(PAYLOAD, PAYLOAD)[0]) if self._carried is None else 0.0
+        carried = self._carried
+        if carried is None:
+            mass = found.problem.place(PAYLOAD, PAYLOAD).start
+            width = NORMAL_HALF_WIDTH * np.sqrt(found.bread[mass, mass] + np.sum(of_gain[mass] ** 2))
+            carried = f"{found.value(PAYLOAD, PAYLOAD)[0]:z.2f} +- {width:.2f} kg, with this calibration"
         noise = found.own_covariance(0)
         left = self._left_by(of_arm, of_gain, of_own)
         return RunHealth(
             name=name,
             recorded=recorded,
             length_s=float(len(self._signals.usable) * self._signals.interval_s),
-            carried=f"{unlike:z.2f} kg, as found" if self._carried is None else self._carried,
+            carried=carried,
             gain_change=np.exp(np.log(calibration.nominal / calibration.gain_nm_a) - found.value(GAIN)) - 1.0 + missing,
             gain_noise=np.sqrt(np.diag(found.bread)[gains]) + missing,
             gain_doubt=np.sqrt(np.sum(of_gain[gains] ** 2, axis=1)) + missing,

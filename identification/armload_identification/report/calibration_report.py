@@ -55,7 +55,10 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
     change = calibration.gain_nm_a / calibration.nominal - 1.0
     width = calibration.gain_half_width_95 / calibration.nominal
     title = f"Calibrated over nominal gain of {calibration.n} joints with 95 % intervals."
-    tilt = np.degrees(np.sqrt(np.sum(calibration.tilt_rad**2)))
+    tilt_deg = float(np.degrees(np.sqrt(np.sum(calibration.tilt_rad**2))))
+    tilt_width_deg = float(np.degrees(NORMAL_HALF_WIDTH * calibration.deviation("tilt").max()))
+    width_ms = 1e3 * NORMAL_HALF_WIDTH * float(calibration.deviation("delay")[0])
+    tilted = f"tilted by {numeral(tilt_deg, 2)} ± {numeral(tilt_width_deg, 2)}°"
     current = calibration.effort is Effort.CURRENT
     noise = np.maximum(calibration.noise_nm, np.finfo(float).tiny)
     return rendered(
@@ -71,8 +74,8 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
         loud=_LOUD,
         strong=_STRONG,
         drift=_drift(calibration, names),
-        delay=f"{numeral(1e3 * calibration.body.torque_delay_s, 1)}{NO_BREAK}ms",
-        tilt=f"{numeral(float(tilt), 2)}°",
+        delay=f"{numeral(1e3 * calibration.body.torque_delay_s, 1)} ± {numeral(width_ms, 1)}{NO_BREAK}ms",
+        tilt=tilted if tilt_deg > tilt_width_deg else f"level within {numeral(tilt_width_deg, 2)}°",
         numeral=numeral,
         colors=COLORS,
     )

@@ -186,8 +186,10 @@ def _on_result(
     """Friction that was compensated, directions and values that are not determined, and impossible estimates."""
     notes = []
     if friction is not None and friction.load_joints.any():
-        listed = named_joints([f"{j + 1} ({friction.load[j]:.3f})" for j in np.flatnonzero(friction.load_joints)])
-        notes.append(f"Load-dependent friction was found, and compensated, on {listed}.")
+        listed = named_joints(
+            [f"{j + 1} (coefficient {friction.load[j]:.2g})" for j in np.flatnonzero(friction.load_joints)]
+        )
+        notes.append(f"Load-dependent friction was found on {listed} and is part of the estimate.")
     if friction is not None and friction.viscous_joints.any():
         changed = np.flatnonzero(friction.viscous_joints)
         listed = named_joints([f"{j + 1} ({friction.viscous_nm_s_rad[j]:+.2g} N m s/rad)" for j in changed])

@@ -94,7 +94,7 @@ def looks_wrong(signal: LoadSignal, arm: BodyFit | None) -> bool:
 def refuse_wrong_columns(
     signal: LoadSignal, loaded: Recording, unloaded: Recording, chain: Chain, coupling: FloatArray
 ) -> None:
-    """Raise for a pair that links and friction explain only with other columns; `coupling` is (n, n) C of the motors.
+    """Refuse a pair that only another sign or order of columns can explain; `coupling` is (n, n) C of the motors.
 
     Raises:
         RecordingError: naming file, joint and remedy.

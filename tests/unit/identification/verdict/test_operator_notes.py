@@ -195,7 +195,7 @@ def test_friction_that_differs_between_the_runs_is_named_with_its_joint():
         "viscous_nm_s_rad": np.array([0.0, -1.5, 0.0]),
     }
     assert notes(friction=SimpleNamespace(**difference)) == []
-    assert "2 (0.032)" in only(notes(friction=with_changes(difference, {"load_joints": second})))
+    assert "2 (coefficient 0.032)" in only(notes(friction=with_changes(difference, {"load_joints": second})))
     assert "2 (-1.5 N m s/rad)" in only(notes(friction=with_changes(difference, {"viscous_joints": second})))
 
 
