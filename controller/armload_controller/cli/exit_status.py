@@ -17,6 +17,8 @@ class ExitStatus(IntEnum):
     """The validation found the payload wrong."""
     CANNOT_TELL = 4
     """`validate` and `compare`: the data do not suffice for a verdict."""
+    ATTENTION = 5
+    """`fleet report`: an arm needs attention."""
     BY_SIGNAL = 128
     """Plus the signal's number: 129 for a lost terminal, 131 for SIGQUIT, 143 for `kill`."""
     INTERRUPTED = 130

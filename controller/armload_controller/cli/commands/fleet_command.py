@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from armload_controller.fleet.fleet_run import FleetTally
     from armload_controller.fleet.row_store import RowStore
 
-EXIT_ATTENTION = 5
 
 fleet = typer.Typer(cls=CommandGroup, help="Identify and assess the recordings of many arms.", no_args_is_help=True)
 
@@ -179,7 +178,7 @@ def report_command(
         sent = notify(webhook, folder, attention, version("armload"))
         screen.step(f"webhook: {counted(len(sent), 'new finding')} sent" if sent else "webhook: nothing new")
     if attention.needed:
-        raise typer.Exit(EXIT_ATTENTION)
+        raise typer.Exit(ExitStatus.ATTENTION)
 
 
 @fleet.command("history")
