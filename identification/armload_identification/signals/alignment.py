@@ -14,6 +14,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.signals.repetition import fast_length
 from armload_identification.signals.signal_constants import RunAlignment, SplineFit
 
 if TYPE_CHECKING:
@@ -60,7 +61,8 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
         knots = _knots(elapsed, spacing_s)
         coefficients = knots.size - SplineFit.degree - 1
         if coefficients * SplineFit.samples_per_coefficient < elapsed.size:
-            spline = make_lsq_spline(elapsed, position_rad, knots, k=SplineFit.degree)
+            # By normal equations: QR takes time with the square of the rows, and differs by 1e-12 rad/s.
+            spline = make_lsq_spline(elapsed, position_rad, knots, k=SplineFit.degree, method="norm-eq")
             misfit = np.mean((position_rad - spline(elapsed)) ** 2, axis=0)
             # The sum of logarithms prevents joints with a large stroke from dominating.
             logarithms = np.log(misfit + SplineFit.negligible_rad**2)
@@ -107,14 +109,15 @@ def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
     longest_s = max(first.duration_s, second.duration_s)
     step_s = min(RunAlignment.grid_s, longest_s / RunAlignment.fewest_times)
     grid = np.arange(0.0, longest_s, step_s)
+    length = fast_length(2 * grid.size)
     speeds = []
     for motion in (first, second):
         speed = motion.spline.derivative()(np.minimum(grid, motion.duration_s))
         speed[grid > motion.duration_s] = 0.0
-        speeds.append(np.fft.rfft(speed, 2 * grid.size, axis=0))
-    correlation = np.fft.irfft(np.sum(np.conj(speeds[0]) * speeds[1], axis=1), 2 * grid.size)
+        speeds.append(np.fft.rfft(speed, length, axis=0))
+    correlation = np.fft.irfft(np.sum(np.conj(speeds[0]) * speeds[1], axis=1), length)
     lag = int(np.argmax(correlation))
-    shift_s = (lag - 2 * grid.size if lag > grid.size else lag) * step_s
+    shift_s = (lag - length if lag > grid.size else lag) * step_s
     speed_of_second = second.spline.derivative()
     for _ in range(RunAlignment.steps):
         common = grid[(grid <= first.duration_s) & (grid + shift_s >= 0.0) & (grid + shift_s <= second.duration_s)]

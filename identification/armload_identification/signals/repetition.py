@@ -32,8 +32,9 @@ def repeated_after(elapsed_s: FloatArray, position_rad: FloatArray) -> float | N
         return None
     motion = np.column_stack([np.interp(times, elapsed_s, position_rad[:, joint]) for joint in moving])
     motion = (motion - motion.mean(axis=0)) / motion.std(axis=0)
-    spectrum = np.fft.rfft(motion, 2 * samples, axis=0)
-    product = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, axis=1), 2 * samples)[:samples]
+    length = fast_length(2 * samples)
+    spectrum = np.fft.rfft(motion, length, axis=0)
+    product = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, axis=1), length)[:samples]
     energy = np.concatenate([[0.0], np.cumsum(np.sum(motion**2, axis=1))])
     lags = np.arange(samples // 2 + 1)
     both = energy[samples - lags] + energy[samples] - energy[lags]
@@ -50,3 +51,13 @@ def repeated_after(elapsed_s: FloatArray, position_rad: FloatArray) -> float | N
     before, here, after = alike[lag - 1 : lag + 2]
     shift = 0.5 * (before - after) / (before - 2.0 * here + after)
     return float((lag + shift) * (times[1] - times[0]))
+
+
+def fast_length(least: int) -> int:
+    """The next length of which a Fourier transform is fast: a product of twos, threes and fives.
+
+    Args:
+        least: Smallest length, above 0.
+    """
+    smooth = (3**a * 5**b for a in range(12) for b in range(9))
+    return min(part << (-(-least // part) - 1).bit_length() for part in smooth)
