@@ -60,4 +60,4 @@ def fast_length(least: int) -> int:
         least: Smallest length, above 0.
     """
     smooth = (3**a * 5**b for a in range(12) for b in range(9))
-    return min(part << (-(-least // part) - 1).bit_length() for part in smooth)
+    return int(min(part << (-(-least // part) - 1).bit_length() for part in smooth))
