@@ -6,11 +6,13 @@ import can
 import numpy as np
 import pytest
 
+from armload_drivers.bus.joined_bus import BusRole
 from armload_drivers.cia402.bus_budget import forecast, require_room
 from armload_drivers.driver_errors import BusError, BusOverload, ForeignMaster, ServoFault, TorqueRemains, WrongDevice
+from armload_drivers.listening.overheard_arm import OverheardArm
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.lockstep_bus import LockstepBus
+from armload_drivers.simulation.lockstep_bus import LockstepBus, lockstep_bus
 from armload_drivers.simulation.plant_interface import IdealPlant
 
 ZERO = np.zeros(3)
@@ -89,6 +91,20 @@ def test_a_drive_of_the_same_id_on_the_other_bus_is_refused(virtual_arm, arm_set
         pytest.raises(WrongDevice, match="two drives have node id 2"),
     ):
         arm.servos.connect()
+
+
+def test_an_arm_on_two_buses_can_be_listened_to(two):
+    """One SYNC begins a cycle, and it is complete with the feedback from both buses."""
+    heard, cycles = OverheardArm(two.arm), []
+    with lockstep_bus(two.arm, two.wires, BusRole.LISTENER) as ear:
+        for cycle in range(1, 31):
+            two.servos.exchange(JointCommand(two.start_rad + 0.004 * cycle, ZERO, ZERO))
+            while (message := ear.recv(0.0)) is not None:
+                cycles.append(heard.take(message.arbitration_id, bytes(message.data), 0.01 * cycle))
+    found = [cycle for cycle in cycles if cycle is not None]
+    assert (heard.syncs, len(found)) == (30, 30)
+    assert not any(cycle.feedback.missing.any() for cycle in found)
+    assert found[-1].feedback.position_rad == pytest.approx(two.start_rad + 0.004 * 30, abs=0.01)
 
 
 def test_twelve_drives_at_250_hz_are_too_much_for_one_bus_and_not_for_two(virtual_arm, arm_settings):
