@@ -17,6 +17,7 @@ from pathlib import Path
 
 from armload_controller.control_errors import ConfigurationError, FleetError
 from armload_identification.many_arms.fleet_review import ArmReview, FleetReview
+from armload_identification.storage.replace_file import replace_file
 
 _FILE = "acknowledged.jsonl"
 
@@ -177,8 +178,8 @@ def acknowledge(folder: Path, review: FleetReview, arm: str, until: str, why: st
     made = Acknowledgement(arm, until, why, findings, now.isoformat(timespec="seconds"))
     path = folder / _FILE
     try:
-        with path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(made)) + "\n")
+        before = path.read_bytes() if path.exists() else b""
+        replace_file(path, before + json.dumps(asdict(made)).encode() + b"\n")
     except OSError as problem:
         raise FleetError(f"{path}: cannot be written: {problem.strerror}") from problem
     return made
