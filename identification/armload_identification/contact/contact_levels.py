@@ -89,3 +89,6 @@ PART_S: Final = 0.1
 """Samples that are processed together."""
 SETTLED_S: Final = 0.4
 """Time after the onset until the new payload alone acts: a grasp's duration and the estimator's window."""
+EVIDENT: Final = 0.4
+"""Share of the bound above which a push is not over: with 1, a weak one is over before it ends, and its end looks like
+a payload that is dropped. Quiet motion exceeds it in a row of a thousand."""

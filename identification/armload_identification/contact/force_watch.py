@@ -21,6 +21,7 @@ from armload_identification.contact.arm_memory import ArmMemory, Known
 from armload_identification.contact.contact_levels import (
     AT_ONCE,
     COLOUR_S,
+    EVIDENT,
     FAR_SIGMAS,
     HELD_ROWS,
     KNOWN_S,
@@ -106,6 +107,7 @@ class ForceWatch:
         self._last_mean: FloatArray | None = None
         self._base: Known | None = None
         self._noticed_s = self._evident_s = 0.0
+        self._push_end_s = np.inf
         self._looks = list(LOOKS_S)
         self._joints = np.zeros(chain.n, dtype=np.bool_)
 
@@ -136,8 +138,8 @@ class ForceWatch:
         test = acting(self._rows, self._rows.size - rows.size, predicted, self._noise, inertia)
         if self.state is Force.FREE:
             return self._notice(rows, test, predicted)
-        if (test.ratio > 1.0).any():
-            self._evident_s = float(rows.time_s[np.flatnonzero(test.ratio > 1.0)[-1]])
+        if (test.ratio > EVIDENT).any():
+            self._evident_s = float(rows.time_s[np.flatnonzero(test.ratio > EVIDENT)[-1]])
         return self._decide(float(rows.time_s[-1]))
 
     def suspect(self) -> list[ForceEvent]:
@@ -179,6 +181,7 @@ class ForceWatch:
             return []
         self.state, self._above, self._last_mean = Force.ACTING, 0, None
         self._noticed_s = self._evident_s = noticed_s
+        self._push_end_s = np.inf
         self._looks, self._joints = list(LOOKS_S), joints
         return [ForceEvent(ForceEventKind.ACTING, noticed_s, noticed_s, joints)]
 
@@ -193,18 +196,20 @@ class ForceWatch:
         ):
             due_s = self._looks.pop(0)
             found = assess(self._rows, self._base, self._noise, self._maker.chain, self._maker.scale, self._noticed_s)
-            last = not self._looks or due_s >= LOOKS_S[-2]
             if found is not None:
-                events += self._judge(found, now_s, due_s, last=last)
+                self._push_end_s = found.push_s[1]
+                events += self._judge(found, now_s, due_s, last=not self._looks)
         over = now_s - self._evident_s >= OVER_S
         if self.state is Force.PUSHED and over:
-            events.append(ForceEvent(ForceEventKind.OVER, now_s, self._evident_s, self._joints))
+            ended_s = min(self._push_end_s, self._evident_s)
+            events.append(ForceEvent(ForceEventKind.OVER, now_s, ended_s, self._joints))
             self._resume(payload=True, from_s=self._evident_s + OVER_S)
         return events
 
     def _judge(self, found: Assessment, now_s: float, due_s: float, *, last: bool) -> list[ForceEvent]:
         """Decide, if it can be decided."""
-        if found.odds > 0.0 and (last or (due_s >= PAYLOAD_FROM_S and found.odds > SURE)):
+        sure = due_s >= PAYLOAD_FROM_S and found.odds > SURE
+        if sure or (last and self.state is Force.ACTING and found.odds > 0.0):
             event = ForceEvent(ForceEventKind.PAYLOAD, now_s, found.payload_since_s, self._joints, found)
             self._resume(payload=False, from_s=found.payload_since_s + SETTLED_S)
             return [event]

@@ -127,7 +127,7 @@ class WatchedPayload:
             self._onset_s = min(self._onset_s, event.since_s - OVER_S)
         elif event.kind is ForceEventKind.OVER:
             self._go_back(self._onset_s)
-            self._replay(event.since_s + OVER_S)
+            self._replay(event.time_s)
             self._held = None
 
     def _before(self, time_s: float) -> tuple[float, PayloadEstimator] | None:
