@@ -92,3 +92,6 @@ SETTLED_S: Final = 0.4
 EVIDENT: Final = 0.4
 """Share of the bound above which a push is not over: with 1, a weak one is over before it ends, and its end looks like
 a payload that is dropped. Quiet motion exceeds it in a row of a thousand."""
+EVIDENCE: Final = 8.0
+"""Log likelihood by which another payload must be better than nothing at all. Half: a push that has ended is called a
+payload of some hundred grams; twice: 0.35 kg takes longer."""

@@ -21,6 +21,7 @@ from armload_identification.contact.arm_memory import ArmMemory, Known
 from armload_identification.contact.contact_levels import (
     AT_ONCE,
     COLOUR_S,
+    EVIDENCE,
     EVIDENT,
     FAR_SIGMAS,
     HELD_ROWS,
@@ -209,11 +210,12 @@ class ForceWatch:
     def _judge(self, found: Assessment, now_s: float, due_s: float, *, last: bool) -> list[ForceEvent]:
         """Decide, if it can be decided."""
         sure = due_s >= PAYLOAD_FROM_S and found.odds > SURE
-        if sure or (last and self.state is Force.ACTING and found.odds > 0.0):
+        likely = sure or (last and self.state is Force.ACTING and found.odds > 0.0)
+        if likely and found.evidence > EVIDENCE:
             event = ForceEvent(ForceEventKind.PAYLOAD, now_s, found.payload_since_s, self._joints, found)
             self._resume(payload=False, from_s=found.payload_since_s + SETTLED_S)
             return [event]
-        if self.state is Force.ACTING and (found.odds < -PUSH_SURE or (last and found.odds <= 0.0)):
+        if self.state is Force.ACTING and (found.odds < -PUSH_SURE or last):
             self.state = Force.PUSHED
             return [ForceEvent(ForceEventKind.PUSH, now_s, found.push_s[0], self._joints, found)]
         return []

@@ -41,6 +41,7 @@ class Assessment:
 
     Attributes:
         odds: Log likelihood of another payload less that of a push, plus what favours the payload: above 0 a payload.
+        evidence: Log likelihood of another payload less that of nothing at all.
         payload_since_s: Most likely onset if it is a payload.
         push_s: Most likely onset and end if it is a push; the end is infinite while it lasts.
         force_n: (3,) its force on the arm in the base frame.
@@ -49,6 +50,7 @@ class Assessment:
     """
 
     odds: float
+    evidence: float
     payload_since_s: float
     push_s: tuple[float, float]
     force_n: FloatArray
@@ -140,6 +142,7 @@ def assess(
         odds = -np.inf
     return Assessment(
         odds=odds,
+        evidence=payloads.logarithm,
         payload_since_s=float(means.time_s[payloads.best]),
         push_s=(float(means.time_s[first]), np.inf if last == count else float(means.time_s[last])),
         force_n=_FORCE[:3] * pushes.b[:3],

@@ -95,13 +95,13 @@ class WatchedPayload:
         now_s = float(part[0][-1])
         if self._samples and part[0][0] < self._samples[-1][0][-1] - _CLOCK_BACK_S:
             self._states, self._samples, self._held, self._force = [], [], None, ForceWatch(*self._arm)
-        changes = self._estimator.changes
+        changes, was = self._estimator.changes, self._force.state
         self._estimator.update_all(*part)
         self._samples.append(part)
         while self._samples[0][0][-1] < now_s - KEPT_S:
             del self._samples[0]
         events = self._force.take(*part)
-        if self._estimator.changes != changes and self._force.state is Force.FREE:
+        if self._estimator.changes != changes and was is self._force.state is Force.FREE:
             events += self._force.suspect()
         for event in events:
             self._follow(event)
