@@ -20,6 +20,7 @@ from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.identification_errors import RecordingError
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.recording.garbage_rows import GarbageFilter
+from armload_identification.recording.read_boundary import reading
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reader_registry import reader_of
 from armload_identification.recording.reading_options import Effort, ReadingOptions
@@ -156,20 +157,20 @@ class PayloadWatch:
         Raises:
             RecordingError: it cannot be read, or does not fit arm or calibration.
         """
-        options = ReadingOptions(self._robot.csv_columns, joint_names=tuple(self._robot.joint_names))
-        garbage, seen = GarbageFilter(path), self._last_s
-        reader = reader_of(path, options)
-        for block in self._usable(reader.blocks(ReadingAccount()), garbage):
+        seen = self._last_s
+        for block in self._usable(path):
             yield from self.rows(path, block)
         if self._last_s > seen:
             yield self.moment()
 
-    @staticmethod
-    def _usable(blocks: Iterator[RowBlock], garbage: GarbageFilter) -> Iterator[RowBlock]:
-        """The blocks without implausible rows."""
-        for block in blocks:
-            yield from garbage.add(block)
-        yield from garbage.finish()
+    def _usable(self, path: Path) -> Iterator[RowBlock]:
+        """The blocks of a recording without implausible rows."""
+        options = ReadingOptions(self._robot.csv_columns, joint_names=tuple(self._robot.joint_names))
+        garbage = GarbageFilter(path)
+        with reading(path):
+            for block in reader_of(path, options).blocks(ReadingAccount()):
+                yield from garbage.add(block)
+            yield from garbage.finish()
 
     def rows(self, path: Path, block: RowBlock) -> Iterator[WatchedMoment]:
         """Process rows; those not later than the last one are skipped.
