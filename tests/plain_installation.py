@@ -27,7 +27,7 @@ REFUSED = {
     "calibrate prbt {payload} --output {folder}/arm.calibration.toml": "identify",
     "report prbt {payload} --output {folder}/report.html": "report",
     "design prbt --output {folder}/excitation.toml": "report",
-    "feedforward prbt {payload} --compare --picture {folder}/picture.svg --yes": "report",
+    "feedforward compare prbt {payload} --picture {folder}/picture.svg --yes": "report",
     "commission prbt --output {folder}/runs --yes": "identify",
     "fleet identify {payload} --output {folder}/fleet": "fleet",
     "fleet watch {payload} --output {folder}/fleet": "fleet",

@@ -57,13 +57,13 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "simulate": simulate,
     "design": design_motion,
     "export": export,
-    "feedforward": feedforward,
     "watch": watch,
     "schema": schema,
 }
 for name, command in COMMANDS.items():
     app.command(name)(command)
 
+app.add_typer(feedforward, name="feedforward")
 app.add_typer(drives, name="drives")
 app.add_typer(recordings, name="recordings")
 app.add_typer(fleet, name="fleet")

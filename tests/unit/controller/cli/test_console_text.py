@@ -91,7 +91,7 @@ def test_a_table_with_room_is_left_as_it_is():
     assert shown(table, 300)[1] == [table]
 
 
-@pytest.mark.parametrize("command", [[], *([name] for name in ("commission", "identify", "export", "feedforward"))])
+@pytest.mark.parametrize("command", [[], ["commission"], ["identify"], ["export"], ["feedforward", "run"]])
 def test_help_shows_every_option_by_its_whole_name(command):
     narrow, wide = (CliRunner().invoke(app, [*command, "--help"], terminal_width=width).output for width in (60, 200))
     assert "…" not in narrow

@@ -237,7 +237,7 @@ def test_consent_beforehand_does_not_cover_a_payload(named, at_a_terminal, tmp_p
     values = np.stack([body.values, body.values], axis=1)
     result = PayloadResult("flange", body, known, values, ones, ones, Provenance("0", "0", {}))
     write_payload(tmp_path / "payload.toml", result)
-    words = ["feedforward", named(), tmp_path / "payload.toml", "--yes"]
+    words = ["feedforward", "trial", named(), tmp_path / "payload.toml", "--yes"]
     status, printed, errors = at_a_terminal(words, b"n\n")
     assert status == 1, errors
     assert "The arm will hold its position with torque on" in printed

@@ -50,7 +50,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def compared(armload, folder):
-    words = ["feedforward", folder / "prbt.toml", folder / "payload.toml", "--compare", "--mounted", "block"]
+    words = ["feedforward", "compare", folder / "prbt.toml", folder / "payload.toml", "--mounted", "block"]
     result = armload(*words, "--excitation", folder / "sweep.toml", "--picture", folder / "ff.svg")
     assert result.exit_code == 0, result.output
     return result.output
@@ -85,7 +85,7 @@ def calibrated(armload, folder):
         run_leg(cycle, path, path.measured, lambda done: None)
     found = armload("calibrate", folder / "prbt.toml", folder / "empty.mcap", "-o", folder / "arm.toml")
     assert found.exit_code == 0, found.output
-    words = ["feedforward", folder / "prbt.toml", folder / "payload.toml", "--compare", "--mounted", "block"]
+    words = ["feedforward", "compare", folder / "prbt.toml", folder / "payload.toml", "--mounted", "block"]
     words += ["--calibration", folder / "arm.toml"]
     result = armload(*words, "--excitation", folder / "sweep.toml", "--picture", folder / "arm.svg")
     assert result.exit_code == 0, result.output
@@ -116,7 +116,7 @@ def test_with_a_calibration_the_arms_own_torque_is_a_third_curve(calibrated, fol
 
 def test_a_calibration_of_another_arm_is_refused_before_anything_moves(armload, folder, recorded_er50):
     another = recorded_er50 / "runs" / "today" / "arm.calibration.toml"
-    result = armload("feedforward", folder / "prbt.toml", folder / "payload.toml", "--calibration", another)
+    result = armload("feedforward", "trial", folder / "prbt.toml", folder / "payload.toml", "--calibration", another)
     assert result.exit_code == 1
     assert f"{another}: the calibration belongs to an arm with different kinematics" in str(result.exception)
     assert "connecting" not in result.output
@@ -128,25 +128,26 @@ def test_the_offset_is_tried_and_what_is_left_out_is_said(compared):
     assert "no torque can be added on prbt_joint_1" in compared
 
 
-def test_without_compare_the_offset_is_tried_and_nothing_else(armload, folder):
-    result = armload("feedforward", folder / "prbt.toml", folder / "payload.toml", "--mounted", "block")
+def test_a_trial_tries_the_offset_and_nothing_else(armload, folder):
+    result = armload("feedforward", "trial", folder / "prbt.toml", folder / "payload.toml", "--mounted", "block")
     assert result.exit_code == 0, result.output
     assert "trial at standstill" in result.output
     assert "less" not in result.output
 
 
 def test_a_payload_that_is_not_determined_switches_nothing_on(armload, folder):
-    result = armload("feedforward", "prbt", folder / "unknown.toml", "--compare")
+    result = armload("feedforward", "compare", "prbt", folder / "unknown.toml")
     assert result.exit_code == 1
     assert "not determined: cx; a payload is fed forward only with" in str(result.exception)
     assert "slow round" not in result.output
 
 
 def test_an_unknown_payload_to_mount_is_refused(armload, folder):
-    assert "block, gripper" in str(armload("feedforward", "prbt", folder / "payload.toml", "--mounted", "x").exception)
+    refused = armload("feedforward", "trial", "prbt", folder / "payload.toml", "--mounted", "x")
+    assert "block, gripper" in str(refused.exception)
 
 
-@pytest.mark.parametrize("words", [("feedforward", "prbt", "payload.toml"), ("commission", "er50")])
+@pytest.mark.parametrize("words", [("feedforward", "trial", "prbt", "payload.toml"), ("commission", "er50")])
 def test_a_payload_is_mounted_only_on_the_simulated_arm_of_this_process(armload, tmp_path, monkeypatch, words):
     monkeypatch.setattr("armload_controller.session.arm_access.open_arm", None)
     monkeypatch.chdir(tmp_path)
@@ -158,7 +159,7 @@ def test_a_payload_is_mounted_only_on_the_simulated_arm_of_this_process(armload,
 
 
 def test_a_picture_that_is_no_picture_is_refused_before_anything_moves(armload, folder):
-    result = armload("feedforward", "prbt", folder / "payload.toml", "--compare", "--picture", folder / "ff.pdf")
+    result = armload("feedforward", "compare", "prbt", folder / "payload.toml", "--picture", folder / "ff.pdf")
     assert ".svg or .png" in str(result.exception)
     assert "slow round" not in result.output
 
@@ -166,20 +167,31 @@ def test_a_picture_that_is_no_picture_is_refused_before_anything_moves(armload, 
 @pytest.mark.parametrize("place", ["/proc/x.svg", "/proc/none/x.svg"])
 def test_a_picture_that_cannot_be_written_is_refused_before_anything_moves(armload, folder, monkeypatch, place):
     monkeypatch.setattr("armload_controller.session.arm_access.open_arm", None)
-    result = armload("feedforward", "prbt", folder / "payload.toml", "--compare", "--picture", place)
+    result = armload("feedforward", "compare", "prbt", folder / "payload.toml", "--picture", place)
     assert result.exit_code == 1
     assert re.search("/proc.* cannot be (created|written)", str(result.exception))
 
 
 def test_any_other_bus_is_refused(armload, folder):
-    result = armload("feedforward", "prbt", folder / "payload.toml", "--bus", "socketcan:can0")
+    result = armload("feedforward", "trial", "prbt", folder / "payload.toml", "--bus", "socketcan:can0")
     assert "--simulated-drives" in str(result.exception)
+
+
+@pytest.mark.long
+def test_a_run_adds_the_torque_of_the_payload(armload, folder):
+    words = ["feedforward", "run", folder / "prbt.toml", folder / "payload.toml", "--mounted", "block", "--json"]
+    result = armload(*words, "--excitation", folder / "sweep.toml")
+    assert result.exit_code == 0, result.output
+    assert "loaded, with feed-forward, run" in result.stderr
+    found = json.loads(result.stdout)
+    assert any(joint["usable"] for joint in found["offset"])
+    assert found["comparisons"] == found["decisions"] == []
 
 
 @pytest.fixture(scope="module")
 def adapted(armload, folder, calibrated):
     """A run that adapts to the estimated payload."""
-    words = ["feedforward", "prbt", "--adapt", "--expect", "0..4", "--mounted", "gripper", "--json"]
+    words = ["feedforward", "run", "prbt", "--expect", "0..4", "--mounted", "gripper", "--json"]
     words += ["--calibration", folder / "arm.toml", "--excitation", folder / "sweep.toml"]
     result = armload(*words, "--decisions", folder / "decisions.jsonl")
     assert result.exit_code == 0, result.output
@@ -200,24 +212,21 @@ def test_torque_follows_what_the_arm_finds_out_and_every_decision_is_kept(adapte
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (["payload.toml", "--adapt", "--expect", "0..3"], "takes no PAYLOAD"),
-        (["--adapt"], "required with --adapt"),
-        (["--adapt", "--expect", "0..3", "--compare"], "requires a PAYLOAD"),
-        (["--adapt", "--expect", "three"], "expected a range such as 0..3"),
-        (["payload.toml", "--expect", "0..3"], "requires --adapt"),
-        ([], "give a payload file, or --adapt"),
+        (["payload.toml", "--expect", "0..3"], "takes no PAYLOAD"),
+        (["--expect", "three"], "expected a range such as 0..3"),
+        ([], "give a payload file, or --expect"),
     ],
 )
 def test_options_that_contradict_each_other(armload, words, text):
-    result = armload("feedforward", "prbt", *words)
+    result = armload("feedforward", "run", "prbt", *words)
     assert result.exit_code == 2
     assert text in result.output
 
 
 def test_what_may_not_be_adapted_to(armload, folder):
-    heavy = armload("feedforward", "prbt", "--adapt", "--expect", "0..6")
+    heavy = armload("feedforward", "run", "prbt", "--expect", "0..6")
     assert "limited to 80 % of the rated 6 kg" in str(heavy.exception)
-    unknown = armload("feedforward", "prbt", "--adapt", "--expect", "0..3", "--decisions", folder / "none.jsonl")
+    unknown = armload("feedforward", "run", "prbt", "--expect", "0..3", "--decisions", folder / "none.jsonl")
     assert "give that file as `calibration=`" in str(unknown.exception)
     assert "connecting" not in unknown.output
 
@@ -225,5 +234,5 @@ def test_what_may_not_be_adapted_to(armload, folder):
 @pytest.mark.long
 def test_decisions_that_cannot_be_kept_are_refused_before_anything_moves(armload, folder, calibrated):
     known = ("--calibration", folder / "arm.toml")
-    nowhere = armload("feedforward", "prbt", "--adapt", "--expect", "0..3", *known, "--decisions", folder / "no" / "a")
+    nowhere = armload("feedforward", "run", "prbt", "--expect", "0..3", *known, "--decisions", folder / "no" / "a")
     assert "choose a --decisions" in str(nowhere.exception)

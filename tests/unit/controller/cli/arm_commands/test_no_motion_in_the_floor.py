@@ -59,15 +59,15 @@ def test_commission(armload, folder, tmp_path, role, runs):
     refuses(result, rf"{role}\.toml: excitation\.{role}")
 
 
-@pytest.mark.parametrize("options", [[], ["--compare"]], ids=["feedforward", "feedforward --compare"])
-def test_feedforward_along_a_path_given_to_it(armload, folder, options):
-    words = ["feedforward", "prbt", folder / "payload.toml", "--excitation", folder / "probe.toml", *options]
+@pytest.mark.parametrize("command", ["trial", "compare", "run"])
+def test_feedforward_along_a_path_given_to_it(armload, folder, command):
+    words = ["feedforward", command, "prbt", folder / "payload.toml", "--excitation", folder / "probe.toml"]
     refuses(armload(*words), r"command line: --excitation .*probe\.toml")
 
 
-@pytest.mark.parametrize("options", [[], ["--compare"]], ids=["feedforward", "feedforward --compare"])
-def test_feedforward_along_the_robots_own_path(armload, folder, options):
-    words = ["feedforward", folder / "validation.toml", folder / "payload.toml", *options]
+@pytest.mark.parametrize("command", ["trial", "compare", "run"])
+def test_feedforward_along_the_robots_own_path(armload, folder, command):
+    words = ["feedforward", command, folder / "validation.toml", folder / "payload.toml"]
     refuses(armload(*words), r"validation\.toml: excitation\.validation")
 
 

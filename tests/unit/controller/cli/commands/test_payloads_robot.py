@@ -60,7 +60,8 @@ def test_another_robots_payload_is_refused_by_name(armload, today, sister, tmp_p
     def words(robot):
         if command == "export":
             return ["export", robot, today / "payload.toml", *more]
-        return [command, robot, today / "payload.toml", *more]
+        named = [command, "trial"] if command == "feedforward" else [command]
+        return [*named, robot, today / "payload.toml", *more]
 
     refused = armload(*words(renamed))
     assert refused.exit_code == 1, refused.output
