@@ -24,6 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armload_controller.cycle.empty_slow_round import CORRELATED_ROWS, SPEED_SHARE, EmptySlowRound, Gravity
 from armload_controller.cycle.feedback_truth import TorqueMissing, TorqueReversed
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.phase import Segment
@@ -34,13 +35,8 @@ from armload_identification.signals.joint_torque import Transmission
 
 AVERAGED_S = 0.1
 """Time over which positions and torques are averaged. Twice as much: short motions are blurred."""
-SPEED_SHARE = 0.05
-"""Share of a joint's greatest speed at which friction reaches most of its value."""
 LEAST_TRAVEL_RAD = 0.2
 """A joint with less total travel is not checked."""
-CORRELATED_ROWS = 5
-"""Errors of the model, such as friction that varies with position, are assumed to be fully correlated for so long.
-Twice as much: standard errors grow by 1.4."""
 SURE = 4.0
 """A finding is reported if it is so many standard errors away from what is allowed."""
 WRONG_FACTOR = 2.0
@@ -195,6 +191,24 @@ class SlowRound:
                 "constant and gear ratio"
             )
         return texts
+
+    def of_empty_arm(self, gravity: Gravity, deviation: FloatArray) -> EmptySlowRound:
+        """This slow round as that of an empty arm.
+
+        Args:
+            gravity: (N, n) torque of the arm at rest, from positions and gravity.
+            deviation: (n,) relative standard deviation of each joint's.
+        """
+        return EmptySlowRound(
+            self._names,
+            self.position_rad,
+            self._torque,
+            self._noise,
+            gravity,
+            self._chain.gravity_m_s2,
+            deviation,
+            self._flange_columns(),
+        )
 
     def carried(self, arm_nm: FloatArray, deviation: FloatArray) -> Mass:
         """The mass on the flange of an arm whose own torque is known.

@@ -1,11 +1,14 @@
 """What the arm carries in a slow round, before it runs at full speed: nothing unloaded, more than before loaded.
 
+If a mistake in the robot's file explains the torques of the unloaded slow round better than a load, it is named.
+
 Unloaded, the arm's own torque is that of its calibration, or of `[body]`; without either nothing is compared. Loaded,
 the same path's slow round in the unloaded run is the reference.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +19,7 @@ from armload_controller.analysis.arm_in_use import ArmInUse
 from armload_controller.config.robot import Robot
 from armload_controller.cycle.slow_round_torque import SURE, SlowRoundRows
 from armload_controller.motion.phase import Segment
+from armload_core.arrays import FloatArray
 from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.recording.run_format import TOPIC
 
@@ -25,14 +29,23 @@ rated payload goes unnoticed on prbt; half as much: a wrong body is reported as 
 
 
 def unloaded_doubts(robot: Robot, arm: ArmInUse, rows: SlowRoundRows) -> list[str]:
-    """Warnings for the operator if the flange is not empty."""
+    """Warnings for the operator if the flange is not empty, or the file is wrong."""
     found = rows.fitted(robot.joint_names, arm.chain, arm.transmission)
     if found is None or (arm.known is None and robot.tables.body is None):
         return []
-    model = ArmDynamics(arm.chain, robot.strength.arm_body if arm.known is None else arm.known.fit.model)
+    body = robot.strength.arm_body if arm.known is None else arm.known.fit.model
+
+    def gravity(position: FloatArray, gravity_m_s2: FloatArray) -> FloatArray:
+        still = np.zeros_like(position)
+        chain = replace(arm.chain, gravity_m_s2=gravity_m_s2)
+        return ArmDynamics(chain, body).link_torque(position, still, still)
+
     deviation = np.hypot(arm.transmission.deviation, BODY_DEVIATION if arm.known is None else 0.0)
-    still = np.zeros_like(found.position_rad)
-    mass = found.carried(model.link_torque(found.position_rad, still, still), deviation)
+    explanations = [each.text for each in found.of_empty_arm(gravity, deviation).explanations()]
+    if explanations and explanations[0]:
+        or_load = ["something is on the flange"] if "" in explanations else []
+        return [f"the weight of the arm is not as expected. {'; or '.join([*filter(None, explanations), *or_load])}"]
+    mass = found.carried(gravity(found.position_rad, arm.chain.gravity_m_s2), deviation)
     if mass.kg < SURE * mass.error_kg:
         return []
     return [

@@ -45,7 +45,7 @@ from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
 
-robot = load_robot(sys.argv[2])
+robot = load_robot(next(word for word in sys.argv if word.endswith(".toml")))
 arm = robot.drives.settings
 powered = []
 

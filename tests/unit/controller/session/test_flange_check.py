@@ -1,6 +1,7 @@
 """What an arm carries is compared before it runs at full speed: simulated, with something on its flange or not."""
 
 import json
+import re
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -20,6 +21,15 @@ from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.payload import InertialParameters
+from benchmarks.arms.misread_arm import (
+    Mistake,
+    displaced_zero,
+    exchanged,
+    reversed_axis,
+    scaled_gear,
+    scaled_torque,
+    tilted_base,
+)
 from tests.short_commissioning import MIDDLE_RAD, least_robot, record
 from tests.unit.conftest import pinocchio_model
 
@@ -30,8 +40,11 @@ LIGHT = InertialParameters.from_center_of_mass(0.05, [0.02, -0.03, 0.08], 1e-4 *
 SAME = "the arm carries the same as before, or at most "
 
 
-def slow_round(payload, seed=0):
-    """Rows of a slow motion, with gravity by Pinocchio, friction and noise."""
+RIGHT = Mistake.none(6)
+
+
+def slow_round(payload, seed=0, mistake=RIGHT):
+    """Rows of a slow motion, with gravity by Pinocchio, friction and noise, read through a mistake of the file."""
     rng = np.random.default_rng(seed)
     middle = np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0])
     path = FourierTrajectory(1 / 40.0, middle, *np.random.default_rng(1).normal(0.0, 0.35, (2, 6, 2)))
@@ -39,10 +52,44 @@ def slow_round(payload, seed=0):
     model = pinocchio_model(PRBT.chain, links, payload)
     data, rows = model.createData(), SlowRoundRows(AVERAGED_S)
     states = path.evaluate(np.arange(0.0, 40.0, AVERAGED_S))
+    tilt = np.radians(mistake.tilt_deg)
+    model.gravity.linear = 9.81 * np.array([0.0, -np.sin(tilt), -np.cos(tilt)])
     for q, dq in zip(states.position_rad, states.velocity_rad_s, strict=True):
-        friction = 3.0 * np.tanh(dq / 0.01)
-        rows.add(q, pin.computeGeneralizedGravity(model, data, q) + friction + rng.normal(0.0, 0.5, 6), None)
+        p, dp = mistake.position @ q + mistake.zero_rad, mistake.position @ dq
+        friction = 3.0 * np.tanh(dp / 0.01)
+        torque = pin.computeGeneralizedGravity(model, data, p) + friction + rng.normal(0.0, 0.5, 6)
+        rows.add(q, mistake.torque @ torque, None)
     return rows
+
+
+@pytest.mark.parametrize(
+    ("mistake", "text"),
+    [
+        (scaled_torque(6, 1, 0.7), r"prbt_joint_2: its torque seems to be 0\.7\d? times .* rated_torque_nm by 0\.7"),
+        (scaled_torque(6, 2, 1.5), r"prbt_joint_3: its torque seems to be 1\.\d times"),
+        (reversed_axis(6, 1), r"prbt_joint_2 seems to turn the other way: reverse its axis .* \(607E\)"),
+        (scaled_gear(6, 1, 0.8), r"prbt_joint_2 seems to turn 0\.[78]\d times .* divide its gear_ratio by 0\.[78]"),
+        (exchanged(6, 1, 2), "prbt_joint_2 and prbt_joint_3 seem to be exchanged: exchange their node_id"),
+        (displaced_zero(6, 2, 0.2), r"prbt_joint_3 seems to stand at \+1[0-4] degrees where it reports zero"),
+        (tilted_base(6, 30.0), r"the base seems to be mounted \d\d degrees otherwise: .*gravity_m_s2 = \[-?0\.\d+, -"),
+    ],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_a_mistake_in_the_file_is_named_with_what_to_change(mistake, text):
+    (found,) = unloaded_doubts(PRBT, ARM, slow_round(None, mistake=mistake))
+    assert re.match(f"the weight of the arm is not as expected. {text}", found), found
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_links_that_are_wrong_by_a_tenth_are_no_mistake(seed):
+    body = PRBT.tables.body
+    factors = 1.0 + 0.1 * np.random.default_rng(seed).standard_normal(6)
+    links = [
+        link.model_copy(update={"mass_kg": link.mass_kg * factor})
+        for link, factor in zip(body.links, factors, strict=True)
+    ]
+    robot = PRBT.with_tables(body=body.model_copy(update={"links": links}))
+    assert unloaded_doubts(robot, ARM, slow_round(None, seed)) == []
 
 
 def test_a_payload_in_the_unloaded_run_is_reported_with_its_mass():
