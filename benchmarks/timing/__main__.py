@@ -11,6 +11,7 @@ from benchmarks.canopen_runs import (
     slow_round_speeds,
     small_faults,
     stops,
+    wrong_files,
 )
 from benchmarks.peers import generated_code
 from benchmarks.timing import (
@@ -33,6 +34,7 @@ for benchmark in (
     broken_loops,
     ordinary_stops,
     small_faults,
+    wrong_files,
     slow_round_speeds,
     false_alarms,
     design_time,
