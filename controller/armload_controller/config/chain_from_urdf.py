@@ -237,14 +237,27 @@ def _flange_link(tree: UrdfTree, flange: str | None, base: str) -> str:
         names: at for names, at in ends.items() if not any(n != names and n[: len(names)] == names for n in ends)
     }
     if not longest:
-        expected = f"at least {FEWEST_JOINTS} revolute joints in a row from {base!r}; choose another start with `base=`"
-        raise tree.refused("chain", None, expected)
+        expected = f"at least {FEWEST_JOINTS} revolute joints in a row from {base!r}"
+        raise tree.refused("chain", None, f"{expected}; {_other_starts(tree)}")
     candidates = [link for at in longest.values() for link in at]
     if len(longest) == 1:
         standard = [link for name in STANDARD_FLANGES for link in candidates if link == name]
         if len(candidates) == 1 or standard:
             return standard[0] if standard else candidates[0]
     raise tree.refused("`flange=`", None, f"name the link that carries the payload: {', '.join(candidates)}")
+
+
+def _other_starts(tree: UrdfTree) -> str:
+    """The links from which a chain could start, and joints that no chain can have."""
+    starts = [
+        base
+        for base in tree.links
+        if any(len(_turning_names(tree, link, base) or ()) >= FEWEST_JOINTS for link in tree.links)
+    ]
+    first = [base for base in starts if base not in tree.above or tree.above[base].parent not in starts]
+    sliding = [joint.name for joint in tree.above.values() if joint.kind == "prismatic"]
+    said = f"choose another start with `base=`: {', '.join(first)}" if first else "no link is the start of such a row"
+    return f"{said}; prismatic joints are not supported: {', '.join(sliding)}" if sliding else said
 
 
 def _turning_names(tree: UrdfTree, link: str, base: str) -> tuple[str, ...] | None:

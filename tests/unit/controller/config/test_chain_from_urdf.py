@@ -270,3 +270,20 @@ def test_a_robot_of_which_no_motor_is_known_takes_torques_and_refuses_currents(e
 def test_torques_that_no_joint_can_give_are_refused(written):
     with pytest.raises(RecordingError, match=r"e reaches 1.9e\+05 N m, 21142 times its greatest torque, 9 N m"):
         read_urdf_arm(written(plain())).own(run_of(5, torque_nm=2e5))
+
+
+def test_other_starts_and_joints_that_slide_are_named(tmp_path):
+    """The error said only to choose another start."""
+    kinds = ["prismatic", *["revolute"] * 5]
+    joints = "".join(
+        f'<joint name="j{i}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        for i, kind in enumerate(kinds)
+    )
+    path = tmp_path / "rail.urdf"
+    path.write_text(
+        f'<robot name="a">{"".join(f"<link name={chr(34)}l{i}{chr(34)}/>" for i in range(7))}{joints}</robot>'
+    )
+    with pytest.raises(ConfigurationError, match=r"`base=`: l1; prismatic joints are not supported: j0"):
+        read_urdf_arm(path)
+    assert read_urdf_arm(path, base="l1").n == 5
