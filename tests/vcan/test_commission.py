@@ -29,7 +29,6 @@ CYCLE_HZ = 50
 PATIENT = {"heartbeat_s": "2.0", "max_missing_cycles": "100"}
 ATTEMPTS = 5
 BUS = ["--bus", f"socketcan:{CHANNEL}", "--cycle-hz", str(CYCLE_HZ)]
-TWO_BUSES = ["--bus", "socketcan:vcan0,vcan1", "--cycle-hz", str(CYCLE_HZ)]
 FIRST = ["chrt", "--rr", "1"]
 """Run with priority over the other programs of this machine."""
 if shutil.which("chrt") is None or subprocess.run([*FIRST, "true"], capture_output=True, check=False).returncode:
@@ -58,10 +57,10 @@ def short_robot(tmp_path):
 
 
 @contextmanager
-def simulated(robot, payload, bus=BUS):
+def simulated(robot, payload):
     """Drives in a separate process, ended by SIGTERM."""
     drives = subprocess.Popen(
-        [*ARMLOAD, "simulate", str(robot), *bus, "--payload", payload], stdout=subprocess.PIPE, text=True
+        [*ARMLOAD, "simulate", str(robot), *BUS, "--payload", payload], stdout=subprocess.PIPE, text=True
     )
     try:
         assert "6 simulated drives" in drives.stdout.readline()
@@ -74,18 +73,18 @@ def simulated(robot, payload, bus=BUS):
         assert "drives stopped" in rest
 
 
-def commission(robot, *options, bus=BUS):
+def commission(robot, *options):
     return subprocess.run(
-        [*ARMLOAD, "commission", str(robot), *bus, *options], capture_output=True, text=True, timeout=300, check=False
+        [*ARMLOAD, "commission", str(robot), *BUS, *options], capture_output=True, text=True, timeout=300, check=False
     )
 
 
-def record(robot, output, bus):
+def record(robot, output):
     """Record both halves, each with its drives in a separate process; returns the output of the last."""
     for half, payload in (("unloaded", "none"), ("loaded", "paper")):
         if len(list(output.glob(f"{half}_*.mcap"))) < 2 or half == "loaded":
-            with simulated(robot, payload, bus):
-                done = commission(robot, "--simulated-drives", "--runs", half, "--output", str(output), bus=bus)
+            with simulated(robot, payload):
+                done = commission(robot, "--simulated-drives", "--runs", half, "--output", str(output))
             if done.returncode:
                 break
     return done
@@ -103,37 +102,20 @@ def forget_what_a_stall_spoilt(done, output):
         path.unlink()
 
 
-@pytest.fixture(params=["one bus", "two buses"])
-def arm_and_bus(request, short_robot):
-    """The arm, and the options for its bus; with two, joints 4 to 6 are on the second."""
-    if request.param == "one bus":
-        return short_robot, BUS
-    if not Path("/sys/class/net/vcan1").exists():
-        pytest.skip("there is no second interface, vcan1")
-    text, count = re.subn(r'^interface = "virtual"\nchannel = .*\n', "", short_robot.read_text(), flags=re.MULTILINE)
-    text = re.sub(r"^node_id = ([456]) .*$", r'node_id = \1\nbus = "b"', text, flags=re.MULTILINE)
-    parts = "".join(f'[bus.{name}]\ninterface = "virtual"\nchannel = "{name}"\n\n' for name in "ab")
-    assert count == text.count('bus = "b"') / 3 == 1
-    short_robot.write_text(text.replace("[[joints]]", f"{parts}[[joints]]", 1))
-    return short_robot, TWO_BUSES
-
-
-def test_two_halves_in_two_processes(arm_and_bus, tmp_path):
-    robot, bus = arm_and_bus
+def test_two_halves_in_two_processes(short_robot, tmp_path):
     output = tmp_path / "run"
-    done = record(robot, output, bus)
+    done = record(short_robot, output)
     for _ in range(ATTEMPTS - 1):
         if done.returncode == 0:
             break
         forget_what_a_stall_spoilt(done, output)
-        done = record(robot, output, bus)
+        done = record(short_robot, output)
     assert done.returncode == 0, done.stdout + done.stderr
     result = read_payload(output / "payload.toml")
     truth = load_robot("er50").simulation.payload("paper")
     assert result.model.mass_kg == pytest.approx(truth.mass_kg, rel=0.15)
     assert result.model.is_physical
     assert (output / "report.html").stat().st_size > 10_000
-    assert ("SYNC reached the last bus" in done.stdout) is (bus is TWO_BUSES)
     assert sorted(p.name for p in Path(output).glob("*.mcap")) == [
         f"{load}_{role}.mcap" for load in ("loaded", "unloaded") for role in ("identification", "validation")
     ]
