@@ -121,8 +121,9 @@ class LockstepLine(EthercatLine):
 
     def exchange(self, limit_s):
         counter = super().exchange(self.patience_s)
-        # A frame that was lost on its way back has reached the drives, and they wait for the plant.
-        if counter >= 0 or select.select([self.link._socket], [], [], SURELY_S)[0]:
+        # A frame that was lost on its way back has reached the drives, and they wait for the plant; one that was lost
+        # before has not, and the frame that returned may be a late one.
+        if select.select([self.link._socket], [], [], PATIENCE_S if counter >= 0 else SURELY_S)[0]:
             self.link.serve_cycle(self.plant)
         return counter
 
