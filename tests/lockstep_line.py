@@ -123,8 +123,14 @@ class LockstepLine(EthercatLine):
         counter = super().exchange(self.patience_s)
         # A frame that was lost on its way back has reached the drives, and they wait for the plant; one that was lost
         # before has not, and the frame that returned may be a late one.
-        if select.select([self.link._socket], [], [], PATIENCE_S if counter >= 0 else SURELY_S)[0]:
-            self.link.serve_cycle(self.plant)
+        wait_s = PATIENCE_S if counter >= 0 else SURELY_S
+        while select.select([self.link._socket], [], [], wait_s)[0]:
+            record = self.link.receive()
+            if record is None:
+                break
+            self.link.reply(*self.plant(record))
+            if not record.tick:
+                break
         return counter
 
     def close(self):
