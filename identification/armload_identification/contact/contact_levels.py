@@ -56,7 +56,7 @@ BACK_S: Final = 2.3
 """Earliest onset before the notice: a slow grasp is noticed late."""
 DECISION_STEP_S: Final = 0.1
 """Width of the means by which a decision is made."""
-LOOKS_S: Final = (0.3, 0.5, 0.8, 1.1, 1.5, 2.0, 2.5, 2.9)
+LOOKS_S: Final = (0.3, 0.5, 0.8, 1.1, 1.4, 2.0, 2.5, 2.9)
 """Times after the notice at which it is looked at; at the last one it is decided."""
 FAVOUR: Final = 30.0
 """Log likelihood by which a push must be better than a payload: grasps are no steps, and no arm is its model."""
@@ -64,7 +64,7 @@ SURE: Final = 20.0
 """Log likelihood beyond that by which a payload is decided before the last look."""
 PUSH_SURE: Final = 60.0
 """The same for a push: a heavy payload that is grasped slowly is far from a step at first."""
-PAYLOAD_FROM_S: Final = 1.5
+PAYLOAD_FROM_S: Final = 1.4
 """Earliest decision for a payload."""
 FORCE_N: Final = 60.0
 MOMENT_NM: Final = 10.0
