@@ -182,7 +182,7 @@ def _known(setup: Setup, seed: int, arm: str, transmission: Transmission) -> Kno
     loaded, unloaded = (
         record(period, setup.scales, setup.periods, rng, gain_error) for period in (setup.loaded, setup.unloaded)
     )
-    result = identify(loaded, unloaded, setup.chain, transmission, estimator=setup.estimator)
+    result = identify(loaded, unloaded, setup.chain, transmission)
     return Known(result.parameters, result.mass_center)
 
 

@@ -22,7 +22,7 @@ from armload_identification.estimation.arm_rows import RunSignals, arm_rows, bas
 from armload_identification.estimation.arm_terms import GAIN, PAYLOAD, arm_terms, effort_level
 from armload_identification.estimation.problem import DIFFERENCE_AND_MEAN, Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, derived
+from armload_identification.estimation.uncertainty import derived, student_half_width
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.chain import Chain
@@ -85,8 +85,10 @@ def by_solve(loaded: Recording, unloaded: Recording, chain: Chain, transmission:
     found = solve(Problem(terms, [group], Noise.unknown(effort_level(rows)), coupling), rough=True)
     place = found.problem.place(PAYLOAD, PAYLOAD)
     values, slope = derived(InertialParameters(found.x[place]))
-    covariance = slope @ found.covariance[place, place] @ slope.T
-    return values, NORMAL_HALF_WIDTH * np.sqrt(np.diag(covariance))
+    contrast = np.zeros((10, found.problem.shared_size))
+    contrast[:, place] = slope
+    variance, freedom = found.spread(contrast)
+    return values, student_half_width(freedom) * np.sqrt(variance)
 
 
 def by_identify(loaded: Recording, unloaded: Recording, chain: Chain, transmission: Transmission) -> Values:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.calibration.calibration_result import ArmCalibration
-from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_identification import identify
@@ -50,7 +49,6 @@ def identified_with(
     unloaded: Recording | None,
     chain: Chain,
     transmission: Transmission,
-    estimator: Estimator = Estimator.FRICTION,
 ) -> Identification:
     """A payload identified with a calibrated arm, or with nominal gains without a calibration.
 
@@ -58,12 +56,11 @@ def identified_with(
         IdentificationError: the recordings were refused.
     """
     if calibration is None:
-        return identify(loaded, unloaded, chain, transmission, estimator=estimator)
+        return identify(loaded, unloaded, chain, transmission)
     return identify(
         loaded,
         unloaded,
         calibration.level(chain),
         calibration.transmission(transmission),
-        estimator=estimator,
         arm=calibration.known_arm(chain),
     )

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibrate_arm import WeighedPayload
 from armload_identification.calibration.calibration_result import ArmCalibration
-from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.files.payload_file import format_payload, parse_payload
 from armload_identification.identification_errors import IdentificationError, PayloadFileError
 from armload_identification.model.chain import Chain
@@ -66,7 +65,6 @@ class Setup:
         gain_spread: Gain errors are uniform within this share, one per axis and seed.
         noise_scale: Factor on noise and quantisation of the torque.
         calibration: Payload that the arm is calibrated with; None for no calibration.
-        estimator: Of the payload.
     """
 
     name: str
@@ -80,7 +78,6 @@ class Setup:
     gain_spread: float = 0.0
     noise_scale: float = 1.0
     calibration: CalibrationLoad | None = None
-    estimator: Estimator = Estimator.FRICTION
 
     def rng(self, seed: int) -> np.random.Generator:
         """The random numbers of a seed."""
@@ -156,7 +153,7 @@ def identified(setup: Setup, seed: int) -> Identification:
         IdentificationError: the pair was refused.
     """
     loaded, unloaded, calibration = pair(setup, seed)
-    return identified_with(calibration, loaded, unloaded, setup.chain, setup.transmission, setup.estimator)
+    return identified_with(calibration, loaded, unloaded, setup.chain, setup.transmission)
 
 
 def trial(setup: Setup, seed: int) -> Trial:

@@ -9,6 +9,7 @@ every phase; a test checks that this costs no more than the square root of two.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -52,11 +53,14 @@ def bound_of(setup: Setup) -> FloatArray:
 
 
 def _columns(setup: Setup, result: Identification) -> FloatArray:
-    """(K, n, p) regressor of an identification, nuisance columns included."""
-    signal = result.signal
+    """(K, n, p) columns of a payload and of the load-dependent friction of each joint that moves."""
+    signal, body = result.signal, result.plain.body(0)
     phi = payload_regressor(setup.chain, *signal.states)
-    used = result.plain.sample_weight > 0.0
-    return np.concatenate([phi, result.plain.regressor[:, :, 10:] * used[:, :, None]], axis=2)
+    empty_nm = body.link_torque(setup.chain, *signal.states)
+    per_unit = replace(body, load_friction=np.ones(setup.chain.n))
+    of_load = per_unit.added_friction(empty_nm, phi @ result.plain.theta, signal.states.velocity_rad_s)
+    moving = np.flatnonzero(signal.loaded.moves)
+    return np.concatenate([phi, of_load[:, :, None] * np.eye(setup.chain.n)[:, moving]], axis=2)
 
 
 def paper_values(body: InertialParameters) -> FloatArray:

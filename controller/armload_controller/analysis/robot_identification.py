@@ -15,7 +15,6 @@ from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import FilePath, RunSource, arm_of, payload_from, recording_of
 from armload_controller.config.robot_recordings import RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
-from armload_identification.estimation.estimator_names import Estimator, EstimatorName, named_estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.extras import Extra, require_extra
 from armload_identification.identification_errors import EstimationError, PayloadFileError, RecordingError
@@ -94,7 +93,6 @@ def identify(
     validation: RunPair | None = None,
     calibration: Calibration | None = None,
     known: KnownPayload | None = None,
-    estimator: Estimator | EstimatorName = Estimator.FRICTION,
     tolerance: Tolerance | None = None,
     minus: PayloadResult | FilePath | None = None,
 ) -> Findings:
@@ -107,7 +105,6 @@ def identify(
         validation: A loaded and an unloaded run of another motion, to judge the result.
         calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
         known: Prior knowledge of the payload.
-        estimator: Estimation method: "friction", "robust", "wls" or "ols".
         tolerance: Permitted error of the payload; 2 % of its mass and 10 mm if not given.
         minus: Payload of the tool, or its file; the result is then what the tool carries, with the uncertainty of
             both. The validation, which is of the whole, cannot be given too.
@@ -117,7 +114,7 @@ def identify(
 
     Raises:
         RecordingError: recordings that do not fit the arm or each other, or are implausible.
-        EstimationError: no such estimator, neither unloaded run nor calibration, data that no payload explains, or a
+        EstimationError: neither unloaded run nor calibration, data that no payload explains, or a
             mass that this arm cannot carry.
 
     Examples:
@@ -143,7 +140,6 @@ def identify(
             "a validation judges the whole load, not what is left without the tool: identify the whole with the "
             "validation, and once more with the tool and without the validation"
         )
-    method = named_estimator(estimator)
     arm = arm_of(robot)
     used = arm_in_use(arm, calibration)
     tool = None if minus is None else payload_of(minus, arm, "the tool to subtract")
@@ -155,7 +151,7 @@ def identify(
     unnamed = _taken_in_order(arm, run)
     try:
         identification = payload_identification.identify(
-            run, empty, used.chain, gains, estimator=method, known=known, arm=used.known
+            run, empty, used.chain, gains, known=known, arm=used.known
         )
     except RecordingError as error:
         if unnamed is None:

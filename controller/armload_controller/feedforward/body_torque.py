@@ -17,8 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.friction_columns import load_column
-from armload_identification.model.body_model import BodyModel, smooth_sign
+from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmDynamics
 
@@ -47,8 +46,7 @@ class LoadFriction:
     def torque_nm(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray) -> FloatArray:
         """(n,) additional friction of the loaded arm over the empty one, in N m."""
         empty = self._dynamics.link_torque(q[None], dq[None], ddq[None])[0]
-        direction = smooth_sign(dq, self._body.reversal_speed_rad_s)
-        return self._body.load_friction * load_column(empty, payload_nm, direction)
+        return self._body.added_friction(empty, payload_nm, dq)
 
 
 class ArmTorque:

@@ -38,10 +38,9 @@ from armload_identification.estimation.arm_terms import (
     arm_terms,
     effort_level,
 )
-from armload_identification.estimation.least_squares import Prior
-from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
 from armload_identification.estimation.problem import Group, Known, Noise, Problem, RunRows
-from armload_identification.estimation.solve import HALVES, MOVING, Posterior, solve
+from armload_identification.estimation.solve import MOVING, Posterior, solve
 from armload_identification.identification_errors import EstimationError, IdentificationError, RecordingError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel
@@ -351,7 +350,7 @@ class _Calibration:
             if information <= 0.0:
                 continue
             others_kg = (found / spread - payload.mass_kg / scale) / information
-            deviation = HALVES / np.sqrt(information)
+            deviation = 1.0 / np.sqrt(information)
             if abs(payload.mass_kg - others_kg) > _DISAGREES * float(np.hypot(deviation, np.sqrt(scale))):
                 warnings.append(
                     f"mounting '{name}': {payload.mass_kg:.3f} kg was entered, all other data give {others_kg:.3f} +- "
@@ -423,7 +422,7 @@ class _Calibration:
             covariance=fit.covariance[: arm.size, : arm.size] * turn[:, None] * turn,
             drift=fit.change_deviation.reshape(CHANGES, n),
             noise_nm=fit.residual_nm[0],
-            correlation_s=fit.correlation
+            correlation_s=fit.correlation[0]
             * float(np.median(np.concatenate([np.diff(run.time_s) for run in self._rows]))),
             level_nm=fit.problem.noise.greatest_nm,
             payloads=tuple(

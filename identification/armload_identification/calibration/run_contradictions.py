@@ -148,7 +148,7 @@ def _trial(
         Problem(
             terms,
             [Group((RunRows(rows, _ANY if loaded else EMPTY),))],
-            Noise.given(fit.noise_nm[0], fit.correlation),
+            Noise.given(fit.noise_nm[0], fit.correlation[0]),
             arm.coupling,
         ),
         rough=True,

@@ -192,7 +192,7 @@ class _RunFit:
         of_arm = self._torque_doubts()
         of_gain, of_own = found.response(of_arm)
         missing = np.where(self._moved, 0.0, np.nan)
-        counted = np.count_nonzero(self._rows.weight > MOVING, axis=0) / found.correlation
+        counted = np.count_nonzero(self._rows.weight > MOVING, axis=0) / found.correlation[0]
         state = found.groups[0]
         carried = self._carried
         if carried is None:

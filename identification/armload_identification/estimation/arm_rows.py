@@ -49,6 +49,8 @@ _SHORTEST_S: Final = 3.0
 _ROWS_AT_ONCE: Final = 64
 """The regressor of so many windows takes 4 MB."""
 _TILTED: Final = 0.9
+REPEATED: Final = 0.1
+"""`REVERSAL` if two runs are compared phase by phase, so that half of the servo's behaviour at a reversal cancels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +88,8 @@ class RunSignals:
             coupling: (n, n) C of the motors.
             name: Name of the run in messages.
         """
-        return cls(name, run.interval_s, *run.states, run.raw_nm @ coupling, run.valid, run.periodic, from_torque=False)
+        usable = _without_holes(run.valid, run.interval_s) if run.periodic else run.valid
+        return cls(name, run.interval_s, *run.states, run.raw_nm @ coupling, usable, run.periodic, from_torque=False)
 
     @property
     def has_rows(self) -> bool:
@@ -146,6 +149,7 @@ class ArmRows:
         effort_nm: (N, n) axis torque with nominal gains.
         weight: (N, n) 0 where the joint turns or stands within the window, 1 far from that. Near a reversal no friction
             model is accurate: on prbt, residuals of such rows made runs contradict each other.
+        repeated: (N, n) the same for the difference to another run of this motion, in which most friction cancels.
         links: (N, n, b) joint torque per base parameter of the links.
         links_rate: (N, n, b) its change per second of delay.
         links_tilt: (2, N, n, b) its change per rad of tilt of the base.
@@ -164,6 +168,7 @@ class ArmRows:
     root: FloatArray
     effort_nm: FloatArray
     weight: FloatArray
+    repeated: FloatArray
     links: FloatArray
     links_rate: FloatArray
     links_tilt: FloatArray
@@ -324,6 +329,7 @@ def arm_rows(
         root=window.mean(sign * np.sqrt(np.abs(run.velocity_rad_s))),
         effort_nm=window.mean(run.effort_nm),
         weight=np.where(moves, window.onward(sign) * moving_weights(velocity, REVERSAL * scale), 0.0),
+        repeated=np.where(moves, moving_weights(window.rms(run.velocity_rad_s), REPEATED * scale), 0.0),
         links=links,
         links_rate=-links_slope,
         links_tilt=np.stack([body_regressor(side, middle, still, still)[:, :, base] for side in sides]),

@@ -32,7 +32,7 @@ CHANGES: Final = 3
 """Changes of a run's friction per joint: Coulomb, viscous, offset."""
 GAIN, LINKS, ROTORS, LOAD_FRICTION = "log_h", "links", "rotors", "load"
 COULOMB, VISCOUS, ROOT, DELAY, TILT = "coulomb", "viscous", "root", "delay", "tilt"
-PAYLOAD, FRICTION_CHANGE = "payload", "friction change"
+PAYLOAD, FRICTION_CHANGE, SESSION_FRICTION = "payload", "friction change", "friction of the session"
 ARM_TERMS: Final = (GAIN, LINKS, ROTORS, LOAD_FRICTION, COULOMB, VISCOUS, ROOT, DELAY, TILT)
 """In the order of a calibration's covariance. Its file does not name them: in another order, existing files would be
 read wrongly."""
@@ -40,6 +40,9 @@ GAIN_DEVIATION: Final = 0.05
 """Relative standard deviation of a nominal gain."""
 TILT_DEVIATION_RAD: Final = float(np.radians(0.5))
 """Standard deviation of each tilt angle of the base."""
+LEVELLED_RAD: Final = float(np.radians(0.1))
+"""The same where one motion is all there is: friction that the model lacks would otherwise be read as a tilt, 0.13 % of
+the mass on er50."""
 DELAY_DEVIATION_S: Final = 0.02
 LOAD_MEAN: Final = 0.05
 """Mean and standard deviation of mu: gears lose 0 to 15 % of their load."""
@@ -50,6 +53,9 @@ TOOL_M: Final = 0.5
 """Size of an arm's last link, and of a payload."""
 DRIFT: Final = np.array([0.018, 0.055, 0.0055])
 """Standard deviation of a run's Coulomb, viscous and offset changes, as shares of the joint's friction."""
+WITHIN_HOURS: Final = np.array([0.007, 0.02, 0.0015])
+"""The same between runs that follow each other: estimated from the UR10e's runs of February, days apart from each other
+by session; a prior for other arms."""
 LEAST_FRICTION: Final = 0.01
 """Least friction, as a share of the joint's torque."""
 _ZERO: Final = 1e-9
@@ -125,7 +131,14 @@ LAWS: Final[dict[str, Law]] = {
 }
 
 
-def arm_terms(runs: Sequence[ArmRows], chain: Chain, base: NDArray[np.bool_], peak_rad_s: FloatArray) -> list[Term]:
+def arm_terms(
+    runs: Sequence[ArmRows],
+    chain: Chain,
+    base: NDArray[np.bool_],
+    peak_rad_s: FloatArray,
+    tilt_rad: float = TILT_DEVIATION_RAD,
+    drift: FloatArray = DRIFT,
+) -> list[Term]:
     """The terms of an arm of which nothing is known but its kinematics and nominal gains.
 
     Args:
@@ -133,12 +146,12 @@ def arm_terms(runs: Sequence[ArmRows], chain: Chain, base: NDArray[np.bool_], pe
         chain: The arm.
         base: (10 n,) True for the base parameters of the links.
         peak_rad_s: (n,) greatest speeds.
+        tilt_rad: Standard deviation of each tilt angle of the base.
+        drift: (3,) standard deviations of a run's changes of friction, as shares of the joint's friction.
     """
     n, level = chain.n, effort_level(runs)
     speed = np.maximum(_rms(runs, "velocity_rad_s"), _ZERO)
-    reach = float(np.sum(np.sqrt(np.sum(chain.placement[:, :3, 3] ** 2, axis=1)))) + HAND_M
-    gravity = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
-    mass = WIDE * float(level.max()) / (gravity * reach)
+    reach, mass = _greatest_body(level, chain)
     wide = "ten times what alone would explain the torque"
     zero = np.zeros(n)
     # A rotor that cannot be separated from a link is determined, poorly, only by the gear's friction: with a wide prior
@@ -153,26 +166,32 @@ def arm_terms(runs: Sequence[ArmRows], chain: Chain, base: NDArray[np.bool_], pe
         VISCOUS: (zero, WIDE * level / speed, wide),
         ROOT: (zero, WIDE * level / np.sqrt(speed), wide),
         DELAY: (np.zeros(1), np.array([DELAY_DEVIATION_S]), "some cycles of a drive"),
-        TILT: (np.zeros(2), np.full(2, TILT_DEVIATION_RAD), "a base set up with a spirit level"),
+        TILT: (np.zeros(2), np.full(2, tilt_rad), "a base set up with a spirit level"),
     }
     terms = [Term(name, Scope.ARM, LAWS[name], *priors[name]) for name in ARM_TERMS]
-    body = payload_term(np.zeros(PARAMETERS), _body(mass, TOOL_M), wide)
-    return [*terms, body, friction_change(level, peak_rad_s)]
+    return [*terms, wide_payload(runs, chain), friction_change(level, peak_rad_s, drift)]
 
 
-def friction_change(level_nm: FloatArray, peak_rad_s: FloatArray) -> Term:
+def wide_payload(runs: Sequence[ArmRows], chain: Chain) -> Term:
+    """A payload of which nothing is known, of runs on an arm."""
+    _, mass = _greatest_body(effort_level(runs), chain)
+    return payload_term(np.zeros(PARAMETERS), _body(mass, TOOL_M), "ten times what alone would explain the torque")
+
+
+def friction_change(level_nm: FloatArray, peak_rad_s: FloatArray, drift: FloatArray = DRIFT) -> Term:
     """A run's own changes of friction, shares of the joint's friction at half its greatest speed.
 
     Args:
         level_nm: (n,) RMS torque.
         peak_rad_s: (n,) greatest speeds.
+        drift: (3,) these shares.
     """
     speed = np.maximum(0.5 * peak_rad_s, _ZERO)
 
     def shares(arm: Values) -> FloatArray:
         friction = np.abs(arm[COULOMB] + arm[ROOT] * np.sqrt(speed) + arm[VISCOUS] * speed)
         friction = np.maximum(friction, LEAST_FRICTION * level_nm)
-        return np.asarray((DRIFT[:, None] * np.stack([friction, friction / speed, friction])).ravel())
+        return np.asarray((drift[:, None] * np.stack([friction, friction / speed, friction])).ravel())
 
     start = shares(dict.fromkeys((COULOMB, ROOT, VISCOUS), np.zeros(level_nm.size)))
     origin = "estimated from the runs; at first those between the UR10e's, as shares of its friction"
@@ -190,14 +209,23 @@ def own_friction(deviation: FloatArray, origin: str) -> Term:
     return Term(FRICTION_CHANGE, Scope.RUN, Joint(_friction_change), np.zeros(deviation.size), deviation, origin)
 
 
-def known_arm_terms(values: Values, origin: str) -> list[Term]:
+def session_friction(deviation: FloatArray, origin: str) -> Term:
+    """The changes that all runs have in common, as of `own_friction`."""
+    return Term(SESSION_FRICTION, Scope.ARM, Joint(_friction_change), np.zeros(deviation.size), deviation, origin)
+
+
+def known_arm_terms(values: Values, origin: str, deviation: float = 0.0) -> list[Term]:
     """The terms of an arm with known values.
 
     Args:
         values: Of all of them, by name.
         origin: Where the values come from.
+        deviation: Of each value; inf if a Gaussian over all of them is known.
     """
-    return [Term(name, Scope.ARM, LAWS[name], values[name], np.zeros(values[name].size), origin) for name in ARM_TERMS]
+    return [
+        Term(name, Scope.ARM, LAWS[name], values[name], np.full(values[name].size, deviation), origin)
+        for name in ARM_TERMS
+    ]
 
 
 def payload_term(mean: FloatArray, deviation: FloatArray, origin: str) -> Term:
@@ -214,6 +242,13 @@ def payload_term(mean: FloatArray, deviation: FloatArray, origin: str) -> Term:
 def effort_level(runs: Sequence[ArmRows]) -> FloatArray:
     """(n,) RMS axis torque of runs, as a scale."""
     return np.maximum(_rms(runs, "effort_nm"), _ZERO)
+
+
+def _greatest_body(level_nm: FloatArray, chain: Chain) -> tuple[float, float]:
+    """The arm's reach in m, and ten times the mass that would explain the torque there, in kg."""
+    reach = float(np.sum(np.sqrt(np.sum(chain.placement[:, :3, 3] ** 2, axis=1)))) + HAND_M
+    gravity = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
+    return reach, WIDE * float(level_nm.max()) / (gravity * reach)
 
 
 def _body(mass_kg: float, size_m: float) -> FloatArray:

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.least_squares import Estimate
+from armload_identification.estimation.payload_estimate import PayloadEstimate
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import PSEUDO_INERTIA_BASIS, SMALLEST_MARGIN, InertialParameters
 
@@ -61,11 +61,11 @@ class PhysicalEstimate:
     plain_margin: float
 
 
-def make_physical(fit: Estimate) -> PhysicalEstimate:
-    """Physically consistent parameters from a fit.
+def make_physical(found: PayloadEstimate) -> PhysicalEstimate:
+    """Physically consistent parameters from an estimate.
 
     Args:
-        fit: The plain estimate; nuisance parameters are left free.
+        found: The plain estimate; all other unknowns are left free.
 
     Returns:
         The plain parameters if they are possible and fully determined, else the nearest possible ones.
@@ -73,17 +73,18 @@ def make_physical(fit: Estimate) -> PhysicalEstimate:
     Raises:
         EstimationError: the mass is not positive, or the search did not settle.
     """
-    plain = InertialParameters(fit.theta[:10])
+    plain = InertialParameters(found.theta)
+    complete = found.rank == found.theta.size
     if plain.mass_kg <= 0.0:
         raise EstimationError(
             f"the estimated mass is {plain.mass_kg:.3g} kg, which is physically impossible. Check that the loaded and "
             "the unloaded recording are not exchanged, and the sign of the currents."
         )
-    if plain.margin >= WRITTEN_MARGIN and fit.rank == fit.theta.size:
+    if plain.margin >= WRITTEN_MARGIN and complete:
         return PhysicalEstimate(plain, changed=False, cost=0.0, plain_margin=plain.margin)
-    root = _payload_root(fit)
+    root = found.root
     rows, target = [root], [root @ plain.theta]
-    if fit.rank < fit.theta.size:
+    if not complete:
         compact = _compact_body(plain)
         size = compact.mass_kg * np.array([1.0] + [_COMPACT_RADIUS_M] * 3 + [_COMPACT_RADIUS_M**2] * 6)
         pull = _PULL * np.diag(1.0 / size)
@@ -92,10 +93,10 @@ def make_physical(fit: Estimate) -> PhysicalEstimate:
     try:
         theta = project(np.vstack(rows), np.concatenate(target), _interior(plain))
     except EstimationError as error:
-        if fit.rank == fit.theta.size:
+        if complete:
             raise
         raise EstimationError(
-            f"the motion determines only {fit.rank} of {fit.theta.size} parameter directions, and no physically "
+            f"the motion determines only {found.rank} of {found.theta.size} parameter directions, and no physically "
             "possible payload agrees with them: it moves too few joints, or the columns or their order do not belong "
             "to this arm. Record a longer motion of all joints."
         ) from error
@@ -206,15 +207,6 @@ def _slope(
     inverse = np.linalg.inv(np.linalg.cholesky(np.tensordot(x, constraint, 1)))
     whitened = inverse @ constraint @ inverse.T
     return sharpness * (hessian @ (x - unconstrained)) - np.trace(whitened, axis1=1, axis2=2), whitened
-
-
-def _payload_root(fit: Estimate) -> FloatArray:
-    """(10, 10) root of the cost of the payload's parameters with nuisance parameters free."""
-    nuisance = fit.theta.size - 10
-    if nuisance == 0:
-        return fit.root
-    order = np.concatenate([fit.root[:, 10:], fit.root[:, :10]], axis=1)
-    return np.asarray(np.linalg.qr(order)[1][nuisance:, nuisance:])
 
 
 def _compact_body(plain: InertialParameters) -> InertialParameters:

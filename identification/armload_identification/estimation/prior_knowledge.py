@@ -13,13 +13,12 @@ part of their intervals, which are limited to the range. A range that the data c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.uncertainty import derived
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.payload import REFERENCE_LENGTH_M, InertialParameters, value_scale
@@ -27,6 +26,22 @@ from armload_identification.model.payload import REFERENCE_LENGTH_M, InertialPar
 EXACT: Final = 1e-5
 """Relative standard deviation of a known mass or inertia, and standard deviation of a known centre of mass in m: finer
 than any scale or drawing, and numerically harmless."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Prior knowledge of a payload, as k equations whose errors have unit standard deviation.
+
+    Attributes:
+        rows: (k, 10) coefficients of the parameters.
+        target: (k,) right-hand side.
+        doubts: (d, 10) rows^T times the change of the target by one standard deviation of each of d errors that the
+            equations have in common, in addition to their own.
+    """
+
+    rows: FloatArray
+    target: FloatArray
+    doubts: FloatArray = field(default_factory=lambda: np.zeros((0, 10)))
 
 
 @dataclass(frozen=True)

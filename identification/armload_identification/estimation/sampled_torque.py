@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.arm_rows import ArmRows
 from armload_identification.model.chain import Chain
-from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import payload_regressor
 
 _SHARE: Final = 0.003
@@ -24,19 +24,18 @@ _SHARE: Final = 0.003
 _CYCLE_S: Final = 0.01
 
 
-def sampling_doubt(chain: Chain, states: JointStates, theta: FloatArray, interval_s: float) -> FloatArray:
+def sampling_doubt(rows: ArmRows, chain: Chain, theta: FloatArray, interval_s: float) -> FloatArray:
     """Torque of one standard deviation of this error.
 
     Args:
+        rows: N rows of a loaded run.
         chain: The arm.
-        states: (K, n) each: its motion.
         theta: (10,) the payload.
-        interval_s: Time between samples.
+        interval_s: Time between the run's samples.
 
     Returns:
-        (1, K, n).
+        (1, N, n).
     """
-    q, dq, ddq = states
-    still = np.zeros_like(dq)
-    inertial = (payload_regressor(chain, q, still, ddq) - payload_regressor(chain, q, still, still)) @ theta
+    still = np.zeros_like(rows.position_rad)
+    inertial = (rows.payload - payload_regressor(chain, rows.position_rad, still, still)) @ theta
     return np.asarray(_SHARE * min(interval_s / _CYCLE_S, 1.0) ** 2 * inertial[None])

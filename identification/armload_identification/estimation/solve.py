@@ -12,8 +12,7 @@ Rows are weighted by the speed of the joint and by Huber's function; their varia
 integrated autocorrelation, corrected for what the unknowns absorbed of it. Rows close to a blow to the arm are excluded
 on all joints. A group that deviates as a whole has less weight, so that the others dominate.
 
-The covariance is a sandwich over blocks of 5 s, averaged with the model's own covariance if there are few blocks, times
-the square of 1.25: without this factor, halves of the UR10e's data differ by an rms z of 1.24.
+The covariance is that of the residuals' local spectra (`residual_spectrum`), group by group, and of the priors.
 """
 
 from __future__ import annotations
@@ -29,15 +28,15 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.impacts import struck_samples
 from armload_identification.estimation.problem import EMPTY, Group, Problem
+from armload_identification.estimation.residual_spectrum import FREEST, ResidualSpectrum
 from armload_identification.estimation.terms import Shared, TorqueAt
 from armload_identification.identification_errors import EstimationError
 from armload_identification.signals.robust_scale import deviation_by_median
 
-HALVES: Final = 1.25
-"""Factor on the standard deviations from the blocks, from comparing halves of the UR10e's data."""
 HUBER: Final = 2.0
-BLOCK_S: Final = 5.0
-ENOUGH_BLOCKS: Final = 30.0
+LEAST_OF_WHITE: Final = 0.25
+"""Lower bound of a variance as a share of its value for a white residual: a spectrum far below its average, as of
+joints at rest, is not evidence of low noise."""
 LAGS: Final = 25
 UNCORRELATED: Final = 0.05
 DEVIATES: Final = 3.0
@@ -158,6 +157,19 @@ class GroupState:
 
 
 @dataclass(frozen=True, eq=False)
+class GroupSpectrum:
+    """Spectrum of a group's residual.
+
+    Attributes:
+        spectrum: In a basis of r directions of the unknowns.
+        answer: (f, r) change of the f free shared unknowns for one unit of each direction.
+    """
+
+    spectrum: ResidualSpectrum
+    answer: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Posterior:
     """The unknowns of a problem after its rows.
 
@@ -165,12 +177,11 @@ class Posterior:
         problem: The problem.
         x: All unknowns.
         information: (s, s) inverse covariance of the shared unknowns if the rows are as independent as assumed.
-        meat: (s, s) the same from blocks of rows: equal to it if the assumption holds.
-        blocks: Number of these blocks.
+        known: (f, f) the share of the priors in that, of the f unknowns that are not known exactly.
         noise_nm: (g, n) standard deviation of a row, by the number of its combination.
         residual_nm: (g, n) RMS residual of moving rows, outliers clipped; less than the noise by what the unknowns
             absorbed.
-        correlation: (n,) integrated autocorrelation in rows.
+        correlation: (g, n) integrated autocorrelation in rows, by the number of the combination.
         deviation: Prior standard deviation of all unknowns, as finally adapted.
         steps: Number of iterations.
         groups: Residual and weight of every group.
@@ -181,8 +192,7 @@ class Posterior:
     problem: Problem
     x: FloatArray
     information: FloatArray
-    meat: FloatArray
-    blocks: int
+    known: FloatArray
     noise_nm: FloatArray
     residual_nm: FloatArray
     correlation: FloatArray
@@ -229,10 +239,78 @@ class Posterior:
     @cached_property
     def covariance(self) -> FloatArray:
         """(s, s) covariance of the shared unknowns."""
-        share = self.blocks / (self.blocks + ENOUGH_BLOCKS)
-        inverse = self.bread[np.ix_(self._free, self._free)]
-        covariance = HALVES**2 * (share * inverse @ self.meat @ inverse + (1.0 - share) * inverse)
+        covariance = self._by_priors
+        for part in self.spectra:
+            covariance = covariance + part.answer @ part.spectrum.covariance() @ part.answer.T
         return self._whole(0.5 * (covariance + covariance.T))
+
+    def spread(self, contrast: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Variance of combinations of the shared unknowns, and its degrees of freedom.
+
+        Args:
+            contrast: (k, s).
+
+        Returns:
+            (k,) variances, at least a quarter of those for white residuals; (k,) Satterthwaite's degrees of freedom.
+        """
+        of_free = contrast[:, self._free]
+        certain = np.einsum("ki,ij,kj->k", of_free, self._by_priors, of_free)
+        white = np.einsum("ki,ij,kj->k", contrast, self.bread, contrast) - certain
+        random, scatter = np.zeros(len(contrast)), np.zeros(len(contrast))
+        for part in self.spectra:
+            along = of_free @ part.answer
+            variance = part.spectrum.variance(along)
+            random += variance
+            scatter += variance**2 / part.spectrum.freedom(along)
+        # Variance that does not come from a residual costs no degrees of freedom.
+        total = np.maximum(random, LEAST_OF_WHITE * white) + certain
+        return total, np.clip(total**2 / np.maximum(scatter, 1e-300), 1.0, FREEST)
+
+    def joint_spread(self, contrast: FloatArray) -> tuple[FloatArray, float]:
+        """Covariance of combinations of the shared unknowns, and its degrees of freedom.
+
+        Args:
+            contrast: (k, s).
+
+        Returns:
+            (k, k) covariance, and those of the Wishart matrix with that mean whose elements have the same scatter.
+        """
+        of_free = contrast[:, self._free]
+        total = contrast @ self.covariance @ contrast.T
+        scatter = sum(1.0 / part.spectrum.joint_freedom(of_free @ part.answer, total) for part in self.spectra)
+        return total, float(np.clip(1.0 / scatter, 1.0, FREEST))
+
+    @cached_property
+    def spectra(self) -> tuple[GroupSpectrum, ...]:
+        """Spectrum of every group's residual."""
+        return tuple(self._spectrum(index) for index in range(len(self.groups)))
+
+    def _spectrum(self, index: int) -> GroupSpectrum:
+        """The spectrum of a group's residual, on the grid of its rows."""
+        state, part = self.groups[index], self.eliminated[index]
+        joint = part.covariance(self.bread[np.ix_(self._free, self._free)])
+        size = np.sqrt(np.diag(joint))
+        values, vectors = np.linalg.eigh(joint / np.outer(size, size))
+        root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+        time_s = state.group.time_s
+        apart_s = np.diff(time_s).min() if time_s.size > 1 else 1.0
+        at = np.rint((time_s - time_s[0]) / apart_s).astype(np.intp)
+        weight = self.row_weight(index)
+        series = weight.shape[0] * weight.shape[2]
+        basis = np.zeros((at[-1] + 1, series, root.shape[1]))
+        residual, weights = np.zeros((2, *basis.shape[:2]))
+        for rows in self.weighted_rows(index):
+            one = rows.combination * weight.shape[2] + rows.axis
+            basis[at, one] = rows.rows @ root[rows.place]
+            residual[at, one] = rows.target
+            weights[at, one] = weight[rows.combination, :, rows.axis]
+        return GroupSpectrum(ResidualSpectrum(basis, residual, weights), root[: self._free.size])
+
+    @cached_property
+    def _by_priors(self) -> FloatArray:
+        """(f, f) covariance of the free shared unknowns by their priors alone."""
+        inverse = self.bread[np.ix_(self._free, self._free)]
+        return np.asarray(inverse @ self.known @ inverse)
 
     def own_covariance(self, group: int) -> FloatArray:
         """(o, o) covariance of a group's own unknowns if the rows are as independent as assumed.
@@ -245,20 +323,21 @@ class Posterior:
         return np.asarray(part.own_covariance + part.follow @ inverse @ part.follow.T)
 
     def response(self, torque_nm: FloatArray, group: int = 0) -> tuple[FloatArray, FloatArray]:
-        """Change of the unknowns when torque is added to a run that is a group by itself.
+        """Change of the unknowns when torque is added to the first run of a group.
 
         Args:
             torque_nm: (k, N, n) additions to its torque.
-            group: Its index.
+            group: Index of the group.
 
         Returns:
             (s, k) changes of the shared unknowns and (o, k) of its own.
         """
-        part, weight = self.eliminated[group], self.row_weight(group)[0]
-        shared = self._free.size
+        part, weight = self.eliminated[group], self.row_weight(group)
+        shared, mix = self._free.size, self.groups[group].group.mix[:, 0]
         pull = np.zeros((shared + part.own_step.size, len(torque_nm)))
-        for axis, weighted in enumerate(self.weighted_rows(group)):
-            pull[weighted.place] += weighted.rows.T @ (torque_nm[:, :, axis] * weight[:, axis]).T
+        for weighted in self.weighted_rows(group):
+            one, axis = weighted.combination, weighted.axis
+            pull[weighted.place] += weighted.rows.T @ (mix[one] * torque_nm[:, :, axis] * weight[one, :, axis]).T
         of_shared = _solved(self.information, pull[:shared] - part.follow.T @ pull[shared:])
         whole = np.zeros((self.problem.shared_size, len(torque_nm)))
         whole[self._free] = of_shared
@@ -291,6 +370,27 @@ class Posterior:
         change = np.zeros(self.problem.shared_size)
         change[self._free] = -_solved(self.information - part.information, part.gradient)
         return change
+
+    def without_axis(self, axis: int) -> tuple[FloatArray, FloatArray]:
+        """The shared unknowns of a single group without the rows of an axis, by one step from the solution.
+
+        Args:
+            axis: Its number.
+
+        Returns:
+            (s,) unknowns, and (s, s) their covariance if rows are as independent as assumed.
+        """
+        shared, part = self._free.size, self.eliminated[0]
+        information = np.asarray(np.linalg.inv(part.covariance(self.bread[np.ix_(self._free, self._free)])))
+        gradient = np.zeros(len(information))
+        for rows in self.weighted_rows(0):
+            if rows.axis == axis:
+                information[np.ix_(rows.place, rows.place)] -= rows.rows.T @ rows.rows
+                gradient[rows.place] -= rows.rows.T @ rows.target
+        covariance = _solved(information, np.eye(len(information)))
+        values = self.x[: self.problem.shared_size].copy()
+        values[self._free] += (covariance @ gradient)[:shared]
+        return values, self._whole(covariance[:shared, :shared])
 
     @cached_property
     def _free(self) -> NDArray[np.intp]:
@@ -366,7 +466,8 @@ class _Solver:
         noise = problem.noise
         self._noise = np.tile(noise.start_nm, (combinations, 1))
         self._residual = self._noise.copy()
-        self._correlation = np.ones(noise.start_nm.size) if noise.correlation is None else noise.correlation
+        start = np.ones(noise.start_nm.size) if noise.correlation is None else noise.correlation
+        self._correlation = np.tile(start, (combinations, 1))
         terms = [term for runs in self._acting for placed in runs for term in placed]
         gains = [np.arange(place.start, place.stop) for term, place in terms if term.law is Shared.GAIN]
         self._gains = np.concatenate([np.zeros(0, dtype=np.intp), *gains])
@@ -454,51 +555,38 @@ class _Solver:
         """Update noise and autocorrelation of an axis."""
         noise = self._problem.noise
         values = np.concatenate([part[~state.struck, axis] for state, part in parts])
-        speed = np.concatenate([state.group.weight[~state.struck, axis] for state, _ in parts])
+        speed = np.concatenate([state.group.weight[combination, ~state.struck, axis] for state, _ in parts])
         moving = values[speed > MOVING]
         if moving.size < LAGS:
             return
         found, bound = _clipped_rms(moving)
         self._residual[combination, axis] = min(found, noise.greatest_nm[axis])
-        rows = moving.size / self._correlation[axis]
+        rows = moving.size / self._correlation[combination, axis]
         found /= np.sqrt(max(1.0 - self._absorbed[combination, axis] / rows, LEAST_LEFT))
         self._noise[combination, axis] = np.clip(found, noise.least_nm[axis], noise.greatest_nm[axis])
         if noise.correlation is None:
-            self._correlation[axis] = _integrated([part[:, axis] for _, part in parts], bound)
+            self._correlation[combination, axis] = _integrated([part[:, axis] for _, part in parts], bound)
 
     def posterior(self, steps: int) -> Posterior:
         """The posterior at the present unknowns."""
-        parts, blocks = [], 0
-        meat, _ = self._prior_equations()
-        information = meat.copy()
-        shared = self._shared_free.size
-        for index in range(len(self._groups)):
-            part, weighted = self._eliminated(index), self._weighted(index)
-            parts.append(part)
-            information += part.information
-            block = np.asarray(self._groups[index].group.time_s / BLOCK_S, dtype=np.intp)
-            own = self._own_free(index)
-            sums = np.zeros((int(block.max()) + 1, shared + own.size))
-            for axis in weighted:
-                gathered = np.zeros((len(sums), axis.place.size))
-                np.add.at(gathered, block, axis.rows * axis.target[:, None])
-                sums[:, axis.place] += gathered
-            ahead = sums[:, :shared] - sums[:, shared:] @ part.follow
-            meat += ahead.T @ ahead + (part.follow.T * self._deviation[own] ** -2.0) @ part.follow
-            blocks += len(sums)
+        known, _ = self._prior_equations()
+        parts = tuple(self._eliminated(index) for index in range(len(self._groups)))
+        information = known + np.sum([part.information for part in parts], axis=0)
+        for index, part in enumerate(parts):
+            precision = self._deviation[self._own_free(index)] ** -2.0
+            known = known + (part.follow.T * precision) @ part.follow
         return Posterior(
             problem=self._problem,
             x=self._x,
             information=information,
-            meat=meat,
-            blocks=blocks,
+            known=known,
             noise_nm=self._noise,
             residual_nm=self._residual,
             correlation=self._correlation,
             deviation=self._deviation,
             steps=steps,
             groups=tuple(self._groups),
-            eliminated=tuple(parts),
+            eliminated=parts,
             weighted_rows=self._weighted,
         )
 
@@ -576,11 +664,12 @@ class _Solver:
 
 def _row_weights(state: GroupState, noise_nm: FloatArray, correlation: FloatArray, *, robust: bool) -> FloatArray:
     """(g, N, n) weight of every row: root of its inverse variance."""
-    noise = noise_nm[: len(state.residual_nm), None]
-    weight = state.group.weight * (np.sqrt(state.trust) / (noise * np.sqrt(correlation)))
+    size = len(state.residual_nm)
+    noise = noise_nm[:size, None]
+    weight = state.group.weight * (np.sqrt(state.trust) / (noise * np.sqrt(correlation[:size, None])))
     if robust:
-        size = np.abs(state.weighted_nm) / noise
-        weight = weight * np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, _ZERO)))
+        outlying = np.maximum(np.abs(state.weighted_nm) / (HUBER * noise), 1.0)
+        weight = weight / np.sqrt(outlying)
     return np.asarray(np.where(state.struck[:, None], 0.0, weight))
 
 
@@ -593,7 +682,7 @@ def clipped_rms(state: GroupState, moved: NDArray[np.bool_]) -> FloatArray:
     """
     found = np.full(moved.size, np.nan)
     for axis in np.flatnonzero(moved):
-        fast = state.group.weight[:, axis] > MOVING
+        fast = state.group.weight[0, :, axis] > MOVING
         found[axis] = _clipped_rms(state.weighted_nm[0, fast, axis])[0]
     return found
 

@@ -79,6 +79,20 @@ class BodyModel(LinksAndDrives):
         """
         return _dynamics(chain, self).link_torque(q, dq, ddq)
 
+    def added_friction(self, empty_nm: FloatArray, payload_nm: FloatArray, dq: FloatArray) -> FloatArray:
+        """Friction under a payload beyond that of the empty arm, mu s (|tau_link + tau_payload| - |tau_link|).
+
+        Args:
+            empty_nm: (N, n) torque of the links.
+            payload_nm: (N, n) torque of the payload.
+            dq: (N, n) velocities in rad/s.
+
+        Returns:
+            (N, n) in N m. Computed from the motors' torque, which includes friction, it would make results worse.
+        """
+        direction = smooth_sign(dq, self.reversal_speed_rad_s)
+        return np.asarray(self.load_friction * direction * (np.abs(empty_nm + payload_nm) - np.abs(empty_nm)))
+
     def torque(
         self, chain: Chain, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray | None = None
     ) -> FloatArray:

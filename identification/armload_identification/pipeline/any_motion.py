@@ -9,22 +9,22 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.empty_arm.known_arm_fit import fit_on_known_arm, friction_covariance
-from armload_identification.estimation.empty_arm.known_arm_signal import KnownArmSignal
-from armload_identification.estimation.least_squares import Estimate, Prior
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, quantify, shifts_by
+from armload_identification.estimation.payload_estimate import estimate_of
+from armload_identification.estimation.payload_problem import PayloadProblem, single_problem
+from armload_identification.estimation.prior_knowledge import Prior
+from armload_identification.estimation.solve import Posterior, solve
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters
-from armload_identification.pipeline.identification_result import Fit, Identification, completed, without_blows
+from armload_identification.model.payload import DETERMINED_SHARE
+from armload_identification.model.regressor import PARAMETERS
+from armload_identification.pipeline.identification_result import Identification, completed, single_signal
+from armload_identification.pipeline.operator_notes import notes_on
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.load_signal import LoadSignal
-from armload_identification.signals.motion import motion_of, motion_over_time
+from armload_identification.signals.motion import Motion, motion_of, motion_over_time
 from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
-from armload_identification.verdict.recording_checks.friction_validity import friction_notes, standard_deviations
 from armload_identification.verdict.recording_checks.motion_quality import MotionQuality
 from armload_identification.verdict.recording_checks.sanity import check_run
 
@@ -72,8 +72,9 @@ def identify_alone(
         EstimationError: a motion that does not determine the payload's mass, naming the missing motion.
     """
     check_run(loaded, transmission)
-    seen = KnownArmSignal.of(motion_of(loaded, transmission), chain, arm)
-    return _on_known_arm(seen, loaded, chain, transmission, arm, prior)
+    motion = motion_of(loaded, transmission)
+    problem = single_problem(motion, chain, transmission.coupling, arm)
+    return _on_known_arm(problem, motion, loaded, chain, transmission, arm, prior)
 
 
 def identify_windows(
@@ -108,15 +109,16 @@ def identify_windows(
     check_run(loaded, transmission)
     with threadpool_limits(1):
         motion = motion_over_time(loaded, transmission)
-        seen = KnownArmSignal.of(motion, chain, arm)
+        problem = single_problem(motion, chain, transmission.coupling, arm)
         windows = []
         lasts_s = float(motion.time_s[-1]) + motion.interval_s
         for number in range(int(lasts_s / every_s)):
             start_s, end_s = number * every_s, (number + 1) * every_s
+            part, moved = problem.between(start_s, end_s), motion.part(start_s, end_s)
             try:
-                found = _on_known_arm(seen.part(start_s, end_s), loaded, chain, transmission, arm, None)
-            except EstimationError as problem:
-                windows.append(Window(start_s, end_s, None, str(problem).removeprefix(f"{loaded.source.path}: ")))
+                found = _on_known_arm(part, moved, loaded, chain, transmission, arm, None)
+            except EstimationError as refusal:
+                windows.append(Window(start_s, end_s, None, str(refusal).removeprefix(f"{loaded.source.path}: ")))
                 continue
             windows.append(Window(start_s, end_s, found, ""))
     if not windows:
@@ -128,7 +130,8 @@ def identify_windows(
 
 
 def _on_known_arm(
-    seen: KnownArmSignal,
+    problem: PayloadProblem,
+    motion: Motion,
     loaded: Recording,
     chain: Chain,
     transmission: Transmission,
@@ -137,46 +140,27 @@ def _on_known_arm(
 ) -> Identification:
     """A payload from one run of any motion."""
     name = str(loaded.source.path)
-    quality = MotionQuality.of(seen.signal.loaded, arm.fit.model)
+    quality = MotionQuality.of(motion, arm.fit.model)
     quality.require_enough(name)
-    regressor = seen.regressor
-
-    def fit_to(run: LoadSignal) -> Fit:
-        return fit_on_known_arm(replace(seen, signal=run), chain, arm, prior)
-
-    signal, fit, friction, struck = without_blows(seen.signal, fit_to)
-    plain = InertialParameters(fit.theta[:10])
-    # Measured minus predicted torque has the correlated errors of gains and body.
-    doubts = np.concatenate(
-        [
-            arm.doubts(signal.states, signal.interval_s, signal.loaded.torque_nm),
-            _model_doubts(signal, fit, arm),
-        ]
+    posterior = solve(problem.knowing(prior), rough=True)
+    plain = estimate_of(posterior, problem, chain, prior, arm.errors, (_model_doubts(posterior, arm),))
+    mass_kg, floor_kg = float(plain.theta[0]), float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.theta[0]))
+    one = np.eye(1, PARAMETERS)
+    random_kg, all_kg = (
+        NORMAL_HALF_WIDTH * float(np.sqrt(found.spread(one)[0][0]))
+        for found in (replace(plain, shifts=np.zeros((0, PARAMETERS))), plain)
     )
-    width = float(quantify(fit, plain).half_width_95[0]) if plain.mass_kg != 0.0 else np.inf
-    if plain.mass_kg <= 0.0 or width > DETERMINED_SHARE * plain.mass_kg:
-        if plain.mass_kg != 0.0:
-            width = float(quantify(fit, plain, shifts_by(fit, doubts)).half_width_95[0])
-        raise quality.undetermined(name, plain.mass_kg, float(np.hypot(width, NORMAL_HALF_WIDTH * FLOOR_KG)))
-    floor = float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.mass_kg)) / plain.mass_kg
-    changes = fit.theta[10 : 10 + 2 * chain.n].reshape(2, -1)
-    own = ArmFriction.of(arm.fit.model, signal.states.velocity_rad_s, changes)
-    said = friction_notes(standard_deviations(changes, friction_covariance(fit, chain.n), arm.drift[:2]))
-    doubts = np.concatenate([doubts, floor * (regressor @ plain.theta)[None]])
-    return completed(
-        signal, regressor, fit, friction, doubts, None, (loaded,), transmission, None, own, struck, said, prior=prior
-    )
+    if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
+        raise quality.undetermined(name, mass_kg, float(np.hypot(all_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
+    plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
+    result = completed(plain, None, single_signal(plain, motion, chain, transmission), chain, transmission, loaded)
+    return result.with_notes(*notes_on(result, (loaded,), transmission, arm))
 
 
-def _model_doubts(signal: LoadSignal, fit: Estimate, arm: KnownArm) -> FloatArray:
-    """(n, K, n) torque of one standard deviation of the model's own error on each joint.
-
-    Empty for an average period: its rows were not averaged over a window, and have more noise than the calibration's.
-    """
-    if signal.periodic:
-        return np.zeros((0, *signal.torque_nm.shape))
-    torque = signal.loaded.torque_nm
-    level = np.sqrt(np.mean(torque[signal.valid] ** 2, axis=0))
-    left = np.sqrt(np.maximum(fit.weight_1_nm**-2.0 - arm.noise_nm**2, 0.0))
+def _model_doubts(posterior: Posterior, arm: KnownArm) -> FloatArray:
+    """(n, N, n) axis torque of one standard deviation of the model's own error on each joint."""
+    rows = posterior.problem.groups[0].runs[0].rows
+    level = np.sqrt(np.mean(rows.effort_nm**2, axis=0))
+    left = np.sqrt(np.maximum(posterior.noise_nm[0] ** 2 - arm.noise_nm**2, 0.0))
     share = np.divide(_LASTING * left, level, out=np.zeros_like(level), where=level > 0.0)
-    return np.asarray((share * torque)[None] * np.eye(level.size)[:, None, :])
+    return np.asarray((share * rows.effort_nm)[None] * np.eye(level.size)[:, None, :])

@@ -1,6 +1,6 @@
 """Identify a payload: from a loaded and an unloaded recording to parameters with intervals.
 
-recordings -> torque difference -> weighted least squares -> intervals -> physically possible set
+recordings -> runs -> rows -> one solve over terms -> possible body -> intervals -> notes
 """
 
 from __future__ import annotations
@@ -13,47 +13,27 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from armload_core.arrays import FloatArray
-from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
-from armload_identification.estimation.estimator_names import Estimator
-from armload_identification.estimation.estimators import fit_payload
-from armload_identification.estimation.friction_columns import unloaded_body
-from armload_identification.estimation.gain_columns import GainFit
-from armload_identification.estimation.least_squares import Prior
-from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.estimation.sampled_torque import sampling_doubt
-from armload_identification.estimation.servo_sag import on_one_motion
-from armload_identification.estimation.uncertainty import quantify, shifts_by
+from armload_identification.estimation.empty_arm.unloaded_arm import fit_body
+from armload_identification.estimation.gain_errors import GainFit, fit_gains
+from armload_identification.estimation.payload_estimate import estimate_of
+from armload_identification.estimation.payload_problem import pair_problem
+from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
+from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
-from armload_identification.model.regressor import payload_regressor
+from armload_identification.model.payload import PayloadResult, Provenance
 from armload_identification.pipeline.any_motion import identify_alone
-from armload_identification.pipeline.identification_result import Fit, Identification, completed, without_blows
+from armload_identification.pipeline.identification_result import Identification, completed, pair_signal
 from armload_identification.pipeline.mass_center_ranges import within_ranges
+from armload_identification.pipeline.operator_notes import misfit_notes, notes_on
 from armload_identification.pipeline.weighed_mass import CONTRADICTS, note_on_mass
 from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.load_signal import LoadSignal, load_signal
-from armload_identification.signals.motion import Motion
-from armload_identification.verdict.operator_notes import misfit_notes
+from armload_identification.signals.load_signal import load_signal
 from armload_identification.verdict.recording_checks.column_mistakes import looks_wrong, refuse_wrong_columns
 from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
-from armload_identification.verdict.recording_checks.friction_validity import (
-    friction_change,
-    friction_notes,
-    standard_deviations,
-)
-from armload_identification.verdict.recording_checks.joint_scales import joint_scales
-from armload_identification.verdict.recording_checks.sanity import (
-    check_against_others,
-    check_gains,
-    check_pair,
-    check_scales,
-    explain_negative_mass,
-)
+from armload_identification.verdict.recording_checks.sanity import check_pair, require_consistent
 
 FLANGE: Final = "flange"
 
@@ -64,7 +44,6 @@ def identify(
     chain: Chain,
     transmission: Transmission,
     *,
-    estimator: Estimator = Estimator.FRICTION,
     known: KnownPayload | None = None,
     arm: KnownArm | None = None,
 ) -> Identification:
@@ -75,7 +54,6 @@ def identify(
         unloaded: Run of the same motion without it; None if `arm` is given instead.
         chain: The arm; the result is in its flange frame.
         transmission: Gains and coupling; gains are used for currents, and for reported torque if calibrated.
-        estimator: How the payload is fitted.
         known: Prior knowledge of the payload.
         arm: The calibrated empty arm, with its gains in `transmission` and its tilt in `chain`: instead of the unloaded
             run, or in addition to it, as it is more accurate than the arm from that run.
@@ -96,14 +74,14 @@ def identify(
         raise ModelError(f"{transmission.gain_nm_a.size} gains for {chain.n} joints; expected one per joint")
     # One thread: with matrices of a few dozen columns threads only wait for each other, for minutes on a busy machine.
     with threadpool_limits(1):
-        identified = _by_prior(loaded, unloaded, chain, transmission, estimator, arm)
+        identified = _by_prior(loaded, unloaded, chain, transmission, arm)
         if known is None:
             return identified(None)
         if known.symmetric:
             _require_symmetric(identified(replace(known, symmetric=False).prior()))
         note = note_on_mass(known, identified)
         found = within_ranges(identified(known.prior()), known, identified)
-        return replace(found, notes=(note, *found.notes)) if note else found
+        return found.with_notes(note) if note else found
 
 
 def _require_symmetric(found: Identification) -> None:
@@ -123,118 +101,64 @@ def _by_prior(
     unloaded: Recording | None,
     chain: Chain,
     transmission: Transmission,
-    estimator: Estimator,
-    known_arm: KnownArm | None,
+    arm: KnownArm | None,
 ) -> Callable[[Prior | None], Identification]:
     """`identify` as a function of the prior; what does not depend on it is computed once."""
     runs = (loaded,) if unloaded is None else (loaded, unloaded)
     for run in runs:
         check_joints(run, chain.n)
-        if known_arm is not None:
-            require_effort(run, known_arm.effort)
-    if unloaded is None:
-        if known_arm is None:
-            raise EstimationError(
-                "no unloaded recording was given, and the arm's own torque, which is many times the payload's, is "
-                "unknown. Record the same excitation without the payload and give that file as `unloaded=`, or "
-                "calibrate the arm once with `armload calibrate` and give that file as `calibration=`."
-            )
-        if estimator is not Estimator.FRICTION:
-            raise EstimationError(
-                f"the estimator '{estimator}' requires the difference of two runs, but there is only one run, with a "
-                "calibration. Omit `estimator=`, or give an unloaded recording."
-            )
-        return lambda prior: identify_alone(loaded, chain, transmission, known_arm, prior)
+        if arm is not None:
+            require_effort(run, arm.effort)
+    if unloaded is not None:
+        return _by_difference(loaded, unloaded, chain, transmission, arm)
+    if arm is None:
+        raise EstimationError(
+            "no unloaded recording was given, and the arm's own torque, which is many times the payload's, is "
+            "unknown. Record the same excitation without the payload and give that file as `unloaded=`, or "
+            "calibrate the arm once with `armload calibrate` and give that file as `calibration=`."
+        )
+    return lambda prior: identify_alone(loaded, chain, transmission, arm, prior)
+
+
+def _by_difference(
+    loaded: Recording, unloaded: Recording, chain: Chain, transmission: Transmission, arm: KnownArm | None
+) -> Callable[[Prior | None], Identification]:
+    """The payload of a pair as a function of the prior."""
     check_pair(loaded, unloaded, transmission)
     signal = load_signal(loaded, unloaded, transmission)
-    arm = unloaded_body(signal, chain, transmission.coupling) if known_arm is None else known_arm.fit
+    body = fit_body([signal.empty_arm], chain, transmission.coupling) if arm is None else arm.fit
 
     @cache
     def require_right_columns() -> None:
         refuse_wrong_columns(signal, loaded, unloaded, chain, transmission.coupling)
 
-    if looks_wrong(signal, arm if known_arm is None else None):
+    if looks_wrong(signal, body if arm is None else None):
         require_right_columns()
+    gains = transmission.gains(from_torque=loaded.torque_nm is not None)
+    problem = pair_problem(signal, chain, transmission.coupling, arm)
+    errors = gains.errors if arm is None else arm.errors
 
     def identified(prior: Prior | None) -> Identification:
+        fitted: GainFit | None = None
+        if arm is None and gains.fitted:
+            posterior, fitted = fit_gains(problem, gains.covariance, prior)
+        else:
+            posterior = solve(problem.knowing(prior), rough=True)
+        plain = estimate_of(posterior, problem, chain, prior, errors)
         try:
-            found = _from_difference(signal, loaded, unloaded, chain, transmission, estimator, prior, known_arm, arm)
+            require_consistent(plain, fitted, signal, chain, np.abs(body.model.coulomb_nm))
         except EstimationError:
             # The cause may be a mistake in the columns, of which that error would be only a consequence.
             require_right_columns()
             raise
-        if misfit_notes(found.signal, found.plain):
+        result = completed(
+            plain, fitted, pair_signal(plain, signal, chain, transmission), chain, transmission, loaded, unloaded
+        )
+        if misfit_notes(result):
             require_right_columns()
-        return found
+        return result.with_notes(*notes_on(result, (loaded, unloaded), transmission, arm, None if arm else body))
 
     return identified
-
-
-def _from_difference(
-    signal: LoadSignal,
-    loaded: Recording,
-    unloaded: Recording,
-    chain: Chain,
-    transmission: Transmission,
-    estimator: Estimator,
-    prior: Prior | None,
-    known_arm: KnownArm | None,
-    arm: BodyFit,
-) -> Identification:
-    """The payload of a pair, from its torque difference and the body of the arm."""
-    runs = (loaded, unloaded)
-    body = arm.model
-    signal = on_one_motion(signal.with_delay(body.torque_delay_s), chain, body)
-    regressor = payload_regressor(chain, *signal.states)
-
-    gains = transmission if loaded.torque_nm is None or transmission.torque_calibrated else None
-    fitted_gains: GainFit | None = None
-
-    def fit_to(difference: LoadSignal) -> Fit:
-        found = fit_payload(difference, regressor, chain, body, estimator, prior, arm)
-        return found.estimate, found.friction
-
-    # Measured on the UR10e: with a calibrated arm, excluding blows corrects the mass; with one pair's gains it does so
-    # too, but increases the distance of the two mountings' centres from 1.8 to 2.2 mm. Hence only with known gains.
-    if known_arm is None:
-        nominal = None if gains is None or gains.calibrated.any() else gains
-        found = fit_payload(signal, regressor, chain, body, estimator, prior, arm, nominal)
-        signal, fit, friction, fitted_gains = found.signal, found.estimate, found.friction, found.gains
-        check_gains(fitted_gains)
-        struck = np.zeros_like(signal.valid)
-    else:
-        signal, fit, friction, struck = without_blows(signal, fit_to)
-    coulomb_nm = np.abs(body.coulomb_nm)
-    check_against_others(signal, regressor, fit, coulomb_nm, gains_fitted=fitted_gains is not None)
-    plain = InertialParameters(fit.theta[:10])
-    doubts = sampling_doubt(chain, signal.states, fit.theta[:10], signal.interval_s)
-    if friction is not None:
-        doubts = np.concatenate([friction.doubts_nm, doubts])
-    if plain.mass_kg <= 0.0:
-        width = quantify(fit, plain, shifts_by(fit, doubts)).half_width_95[0] if plain.mass_kg < 0.0 else np.inf
-        raise explain_negative_mass(plain.mass_kg, float(width))
-    said: tuple[str, ...] = ()
-    own = ArmFriction.of(body, signal.unloaded.states.velocity_rad_s)
-    if known_arm is not None:
-        change, covariance = _friction_change(known_arm, chain, signal.unloaded)
-        said = friction_notes(standard_deviations(change, covariance, known_arm.drift[:2]))
-        own = ArmFriction.of(body, signal.unloaded.states.velocity_rad_s, change)
-    result = completed(
-        signal, regressor, fit, friction, doubts, gains, runs, transmission, arm, own, struck, said, fitted_gains, prior
-    )
-    if result.uncertainty.determined[0]:
-        friction_nm = np.zeros_like(signal.torque_nm) if friction is None else friction.torque_nm
-        payload_nm = regressor @ plain.theta
-        size_nm = np.sqrt(np.mean(payload_nm[signal.valid] ** 2, axis=0))
-        scales = joint_scales(signal, payload_nm, friction_nm)
-        check_scales(scales, size_nm, coulomb_nm, signal.loaded.moves)
-    return result
-
-
-def _friction_change(arm: KnownArm, chain: Chain, run: Motion) -> tuple[FloatArray, FloatArray]:
-    """Difference of the unloaded run's friction from the calibrated arm's, as `friction_change`."""
-    left = run.torque_nm - arm.fit.model.torque(chain, *run.states)
-    return friction_change(arm, run.states.velocity_rad_s, left, run.valid, run.interval_s)
 
 
 def payload_result(

@@ -122,7 +122,7 @@ def judge(measured: Identification, chain: Chain, judged: Known, tolerance: Tole
     agreement = compare_known(judged, again, tolerance)
     regressor = payload_regressor(chain, *signal.states)
     load = regressor @ judged.parameters.theta
-    friction = np.zeros_like(load) if measured.friction is None else measured.friction.torque_nm
+    friction = measured.friction_nm
     predicted = load + friction
     return Validation(
         verdict=PayloadVerdict(

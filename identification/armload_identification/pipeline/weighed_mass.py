@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from armload_identification.estimation.least_squares import Prior
-from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.pipeline.identification_result import Identification
 

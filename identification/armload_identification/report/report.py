@@ -173,9 +173,9 @@ def _facts(identification: Identification) -> tuple[tuple[str, str], ...]:
         ("Samples", f"{used} of {signal.valid.size}, every {numeral(1e3 * signal.interval_s, 2)}{NO_BREAK}ms"),
         ("Rank", f"{fit.rank} of {fit.theta.size}"),
         ("Condition number of the whitened regressor, SI units", numeral(fit.condition_number, 1)),
-        ("Iterations until the weights converged", str(fit.iterations)),
+        ("Iterations until the weights converged", str(fit.posterior.steps)),
         (
             "Standard deviation used to weight each joint, N m",
-            ", ".join(f"{1.0 / weight:.3g}" for weight in fit.weight_1_nm),
+            ", ".join(f"{noise:.3g}" for noise in fit.noise_nm),
         ),
     )

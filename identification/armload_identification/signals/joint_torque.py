@@ -96,6 +96,18 @@ class Transmission:
         object.__setattr__(self, "deviation", deviation)
         object.__setattr__(self, "_from_current", gain[:, None] * np.linalg.inv(coupling))
 
+    def gains(self, *, from_torque: bool) -> Gains:
+        """The gains that a recording's torque is computed with.
+
+        Args:
+            from_torque: Whether the recording contains torque instead of current.
+        """
+        value = self.torque_gain if from_torque else self.gain_nm_a
+        if from_torque and not self.torque_calibrated:
+            return Gains(value, np.zeros_like(self.covariance), fitted=False)
+        nominal = not self.calibrated.any() and bool(self.covariance.any())
+        return Gains(value, self.covariance + NominalGain.common_deviation**2 * nominal, fitted=nominal)
+
     def held_at(self, gain_nm_a: FloatArray, covariance: FloatArray) -> Transmission:
         """The same axes with other gains, which are held fixed in a fit.
 
@@ -184,6 +196,29 @@ class Transmission:
         if torque_nm is not None:
             return self.reported_torque(torque_nm)
         return None if current_a is None else self.joint_torque(current_a)
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """Gains of n axes.
+
+    Attributes:
+        value: (n,) axis torque per ampere or per reported N m.
+        covariance: (n, n) of their logarithms, an error that all nominal gains have in common included.
+        fitted: Whether a pair of runs fits them within this covariance. Calibrated gains are known from more than one
+            pair.
+    """
+
+    value: FloatArray
+    covariance: FloatArray
+    fitted: bool
+
+    @property
+    def errors(self) -> FloatArray:
+        """(k, n) logarithms for one standard deviation of each independent error of gains that are not fitted."""
+        values, vectors = np.linalg.eigh(self.covariance)
+        kept = (values > 0.0) & (not self.fitted)
+        return np.asarray((vectors[:, kept] * np.sqrt(values[kept])).T)
 
 
 def reported_effort(recording: Recording) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.least_squares import Estimate
+from armload_identification.estimation.payload_estimate import PayloadEstimate
 from armload_identification.estimation.uncertainty import derived
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
@@ -97,7 +97,7 @@ def with_gains(known: Known, gain: FloatArray, covariance: FloatArray) -> Known:
 def remedy_for(
     agreement: Agreement,
     length: LengthNeeded,
-    fit: Estimate,
+    found: PayloadEstimate,
     parameters: InertialParameters,
     chain: Chain,
     position_rad: FloatArray,
@@ -107,9 +107,7 @@ def remedy_for(
     mass, center = np.zeros(10), np.zeros(10)
     mass[0], center[1:4] = 1.0, agreement.weakest
     # Changes of theta for an error of only the mass, and of only the centre of mass.
-    errors = np.zeros((fit.theta.size, 2))
-    errors[:10] = np.linalg.solve(slope, np.column_stack([mass, center]))
-    seen = np.sum(fit.whitened(errors) ** 2, axis=0)
+    seen = found.seen(np.asarray(np.linalg.solve(slope, np.column_stack([mass, center]))))
     down = chain.gravity_m_s2 / np.linalg.norm(chain.gravity_m_s2)
     poses = position_rad[:: max(1, len(position_rad) // ArmFit.rows)]
     along = [down @ chain.forward(q)[-1][:3, :3] @ agreement.weakest for q in poses]

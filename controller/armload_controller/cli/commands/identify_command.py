@@ -30,7 +30,6 @@ from armload_controller.cli.recording_options import (
     JointsOption,
     recording_choices,
 )
-from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.recording.reading_options import Effort
 from armload_identification.verdict.tolerance import Tolerance
 
@@ -83,12 +82,6 @@ def identify_payload(
             "what the tool carries, with the uncertainty of both.",
         ),
     ] = None,
-    estimator: Annotated[
-        Estimator,
-        typer.Option(
-            help="Estimator. " + " ".join(f"{estimator}: {estimator.description}." for estimator in Estimator)
-        ),
-    ] = Estimator.FRICTION,
     tolerance: ToleranceOption = TOLERANCE,
     every: Annotated[
         str | None,
@@ -167,6 +160,8 @@ def identify_payload(
         known=known,
         estimator=estimator,
         minus=None if minus is None else tool_payload(minus),
+=======
+>>>>>>> 2a261d4f (A payload of a pair or of one run by the one solve; gains, friction and the arm are its terms)
     )
     if output is not None and not force:
         require_replaceable(output, findings.payload)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
+from armload_identification.estimation.problem import Known
+from armload_identification.estimation.terms import Term
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.reading_options import Effort
 
@@ -29,6 +31,9 @@ class KnownArm:
         friction_spread: (3, n) the same for a run of any day, cold arms included: the prior.
         noise_nm: (n,) standard deviation of a joint's torque minus the arm's model, far from reversals.
         correlation_s: (n,) correlation time of that residual.
+        terms: The terms of the arm, its gains relative to those of the calibration.
+        known: Their values, held far more firmly than they are known: their errors are considered, not estimated.
+        errors: (k, p) change of these values for one standard deviation of each independent error.
     """
 
     effort: Effort
@@ -38,3 +43,6 @@ class KnownArm:
     friction_spread: FloatArray
     noise_nm: FloatArray
     correlation_s: FloatArray
+    terms: tuple[Term, ...]
+    known: Known
+    errors: FloatArray

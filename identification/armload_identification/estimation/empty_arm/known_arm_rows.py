@@ -14,14 +14,17 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.arm_terms import CHANGES
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.empty_arm.known_arm_fit import CHANGES, MOVING
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.signals.reversals import moving_weights
 
+MOVING: Final = 10.0
+"""Multiple of the reversal speed at which a row's weight is 0.7: as in the calibration, a tenth of the greatest speed
+there."""
 _TOOL_M: Final = 0.3
 _OF_GRAVITY: Final = 9.81
 _LEVER_M: Final = 0.5

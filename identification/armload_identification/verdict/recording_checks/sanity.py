@@ -8,9 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.gain_columns import GainFit
-from armload_identification.estimation.least_squares import Estimate, estimate_reweighted
+from armload_identification.estimation.gain_errors import GainFit
+from armload_identification.estimation.payload_estimate import PayloadEstimate
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, NoPayloadMass, RecordingError
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import DETERMINED_SHARE
+from armload_identification.model.regressor import payload_regressor
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.place_in_period import whole_periods
 from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
@@ -170,29 +174,49 @@ def _closed_part(run: Recording) -> NDArray[np.intp]:
     return np.empty(0, dtype=np.intp)
 
 
-def check_against_others(
-    signal: LoadSignal, regressor: FloatArray, fit: Estimate, friction_nm: FloatArray, *, gains_fitted: bool
+def require_consistent(
+    plain: PayloadEstimate, gains: GainFit | None, signal: LoadSignal, chain: Chain, friction_nm: FloatArray
+) -> None:
+    """Raise for a payload that contradicts a joint, or has no mass.
+
+    Args:
+        plain: The payload.
+        gains: The fitted gains; None if they were not fitted.
+        signal: The torque difference with the assumed gains.
+        chain: The arm.
+        friction_nm: (n,) Coulomb friction as measured, with the same gains.
+
+    Raises:
+        RecordingError: a joint measures about the opposite of what the others imply.
+        EstimationError: a joint measures less than a third of what the others imply, without fitted gains less than
+            three quarters, or many times it; or there is no mass.
+    """
+    regressor = payload_regressor(chain, *signal.states)
+    payload_nm = regressor @ plain.theta
+    _check_gains(gains)
+    _check_against_others(plain, signal, regressor, friction_nm, gains_fitted=gains is not None)
+    variance, _ = plain.spread(np.eye(1, plain.theta.size))
+    half_width_kg = NORMAL_HALF_WIDTH * float(np.sqrt(variance[0]))
+    if plain.theta[0] <= 0.0:
+        raise explain_negative_mass(float(plain.theta[0]), half_width_kg)
+    if half_width_kg <= DETERMINED_SHARE * plain.theta[0]:
+        scales = joint_scales(signal, payload_nm, np.zeros_like(payload_nm))
+        size_nm = np.sqrt(np.mean(payload_nm[signal.valid] ** 2, axis=0))
+        _check_scales(scales, size_nm, friction_nm, signal.loaded.moves)
+
+
+def _check_against_others(
+    plain: PayloadEstimate, signal: LoadSignal, regressor: FloatArray, friction_nm: FloatArray, *, gains_fitted: bool
 ) -> None:
     """Raise if a joint's sign or scale contradicts all others.
 
     A joint that reports a small share of its torque also has a small share of its noise. It is then fitted perfectly
     and determines the payload, and it is the others that remain unexplained, or, if its share is more than half, none.
     Fitted gains correct a share above a third; then the joints are compared only if one of them is unexplained.
-
-    Args:
-        signal: The torque difference.
-        regressor: (K, n, 10) Phi.
-        fit: The fit to all joints.
-        friction_nm: (n,) Coulomb friction as measured, with the same gains.
-        gains_fitted: Whether the drive gains were fitted with the payload.
-
-    Raises:
-        RecordingError: a joint measures about the opposite of what the others imply.
-        EstimationError: a joint measures less than a third of what the others imply; without fitted gains, less than
-            three quarters.
     """
     measured = signal.torque_nm[signal.valid]
-    power, left = (np.mean(torque**2, axis=0) for torque in (measured, fit.residual_nm[signal.valid]))
+    rest = measured - regressor[signal.valid] @ plain.theta
+    power, left = (np.mean(torque**2, axis=0) for torque in (measured, rest))
     noise_nm = signal.averaged_noise_nm / np.sqrt(len(measured))
     loud = np.sqrt(power) > JointContradiction.clear_deviations * noise_nm
     suspect = signal.loaded.moves & loud & (left > JointContradiction.unexplained * power)
@@ -200,12 +224,12 @@ def check_against_others(
         return
     shares = []
     for joint in np.flatnonzero(signal.loaded.moves & loud).tolist():
-        others = _fit_without(signal, regressor, joint)
-        if others.rank < regressor.shape[2]:
+        others, covariance, rank = plain.without(joint)
+        if rank < others.size:
             continue
         if suspect[joint]:
             _refuse_opposite(signal, regressor, others, joint)
-        share = _share_of_implied(signal, regressor, others, joint, friction_nm[joint])
+        share = _share_of_implied(signal, regressor, others, covariance, joint, friction_nm[joint])
         if share is not None and np.isfinite(share.half_width_95):
             shares.append(share)
     if shares:
@@ -227,17 +251,9 @@ class _ImpliedShare:
         return abs(self.scale - 1.0) / max(self.half_width_95, JointContradiction.exact)
 
 
-def _fit_without(signal: LoadSignal, regressor: FloatArray, joint: int) -> Estimate:
-    """The payload by all joints but one."""
-    others = np.arange(regressor.shape[1]) != joint
-    return estimate_reweighted(
-        regressor[:, others], signal.torque_nm[:, others], signal.valid, signal.averaged_noise_nm[others]
-    )
-
-
-def _refuse_opposite(signal: LoadSignal, regressor: FloatArray, others: Estimate, joint: int) -> None:
+def _refuse_opposite(signal: LoadSignal, regressor: FloatArray, others: FloatArray, joint: int) -> None:
     """Raise if a joint measures about the opposite of what the others imply."""
-    implied, measured = regressor[signal.valid][:, joint] @ others.theta, signal.torque_nm[signal.valid][:, joint]
+    implied, measured = regressor[signal.valid][:, joint] @ others, signal.torque_nm[signal.valid][:, joint]
     size = np.sqrt(np.mean(implied**2)) * np.sqrt(np.mean(measured**2))
     if size > 0.0 and np.mean(implied * measured) < Correlations.opposed * size:
         raise RecordingError(
@@ -247,17 +263,22 @@ def _refuse_opposite(signal: LoadSignal, regressor: FloatArray, others: Estimate
 
 
 def _share_of_implied(
-    signal: LoadSignal, regressor: FloatArray, others: Estimate, joint: int, friction_nm: float
+    signal: LoadSignal,
+    regressor: FloatArray,
+    others: FloatArray,
+    covariance: FloatArray,
+    joint: int,
+    friction_nm: float,
 ) -> _ImpliedShare | None:
     """The share that a joint measures of what the others imply; None if that is too small or too uncertain."""
     own = regressor[signal.valid][:, joint]
-    implied_nm = np.sqrt(np.mean((own @ others.theta) ** 2))
-    doubt_nm = np.sqrt(np.mean(np.einsum("ki,ij,kj->k", own, others.covariance, own)))
+    implied_nm = np.sqrt(np.mean((own @ others) ** 2))
+    doubt_nm = np.sqrt(np.mean(np.einsum("ki,ij,kj->k", own, covariance, own)))
     least_nm = max(JointContradiction.implied_deviations * doubt_nm, JointContradiction.of_friction * friction_nm)
     if implied_nm <= least_nm:
         return None
     only = np.arange(regressor.shape[1]) == joint
-    scales = joint_scales(signal, np.where(only, regressor @ others.theta, 0.0), np.zeros_like(signal.torque_nm))
+    scales = joint_scales(signal, np.where(only, regressor @ others, 0.0), np.zeros_like(signal.torque_nm))
     return _ImpliedShare(joint, float(scales.scale[joint]), float(scales.half_width_95[joint]))
 
 
@@ -274,7 +295,7 @@ def _refuse_small(share: _ImpliedShare, n: int, *, gains_fitted: bool) -> None:
         )
 
 
-def check_gains(gains: GainFit | None) -> None:
+def _check_gains(gains: GainFit | None) -> None:
     """Raise if the other joints imply a gain that no nominal gain is wrong by; None if gains were not fitted.
 
     Raises:
@@ -288,7 +309,7 @@ def check_gains(gains: GainFit | None) -> None:
         raise _contradiction_error(np.arange(size.size) == joint)
 
 
-def check_scales(
+def _check_scales(
     scales: JointScales, payload_nm: FloatArray, friction_nm: FloatArray, moves: NDArray[np.bool_]
 ) -> None:
     """Raise if the payload's torque on a joint is many times that of the payload, or opposite to it.

@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
-from armload_identification.estimation.friction_columns import FrictionDifference
-from armload_identification.estimation.gain_columns import GainFit
-from armload_identification.estimation.least_squares import Estimate
-from armload_identification.estimation.physical_consistency import PhysicalEstimate
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, Uncertainty
+from armload_identification.estimation.gain_errors import GainFit
+from armload_identification.estimation.payload_estimate import PayloadEstimate
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.pipeline.identification_result import Identification
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phase_advance import interruptions
 from armload_identification.signals.joint_torque import Transmission
@@ -22,45 +22,38 @@ from armload_identification.signals.motion import ABOVE_BAND
 from armload_identification.signals.signal_constants import Smoothing
 from armload_identification.verdict.decision_levels import ArmFit, PayloadFit
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
+from armload_identification.verdict.recording_checks.friction_validity import friction_notes, standard_deviations
 
 _CHECKED_BY: Final = "Several runs with a weighed payload can: `armload calibrate`."
 
 
 def notes_on(
+    found: Identification,
     runs: Sequence[Recording],
     transmission: Transmission,
-    signal: LoadSignal,
-    arm: BodyFit | None,
-    fit: Estimate,
-    friction: FrictionDifference | None,
-    gains: GainFit | None,
-    physical: PhysicalEstimate,
-    uncertainty: Uncertainty,
-    struck: NDArray[np.bool_],
+    arm: KnownArm | None,
+    body: BodyFit | None = None,
 ) -> list[str]:
     """Notes on recordings, gains, signal and result.
 
     Args:
+        found: The identification.
         runs: The loaded and, if there is one, the unloaded recording.
         transmission: Gains and which of them are calibrated.
-        signal: The torque difference.
-        arm: The body fitted to the unloaded run, or None.
-        fit: The plain estimate.
-        friction: The fitted friction, or None.
-        gains: The fitted gains, or None.
-        physical: The physically possible estimate.
-        uncertainty: Intervals.
-        struck: (K,) True for samples excluded as blows, which are no gaps.
+        arm: The calibrated arm, or None.
+        body: The body fitted to the unloaded run, or None.
     """
     return [
-        *_on_arm(signal, arm),
-        *misfit_notes(signal, fit),
+        *_on_arm(found.signal, body),
+        *misfit_notes(found),
         *_on_recordings(runs),
-        *_on_interruptions(runs, signal),
+        *_on_interruptions(runs, found.signal),
         *_on_nominal_gains(runs[0], transmission),
-        *_on_contradictions(gains),
-        *_on_signal(signal, struck),
-        *_on_result(fit, friction, physical, uncertainty),
+        *_on_contradictions(found.gains),
+        *_on_signal(found.signal, found.struck),
+        *_on_result(found),
+        *_on_blows(found.signal, found.struck),
+        *_on_friction(found.plain, arm),
     ]
 
 
@@ -117,6 +110,17 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
     if gains is None:
         return []
     notes = []
+    named = gains.contradicted | gains.possible
+    if gains.disagree:
+        which = (
+            f"that of one of {numbered_joints(gains.possible)} is wrong"
+            if gains.possible.any()
+            else "no single one of them explains that"
+        )
+        notes.append(
+            f"The drive gains contradict each other: {which}. Mass and centre of mass may lie outside their intervals. "
+            "Check torque constants and gear ratios, or calibrate the arm: `armload calibrate`."
+        )
     for joint in np.flatnonzero(gains.contradicted):
         size, half_width = gains.log_gain[joint], gains.half_width_95[joint]
         low, high = (f"{100.0 * np.expm1(value):+.1f} %" for value in (size - half_width, size + half_width))
@@ -128,14 +132,7 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
             "It was estimated with the payload. Check its torque constant and gear ratio, or calibrate the arm: "
             "`armload calibrate`."
         )
-    if gains.beyond.any():
-        listed = numbered_joints(gains.contradicted | gains.beyond)
-        notes.append(
-            f"The data contradict the drive gains of {listed}. These are more than a third of the gains, so it "
-            "is not clear which of them are right: mass and centre of mass may lie outside their intervals. Check "
-            "torque constants and gear ratios, or calibrate the arm: `armload calibrate`."
-        )
-    hidden = ~gains.contradicted & ~gains.beyond & (gains.noticeable > PayloadFit.unjudged_gain)
+    hidden = ~named & (gains.noticeable > PayloadFit.unjudged_gain)
     unnoticed = np.expm1(np.minimum(gains.noticeable, PayloadFit.largest_logarithm))
     limited = np.flatnonzero(hidden & (unnoticed < PayloadFit.unlimited_gain))
     if limited.size:
@@ -180,24 +177,14 @@ def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
     return notes
 
 
-def _on_result(
-    fit: Estimate, friction: FrictionDifference | None, physical: PhysicalEstimate, uncertainty: Uncertainty
-) -> list[str]:
+def _on_result(found: Identification) -> list[str]:
     """Friction that was compensated, directions and values that are not determined, and impossible estimates."""
     notes = []
-    if friction is not None and friction.load_joints.any():
-        listed = named_joints(
-            [f"{j + 1} (coefficient {friction.load[j]:.2g})" for j in np.flatnonzero(friction.load_joints)]
-        )
-        notes.append(f"Load-dependent friction was found on {listed} and is part of the estimate.")
-    if friction is not None and friction.viscous_joints.any():
-        changed = np.flatnonzero(friction.viscous_joints)
-        listed = named_joints([f"{j + 1} ({friction.viscous_nm_s_rad[j]:+.2g} N m s/rad)" for j in changed])
-        notes.append(f"Viscous friction changed between the runs, and this was compensated, on {listed}.")
-    if fit.rank < fit.theta.size:
+    plain, physical, uncertainty = found.plain, found.physical, found.uncertainty
+    if plain.rank < plain.theta.size:
         notes.append(
-            f"The motion determines {fit.rank} of {fit.theta.size} parameter directions; the rest was chosen as for a "
-            "compact body and is marked as not determined."
+            f"The motion determines {plain.rank} of {plain.theta.size} parameter directions; the rest was chosen as "
+            "for a compact body and is marked as not determined."
         )
     if physical.changed and physical.plain_margin <= 0.0:
         notes.append("The plain estimate is physically impossible; the nearest possible one is reported.")
@@ -210,6 +197,26 @@ def _on_result(
     elif uncertainty.undetermined_names:
         notes.append("Not determined by these data: " + ", ".join(uncertainty.undetermined_names) + ".")
     return notes
+
+
+def _on_blows(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
+    """The excluded part of the motion."""
+    if not struck.any():
+        return []
+    when = ", ".join(f"{moment:.1f}" for moment in signal.time_s[struck & ~np.roll(struck, 1)])
+    return [
+        f"{np.count_nonzero(struck) * signal.interval_s:.1f} s of the motion were left out, from {when} s on: "
+        "several joints have large residuals there at once, as after an impact on the arm."
+    ]
+
+
+def _on_friction(plain: PayloadEstimate, arm: KnownArm | None) -> list[str]:
+    """Friction far outside its variation in the calibration."""
+    if arm is None:
+        return []
+    run = plain.runs - 1
+    change, covariance = plain.friction(run)[:2], plain.friction_covariance(run)
+    return list(friction_notes(standard_deviations(change, covariance, arm.drift[:2])))
 
 
 def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
@@ -228,13 +235,14 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
     ]
 
 
-def misfit_notes(signal: LoadSignal, fit: Estimate) -> list[str]:
+def misfit_notes(found: Identification) -> list[str]:
     """Joints whose torque difference is not explained by a payload, or all of them together."""
     # A joint at rest was not fitted: its static friction can take any value.
+    signal, noise_nm = found.signal, found.plain.noise_nm
     moves = signal.loaded.moves
-    torque, left = (np.where(moves, values[signal.valid], 0.0) for values in (signal.torque_nm, fit.residual_nm))
-    measured = np.mean((torque * fit.weight_1_nm) ** 2)
-    misfit = np.mean((left * fit.weight_1_nm) ** 2)
+    torque, left = (np.where(moves, values[signal.valid], 0.0) for values in (signal.torque_nm, found.residual_nm))
+    measured = np.mean((torque / noise_nm) ** 2)
+    misfit = np.mean((left / noise_nm) ** 2)
     if misfit > PayloadFit.poor_share * measured:
         return [
             f"A payload explains only {100.0 * (1.0 - misfit / measured):.0f} % of the torque difference: it is very "

@@ -1,0 +1,274 @@
+"""A payload read from the posterior of its problem."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.arm_terms import (
+    COULOMB,
+    DELAY,
+    FRICTION_CHANGE,
+    GAIN,
+    LINKS,
+    LOAD_FRICTION,
+    PAYLOAD,
+    ROOT,
+    ROTORS,
+    SESSION_FRICTION,
+    VISCOUS,
+)
+from armload_identification.estimation.payload_problem import PayloadProblem
+from armload_identification.estimation.prior_knowledge import Prior
+from armload_identification.estimation.sampled_torque import sampling_doubt
+from armload_identification.estimation.solve import Posterior
+from armload_identification.model.body_model import BodyModel
+from armload_identification.model.chain import Chain
+from armload_identification.model.mass_center import MassCenterCovariance, unknown_deviation
+from armload_identification.model.regressor import PARAMETERS
+from armload_identification.signals.reversals import TURN_OVER
+from armload_identification.signals.signal_constants import Standstill
+
+_BLIND: Final = 0.5
+"""Share of the prior's variance that remains in a direction of which the rows say nothing."""
+_NEGLIGIBLE: Final = 1e-6
+"""Share of a combination's size in undetermined directions below which it is determined."""
+
+
+def estimate_of(
+    posterior: Posterior,
+    arm: PayloadProblem,
+    chain: Chain,
+    prior: Prior | None,
+    errors: FloatArray,
+    doubts_nm: Sequence[FloatArray] = (),
+) -> PayloadEstimate:
+    """The payload of a posterior, with the errors that no term describes.
+
+    Args:
+        posterior: The solution.
+        arm: Its problem.
+        chain: The arm.
+        prior: What was known of the payload.
+        errors: (k, p) change of the first p unknowns, those of the arm, for one standard deviation of each independent
+            error with which they are held.
+        doubts_nm: (k, N, n) each: axis torque of the loaded run for one standard deviation of k further errors.
+    """
+    place = posterior.problem.place(PAYLOAD, PAYLOAD)
+    rows = posterior.problem.groups[0].runs[0].rows
+    sampled = (
+        sampling_doubt(rows, chain, posterior.value(PAYLOAD, PAYLOAD), arm.interval_s) @ posterior.problem.coupling
+    )
+    shifts = posterior.response(np.concatenate([sampled, *doubts_nm]))[0][place].T
+    if prior is not None:
+        shifts = np.vstack([shifts, prior.doubts @ posterior.bread[place, place]])
+    held = slice(0, errors.shape[1])
+    answer = np.linalg.solve(posterior.bread[held, held], posterior.bread[held, place])
+    return PayloadEstimate(posterior, arm, shifts, errors[:, posterior.problem.place(GAIN)], errors @ answer)
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadEstimate:
+    """A payload of ten parameters in a posterior.
+
+    Attributes:
+        posterior: All unknowns.
+        arm: Base parameters and speeds.
+        shifts: (k, 10) change of theta for one standard deviation of k errors that no term describes.
+        considered_gains: (k, n) change of the logarithm of each gain's inverse for k errors of what was held.
+        considered: (k, 10) change of theta for these errors.
+    """
+
+    posterior: Posterior
+    arm: PayloadProblem
+    shifts: FloatArray
+    considered_gains: FloatArray
+    considered: FloatArray
+
+    @property
+    def theta(self) -> FloatArray:
+        """(10,) the parameters; along undetermined directions close to 0."""
+        return self.posterior.value(PAYLOAD, PAYLOAD)
+
+    @property
+    def runs(self) -> int:
+        """Number of runs: two if there is an unloaded one."""
+        return len(self.arm.problem.groups[0].runs)
+
+    @cached_property
+    def _white(self) -> FloatArray:
+        """(10, 10) covariance if rows are as independent as assumed."""
+        place = self.posterior.problem.place(PAYLOAD, PAYLOAD)
+        return self.posterior.bread[place, place]
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """(10,) unit of each parameter: its prior standard deviation."""
+        place = self.posterior.problem.place(PAYLOAD, PAYLOAD)
+        return self.posterior.deviation[place]
+
+    @cached_property
+    def blind(self) -> FloatArray:
+        """(10, k) directions of theta / `scale` that are not determined, orthonormal."""
+        return self._blind(self._white)
+
+    def _blind(self, covariance: FloatArray) -> FloatArray:
+        """(10, k) directions of which a covariance says no more than the prior."""
+        values, vectors = np.linalg.eigh(covariance / np.outer(self.scale, self.scale))
+        return np.asarray(vectors[:, values > _BLIND])
+
+    @property
+    def rank(self) -> int:
+        """Number of determined directions."""
+        return PARAMETERS - len(self.blind.T)
+
+    @cached_property
+    def root(self) -> FloatArray:
+        """(10, 10) R with ||R (theta - estimate)||^2 the additional cost of another theta."""
+        size = np.sqrt(np.diag(self._white))
+        lower = np.linalg.cholesky(self._white / np.outer(size, size))
+        return np.asarray(np.linalg.solve(lower, np.diag(1.0 / size)))
+
+    @property
+    def condition_number(self) -> float:
+        """Ratio of the greatest to the least singular value of `root` in SI units; inf if the rank is not full."""
+        return float(np.linalg.cond(self.root)) if self.rank == PARAMETERS else float("inf")
+
+    @property
+    def noise_nm(self) -> FloatArray:
+        """(n,) standard deviation of a fitted row of each axis; of the difference of two runs if there are two."""
+        return np.asarray(self.posterior.noise_nm[0])
+
+    def spread(self, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Variance of combinations of the parameters, and its degrees of freedom.
+
+        Args:
+            slope: (k, 10).
+
+        Returns:
+            (k,) each; the variance is inf where a direction is not determined.
+        """
+        contrast = np.zeros((len(slope), self.posterior.problem.shared_size))
+        contrast[:, self.posterior.problem.place(PAYLOAD, PAYLOAD)] = slope
+        variance, freedom = self.posterior.spread(contrast)
+        total = variance + np.sum((slope @ self._other.T) ** 2, axis=1)
+        freedom = freedom * (total / np.maximum(variance, 1e-300)) ** 2
+        unseen = np.abs((slope * self.scale) @ self.blind).max(axis=1, initial=0.0)
+        size = np.sqrt(np.sum((slope * self.scale) ** 2, axis=1))
+        return np.where(unseen > _NEGLIGIBLE * size, np.inf, total), freedom
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """(10, 10) of theta."""
+        place = self.posterior.problem.place(PAYLOAD, PAYLOAD)
+        return np.asarray(self.posterior.covariance[place, place] + self._other.T @ self._other)
+
+    @cached_property
+    def gain_slope(self) -> FloatArray:
+        """(10, n) change of theta per change of the logarithm of each gain, the others and the rows as they are."""
+        place, gains = self.posterior.problem.place(PAYLOAD, PAYLOAD), self.posterior.problem.place(GAIN)
+        if self.considered.size:
+            return np.asarray(-np.linalg.lstsq(self.considered_gains, self.considered)[0].T)
+        across, own = self.posterior.bread[place, gains], self.posterior.bread[gains, gains]
+        return np.asarray(-across @ np.linalg.inv(own))
+
+    @cached_property
+    def _other(self) -> FloatArray:
+        """(k, 10) the errors that are not in the posterior."""
+        return np.vstack([self.shifts, self.considered])
+
+    def mass_center(self, slope: FloatArray, mass_kg: float, gain: FloatArray) -> MassCenterCovariance:
+        """Covariance of mass and centre of mass, the gains' share apart.
+
+        Args:
+            slope: (4, 10) derivatives of mass and centre of mass by theta.
+            mass_kg: The mass.
+            gain: (n,) gains of the estimate.
+        """
+        problem = self.posterior.problem
+        place, gains = problem.place(PAYLOAD, PAYLOAD), problem.place(GAIN)
+        contrast = np.zeros((4, problem.shared_size))
+        contrast[:, place], of_gains = slope, slope @ self.gain_slope
+        contrast[:, gains] = of_gains
+        covariance, freedom = self.posterior.joint_spread(contrast)
+        apart = self.considered + self.considered_gains @ self.gain_slope.T
+        shifts = np.vstack([self.shifts, apart]) @ slope.T
+        unit = unknown_deviation(mass_kg)
+        directions = ((slope * self.scale) @ self.blind) / unit[:, None]
+        left, size, _ = np.linalg.svd(directions, full_matrices=False)
+        seen = float(np.linalg.norm((slope * self.scale) / unit[:, None]))
+        blind = left[:, size > _NEGLIGIBLE * seen] * unit[:, None]
+        return MassCenterCovariance(
+            measured=covariance + shifts.T @ shifts + blind @ blind.T,
+            freedom=freedom,
+            gain_nm_a=gain,
+            gain_slope=of_gains,
+            gain_covariance=self.posterior.covariance[gains, gains] + self.considered_gains.T @ self.considered_gains,
+        )
+
+    def without(self, axis: int) -> tuple[FloatArray, FloatArray, int]:
+        """(10,) parameters without the rows of an axis, (10, 10) their covariance, and number of determined directions."""
+        place = self.posterior.problem.place(PAYLOAD, PAYLOAD)
+        values, covariance = self.posterior.without_axis(axis)
+        return values[place], covariance[place, place], PARAMETERS - len(self._blind(covariance[place, place]).T)
+
+    def seen(self, errors: FloatArray) -> FloatArray:
+        """(n, k) squared size of errors of theta, (10, k), in the rows of each axis, in standard deviations."""
+        problem = self.posterior.problem
+        place = np.searchsorted(np.flatnonzero(problem.free), np.arange(problem.size)[problem.place(PAYLOAD, PAYLOAD)])
+        found = np.zeros((problem.noise.start_nm.size, errors.shape[1]))
+        for rows in self.posterior.weighted_rows(0):
+            at = np.searchsorted(place, rows.place)
+            own = np.isin(rows.place, place)
+            found[rows.axis] += np.sum((rows.rows[:, own] @ errors[at[own]]) ** 2, axis=0)
+        return found
+
+    @property
+    def _session(self) -> bool:
+        """Whether friction of the session differs from the calibration's."""
+        return any(term.name == SESSION_FRICTION for term in self.posterior.problem.terms)
+
+    def friction(self, run: int = 0) -> FloatArray:
+        """(3, n) Coulomb, viscous and offset changes of a run."""
+        own = self.posterior.own_value(FRICTION_CHANGE, 0, run)
+        if self._session:
+            own = own + self.posterior.value(SESSION_FRICTION)
+        return own.reshape(3, -1)
+
+    def friction_covariance(self, run: int) -> FloatArray:
+        """(n, 2, 2) of each joint's Coulomb (N m) and viscous changes (N m s/rad) of a run."""
+        found, n = self.posterior, self.arm.peak_rad_s.size
+        own = found.problem.own_place(FRICTION_CHANGE, 0, run)
+        start = found.problem.own(0).start
+        whole = found.own_covariance(0)[own.start - start : own.stop - start, own.start - start : own.stop - start]
+        if self._session:
+            place = found.problem.place(SESSION_FRICTION)
+            whole = whole + found.bread[place, place]
+        both = np.arange(n)[:, None] + [0, n]
+        return np.asarray(whole[both[:, :, None], both[:, None, :]])
+
+    def body(self, run: int) -> BodyModel:
+        """The arm as it was in a run of the group."""
+        found, base = self.posterior, self.arm.base
+        n = self.arm.peak_rad_s.size
+        links = np.zeros(PARAMETERS * n)
+        links[base] = found.value(LINKS)
+        coulomb, viscous, offset = self.friction(run)
+        return BodyModel(
+            links=links.reshape(n, PARAMETERS),
+            base=base.reshape(n, PARAMETERS),
+            rotor_inertia_kg_m2=found.value(ROTORS),
+            coulomb_nm=found.value(COULOMB) + coulomb,
+            viscous_nm_s_rad=found.value(VISCOUS) + viscous,
+            root_nm=found.value(ROOT),
+            offset_nm=offset,
+            load_friction=found.value(LOAD_FRICTION),
+            torque_delay_s=float(found.value(DELAY)[0]),
+            reversal_speed_rad_s=np.maximum(TURN_OVER * self.arm.peak_rad_s, Standstill.slowest_rad_s),
+            coupling=found.problem.coupling,
+        )

@@ -1,0 +1,162 @@
+"""A payload as a problem: rows of one run, or of a loaded and an unloaded run, and the terms of the arm.
+
+A pair needs no knowledge of the arm: links, rotors and friction are unknowns that both runs share, with wide priors.
+Its two runs follow each other, so that friction changes less between them than over days. A calibration is knowledge of
+the same terms, as a Gaussian; then one run suffices. What is known of the payload is another Gaussian.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows, base_links
+from armload_identification.estimation.arm_terms import (
+    GAIN,
+    LEVELLED_RAD,
+    PAYLOAD,
+    WITHIN_HOURS,
+    arm_terms,
+    effort_level,
+    friction_change,
+    own_friction,
+    session_friction,
+    wide_payload,
+)
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.prior_knowledge import Prior
+from armload_identification.estimation.problem import DIFFERENCE_AND_MEAN, EMPTY, Group, Known, Noise, Problem, RunRows
+from armload_identification.estimation.terms import Term
+from armload_identification.model.base_parameters import base_columns
+from armload_identification.model.chain import Chain
+from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.signals.motion import Motion
+from armload_identification.signals.reversals import TURN_OVER
+
+HELD: Final = 1e-6
+"""Relative standard deviation of a gain that is not fitted: negligible, and it still shows what the gain matters."""
+
+
+_GAINS: Final = ((GAIN, EMPTY),)
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadProblem:
+    """The problem of a payload and its arm.
+
+    Attributes:
+        problem: Its terms, rows and noise, without what is known of the payload.
+        base: (10 n,) True for the base parameters of the links.
+        peak_rad_s: (n,) greatest speeds, which smooth the direction of motion.
+        interval_s: Time between the samples of the runs.
+    """
+
+    problem: Problem
+    base: NDArray[np.bool_]
+    peak_rad_s: FloatArray
+    interval_s: float
+
+    def knowing(self, prior: Prior | None) -> Problem:
+        """The problem with knowledge of the payload."""
+        if prior is None:
+            return self.problem
+        known = Known(((PAYLOAD, PAYLOAD),), prior.rows.T @ prior.rows, prior.rows.T @ prior.target)
+        return replace(self.problem, known=(*self.problem.known, known))
+
+    def with_gains(self, covariance: FloatArray) -> PayloadProblem:
+        """The problem with an (n, n) covariance of the logarithms of the gains, errors common to them included."""
+        precision = np.asarray(np.linalg.inv(covariance + HELD**2 * np.eye(len(covariance))))
+        others = [known for known in self.problem.known if known.terms != _GAINS]
+        gains = Known(_GAINS, precision, np.zeros(len(covariance)))
+        return replace(self, problem=replace(self.problem, known=(*others, gains)))
+
+    def between(self, start_s: float, end_s: float) -> PayloadProblem:
+        """The problem with the rows from one time up to, not including, another."""
+        groups = []
+        for group in self.problem.groups:
+            kept = (group.time_s >= start_s) & (group.time_s < end_s)
+            groups.append(replace(group, runs=tuple(replace(run, rows=run.rows.only(kept)) for run in group.runs)))
+        return replace(self, problem=replace(self.problem, groups=groups))
+
+
+def pair_problem(signal: LoadSignal, chain: Chain, coupling: FloatArray, arm: KnownArm | None) -> PayloadProblem:
+    """A payload from two runs of one motion; without a calibration the gains are held.
+
+    Args:
+        signal: The runs, their torque computed with the calibrated gains if there are any.
+        chain: The arm, with the tilt of its calibration.
+        coupling: (n, n) C of its motors.
+        arm: The calibrated arm; None if unknown.
+    """
+    base, peak = _layout([signal.loaded, signal.unloaded], chain, coupling, arm)
+    runs = [replace(run, valid=signal.valid) for run in (signal.loaded, signal.unloaded)]
+    signals = [
+        RunSignals.of_motion(run, coupling, name) for run, name in zip(runs, ("loaded", "unloaded"), strict=True)
+    ]
+    rows = [
+        arm_rows(run, chain, coupling, base, peak, loaded=loaded)
+        for run, loaded in zip(signals, (True, False), strict=True)
+    ]
+    group = Group((RunRows(rows[0], PAYLOAD), RunRows(rows[1])), DIFFERENCE_AND_MEAN)
+    noise = Noise.unknown(effort_level(rows))
+    if arm is not None:
+        problem = Problem(_known_arm(rows, chain, arm, peak), [group], noise, coupling, [arm.known])
+        return PayloadProblem(problem, base, peak, signal.interval_s)
+    problem = Problem(_unknown_arm(rows, chain, base, peak), [group], noise, coupling)
+    return PayloadProblem(problem, base, peak, signal.interval_s).with_gains(np.zeros((chain.n, chain.n)))
+
+
+def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownArm) -> PayloadProblem:
+    """A payload from one run of any motion on a calibrated arm.
+
+    Args:
+        run: The run, its torque computed with the calibrated gains.
+        chain: The arm, with the tilt of its calibration.
+        coupling: (n, n) C of its motors.
+        arm: The calibrated arm.
+    """
+    base, peak = _layout([run], chain, coupling, arm)
+    signals = RunSignals.of_motion(run, coupling, "loaded")
+    rows = arm_rows(signals, chain, coupling, base, peak, loaded=True)
+    level = effort_level([rows])
+    noise = Noise(level + arm.noise_nm, arm.noise_nm, level + arm.noise_nm)
+    group = Group((RunRows(rows, PAYLOAD),))
+    problem = Problem(_known_arm([rows], chain, arm, peak), [group], noise, coupling, [arm.known])
+    return PayloadProblem(problem, base, peak, run.interval_s)
+
+
+def _layout(
+    runs: Sequence[Motion], chain: Chain, coupling: FloatArray, arm: KnownArm | None
+) -> tuple[NDArray[np.bool_], FloatArray]:
+    """Base parameters of the links, and greatest speeds."""
+    if arm is not None:
+        body = arm.fit.model
+        return body.base.ravel(), body.reversal_speed_rad_s / TURN_OVER
+    signals = [RunSignals.of_motion(run, coupling, "") for run in runs]
+    peak = np.max([run.peak_rad_s for run in signals], axis=0)
+    return base_links(base_columns(chain, coupling), chain.n), peak
+
+
+def _unknown_arm(rows: Sequence[ArmRows], chain: Chain, base: NDArray[np.bool_], peak_rad_s: FloatArray) -> list[Term]:
+    """Terms of an arm of which only kinematics and nominal gains are known."""
+    unlimited = np.full(chain.n, np.inf)
+    return [
+        replace(term, deviation=unlimited, origin="a Gaussian over all gains") if term.name == GAIN else term
+        for term in arm_terms(rows, chain, base, peak_rad_s, tilt_rad=LEVELLED_RAD, drift=WITHIN_HOURS)
+    ]
+
+
+def _known_arm(rows: Sequence[ArmRows], chain: Chain, arm: KnownArm, peak_rad_s: FloatArray) -> list[Term]:
+    """Terms of a calibrated arm."""
+    body = wide_payload(rows, chain)
+    today = arm.friction_spread.ravel()
+    origin = "the spread between the calibration's runs, and a cold arm"
+    if len(rows) == 1:
+        return [*arm.terms, body, own_friction(today, origin)]
+    own = friction_change(effort_level(rows), peak_rad_s, WITHIN_HOURS)
+    return [*arm.terms, session_friction(today, origin), body, own]
