@@ -150,9 +150,7 @@ def identify(
     empty = None if unloaded is None else recording_of(arm, unloaded, "unloaded")
     unnamed = _taken_in_order(arm, run)
     try:
-        identification = payload_identification.identify(
-            run, empty, used.chain, gains, known=known, arm=used.known
-        )
+        identification = payload_identification.identify(run, empty, used.chain, gains, known=known, arm=used.known)
     except RecordingError as error:
         if unnamed is None:
             raise

@@ -212,7 +212,7 @@ class PayloadEstimate:
         )
 
     def without(self, axis: int) -> tuple[FloatArray, FloatArray, int]:
-        """(10,) parameters without the rows of an axis, (10, 10) their covariance, and number of determined directions."""
+        """(10,) parameters without the rows of an axis, (10, 10) covariance, and number of determined directions."""
         place = self.posterior.problem.place(PAYLOAD, PAYLOAD)
         values, covariance = self.posterior.without_axis(axis)
         return values[place], covariance[place, place], PARAMETERS - len(self._blind(covariance[place, place]).T)

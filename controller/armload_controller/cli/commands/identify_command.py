@@ -158,10 +158,7 @@ def identify_payload(
         tolerance=Tolerance(*tolerance),
         calibration=calibration,
         known=known,
-        estimator=estimator,
         minus=None if minus is None else tool_payload(minus),
-=======
->>>>>>> 2a261d4f (A payload of a pair or of one run by the one solve; gains, friction and the arm are its terms)
     )
     if output is not None and not force:
         require_replaceable(output, findings.payload)
