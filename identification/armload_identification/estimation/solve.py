@@ -177,7 +177,7 @@ class Posterior:
         problem: The problem.
         x: All unknowns.
         information: (s, s) inverse covariance of the shared unknowns if the rows are as independent as assumed.
-        known: (f, f) the share of the priors in that, of the f unknowns that are not known exactly.
+        known: (f, f) the share of the shared unknowns' priors in that, of the f that are not known exactly.
         noise_nm: (g, n) standard deviation of a row, by the number of its combination.
         residual_nm: (g, n) RMS residual of moving rows, outliers clipped; less than the noise by what the unknowns
             absorbed.
@@ -309,8 +309,16 @@ class Posterior:
     @cached_property
     def _by_priors(self) -> FloatArray:
         """(f, f) covariance of the free shared unknowns by their priors alone."""
+        known = self.known
+        for index, part in enumerate(self.eliminated):
+            known = known + (part.follow.T * self._own_precision(index)) @ part.follow
         inverse = self.bread[np.ix_(self._free, self._free)]
-        return np.asarray(inverse @ self.known @ inverse)
+        return np.asarray(inverse @ known @ inverse)
+
+    def _own_precision(self, index: int) -> FloatArray:
+        """(o,) of the priors of a group's own unknowns."""
+        own = self.problem.own(index)
+        return np.asarray(self.deviation[own][self.problem.free[own]] ** -2.0)
 
     def own_covariance(self, group: int) -> FloatArray:
         """(o, o) covariance of a group's own unknowns if the rows are as independent as assumed.
@@ -380,13 +388,15 @@ class Posterior:
         Returns:
             (s,) unknowns, and (s, s) their covariance if rows are as independent as assumed.
         """
-        shared, part = self._free.size, self.eliminated[0]
-        information = np.asarray(np.linalg.inv(part.covariance(self.bread[np.ix_(self._free, self._free)])))
+        shared, own = self._free.size, self._own_precision(0)
+        information = np.diag(np.concatenate([np.zeros(shared), own]))
+        information[:shared, :shared] += self.known
         gradient = np.zeros(len(information))
         for rows in self.weighted_rows(0):
             if rows.axis == axis:
-                information[np.ix_(rows.place, rows.place)] -= rows.rows.T @ rows.rows
                 gradient[rows.place] -= rows.rows.T @ rows.target
+            else:
+                information[np.ix_(rows.place, rows.place)] += rows.rows.T @ rows.rows
         covariance = _solved(information, np.eye(len(information)))
         values = self.x[: self.problem.shared_size].copy()
         values[self._free] += (covariance @ gradient)[:shared]
@@ -572,9 +582,6 @@ class _Solver:
         known, _ = self._prior_equations()
         parts = tuple(self._eliminated(index) for index in range(len(self._groups)))
         information = known + np.sum([part.information for part in parts], axis=0)
-        for index, part in enumerate(parts):
-            precision = self._deviation[self._own_free(index)] ** -2.0
-            known = known + (part.follow.T * precision) @ part.follow
         return Posterior(
             problem=self._problem,
             x=self._x,
