@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_identification.estimation.least_squares import estimate
 from armload_identification.estimation.physical_consistency import WRITTEN_MARGIN, make_physical
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
+from tests.payload_rows import exactly, payload_of
 
 pytestmark = pytest.mark.pure
 
@@ -26,7 +26,7 @@ def fit_of(theta, rng, unit=None, samples=200, blind=()):
     rows = regressor.reshape(-1, 10)
     projection, *_ = np.linalg.lstsq(rows, noise.reshape(-1), rcond=None)
     torque = torque + noise - (rows @ projection).reshape(torque.shape)
-    return estimate(regressor, torque, np.ones(samples, dtype=bool), np.ones(2))
+    return payload_of(regressor, torque, exactly(2))
 
 
 def optimality_error(fit, theta):
@@ -118,12 +118,12 @@ def test_a_direction_without_data_is_filled_in_beside_what_the_data_tell():
     assert result.parameters.theta[9] == pytest.approx(-3.0 * -0.05 * 0.2, abs=1e-4), "as of a ball about the centre"
 
 
-def test_extra_parameters_are_left_free():
+def test_other_unknowns_are_left_free():
     rng = np.random.default_rng(5)
     impossible = InertialParameters.from_center_of_mass(2.0, [0.1, 0.2, 0.0], -0.02 * np.eye(3))
     regressor = rng.normal(size=(300, 2, 12)) / np.array([1.0, 0.3, 0.3, 0.3] + [0.1] * 6 + [1.0, 1.0])
     theta = np.concatenate([impossible.theta, [5.0, -3.0]])
-    fit = estimate(regressor, regressor @ theta, np.ones(300, dtype=bool), np.ones(2))
+    fit = payload_of(regressor[..., :10], regressor @ theta, exactly(2), links=regressor[..., 10:])
     result = make_physical(fit)
     rows = regressor.reshape(-1, 12)
 

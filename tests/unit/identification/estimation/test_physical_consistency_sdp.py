@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_identification.estimation.least_squares import estimate
 from armload_identification.estimation.physical_consistency import WRITTEN_MARGIN, make_physical
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.model.payload import InertialParameters
+from tests.payload_rows import exactly, payload_of
 
 pytestmark = pytest.mark.pure
 
@@ -84,7 +84,7 @@ def impossible(seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_feasible_data(seed):
     rows, torque = system(possible(seed).theta, seed, noise=0.01)
-    fit = estimate(rows, torque, np.ones(60, dtype=bool), np.ones(3))
+    fit = payload_of(rows, torque, exactly(3))
     result = make_physical(fit)
     assert not result.changed
     assert_equal(result.parameters.theta, semidefinite(rows, torque))
@@ -93,7 +93,7 @@ def test_feasible_data(seed):
 @pytest.mark.parametrize("seed", range(12))
 def test_infeasible_data(seed):
     rows, torque = system(impossible(seed).theta, seed, noise=0.1)
-    fit = estimate(rows, torque, np.ones(60, dtype=bool), np.ones(3))
+    fit = payload_of(rows, torque, exactly(3))
     result = make_physical(fit)
     assert result.changed
     assert result.plain_margin < 0.0
@@ -104,6 +104,6 @@ def test_infeasible_data(seed):
 def test_infeasible_data_with_a_cad_model(seed):
     rows, torque = system(impossible(seed).theta, seed, noise=0.1)
     prior = KnownPayload(cad=possible(100 + seed), confidence=0.02).prior()
-    fit = estimate(rows, torque, np.ones(60, dtype=bool), np.ones(3), prior=prior)
+    fit = payload_of(rows, torque, exactly(3), prior=prior)
     result = make_physical(fit)
     assert_equal(result.parameters.theta, semidefinite(rows, torque, prior))

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_identification.estimation.friction_columns import unloaded_body
+from armload_identification.estimation.empty_arm.unloaded_arm import fit_body
 from armload_identification.estimation.servo_sag import on_one_motion
 from armload_identification.model.joint_states import JointStates
 from armload_identification.pipeline.payload_identification import identify
@@ -41,7 +41,7 @@ def test_what_the_arm_does_elsewhere_is_not_taken_for_payload(sagging):
 def test_a_stiff_servo_needs_next_to_none_of_it():
     stiff = SaggingPanda(Effects(noise=QUIET, sag_rad=0.0)).pair(1, with_phase=True)
     signal = load_signal(*stiff, nominal_transmission(exact=True))
-    body = unloaded_body(signal, chain(), np.eye(7)).model
+    body = fit_body([signal.empty_arm], chain(), np.eye(7)).model
     moved = on_one_motion(signal, chain(), body)
     change = np.sqrt(np.mean((moved.torque_nm - signal.torque_nm) ** 2, axis=0))
     assert (change < 1e-3 * np.sqrt(np.mean(signal.torque_nm**2, axis=0)) + 5e-4).all()

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import tracemalloc
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
-from armload_identification.estimation.least_squares import estimate, estimate_reweighted
-from armload_identification.estimation.uncertainty import ResidualSpectrum, derived, quantify
+from armload_identification.estimation.problem import Noise
+from armload_identification.estimation.uncertainty import derived, quantify
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
 from armload_identification.model.regressor import payload_regressor
+from tests.payload_rows import exactly, payload_of
 
 pytestmark = pytest.mark.pure
 
@@ -34,31 +33,36 @@ def coloured(rng, samples, memory_s):
     return np.sqrt(0.7) * rng.normal(size=(samples, 6)) + np.sqrt(0.3) * slow
 
 
+def of_known_noise(arm):
+    return Noise.given(arm.noise_nm, np.ones(6))
+
+
 @pytest.mark.parametrize(
     ("periods", "memory_s"),
     [
-        pytest.param(1, None, id="1-white"),
+        pytest.param(1, None, id="1-white", marks=pytest.mark.long),
         pytest.param(1, 0.3, id="1-slow", marks=pytest.mark.long),
         pytest.param(3, None, id="3-white", marks=pytest.mark.long),
         pytest.param(3, 0.5, id="3-slow"),
     ],
 )
 def test_95_percent_intervals_cover(regressor, pinocchio_arm, periods, memory_s):
+    """One period with noise to be estimated, three with noise that is known and white, which it is not."""
     truth, _ = derived(pinocchio_arm.payload)
-    valid = np.ones(SAMPLES, dtype=bool)
+    noise_nm = 4.0 * pinocchio_arm.noise_nm / np.sqrt(periods)
+    given = None if periods == 1 else Noise.given(noise_nm, np.ones(6))
     covered, textbook = [], []
     for seed in range(100):
         rng = np.random.default_rng(seed)
         length = periods * SAMPLES
         noise = rng.normal(size=(length, 6)) if memory_s is None else coloured(rng, length, memory_s)
         noise = (noise * pinocchio_arm.noise_nm * 4.0).reshape(periods, SAMPLES, 6).mean(axis=0)
-        solve = estimate_reweighted if periods == 1 else estimate
-        fit = solve(regressor, regressor @ pinocchio_arm.payload.theta + noise, valid, pinocchio_arm.noise_nm)
-        reported = quantify(fit, InertialParameters(fit.theta))
+        found = payload_of(regressor, regressor @ pinocchio_arm.payload.theta + noise, given)
+        reported = quantify(found, InertialParameters(found.theta))
         covered.append(np.abs(reported.values - truth) <= reported.half_width_95)
-        sigma = 4.0 / np.sqrt(periods) if periods > 1 else 1.0
-        naive = 1.96 * sigma * np.sqrt(np.diag(fit.covariance))
-        textbook.append(np.abs(fit.theta - pinocchio_arm.payload.theta) <= naive)
+        weighted = (regressor / noise_nm[:, None]).reshape(-1, 10)
+        naive = 1.96 * np.sqrt(np.diag(np.linalg.inv(weighted.T @ weighted)))
+        textbook.append(np.abs(found.theta - pinocchio_arm.payload.theta) <= naive)
     share = np.mean(covered, axis=0)
     assert 0.92 <= share.mean() <= 0.98, share
     assert share.min() >= 0.85, share
@@ -69,14 +73,14 @@ def test_95_percent_intervals_cover(regressor, pinocchio_arm, periods, memory_s)
 def test_the_quantile_is_students_with_the_freedom_that_the_variances_scatter_by(regressor, pinocchio_arm):
     """The variance of a variance estimate with f degrees of freedom is 2/f of its square; few bins determine the
     mass's, so f is small."""
-    valid = np.ones(SAMPLES, dtype=bool)
     variances, freedoms = [], []
     for seed in range(100):
         noise = np.random.default_rng(seed).normal(size=(SAMPLES, 6)) * pinocchio_arm.noise_nm
-        fit = estimate(regressor, regressor @ pinocchio_arm.payload.theta + noise, valid, pinocchio_arm.noise_nm)
-        reported = quantify(fit, InertialParameters(fit.theta))
+        torque = regressor @ pinocchio_arm.payload.theta + noise
+        found = payload_of(regressor, torque, of_known_noise(pinocchio_arm))
+        reported = quantify(found, InertialParameters(found.theta))
         quantile = reported.half_width_95[0] / np.sqrt(reported.covariance[0, 0])
-        assert quantile == pytest.approx(student.ppf(0.975, reported.degrees_of_freedom[0]), rel=1e-9)
+        assert quantile == pytest.approx(student.ppf(0.975, reported.degrees_of_freedom[0]), rel=1e-6)
         assert quantile > 1.98
         variances.append(reported.covariance[0, 0])
         freedoms.append(reported.degrees_of_freedom[0])
@@ -99,13 +103,13 @@ def test_derivatives_of_what_is_reported_are_right(pinocchio_arm):
 def test_determined_is_what_design_says(regressor, pinocchio_arm):
     rng = np.random.default_rng(1)
     body = pinocchio_arm.payload
-    valid = np.ones(SAMPLES, dtype=bool)
     unit = np.array([body.mass_kg] + [0.1] * 3 + [body.mass_kg * 0.01] * 6)
     seen = set()
     for level in (0.2, 1.0, 20.0, 2000.0):
         noise = level * pinocchio_arm.noise_nm * rng.normal(size=(SAMPLES, 6))
-        fit = estimate(regressor, regressor @ body.theta + noise, valid, level * pinocchio_arm.noise_nm)
-        reported = quantify(fit, InertialParameters(np.concatenate([body.theta[:1], fit.theta[1:]])))
+        given = Noise.given(level * pinocchio_arm.noise_nm, np.ones(6))
+        found = payload_of(regressor, regressor @ body.theta + noise, given)
+        reported = quantify(found, InertialParameters(np.concatenate([body.theta[:1], found.theta[1:]])))
         np.testing.assert_array_equal(reported.determined, reported.half_width_95 <= 0.2 * unit)
         np.testing.assert_allclose(reported.interval_95.mean(axis=1), reported.values)
         assert reported.undetermined_names == tuple(np.array(PARAMETER_NAMES)[~reported.determined])
@@ -126,10 +130,9 @@ def test_what_the_motion_does_not_excite_has_no_interval(pinocchio_arm):
         state[2, :, 5] -= (k * omega) ** 2 * np.sin(k * omega * t)
     last = payload_regressor(pinocchio_arm.chain, *state)[:, 5:]
     body = pinocchio_arm.payload
-    noise = 0.2 * rng.normal(size=(SAMPLES, 1))
-    fit = estimate(last, last @ body.theta + noise, np.ones(SAMPLES, dtype=bool), np.array([0.2]))
-    assert fit.rank < 10
-    reported = quantify(fit, body)
+    found = payload_of(last, last @ body.theta + 0.2 * rng.normal(size=(SAMPLES, 1)), exactly(1, 0.2))
+    assert found.rank < 10
+    reported = quantify(found, body)
     assert reported.half_width_95[0] == np.inf
     assert not reported.determined[0]
     assert np.isfinite(reported.covariance).all()
@@ -138,28 +141,12 @@ def test_what_the_motion_does_not_excite_has_no_interval(pinocchio_arm):
 def test_rows_that_are_left_out_take_their_share_of_the_precision(regressor, pinocchio_arm):
     """White noise of known size, every other half second left out: the robust covariance is the textbook's."""
     used = np.repeat((np.arange(SAMPLES) // 25 % 2 == 0)[:, None], 6, axis=1).astype(float)
-    valid = np.ones(SAMPLES, dtype=bool)
+    rows = (regressor / pinocchio_arm.noise_nm[:, None])[used[:, 0] > 0.0].reshape(-1, 10)
+    textbook = np.diag(np.linalg.inv(rows.T @ rows))
     ratio = []
     for seed in range(10):
         noise = np.random.default_rng(seed).normal(size=(SAMPLES, 6)) * pinocchio_arm.noise_nm
         torque = regressor @ pinocchio_arm.payload.theta + noise
-        fit = estimate(regressor, torque, valid, pinocchio_arm.noise_nm, used)
-        reported = quantify(fit, InertialParameters(fit.theta))
-        ratio.append(np.diag(reported.covariance) / np.diag(fit.covariance))
+        found = payload_of(regressor, torque, of_known_noise(pinocchio_arm), weight=used)
+        ratio.append(np.diag(quantify(found, InertialParameters(found.theta)).covariance) / textbook)
     assert 0.85 <= np.mean(ratio) <= 1.25, np.mean(ratio)
-
-
-def test_memory_grows_with_the_samples_and_not_with_their_square():
-    """37,000 rows of an aperiodic run took 5.8 GB; white rows keep every bin."""
-    rng = np.random.default_rng(9)
-    samples = 37_000
-    basis, _ = np.linalg.qr(rng.normal(size=(samples * 2, 3)))
-    tracemalloc.start()
-    spectrum = ResidualSpectrum(basis.reshape(samples, 2, 3), rng.normal(size=(samples, 2)), np.ones((samples, 2)))
-    freedom = spectrum.freedom(np.eye(3))
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 100e6
-    np.testing.assert_allclose(np.diag(spectrum.covariance()), 1.0, rtol=0.1)
-    # Two joints of about 18,500 equal bins, each with two degrees of freedom.
-    assert (freedom > 10_000).all()
