@@ -37,7 +37,7 @@ _ASSUMED: Final = 2.0
 _MATTERS: Final = 0.03
 """Friction of one pair of runs can look like a gain error of this size: on the UR10e, 0.962 to 1.037 at one joint."""
 _NINE_OF_TEN: Final = 1.28
-_SUSPECT: Final = 0.5
+_SUSPECT: Final = 0.7
 """Share of the smallest error worth naming from which a gain is tried as unknown."""
 _LESS: Final = 0.999
 _POOR: Final = 2.0
@@ -92,12 +92,12 @@ def fit_gains(problem: PayloadProblem, covariance: FloatArray, prior: Prior | No
         The solution and the gains.
     """
 
-    def solved(unknown: Sequence[int]) -> _Trial:
+    def solved(unknown: Sequence[int], before: Posterior | None = None) -> _Trial:
         wide = covariance.copy()
         for axis in unknown:
             wide[axis], wide[:, axis] = 0.0, 0.0
             wide[axis, axis] = UNKNOWN_DEVIATION**2
-        found = solve(problem.with_gains(wide).knowing(prior), rough=True)
+        found = solve(problem.with_gains(wide).knowing(prior), rough=True, start=before)
         return _Trial(tuple(unknown), wide, found, *_by_others(found, wide))
 
     assumed = np.sqrt(np.diag(covariance) - NominalGain.common_deviation**2)
@@ -109,7 +109,7 @@ def fit_gains(problem: PayloadProblem, covariance: FloatArray, prior: Prior | No
         for axis in np.argsort(-np.abs(start.value) / named_from, kind="stable")
         if abs(start.value[axis]) > _SUSPECT * np.maximum(_ASSUMED * assumed, _MATTERS)[axis]
     ]
-    alone = {axis: solved((axis,)) for axis in suspects}
+    alone = {axis: solved((axis,), start.posterior) for axis in suspects}
     wrong = [axis for axis, trial in alone.items() if _is_contradicted(trial, assumed)[axis]]
     for axis, trial in alone.items():
         noticeable[axis] = min(noticeable[axis], _noticeable(trial, assumed)[axis])
@@ -139,7 +139,8 @@ def _by_others(found: Posterior, covariance: FloatArray) -> tuple[FloatArray, Fl
     # An error that all gains have in common contradicts none.
     common = NominalGain.common_deviation**2
     before = np.diag(covariance) - common
-    after = np.clip(np.diag(found.covariance)[place] - common, HELD**2, _LESS * before)
+    variance, _ = found.spread(np.eye(found.problem.shared_size)[place])
+    after = np.clip(variance - common, HELD**2, _LESS * before)
     return -found.value(GAIN) * before / (before - after), np.sqrt(after * before / (before - after))
 
 
