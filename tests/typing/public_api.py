@@ -34,7 +34,7 @@ def identify_with_ranges(loaded: Path, unloaded: Path) -> Findings:
     weighed = armload.KnownPayload(mass_kg=2.1, center_of_mass_m=np.zeros(3))
     assert_type(weighed, armload.KnownPayload)
     known = armload.KnownPayload(mass_kg=(1, 3), center_of_mass_m=[0.0, (-0.01, 0.01), (0.05, 0.15)])
-    return armload.identify("er50", loaded, unloaded, known=known, estimator="robust")
+    return armload.identify("er50", loaded, unloaded, known=known)
 
 
 def judge(payload: Path, loaded: Path, unloaded: Path) -> str:
@@ -82,7 +82,7 @@ def wrong_names() -> None:
     armload.identfy("er50", "loaded.mcap")  # type: ignore[attr-defined]
     from armload import Recordings  # type: ignore[attr-defined] # noqa: F401
 
-    armload.identify("er50", "loaded.mcap", estimator="nonsense")  # type: ignore[arg-type]
+    armload.identify("er50", "loaded.mcap", estimator="robust")  # type: ignore[call-arg]
 
 
 class Near:

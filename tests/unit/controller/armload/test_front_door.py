@@ -12,7 +12,6 @@ from dataclasses import replace
 from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
-from typing import get_args
 from xml.etree import ElementTree
 
 import numpy as np
@@ -20,7 +19,6 @@ import pytest
 
 import armload
 from armload_controller.control_errors import ConfigurationError
-from armload_identification.estimation.estimator_names import Estimator, EstimatorName
 from armload_identification.identification_errors import (
     EstimationError,
     ExcitationError,
@@ -281,21 +279,6 @@ def test_a_mass_that_the_arm_cannot_carry_is_refused(recorded_er50, tmp_path):
 def test_a_run_of_another_arm_is_refused(recorded_er50):
     with pytest.raises(Exception, match="recorded on er50, not on prbt"):
         armload.read_recording(recorded_er50 / "runs/today/loaded_validation.mcap", "prbt")
-
-
-def test_an_estimator_is_given_by_its_name(recorded_er50):
-    pair = [recorded_er50 / f"runs/today/{load}_identification.mcap" for load in ("loaded", "unloaded")]
-    assert get_args(EstimatorName) == tuple(Estimator)
-    assert armload.identify("er50", *pair, estimator="ols").payload.model.mass_kg > 0.0
-    with pytest.raises(EstimationError, match="the estimator 'ols' requires the difference of two runs"):
-        armload.identify(
-            "er50", pair[0], calibration=recorded_er50 / "runs/today/arm.calibration.toml", estimator="ols"
-        )
-    for wrong in ("nonsense", "Friction", "", None):
-        with pytest.raises(
-            EstimationError, match=f"estimator is {wrong!r}; expected one of ols, wls, robust, friction$"
-        ):
-            armload.identify("er50", *pair, estimator=wrong)
 
 
 @pytest.mark.parametrize(

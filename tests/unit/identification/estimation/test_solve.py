@@ -201,7 +201,7 @@ def test_the_noise_is_corrected_for_what_the_unknowns_absorbed(problem, rows):
         noisy = replace(group.runs[0].rows, effort_nm=exact + noise_nm * rng.normal(size=exact.shape))
         groups.append(Group((replace(group.runs[0], rows=noisy),)))
     found = solve(replace(given, groups=groups))
-    weight = np.concatenate([group.weight for group in groups])
+    weight = np.concatenate([group.weight[0] for group in groups])
     moving = weight > solve_module.MOVING
     expected = noise_nm * np.sqrt(np.sum((weight * moving) ** 2, axis=0) / moving.sum(axis=0))
     np.testing.assert_allclose(found.noise_nm[0], expected, rtol=0.2)

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from armload_identification.pipeline.operator_notes import misfit_notes, notes_on
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import ABOVE_BAND
-from armload_identification.verdict.operator_notes import misfit_notes, notes_on
 
 pytestmark = pytest.mark.pure
 
@@ -35,18 +35,25 @@ def signal(**changes):
         "noise_source": "the scatter of periods",
         "loaded": SimpleNamespace(moves=ALL),
         "unloaded": SimpleNamespace(moves=ALL),
+        "time_s": 0.1 * np.arange(SAMPLES),
+        "interval_s": 0.1,
         "states": SimpleNamespace(velocity_rad_s=np.ones((SAMPLES, JOINTS))),
     }
     return with_changes(base, changes)
 
 
-def fit_of(share, **changes):
-    """A fit that leaves a share of the torque of each joint."""
+def found_of(share=0.01, **changes):
+    """An identification that leaves a share of the torque of each joint."""
+    plain = {"theta": np.zeros(10), "rank": 10, "noise_nm": np.ones(JOINTS)}
+    plain = with_changes(plain, {name: changes.pop(name) for name in ("rank", "noise_nm") if name in changes})
     base = {
+        "plain": plain,
+        "signal": signal(),
+        "gains": gains(),
         "residual_nm": signal().torque_nm * np.asarray(share),
-        "weight_1_nm": np.ones(JOINTS),
-        "rank": 10,
-        "theta": np.zeros(10),
+        "struck": np.zeros(SAMPLES, dtype=bool),
+        "physical": SimpleNamespace(changed=False, plain_margin=1.0),
+        "uncertainty": SimpleNamespace(determined=np.ones(10, dtype=bool), undetermined_names=[]),
     }
     return with_changes(base, changes)
 
@@ -63,7 +70,8 @@ def recording(by_torque=False, interruptions=0, **changes):
 def gains(**changes):
     base = {
         "contradicted": NONE,
-        "beyond": NONE,
+        "possible": NONE,
+        "disagree": False,
         "log_gain": np.zeros(JOINTS),
         "half_width_95": np.full(JOINTS, 0.01),
         "assumed_deviation": np.full(JOINTS, 0.02),
@@ -75,18 +83,9 @@ def gains(**changes):
 def notes(**changes):
     """The notes on a pair in which only `changes` are not as they should be."""
     runs = changes.pop("runs", (recording(), recording()))
-    arguments = {
-        "transmission": Transmission(np.ones(JOINTS), np.eye(JOINTS), ALL),
-        "signal": signal(),
-        "arm": None,
-        "fit": fit_of(0.01),
-        "friction": None,
-        "gains": gains(),
-        "physical": SimpleNamespace(changed=False, plain_margin=1.0),
-        "uncertainty": SimpleNamespace(determined=np.ones(10, dtype=bool), undetermined_names=[]),
-        "struck": np.zeros(SAMPLES, dtype=bool),
-    }
-    return notes_on(runs, **(arguments | changes))
+    transmission = changes.pop("transmission", Transmission(np.ones(JOINTS), np.eye(JOINTS), ALL))
+    fitted = changes.pop("body", None)
+    return notes_on(found_of(**changes), runs, transmission, None, fitted)
 
 
 def test_nothing_is_said_of_a_good_pair():
@@ -145,9 +144,20 @@ def test_a_contradicted_gain_is_named_with_its_error_and_what_is_allowed():
     assert "lower" in only(notes(gains=gains(contradicted=joint_2, log_gain=np.log([1.0, 0.9, 1.0]))))
 
 
-def test_more_wrong_gains_than_can_be_told_apart_are_listed_together():
-    found = notes(gains=gains(beyond=np.array([True, False, True]), noticeable=np.full(JOINTS, 0.01)))
-    assert "joints 1 and 3" in only(found)
+def test_gains_of_which_one_is_wrong_are_listed_together():
+    two = np.array([True, False, True])
+    note = only(notes(gains=gains(disagree=True, possible=two, noticeable=np.full(JOINTS, 0.01))))
+    assert "that of one of joints 1 and 3 is wrong" in note
+    assert "may lie outside their intervals" in note
+    none = only(notes(gains=gains(disagree=True, noticeable=np.full(JOINTS, 0.01))))
+    assert "no single one of them explains that" in none
+
+
+def test_a_gain_that_is_named_is_not_among_those_that_cannot_be_checked():
+    two = np.array([True, False, True])
+    found = notes(gains=gains(disagree=True, possible=two, noticeable=np.full(JOINTS, 5.0)))
+    assert "joints 1 and 3" in found[0]
+    assert "of joint 2 at all" in only(found[1:])
 
 
 def test_gains_that_cannot_be_checked_are_named_with_the_error_that_may_hide():
@@ -166,8 +176,10 @@ def test_signals_with_gaps_or_mostly_noise_are_told_but_blows_are_no_gaps():
     assert "2 (90 %)" in only(notes(signal=signal(smoothing_loss=loss)))
     valid = np.arange(SAMPLES) >= 5
     assert only(notes(signal=signal(valid=valid))).startswith(f"5 of {SAMPLES} samples")
-    assert only(notes(signal=signal(valid=valid), struck=np.arange(SAMPLES) < 2)).startswith("3 of")
-    assert notes(signal=signal(valid=valid), struck=~valid) == []
+    gaps, blow = notes(signal=signal(valid=valid), struck=np.arange(SAMPLES) < 2)
+    assert gaps.startswith("3 of")
+    assert blow.startswith("0.2 s of the motion were left out, from 0.0 s on")
+    assert only(notes(signal=signal(valid=valid), struck=~valid)).startswith("0.5 s of the motion")
 
 
 @pytest.mark.parametrize(
@@ -186,21 +198,8 @@ def test_one_period_alone_is_told(periods, periodic, noise_source, told):
     assert len(found) == told
 
 
-def test_friction_that_differs_between_the_runs_is_named_with_its_joint():
-    second = np.array([False, True, False])
-    difference = {
-        "load_joints": NONE,
-        "viscous_joints": NONE,
-        "load": np.array([0.0, 0.0321, 0.0]),
-        "viscous_nm_s_rad": np.array([0.0, -1.5, 0.0]),
-    }
-    assert notes(friction=SimpleNamespace(**difference)) == []
-    assert "2 (coefficient 0.032)" in only(notes(friction=with_changes(difference, {"load_joints": second})))
-    assert "2 (-1.5 N m s/rad)" in only(notes(friction=with_changes(difference, {"viscous_joints": second})))
-
-
 def test_what_the_motion_does_not_determine_is_told():
-    assert "9 of 10" in only(notes(fit=fit_of(0.01, rank=9)))
+    assert "9 of 10" in only(notes(rank=9))
     determined = np.ones(10, dtype=bool)
     determined[4:] = False
     named = SimpleNamespace(determined=determined, undetermined_names=["Ixx", "Iyy"])
@@ -227,38 +226,57 @@ def body(**changes):
 
 
 def test_joints_whose_own_torque_is_not_explained_are_named_if_they_move_and_are_loud():
-    assert notes(arm=body()) == []
+    assert notes(body=body()) == []
     odd = body(residual_rms_nm=np.array([1.0, 9.0, 9.0]))
-    assert "joints 2 and 3" in only(notes(arm=odd))
+    assert "joints 2 and 3" in only(notes(body=odd))
     resting = signal(unloaded=SimpleNamespace(moves=np.array([True, False, True])))
-    assert "joint 3" in only(notes(arm=odd, signal=resting))
+    assert "joint 3" in only(notes(body=odd, signal=resting))
     quiet = signal(averaged_noise_nm=np.array([0.1, 0.1, 3.0]))
-    assert "joint 2" in only(notes(arm=odd, signal=quiet))
+    assert "joint 2" in only(notes(body=odd, signal=quiet))
 
 
 def test_friction_that_drives_the_arm_is_told_but_not_that_of_its_noise():
     def model(coulomb, viscous):
         return SimpleNamespace(coulomb_nm=np.array([1.0, coulomb, 1.0]), viscous_nm_s_rad=np.array([1.0, viscous, 1.0]))
 
-    assert "joint 2" in only(notes(arm=body(model=model(-3.0, 1.0))))
-    assert notes(arm=body(model=model(-3.0, 3.5))) == []
-    assert notes(arm=body(model=model(-1.0, 0.9))) == [], "0.1 N m of 10"
+    assert "joint 2" in only(notes(body=body(model=model(-3.0, 1.0))))
+    assert notes(body=body(model=model(-3.0, 3.5))) == []
+    assert notes(body=body(model=model(-1.0, 0.9))) == [], "0.1 N m of 10"
 
 
 def test_a_payload_that_explains_little_is_told_as_a_whole_and_else_by_joint():
-    assert misfit_notes(signal(), fit_of(0.1)) == []
-    whole = only(misfit_notes(signal(), fit_of(0.9)))
-    assert "explains only 19 %" in whole
-    one = only(misfit_notes(signal(), fit_of([0.1, 0.9, 0.1])))
-    assert "joint 2" in one
+    assert misfit_notes(found_of(0.1)) == []
+    assert "explains only 19 %" in only(misfit_notes(found_of(0.9)))
+    assert "joint 2" in only(misfit_notes(found_of([0.1, 0.9, 0.1])))
     quiet = signal(averaged_noise_nm=np.array([0.1, 3.0, 0.1]))
-    assert misfit_notes(quiet, fit_of([0.1, 0.9, 0.1])) == []
-    assert "19 %" in only(misfit_notes(signal(), fit_of([0.1, 0.9, 0.1], weight_1_nm=np.array([0.01, 1.0, 0.01]))))
+    assert misfit_notes(found_of([0.1, 0.9, 0.1], signal=quiet)) == []
+    assert "19 %" in only(misfit_notes(found_of([0.1, 0.9, 0.1], noise_nm=np.array([100.0, 1.0, 100.0]))))
 
 
 def test_joints_at_rest_and_samples_not_used_are_no_misfit():
     resting = signal(loaded=SimpleNamespace(moves=np.array([True, False, True])))
-    assert misfit_notes(resting, fit_of([0.1, 5.0, 0.1])) == []
-    fit = fit_of(0.1)
-    fit.residual_nm[:4] = 1e3
-    assert misfit_notes(signal(valid=np.arange(SAMPLES) >= 4), fit) == []
+    assert misfit_notes(found_of([0.1, 5.0, 0.1], signal=resting)) == []
+    found = found_of(0.1, signal=signal(valid=np.arange(SAMPLES) >= 4))
+    found.residual_nm[:4] = 1e3
+    assert misfit_notes(found) == []
+
+
+def test_friction_far_outside_that_of_the_calibration_is_named():
+    """Of the unloaded run if there is one: its friction is known better."""
+    drift = np.full((3, JOINTS), 0.1)
+    plain = {
+        "theta": np.zeros(10),
+        "rank": 10,
+        "noise_nm": np.ones(JOINTS),
+        "runs": 2,
+        "friction": lambda run: np.array([[0.0, 3.0 * run, 0.0], np.zeros(JOINTS), np.zeros(JOINTS)]),
+        "friction_covariance": lambda run: 1e-4 * np.tile(np.eye(2), (JOINTS, 1, 1)),
+    }
+
+    def noted(**changes):
+        found = found_of(plain=with_changes(plain, changes), gains=None)
+        transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), ALL)
+        return notes_on(found, (recording(), recording()), transmission, SimpleNamespace(drift=drift))
+
+    assert "friction of joint 2 " in only(noted())
+    assert noted(runs=1) == []

@@ -8,10 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from armload_identification.estimation.estimator_names import Estimator
-from armload_identification.estimation.friction_columns import SIGNIFICANT_LOAD
+from armload_identification.estimation.arm_terms import FRICTION_CHANGE, LOAD_FRICTION
 from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.estimation.uncertainty import nuisance_deviation
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.files.payload_file import format_payload, parse_payload
 from armload_identification.identification_errors import EstimationError, ModelError, RecordingError
@@ -107,8 +105,8 @@ def by_seed(pinocchio_arm):
 def test_noise_goes_through_as_its_bound_says(by_seed, pinocchio_arm):
     """Over many seeds the estimate scatters as weighted least squares on the averaged difference predicts."""
     results = [by_seed(seed) for seed in range(20)]
-    errors = [result.plain.theta[:10] - pinocchio_arm.payload.theta for result in results]
-    bounds = [np.diag(result.plain.covariance)[:10] for result in results]
+    errors = [result.plain.theta - pinocchio_arm.payload.theta for result in results]
+    bounds = [np.diag(result.plain.covariance) for result in results]
     ratio = np.sqrt(np.mean(np.square(errors), axis=0) / np.mean(bounds, axis=0))
     assert 0.8 < ratio.mean() < 1.15, ratio
 
@@ -116,38 +114,37 @@ def test_noise_goes_through_as_its_bound_says(by_seed, pinocchio_arm):
 def test_load_dependent_friction_is_found_and_taken_out(pinocchio_arm):
     pair = run_pair(pinocchio_arm, load_friction=0.085, noise=0.3)
     truth = pinocchio_arm.payload
-    plain, result = (
-        identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, estimator=estimator)
-        for estimator in (Estimator.WLS, Estimator.FRICTION)
-    )
-    assert plain.friction is None
-    friction = result.friction
-    assert friction.load_joints[:3].all()
-    np.testing.assert_allclose(friction.load[friction.load_joints], 0.085, atol=0.02)
-    deviation = nuisance_deviation(result.plain)[: np.count_nonzero(friction.load_joints)]
-    assert (friction.load[friction.load_joints] >= SIGNIFICANT_LOAD * deviation).all()
+    result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    load = result.plain.posterior.value(LOAD_FRICTION)
+    np.testing.assert_allclose(load[:3], 0.085, atol=0.02)
     assert result.parameters.mass_kg == pytest.approx(truth.mass_kg, rel=0.002)
-    errors = [np.linalg.norm(found.parameters.center_of_mass_m - truth.center_of_mass_m) for found in (plain, result)]
-    assert errors[1] < 0.0005
-    assert errors[0] > 3.0 * errors[1]
-    assert any("Load-dependent friction was found" in note for note in result.notes)
+    # 0.53 mm here, 0.44 mm as the mean of 8 seeds, inside the interval: mu comes out 2 to 5 % low, as the model's
+    # direction turns over more slowly at a reversal than this arm's friction.
+    assert np.linalg.norm(result.parameters.center_of_mass_m - truth.center_of_mass_m) < 0.0006
+    assert (np.abs(result.uncertainty.values - truth.values) < result.uncertainty.half_width_95)[:4].all()
+    states, runs = result.signal.states, (truth, None)
+    under_load = [
+        pinocchio_arm.torque(*states, body, load_friction=0.085) - pinocchio_arm.torque(*states, body) for body in runs
+    ]
+    moving = np.abs(states.velocity_rad_s) > 0.1
+    expected, found = (np.where(moving, nm, 0.0) for nm in (under_load[0] - under_load[1], result.friction_nm))
+    size, left = (np.sqrt(np.mean(nm**2, axis=0)) for nm in (expected, found - expected))
+    assert (left < 0.25 * size)[1:3].all(), left / size
 
 
 @pytest.mark.long
 def test_no_friction_is_found_where_none_is(by_seed):
-    found = 0
+    """Neither under load nor as a difference between the runs, beyond what their standard deviations allow."""
+    size = []
     for seed in range(10):
-        result = by_seed(seed)
-        columns = np.count_nonzero(result.friction.load_joints) + np.count_nonzero(result.friction.viscous_joints)
-        assert result.plain.theta.size == 10 + columns
-        found += columns
-    assert found <= 2
-
-
-@pytest.mark.parametrize("estimator", list(Estimator))
-def test_every_estimator_finds_the_payload(pair, pinocchio_arm, estimator):
-    result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, estimator=estimator)
-    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
+        found = by_seed(seed).plain.posterior
+        place = found.problem.place(LOAD_FRICTION)
+        size.append(found.value(LOAD_FRICTION) / np.sqrt(np.diag(found.covariance)[place]))
+        own = found.own_value(FRICTION_CHANGE, 0, 0) - found.own_value(FRICTION_CHANGE, 0, 1)
+        assert (np.abs(own.reshape(3, 6)[0]) < 0.05 * 4.0).all(), "of 4 N m of Coulomb friction"
+    # 54 of 60; of a normal distribution 57 +- 1.6
+    assert np.mean(np.abs(size) < 2.0) > 0.88
+    assert np.abs(size).max() < 3.5
 
 
 def test_torque_recordings_need_no_gains(pinocchio_arm):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.pipeline.payload_validation import judge, validate
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.signal_constants import NominalGain
 from armload_identification.verdict.agreement import Outcome
 from armload_identification.verdict.payload_verdict import known_payload
 from armload_identification.verdict.tolerance import Tolerance
@@ -147,7 +149,8 @@ def test_a_weighed_mass_leaves_no_common_error_of_the_gains(second_pair, pinocch
     noticeable = []
     for known in (None, KnownPayload(mass_kg=arm.payload.mass_kg)):
         found = identify(*pair, arm.chain, arm.transmission, known=known)
-        assert found.gains.common_deviation == (0.01 if known is None else 0.0)
+        common = np.sqrt(found.mass_center.gain_covariance.mean())
+        assert common > 0.9 * NominalGain.common_deviation if known is None else common < 0.6 * NominalGain.common_deviation
         validation = validate(*second_pair, arm.chain, arm.transmission, payload_result(found, "0", "0" * 64))
         assert validation.outcome is Outcome.RIGHT
         noticeable.append(validation.verdict.agreement.noticeable_kg)
@@ -163,7 +166,8 @@ def test_cannot_tell_comes_with_what_would_show_it(measured, pinocchio_arm, payl
     text = " ".join(sentences(result.verdict, NAMES))
     assert "the smallest error that would be detected" in text
     assert "times the length would detect" in text
-    assert "The mass is best determined by axis 2" in text
+    # In the difference of the runs both show it equally well, within 2 %.
+    assert re.search("The mass is best determined by axis [24]", text)
     hopeless = judge(measured, pinocchio_arm.chain, known_payload(vague), Tolerance(0.001, 0.010))
     assert "No run would detect it" in " ".join(sentences(hopeless.verdict, NAMES))
 
@@ -190,17 +194,18 @@ def test_the_file_keeps_the_covariance(payload, pinocchio_arm):
     ("old", "new", "message"),
     [
         ("degrees_of_freedom = ", "degrees_of_freedom = -", "covariance.degrees_of_freedom .* greater than 0"),
-        ("mass_center = [\n    [", "mass_center = [\n    [-", "covariance.mass_center .* no eigenvalue below 0"),
-        ("covariance = [\n    [0.0, ", "covariance = [\n    [", "covariance.gains.covariance"),
-        ("covariance = [\n    [0.0, ", "covariance = [\n    [-0.5, ", "gains.covariance .* no eigenvalue below 0"),
-        ("[covariance]", "[covariance]\nsize = 4", "covariance.size .*unknown key"),
+        (r"mass_center = \[\n    \[", "mass_center = [\n    [-", "covariance.mass_center .* no eigenvalue below 0"),
+        (r"(?m)^covariance = \[\n    \[[^,]+, ", "covariance = [\n    [", "covariance.gains.covariance"),
+        (r"(?m)^covariance = \[\n    \[", "covariance = [\n    [-", "gains.covariance .* no eigenvalue below 0"),
+        (r"\[covariance\]", "[covariance]\nsize = 4", "covariance.size .*unknown key"),
     ],
 )
 def test_a_broken_covariance_is_refused(payload, old, new, message):
     text = format_payload(payload)
-    assert old in text
+    broken, count = re.subn(old, new, text, count=1)
+    assert count
     with pytest.raises(PayloadFileError, match=message):
-        parse_payload(text.replace(old, new, 1), "payload.toml")
+        parse_payload(broken, "payload.toml")
 
 
 def test_intervals_and_covariance_agree(payload):

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 
-from armload_identification.estimation.least_squares import estimate
+from armload_identification.estimation.payload_estimate import estimate_of
+from armload_identification.estimation.payload_problem import pair_problem
+from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.joint_states import JointStates
-from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.load_signal import load_signal
+from armload_identification.verdict.recording_checks import sanity
 from armload_identification.verdict.recording_checks.column_mistakes import (
     exchanged_columns,
     flipped_signs,
     looks_wrong,
 )
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
-from armload_identification.verdict.recording_checks.sanity import check_against_others, check_run, check_scales
+from armload_identification.verdict.recording_checks.sanity import check_run, require_consistent
 
 pytestmark = pytest.mark.pure
 
@@ -32,6 +33,12 @@ def signal(pair, pinocchio_arm):
 
 def flipped(run, joints):
     return scaled(run, joints, -1.0)
+
+
+def solved(signal, arm):
+    """The payload of a pair with held gains, without any check."""
+    problem = pair_problem(signal, arm.chain, arm.transmission.coupling, None)
+    return estimate_of(solve(problem.problem, rough=True), problem, arm.chain, None, np.zeros((0, 6)))
 
 
 def scaled(run, joints, factor):
@@ -96,10 +103,8 @@ def test_a_sign_that_only_the_payload_reveals_is_found(signal, pinocchio_arm):
     """As on a last joint without friction, whose unloaded torque does not determine its sign."""
     sign = np.where(np.arange(6) == 5, -1.0, 1.0)
     spoiled = signal.with_torque_times(np.diag(sign))
-    regressor = payload_regressor(pinocchio_arm.chain, *spoiled.states)
-    fit = estimate(regressor, spoiled.torque_nm, spoiled.valid, np.ones(6))
     with pytest.raises(RecordingError, match=r"joint 6 .*payload torque that the other joints imply.* flipped"):
-        check_against_others(spoiled, regressor, fit, np.ones(6), gains_fitted=True)
+        require_consistent(solved(spoiled, pinocchio_arm), None, spoiled, pinocchio_arm.chain, np.ones(6))
 
 
 @pytest.mark.parametrize(
@@ -139,21 +144,19 @@ def test_a_joint_is_judged_by_others_only_if_they_imply_its_torque(pair, pinocch
     noise = 200.0 * np.random.default_rng(7).normal(size=small.torque_nm.shape) * (np.arange(6) < 5)
     noisy = replace(small, loaded=replace(small.loaded, torque_nm=small.loaded.torque_nm + noise))
     for signal, friction_nm in ((small, 1e3), (noisy, 1e-3), (small, 1e-3)):
-        regressor = payload_regressor(pinocchio_arm.chain, *signal.states)
-        fit = estimate(regressor, signal.torque_nm, signal.valid, np.append(np.ones(5), 1e-3))
-        judge = partial(check_against_others, signal, regressor, fit, np.full(6, friction_nm), gains_fitted=True)
+        plain = solved(signal, pinocchio_arm)
         if signal is small and friction_nm < 1.0:
             with pytest.raises(EstimationError, match="joint 6 contradicts"):
-                judge()
+                require_consistent(plain, None, signal, pinocchio_arm.chain, np.full(6, friction_nm))
         else:
-            judge()
+            require_consistent(plain, None, signal, pinocchio_arm.chain, np.full(6, friction_nm))
 
 
 def test_a_scale_is_refused_only_far_beyond_its_interval_and_only_in_motion():
     def check(scale, half_width, rest=(), friction_nm=1.0):
         moves = ~np.isin(np.arange(4), rest)
         payload_nm = np.array([1.0, 0.1, 1.0, 1.0])
-        check_scales(JointScales(np.array(scale), np.array(half_width)), payload_nm, np.full(4, friction_nm), moves)
+        sanity._check_scales(JointScales(np.array(scale), np.array(half_width)), payload_nm, np.full(4, friction_nm), moves)
 
     check([1.0, 2.8, 0.4, np.nan], [0.01, 0.1, 0.01, np.inf])
     check([1.0, 9.0, -2.0, 1.0], [0.01, 3.1, 1.2, 0.1])
