@@ -56,14 +56,12 @@ def test_windows_hold_the_payload(pinocchio_arm, known, loaded):
 
 
 def test_jerky_motion_goes_through_one_window_with_the_torque(pinocchio_arm, known, jerky):
-    """With steps of acceleration the noise is RATIO times the calibration's."""
+    """With steps of acceleration the noise is 1.3 to 2.1 times the calibration's."""
     chain, transmission, arm = known
     time_s, position, current = jerky
     run = Recording.from_arrays(time_s, position, current_a=current)
     found = identify(run, None, chain, transmission, arm=arm)
-    size = found.plain.noise_nm / arm.noise_nm
-    print("RATIO", size)
-    assert size.mean() < 3.0
+    assert (found.plain.noise_nm / arm.noise_nm).mean() < 2.0
     assert found.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
 
 

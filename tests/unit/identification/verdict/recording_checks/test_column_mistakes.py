@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_estimate import estimate_of
 from armload_identification.estimation.payload_problem import pair_problem
 from armload_identification.estimation.solve import solve
@@ -39,6 +40,12 @@ def solved(signal, arm):
     """The payload of a pair with held gains, without any check."""
     problem = pair_problem(signal, arm.chain, arm.transmission.coupling, None)
     return estimate_of(solve(problem.problem, rough=True), problem, arm.chain, None, np.zeros((0, 6)))
+
+
+def as_assumed(n):
+    """Gains that were fitted and found as assumed."""
+    zero = np.zeros(n)
+    return GainFit(zero, zero + 0.01, zero > 0.0, zero > 0.0, disagree=False, assumed_deviation=zero, noticeable=zero)
 
 
 def scaled(run, joints, factor):
@@ -104,7 +111,7 @@ def test_a_sign_that_only_the_payload_reveals_is_found(signal, pinocchio_arm):
     sign = np.where(np.arange(6) == 5, -1.0, 1.0)
     spoiled = signal.with_torque_times(np.diag(sign))
     with pytest.raises(RecordingError, match=r"joint 6 .*payload torque that the other joints imply.* flipped"):
-        require_consistent(solved(spoiled, pinocchio_arm), None, spoiled, pinocchio_arm.chain, np.ones(6))
+        require_consistent(solved(spoiled, pinocchio_arm), as_assumed(6), spoiled, pinocchio_arm.chain, np.ones(6))
 
 
 @pytest.mark.parametrize(
@@ -142,14 +149,15 @@ def test_a_joint_is_judged_by_others_only_if_they_imply_its_torque(pair, pinocch
     runs = [scaled(run, [5], 1e-3) for run in pair]
     small = load_signal(*runs, pinocchio_arm.transmission)
     noise = 200.0 * np.random.default_rng(7).normal(size=small.torque_nm.shape) * (np.arange(6) < 5)
-    noisy = replace(small, loaded=replace(small.loaded, torque_nm=small.loaded.torque_nm + noise))
+    run = small.loaded
+    noisy = replace(small, loaded=replace(run, torque_nm=run.torque_nm + noise, raw_nm=run.raw_nm + noise))
     for signal, friction_nm in ((small, 1e3), (noisy, 1e-3), (small, 1e-3)):
         plain = solved(signal, pinocchio_arm)
         if signal is small and friction_nm < 1.0:
             with pytest.raises(EstimationError, match="joint 6 contradicts"):
-                require_consistent(plain, None, signal, pinocchio_arm.chain, np.full(6, friction_nm))
+                require_consistent(plain, as_assumed(6), signal, pinocchio_arm.chain, np.full(6, friction_nm))
         else:
-            require_consistent(plain, None, signal, pinocchio_arm.chain, np.full(6, friction_nm))
+            require_consistent(plain, as_assumed(6), signal, pinocchio_arm.chain, np.full(6, friction_nm))
 
 
 def test_a_scale_is_refused_only_far_beyond_its_interval_and_only_in_motion():
