@@ -109,7 +109,13 @@ class RobotDrives:
                         f"joints[{number}].{key}", None, "required to convert this joint's current to torque"
                     )
             gains.append(float(joint.gear_ratio or 0) * float(joint.torque_constant_nm_a or 0))
-        return Transmission(np.array(gains), self.coupling)
+        table = self.source.tables.transmission
+        if table is None:
+            return Transmission(np.array(gains), self.coupling)
+        own = [] if table.gain_deviation is None else [table.gain_deviation] * len(gains)
+        return Transmission(
+            np.array(gains), self.coupling, deviation=np.array(own), scale_deviation=table.scale_deviation
+        )
 
     def require_current_gains(self, recording: str) -> None:
         """Refuse a recording of currents if the file lacks the gains to convert them to torque.
@@ -140,7 +146,7 @@ class RobotDrives:
     def coupling(self) -> FloatArray:
         """(n, n) C with q_joint = C q_axis."""
         table = self.source.tables.transmission
-        return np.eye(self.source.n) if table is None else np.array(table.coupling)
+        return np.eye(self.source.n) if table is None or table.coupling is None else np.array(table.coupling)
 
     @property
     def weak_points(self) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ from armload_identification.estimation.payload_problem import HELD, PayloadProbl
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.solve import Posterior, solve
 from armload_identification.estimation.uncertainty import student_half_width
-from armload_identification.signals.signal_constants import NominalGain
+from armload_identification.signals.joint_torque import Gains
 
 UNKNOWN_DEVIATION: Final = 1.0
 """Standard deviation of the logarithm of an unknown gain: a factor of e."""
@@ -80,12 +80,12 @@ class _Trial:
     deviation: FloatArray
 
 
-def fit_gains(problem: PayloadProblem, covariance: FloatArray, prior: Prior | None) -> tuple[Posterior, GainFit]:
+def fit_gains(problem: PayloadProblem, gains: Gains, prior: Prior | None) -> tuple[Posterior, GainFit]:
     """Solve a problem with uncertain gains, those that the rows contradict unknown.
 
     Args:
         problem: A pair on an arm that is not calibrated.
-        covariance: (n, n) assumed covariance of the logarithms of the gains.
+        gains: The assumed gains.
         prior: Prior knowledge of the payload.
 
     Returns:
@@ -93,14 +93,15 @@ def fit_gains(problem: PayloadProblem, covariance: FloatArray, prior: Prior | No
     """
 
     def solved(unknown: Sequence[int], before: Posterior | None = None) -> _Trial:
-        wide = covariance.copy()
+        wide = gains.covariance.copy()
         for axis in unknown:
             wide[axis], wide[:, axis] = 0.0, 0.0
             wide[axis, axis] = UNKNOWN_DEVIATION**2
         found = solve(problem.with_gains(wide).knowing(prior), rough=True, start=before)
-        return _Trial(tuple(unknown), wide, found, *_by_others(found, wide))
+        return _Trial(tuple(unknown), wide, found, *_by_others(found, np.diag(wide), gains.common_deviation))
 
-    assumed = np.sqrt(np.diag(covariance) - NominalGain.common_deviation**2)
+    assumed = np.sqrt(np.diag(gains.own_covariance))
+    covariance = gains.covariance
     start = best = solved(())
     named_from = _named_from(start.deviation, assumed)
     noticeable = named_from + _NINE_OF_TEN * start.deviation
@@ -133,12 +134,12 @@ def fit_gains(problem: PayloadProblem, covariance: FloatArray, prior: Prior | No
     )
 
 
-def _by_others(found: Posterior, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n,) each log gain without its own prior, and its standard deviation."""
+def _by_others(found: Posterior, prior: FloatArray, common_deviation: float) -> tuple[FloatArray, FloatArray]:
+    """(n,) each log gain without its own prior, of (n,) variances, and its standard deviation."""
     place = found.problem.place(GAIN)
     # An error that all gains have in common contradicts none.
-    common = NominalGain.common_deviation**2
-    before = np.diag(covariance) - common
+    common = common_deviation**2
+    before = prior - common
     variance, _ = found.spread(np.eye(found.problem.shared_size)[place])
     after = np.clip(variance - common, HELD**2, _LESS * before)
     return -found.value(GAIN) * before / (before - after), np.sqrt(after * before / (before - after))

@@ -141,7 +141,7 @@ def _by_difference(
     def identified(prior: Prior | None) -> Identification:
         fitted: GainFit | None = None
         if arm is None and gains.fitted:
-            posterior, fitted = fit_gains(problem, gains.covariance, prior)
+            posterior, fitted = fit_gains(problem, gains, prior)
         else:
             posterior = solve(problem.knowing(prior), rough=True)
         plain = estimate_of(posterior, problem, chain, prior, errors)

@@ -7,6 +7,7 @@ the power is the same on both sides, tau_joint = C^-T tau_axis.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,11 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.recording.recording import Recording
-from armload_identification.signals.signal_constants import NominalGain
+from armload_identification.signals.signal_constants import NominalGain, ReportedTorque
+
+
+_RESEMBLES: Final = 1.0
+"""Logarithm of the greatest ratio of gains of the same quantity: currents and torques differ by factors of 10 and more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +35,8 @@ class Transmission:
         covariance: (n, n) of the logarithms of the gains; diagonal if not given.
         torque_gain: (n,) axis torque per N m reported by a drive; 1 if not given.
         torque_calibrated: Whether deviation and covariance are those of `torque_gain`.
+        scale_deviation: Relative standard deviation of an error that all nominal gains have in common; if not given,
+            `NominalGain.common_deviation` for currents and `ReportedTorque.common_deviation` for reported torque.
 
     Raises:
         ModelError: shapes that do not fit, a gain that is not positive, or a coupling that cannot be inverted.
@@ -42,6 +49,7 @@ class Transmission:
     covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     torque_gain: FloatArray = field(default_factory=lambda: np.zeros(0))
     torque_calibrated: bool = False
+    scale_deviation: float | None = None
     _from_current: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -103,19 +111,31 @@ class Transmission:
             from_torque: Whether the recording contains torque instead of current.
         """
         value = self.torque_gain if from_torque else self.gain_nm_a
-        if from_torque and not self.torque_calibrated:
-            return Gains(value, np.zeros_like(self.covariance), fitted=False)
         nominal = not self.calibrated.any() and bool(self.covariance.any())
-        return Gains(value, self.covariance + NominalGain.common_deviation**2 * nominal, fitted=nominal)
+        common = ReportedTorque.common_deviation if from_torque else NominalGain.common_deviation
+        if self.scale_deviation is not None:
+            common = self.scale_deviation
+        return Gains(value, self.covariance, common if nominal else 0.0, fitted=nominal)
 
-    def held_at(self, gain_nm_a: FloatArray, covariance: FloatArray) -> Transmission:
-        """The same axes with other gains, which are held fixed in a fit.
+    def held_at(self, gain: FloatArray, covariance: FloatArray) -> Transmission:
+        """The same axes with other gains, of currents or of reported torque, which are held fixed in a fit.
 
         Args:
-            gain_nm_a: (n,) the gains.
+            gain: (n,) the gains; they are those of the quantity whose present gains they resemble.
             covariance: (n, n) of their logarithms.
         """
-        return Transmission(gain_nm_a, self.coupling, np.ones(gain_nm_a.size, dtype=bool), covariance=covariance)
+        of_current, of_torque = (
+            gain if (np.abs(np.log(gain / own)) < _RESEMBLES).all() else own
+            for own in (self.gain_nm_a, self.torque_gain)
+        )
+        return Transmission(
+            of_current,
+            self.coupling,
+            np.ones(gain.size, dtype=bool),
+            covariance=covariance,
+            torque_gain=of_torque,
+            torque_calibrated=of_torque is gain,
+        )
 
     def gain_shares(self, torque_nm: FloatArray) -> FloatArray:
         """Derivative of joint torque by the logarithm of each gain, C^-T e_a (C^T tau)_a.
@@ -204,14 +224,22 @@ class Gains:
 
     Attributes:
         value: (n,) axis torque per ampere or per reported N m.
-        covariance: (n, n) of their logarithms, an error that all nominal gains have in common included.
+        own_covariance: (n, n) of their logarithms.
+        common_deviation: Standard deviation of an error that all have in common in addition; only a weighed mass shows
+            it.
         fitted: Whether a pair of runs fits them within this covariance. Calibrated gains are known from more than one
             pair.
     """
 
     value: FloatArray
-    covariance: FloatArray
+    own_covariance: FloatArray
+    common_deviation: float
     fitted: bool
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(n, n) of their logarithms, the common error included."""
+        return np.asarray(self.own_covariance + self.common_deviation**2)
 
     @property
     def errors(self) -> FloatArray:

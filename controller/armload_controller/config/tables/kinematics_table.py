@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from armload_controller.config.tables.table_types import Angle, PoseTable, Vector3
 from armload_core.arrays import FloatArray
@@ -69,9 +69,11 @@ class KinematicsTable(Table):
 
 
 class TransmissionTable(Table):
-    """Coupled motors: q_joint = C q_axis."""
+    """Coupled motors, q_joint = C q_axis, and how far the torque that drives report can be trusted."""
 
-    coupling: list[list[float]]
+    coupling: list[list[float]] | None = None
+    gain_deviation: Annotated[float, Field(ge=0.0, le=0.5)] | None = None
+    scale_deviation: Annotated[float, Field(ge=0.0, le=0.5)] | None = None
 
     def check(self, n: int) -> None:
         """Refuse a matrix that is not an invertible coupling of n joints.
@@ -79,6 +81,8 @@ class TransmissionTable(Table):
         Raises:
             BadValue: naming the key.
         """
+        if self.coupling is None:
+            return
         if len(self.coupling) != n or any(len(row) != n for row in self.coupling):
             raise BadValue("transmission.coupling", self.coupling, f"expected {n} rows of {n} numbers")
         if abs(np.linalg.det(np.array(self.coupling))) < 1e-6:
