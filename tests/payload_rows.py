@@ -104,5 +104,3 @@ def payload_of(
 def exactly(n: int, noise_nm: float = 1.0) -> Noise:
     """Known white noise of n axes, so that the fit is weighted least squares."""
     return Noise.given(np.full(n, noise_nm), np.ones(n))
-
-

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.contact_levels import AHEAD_S, BIN_S, BINS, HOLE_S, SLOW, STEP_S, STOPPING
-from armload_identification.estimation.empty_arm.known_arm_fit import MOVING
-from armload_identification.estimation.empty_arm.known_arm_rows import payload_scale
+from armload_identification.estimation.empty_arm.known_arm_rows import MOVING, payload_scale
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import payload_regressor

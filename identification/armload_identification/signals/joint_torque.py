@@ -17,9 +17,8 @@ from armload_identification.identification_errors import ModelError, RecordingEr
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.signal_constants import NominalGain, ReportedTorque
 
-
 _RESEMBLES: Final = 1.0
-"""Logarithm of the greatest ratio of gains of the same quantity: currents and torques differ by factors of 10 and more."""
+"""Logarithm of the greatest ratio of gains of the same quantity; currents and torques differ by factors of 10."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,7 +43,9 @@ def fitted(basis, noise):
     return found, ResidualSpectrum(basis, noise - basis @ found, np.ones((SAMPLES, 2)))
 
 
-@pytest.mark.parametrize(("noise", "least", "textbook"), [(white, 0.92, 0.97), (slow, 0.90, 0.5)], ids=["white", "slow"])
+@pytest.mark.parametrize(
+    ("noise", "least", "textbook"), [(white, 0.92, 0.97), (slow, 0.90, 0.5)], ids=["white", "slow"]
+)
 def test_intervals_cover_whatever_the_colour(basis, noise, least, textbook):
     """The slow noise has 3.5 to 4.4 times the deviation of white noise in the five lowest bins."""
     covered, naive = [], []

@@ -164,7 +164,9 @@ def test_a_scale_is_refused_only_far_beyond_its_interval_and_only_in_motion():
     def check(scale, half_width, rest=(), friction_nm=1.0):
         moves = ~np.isin(np.arange(4), rest)
         payload_nm = np.array([1.0, 0.1, 1.0, 1.0])
-        sanity._check_scales(JointScales(np.array(scale), np.array(half_width)), payload_nm, np.full(4, friction_nm), moves)
+        sanity._check_scales(
+            JointScales(np.array(scale), np.array(half_width)), payload_nm, np.full(4, friction_nm), moves
+        )
 
     check([1.0, 2.8, 0.4, np.nan], [0.01, 0.1, 0.01, np.inf])
     check([1.0, 9.0, -2.0, 1.0], [0.01, 3.1, 1.2, 0.1])
