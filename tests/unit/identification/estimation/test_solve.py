@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import f as fisher
 
 from armload_identification.estimation import solve as solve_module
 from armload_identification.estimation.arm_rows import RunSignals, arm_rows, base_links
@@ -24,8 +25,10 @@ from armload_identification.estimation.arm_terms import (
     effort_level,
 )
 from armload_identification.estimation.problem import DIFFERENCE_AND_MEAN, Group, Known, Noise, Problem, RunRows
+from armload_identification.estimation.residual_spectrum import FREEST
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.terms import Joint, Scope, Term
+from armload_identification.estimation.uncertainty import student_half_width
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.signals.load_signal import load_signal
@@ -264,3 +267,50 @@ def test_the_change_without_a_group_is_that_of_a_fit_without_it(problem, rows):
     change = (alone.x - both.x[: alone.x.size])[place]
     deviation = np.sqrt(np.diag(alone.bread)[place])
     assert (np.abs(both.change_without(1)[place] - change) < 0.05 * np.abs(change) + 0.01 * deviation).all()
+
+
+def test_the_spread_is_that_of_many_runs(problem, rows):
+    """White noise on an exact model: over 60 seeds the values scatter as each posterior says, and 95 % of the
+    intervals hold."""
+    pair, _, _ = rows
+    terms = linear(problem.terms, FIXED | {LINKS, ROTORS})
+    noise_nm = 0.1 * effort_level(pair)
+    given = Problem(
+        terms, [Group((RunRows(pair[0], "tool"),))], Noise.given(noise_nm, np.ones(6)), problem.coupling
+    )
+    truth = given.prior()[0]
+    truth[given.place(PAYLOAD, "tool")] = [3.0, 0.1, -0.2, 0.3, 0.1, 0.1, 0.1, 0.0, 0.0, 0.0]
+    exact = given.model.predict(pair[0], given.acting(0)[0], truth).predicted_nm
+    place = given.place(PAYLOAD, "tool")
+    contrast = np.eye(given.shared_size)[place]
+    errors, variances, held, joint = [], [], [], []
+    for seed in range(60):
+        noise = np.random.default_rng(seed).normal(size=exact.shape) * noise_nm
+        weight = np.where(pair[0].weight > 0.0, 1.0, 0.0)
+        noisy = replace(pair[0], effort_nm=exact + noise, weight=weight)
+        found = solve(replace(given, groups=[Group((RunRows(noisy, "tool"),))]))
+        variance, freedom = found.spread(contrast)
+        whole, whole_freedom = found.joint_spread(contrast[:4])
+        error = found.value(PAYLOAD, "tool") - truth[place]
+        errors.append(error)
+        variances.append(variance)
+        held.append(np.abs(error) < student_half_width(freedom) * np.sqrt(variance))
+        size = error[:4] @ np.linalg.solve(whole, error[:4])
+        joint.append(size < 4.0 * whole_freedom / (whole_freedom - 3.0) * fisher.ppf(0.95, 4, whole_freedom - 3.0))
+    ratio = np.sqrt(np.mean(np.square(errors), axis=0) / np.mean(variances, axis=0))
+    assert 0.85 < ratio.mean() < 1.15, ratio
+    assert 0.92 <= np.mean(held) <= 0.98, np.mean(held, axis=0)
+    assert np.mean(joint) >= 0.86, np.mean(joint)
+
+
+def test_a_spread_by_priors_alone_has_all_freedom(problem):
+    """A joint's law that no row shows: its deviation stays the prior's."""
+
+    def nothing(rows, carried_nm):
+        return np.zeros((1, *rows.effort_nm.shape)), None
+
+    unseen = Term("unseen", Scope.ARM, Joint(nothing), np.zeros(6), np.full(6, 3.0), "test")
+    found = solve(replace(problem, terms=[*problem.terms, unseen]))
+    variance, freedom = found.spread(np.eye(found.problem.shared_size)[found.problem.place("unseen")])
+    np.testing.assert_allclose(variance, 9.0, rtol=1e-6)
+    np.testing.assert_array_equal(freedom, FREEST)
