@@ -116,7 +116,8 @@ def test_knowledge_of_the_payload_is_added_to_what_the_rows_say(problem, pinocch
     free_value, free_deviation = payload(solve(problem.problem, rough=True))
     assert value[0] == pytest.approx(mass_kg, rel=1e-4)
     assert deviation[0] < 2e-5 * mass_kg
-    assert (deviation < 1.01 * free_deviation).all()
+    # 3 % because the noise is estimated again.
+    assert (deviation < 1.05 * free_deviation).all()
     moved = value[1:4] / value[0] - free_value[1:4] / free_value[0]
     assert (np.abs(moved) < 0.01).all()
 

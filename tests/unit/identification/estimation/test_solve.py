@@ -275,9 +275,7 @@ def test_the_spread_is_that_of_many_runs(problem, rows):
     pair, _, _ = rows
     terms = linear(problem.terms, FIXED | {LINKS, ROTORS})
     noise_nm = 0.1 * effort_level(pair)
-    given = Problem(
-        terms, [Group((RunRows(pair[0], "tool"),))], Noise.given(noise_nm, np.ones(6)), problem.coupling
-    )
+    given = Problem(terms, [Group((RunRows(pair[0], "tool"),))], Noise.given(noise_nm, np.ones(6)), problem.coupling)
     truth = given.prior()[0]
     truth[given.place(PAYLOAD, "tool")] = [3.0, 0.1, -0.2, 0.3, 0.1, 0.1, 0.1, 0.0, 0.0, 0.0]
     exact = given.model.predict(pair[0], given.acting(0)[0], truth).predicted_nm
