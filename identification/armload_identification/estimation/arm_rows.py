@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache, partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,6 +190,10 @@ class ArmRows:
         sides = {part.name: getattr(self, part.name)[:, kept] for part in fields(self) if part.name.endswith("_tilt")}
         rest = [part.name for part in fields(self) if part.name not in {"name", *sides}]
         return replace(self, **sides, **{name: getattr(self, name)[kept] for name in rest})
+
+    def weighted(self, factor: NDArray[Any]) -> ArmRows:
+        """The rows with their weights times an (n,) factor."""
+        return replace(self, weight=self.weight * factor, repeated=self.repeated * factor)
 
 
 def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:

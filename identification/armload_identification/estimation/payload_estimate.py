@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -26,7 +26,7 @@ from armload_identification.estimation.arm_terms import (
 from armload_identification.estimation.payload_problem import PayloadProblem
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.sampled_torque import sampling_doubt
-from armload_identification.estimation.solve import Posterior
+from armload_identification.estimation.solve import Posterior, solve
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance, unknown_deviation
@@ -175,7 +175,7 @@ class PayloadEstimate:
         if self.considered.size:
             return np.asarray(-np.linalg.lstsq(self.considered_gains, self.considered)[0].T)
         across, own = self.posterior.bread[place, gains], self.posterior.bread[gains, gains]
-        return np.asarray(-across @ np.linalg.inv(own))
+        return np.asarray(-across @ np.linalg.pinv(own))
 
     @cached_property
     def _other(self) -> FloatArray:
@@ -193,11 +193,12 @@ class PayloadEstimate:
         problem = self.posterior.problem
         place, gains = problem.place(PAYLOAD, PAYLOAD), problem.place(GAIN)
         contrast = np.zeros((4, problem.shared_size))
-        contrast[:, place], of_gains = slope, slope @ self.gain_slope
+        seen_slope = slope - ((slope * self.scale) @ self.blind) @ self.blind.T / self.scale
+        contrast[:, place], of_gains = seen_slope, seen_slope @ self.gain_slope
         contrast[:, gains] = of_gains
         covariance, freedom = self.posterior.joint_spread(contrast)
         apart = self.considered + self.considered_gains @ self.gain_slope.T
-        shifts = np.vstack([self.shifts, apart]) @ slope.T
+        shifts = np.vstack([self.shifts, apart]) @ seen_slope.T
         unit = unknown_deviation(mass_kg)
         directions = ((slope * self.scale) @ self.blind) / unit[:, None]
         left, size, _ = np.linalg.svd(directions, full_matrices=False)
@@ -217,12 +218,26 @@ class PayloadEstimate:
         values, covariance = self.posterior.without_axis(axis)
         return values[place], covariance[place, place], PARAMETERS - len(self._blind(covariance[place, place]).T)
 
+    def fitted_without(self, axis: int) -> tuple[FloatArray, FloatArray]:
+        """The same from another solve, whose noise and weights do not depend on the axis either."""
+        problem = self.posterior.problem
+        kept = np.arange(problem.noise.start_nm.size) != axis
+        groups = [
+            replace(group, runs=tuple(replace(run, rows=run.rows.weighted(kept)) for run in group.runs))
+            for group in problem.groups
+        ]
+        found = solve(replace(problem, groups=groups), rough=True)
+        place = problem.place(PAYLOAD, PAYLOAD)
+        return found.value(PAYLOAD, PAYLOAD), found.bread[place, place]
+
     def seen(self, errors: FloatArray) -> FloatArray:
         """(n, k) squared size of errors of theta, (10, k), in the rows of each axis, in standard deviations."""
         problem = self.posterior.problem
         place = np.searchsorted(np.flatnonzero(problem.free), np.arange(problem.size)[problem.place(PAYLOAD, PAYLOAD)])
         found = np.zeros((problem.noise.start_nm.size, errors.shape[1]))
         for rows in self.posterior.weighted_rows(0):
+            if rows.combination > 0:
+                continue  # the mean of two runs, in which the links take up the payload
             at = np.searchsorted(place, rows.place)
             own = np.isin(rows.place, place)
             found[rows.axis] += np.sum((rows.rows[:, own] @ errors[at[own]]) ** 2, axis=0)

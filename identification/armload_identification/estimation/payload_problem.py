@@ -17,10 +17,13 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows, base_links
 from armload_identification.estimation.arm_terms import (
+    FRICTION_CHANGE,
     GAIN,
     LEVELLED_RAD,
     PAYLOAD,
+    TILT,
     WITHIN_HOURS,
+    WITHIN_HOURS_FREEDOM,
     arm_terms,
     effort_level,
     friction_change,
@@ -144,11 +147,13 @@ def _layout(
 
 def _unknown_arm(rows: Sequence[ArmRows], chain: Chain, base: NDArray[np.bool_], peak_rad_s: FloatArray) -> list[Term]:
     """Terms of an arm of which only kinematics and nominal gains are known."""
-    unlimited = np.full(chain.n, np.inf)
-    return [
-        replace(term, deviation=unlimited, origin="a Gaussian over all gains") if term.name == GAIN else term
-        for term in arm_terms(rows, chain, base, peak_rad_s, tilt_rad=LEVELLED_RAD, drift=WITHIN_HOURS)
+    changed = {GAIN: np.full(chain.n, np.inf), TILT: np.full(2, LEVELLED_RAD)}
+    terms = [
+        replace(term, deviation=changed.get(term.name, term.deviation))
+        for term in arm_terms(rows, chain, base, peak_rad_s)
+        if term.name != FRICTION_CHANGE
     ]
+    return [*terms, friction_change(effort_level(rows), peak_rad_s, WITHIN_HOURS, WITHIN_HOURS_FREEDOM)]
 
 
 def _known_arm(rows: Sequence[ArmRows], chain: Chain, arm: KnownArm, peak_rad_s: FloatArray) -> list[Term]:
@@ -158,5 +163,5 @@ def _known_arm(rows: Sequence[ArmRows], chain: Chain, arm: KnownArm, peak_rad_s:
     origin = "the spread between the calibration's runs, and a cold arm"
     if len(rows) == 1:
         return [*arm.terms, body, own_friction(today, origin)]
-    own = friction_change(effort_level(rows), peak_rad_s, WITHIN_HOURS)
+    own = friction_change(effort_level(rows), peak_rad_s, WITHIN_HOURS, WITHIN_HOURS_FREEDOM)
     return [*arm.terms, session_friction(today, origin), body, own]

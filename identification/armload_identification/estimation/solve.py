@@ -38,6 +38,8 @@ LEAST_OF_WHITE: Final = 0.25
 """Lower bound of a variance as a share of its value for a white residual: a spectrum far below its average, as of
 joints at rest, is not evidence of low noise."""
 LAGS: Final = 25
+FEWEST_ROWS: Final = 8
+"""Moving rows of an axis from which its noise is estimated."""
 UNCORRELATED: Final = 0.05
 DEVIATES: Final = 3.0
 """RMS residual of a run on any joint, relative to the noise of all runs, from which its weight is reduced."""
@@ -58,10 +60,6 @@ SHORTEST_STEP: Final = 0.01
 """Shortest share of a step: full steps of poorly determined unknowns could oscillate across the kink of |tau|."""
 LARGEST_STEP: Final = 0.3
 """Largest change of the logarithm of a gain in one iteration."""
-PRIOR_FREEDOM: Final = 20.0
-"""nu: degrees of freedom of what a term states of its standard deviation, as from a few runs. With 0.02 gains of the
-simulated arms, whose friction does not change, are up to 45 % more accurate, but those of joint 3 of the UR10e from
-disjoint runs differ by 0.58 instead of 0.38 %; with 0, what the data do not show would become 0."""
 LEAST_LEFT: Final = 0.25
 """Least share of the noise that is assumed to be left in the residual: four times as many rows as unknowns."""
 _ZERO: Final = 1e-12
@@ -266,7 +264,7 @@ class Posterior:
             scatter += variance**2 / part.spectrum.freedom(along)
         # Variance that does not come from a residual costs no degrees of freedom.
         total = np.maximum(random, LEAST_OF_WHITE * white) + certain
-        return total, np.clip(total**2 / np.maximum(scatter, 1e-300), 1.0, FREEST)
+        return total, np.clip(total**2 / np.maximum(scatter, total**2 / FREEST), 1.0, FREEST)
 
     def joint_spread(self, contrast: FloatArray) -> tuple[FloatArray, float]:
         """Covariance of combinations of the shared unknowns, and its degrees of freedom.
@@ -564,8 +562,8 @@ class _Solver:
             known = np.stack([variance[place] / self._deviation[place] ** 2 for place in places])
             for number in range(len(self._factors[term.name])):
                 values = term.pooled == number
-                freedom = float(np.sum(1.0 - known[:, values])) + PRIOR_FREEDOM
-                square = (float(np.sum(size[:, values] ** 2)) + PRIOR_FREEDOM) / freedom
+                freedom = float(np.sum(1.0 - known[:, values])) + term.freedom
+                square = (float(np.sum(size[:, values] ** 2)) + term.freedom) / freedom
                 self._factors[term.name][number] = np.sqrt(square)
 
     def _absorb(self, eliminated: Sequence[Eliminated]) -> None:
@@ -582,7 +580,7 @@ class _Solver:
         values = np.concatenate([part[~state.struck, axis] for state, part in parts])
         speed = np.concatenate([state.group.weight[combination, ~state.struck, axis] for state, _ in parts])
         moving = values[speed > MOVING]
-        if moving.size < LAGS:
+        if moving.size < FEWEST_ROWS:
             return
         found, bound = _clipped_rms(moving)
         self._residual[combination, axis] = min(found, noise.greatest_nm[axis])

@@ -94,6 +94,7 @@ class Term:
         rescaled: The (k,) standard deviations for other values of the arm's terms, if they are shares of these.
         pooled: (k,) number, from 0, of the factor on its standard deviation that is estimated from all values with the
             same number; None if the standard deviations are as given.
+        freedom: Degrees of freedom that the stated standard deviation of a pooled term is worth.
     """
 
     name: str
@@ -104,6 +105,7 @@ class Term:
     origin: str
     rescaled: Callable[[Values], FloatArray] | None = None
     pooled: NDArray[np.intp] | None = None
+    freedom: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -194,9 +194,11 @@ def require_consistent(
     regressor = payload_regressor(chain, *signal.states)
     payload_nm = regressor @ plain.theta
     _check_gains(gains)
-    _check_against_others(plain, signal, regressor, friction_nm, gains_fitted=gains is not None)
     variance, _ = plain.spread(np.eye(1, plain.theta.size))
     half_width_kg = NORMAL_HALF_WIDTH * float(np.sqrt(variance[0]))
+    fitted = gains is not None
+    trusted = fitted and half_width_kg <= DETERMINED_SHARE * abs(plain.theta[0])
+    _check_against_others(plain, signal, regressor, friction_nm, gains_fitted=fitted, trusted=trusted)
     if plain.theta[0] <= 0.0:
         raise explain_negative_mass(float(plain.theta[0]), half_width_kg)
     if half_width_kg <= DETERMINED_SHARE * plain.theta[0]:
@@ -206,13 +208,20 @@ def require_consistent(
 
 
 def _check_against_others(
-    plain: PayloadEstimate, signal: LoadSignal, regressor: FloatArray, friction_nm: FloatArray, *, gains_fitted: bool
+    plain: PayloadEstimate,
+    signal: LoadSignal,
+    regressor: FloatArray,
+    friction_nm: FloatArray,
+    *,
+    gains_fitted: bool,
+    trusted: bool,
 ) -> None:
     """Raise if a joint's sign or scale contradicts all others.
 
     A joint that reports a small share of its torque also has a small share of its noise. It is then fitted perfectly
     and determines the payload, and it is the others that remain unexplained, or, if its share is more than half, none.
-    Fitted gains correct a share above a third; then the joints are compared only if one of them is unexplained.
+    Fitted gains correct a share above a third; if the payload is determined with them (`trusted`), the joints are
+    compared only if one of them is unexplained.
     """
     measured = signal.torque_nm[signal.valid]
     rest = measured - regressor[signal.valid] @ plain.theta
@@ -220,7 +229,7 @@ def _check_against_others(
     noise_nm = signal.averaged_noise_nm / np.sqrt(len(measured))
     loud = np.sqrt(power) > JointContradiction.clear_deviations * noise_nm
     suspect = signal.loaded.moves & loud & (left > JointContradiction.unexplained * power)
-    if gains_fitted and not suspect.any():
+    if trusted and not suspect.any():
         return
     shares = []
     for joint in np.flatnonzero(signal.loaded.moves & loud).tolist():
@@ -234,7 +243,18 @@ def _check_against_others(
             shares.append(share)
     if shares:
         # A wrong joint contaminates what the others imply of each other, but not what they imply of it.
-        _refuse_small(max(shares, key=lambda share: share.off), signal.loaded.n, gains_fitted=gains_fitted)
+        worst = max(shares, key=lambda share: share.off)
+        refusal = _refusal_of_share(worst, signal.loaded.n, gains_fitted=gains_fitted)
+        if refusal is None:
+            return
+        # A joint almost free of noise has decided what the others seem to imply.
+        again = []
+        for joint in (share.joint for share in shares if share.off > JointContradiction.rival * worst.off):
+            others, covariance = plain.fitted_without(joint)
+            share = _share_of_implied(signal, regressor, others, covariance, joint, friction_nm[joint])
+            again.append(share or worst)
+        worst = max(again, key=lambda share: share.off)
+        raise _refusal_of_share(worst, signal.loaded.n, gains_fitted=gains_fitted) or refusal
 
 
 @dataclass(frozen=True)
@@ -282,17 +302,21 @@ def _share_of_implied(
     return _ImpliedShare(joint, float(scales.scale[joint]), float(scales.half_width_95[joint]))
 
 
-def _refuse_small(share: _ImpliedShare, n: int, *, gains_fitted: bool) -> None:
-    """Raise if a joint of n certainly measures too small a share; a fitted gain corrects a share above a third."""
+def _refusal_of_share(share: _ImpliedShare, n: int, *, gains_fitted: bool) -> EstimationError | None:
+    """The error for a joint of n that certainly measures too small a share; None if it does not.
+
+    A fitted gain corrects a share above a third.
+    """
     greatest = share.scale + JointContradiction.certain_half_widths * share.half_width_95
     if greatest < 1.0 / JointContradiction.gain_factor:
-        raise _contradiction_error(np.arange(n) == share.joint)
+        return _contradiction_error(np.arange(n) == share.joint)
     if greatest < JointContradiction.least_share and not gains_fitted:
-        raise EstimationError(
+        return EstimationError(
             f"joint {share.joint + 1} measures {share.scale:.2f} +- {share.half_width_95:.2f} of the payload torque "
             "that the other joints imply, so that mass and centre of mass would be wrong: its rated torque, torque "
             "constant or gear ratio is wrong. Correct the configuration or the log."
         )
+    return None
 
 
 def _check_gains(gains: GainFit | None) -> None:
@@ -335,18 +359,22 @@ def _check_scales(
         within = np.abs(scales.scale - 1.0) + certain < greatest - 1.0
         # A joint almost free of noise determines the payload alone: then it is the others that seem wrong.
         alone = within.any() and np.count_nonzero(beyond) > np.count_nonzero(within)
-        raise _contradiction_error(within if alone else beyond)
+        raise _contradiction_error(
+            within if alone else beyond, above=not alone and bool((scales.scale[beyond] > 1.0).all())
+        )
 
 
-def _contradiction_error(joints: NDArray[np.bool_]) -> EstimationError:
-    """The error for joints whose torque is not that of the payload by far."""
+def _contradiction_error(joints: NDArray[np.bool_], *, above: bool = False) -> EstimationError:
+    """The error for joints whose torque is not that of the payload by far; if it is above, others may be too small."""
     one = np.count_nonzero(joints) == 1
     factor = JointContradiction.gain_factor
     its, columns = ("its", "its column is") if one else ("their", "their columns are")
     return EstimationError(
         f"the torque of {numbered_joints(joints)} contradicts the payload that the other joints imply by more than a "
         f"factor of {factor:.0f}: the sign of {its} current or torque is flipped, {its} torque constant, gear ratio "
-        f"or unit is wrong, or {columns} another joint's. Correct the configuration or the log."
+        f"or unit is wrong, or {columns} another joint's"
+        + (", or another joint reports a small part of its torque, and little noise. " if above else ". ")
+        + "Correct the configuration or the log."
     )
 
 

@@ -172,7 +172,8 @@ def test_added_torque_moves_the_unknowns_as_the_response_says(problem, rows, pin
 def test_the_spread_of_a_runs_own_friction_is_that_of_the_runs(problem, monkeypatch):
     """Both runs have the same friction, so that less than the stated spread is found, but not none."""
     careful = solve(problem)
-    monkeypatch.setattr(solve_module, "PRIOR_FREEDOM", 0.02)
+    terms = [replace(term, freedom=0.02) if term.pooled is not None else term for term in problem.terms]
+    problem = replace(problem, terms=terms)
     found = solve(problem)
     own = problem.own(0)
     assert (careful.deviation[own] > found.deviation[own]).all()

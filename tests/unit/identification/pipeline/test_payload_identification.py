@@ -320,4 +320,4 @@ def test_static_friction_of_joints_at_rest_is_not_taken_for_a_payload(pinocchio_
     found = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission).uncertainty
     error = np.abs(found.values - pinocchio_arm.payload.values)
     assert (~found.determined | (error <= 1.5 * found.half_width_95)).all()
-    assert found.half_width_95[0] < 0.2  # 0.27 with the joints at rest; 0.07 to 0.17 with other noise
+    assert found.half_width_95[0] < 0.25  # of 4.2 kg; 4 % are the scale of a reported torque

@@ -120,7 +120,7 @@ def test_a_sign_that_only_the_payload_reveals_is_found(signal, pinocchio_arm):
         (2, 1.0 / 6.0),
         (1, 1e-3),
         (5, 1e-3),
-        *(pytest.param(*case, marks=pytest.mark.long) for case in ((5, 6.0), (1, 1e3), (4, 1e-3))),
+        *(pytest.param(*case, marks=pytest.mark.long) for case in ((5, 6.0),)),
     ],
 )
 def test_a_gain_beyond_all_plausible_ones_is_an_error_and_no_percentage(pair, pinocchio_arm, joint, factor):
@@ -129,19 +129,27 @@ def test_a_gain_beyond_all_plausible_ones_is_an_error_and_no_percentage(pair, pi
         identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
-@pytest.mark.parametrize(
-    ("joint", "factor", "refused"), [(4, 1.0, False), (4, 0.85, False), (4, 0.6, True), (1, 2.5, False)]
-)
-def test_a_share_of_a_reported_torque_is_refused_as_no_gain_is_fitted(pair, pinocchio_arm, joint, factor, refused):
-    """A multiple is not: it has little weight, and must not be taken for a share on the other joints."""
+@pytest.mark.long
+def test_a_gain_wrong_by_orders_of_magnitude_is_refused_or_leaves_nothing_determined(pair, pinocchio_arm):
+    """A joint almost free of noise decides the payload, so that the others seem wrong; one full of noise spoils all."""
+    small = [scaled(run, [4], 1e-3) for run in pair]
+    with pytest.raises(EstimationError, match="or another joint reports a small part of its torque"):
+        identify(*small, pinocchio_arm.chain, pinocchio_arm.transmission)
+    great = [scaled(run, [1], 1e3) for run in pair]
+    found = identify(*great, pinocchio_arm.chain, pinocchio_arm.transmission)
+    assert not found.uncertainty.determined.any()
+    assert any("Not even the mass is determined" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(("joint", "factor"), [(4, 1.0), (4, 0.85), (4, 0.6)])
+def test_a_share_of_a_reported_torque_is_fitted_as_a_gain_and_named(pair, pinocchio_arm, joint, factor):
+    """Drives compute the torque that they report from their current, with a rated torque that may be wrong."""
     share = np.where(np.arange(6) == joint, factor, 1.0)
     torque = [pinocchio_arm.transmission.joint_torque(run.current_a) for run in pair]
     runs = [replace(run, current_a=None, torque_nm=share * nm) for run, nm in zip(pair, torque, strict=True)]
-    if not refused:
-        assert identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission).uncertainty.determined[0]
-        return
-    with pytest.raises(EstimationError, match=r"^joint 5 measures 0\.6\d \+- 0\.\d\d of the .* rated torque"):
-        identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+    found = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+    assert found.uncertainty.determined[0]
+    assert np.flatnonzero(found.gains.contradicted).tolist() == ([] if factor == 1.0 else [joint])
 
 
 def test_a_joint_is_judged_by_others_only_if_they_imply_its_torque(pair, pinocchio_arm):
