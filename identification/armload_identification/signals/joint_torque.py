@@ -7,7 +7,6 @@ the power is the same on both sides, tau_joint = C^-T tau_axis.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,6 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.signal_constants import NominalGain, ReportedTorque
-
-_RESEMBLES: Final = 1.0
-"""Logarithm of the greatest ratio of gains of the same quantity; currents and torques differ by factors of 10."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +120,7 @@ class Transmission:
             covariance: (n, n) of their logarithms.
         """
         of_current, of_torque = (
-            gain if (np.abs(np.log(gain / own)) < _RESEMBLES).all() else own
+            gain if (np.abs(np.log(gain / own)) < ReportedTorque.same_quantity).all() else own
             for own in (self.gain_nm_a, self.torque_gain)
         )
         return Transmission(

@@ -290,6 +290,13 @@ class ReportedTorque:
     Factor of two: twice: half widths of masses from reported torque by +70 %; half: by -40 % (reasoned).
     """
 
+    same_quantity: Final = 1.0
+    """[1] Logarithm of the greatest ratio of two gains of the same quantity.
+
+    Origin: prior: gains of reported torque are about 1, axis torques per ampere of arms 10 to 200.
+    Factor of two: either way: nothing (reasoned).
+    """
+
 
 class Standstill:
     """Joints and runs at rest (`reversals`, `repetition`, `motion`)."""

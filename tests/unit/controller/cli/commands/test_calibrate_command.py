@@ -163,7 +163,7 @@ def test_the_report_shows_gains_runs_and_where_they_are_from(calibrated):
     page = calibrated[0].with_name("arm.html").read_text()
     arm = read_calibration(calibrated[0])
     assert "4 runs of 2026-03-01, scale from a weighed payload" in page
-    assert "6 of 6 gains are determined" in page
+    assert "Gains determined: 6 of 6" in page
     # All half widths are 0.1 to 1 N m/A: two decimals.
     assert ((arm.gain_half_width_95 > 0.1) & (arm.gain_half_width_95 < 1.0)).all()
     assert all(f"{gain:.2f}" in page for gain in arm.gain_nm_a)
