@@ -258,12 +258,14 @@ class PayloadEstimate:
     def friction_covariance(self, run: int) -> FloatArray:
         """(n, 2, 2) of each joint's Coulomb (N m) and viscous changes (N m s/rad) of a run."""
         found, n = self.posterior, self.arm.peak_rad_s.size
-        own = found.problem.own_place(FRICTION_CHANGE, 0, run)
-        start = found.problem.own(0).start
-        whole = found.own_covariance(0)[own.start - start : own.stop - start, own.start - start : own.stop - start]
+        problem, group = found.problem, found.problem.own(0)
+        own = np.eye(group.stop - group.start)
+        place = problem.own_place(FRICTION_CHANGE, 0, run)
+        own = own[place.start - group.start : place.stop - group.start]
+        shared = np.zeros((len(own), problem.shared_size))
         if self._session:
-            place = found.problem.place(SESSION_FRICTION)
-            whole = whole + found.bread[place, place]
+            shared = np.eye(problem.shared_size)[problem.place(SESSION_FRICTION)]
+        whole = found.joint_covariance(shared, own, 0)
         both = np.arange(n)[:, None] + [0, n]
         return np.asarray(whole[both[:, :, None], both[:, None, :]])
 

@@ -127,7 +127,7 @@ def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownAr
     signals = RunSignals.of_motion(run, coupling, "loaded")
     rows = arm_rows(signals, chain, coupling, base, peak, loaded=True)
     level = effort_level([rows])
-    noise = Noise(level + arm.noise_nm, arm.noise_nm, level + arm.noise_nm)
+    noise = Noise(arm.noise_nm, arm.noise_nm, level + arm.noise_nm)
     group = Group((RunRows(rows, PAYLOAD),))
     problem = Problem(_known_arm([rows], chain, arm, peak), [group], noise, coupling, [arm.known])
     return PayloadProblem(problem, base, peak, run.interval_s)

@@ -330,6 +330,18 @@ class Posterior:
         inverse = self.bread[np.ix_(self._free, self._free)]
         return np.asarray(part.own_covariance + part.follow @ inverse @ part.follow.T)
 
+    def joint_covariance(self, shared: FloatArray, own: FloatArray, group: int) -> FloatArray:
+        """(k, k) covariance of combinations of the shared and a group's own unknowns, as `own_covariance`.
+
+        Args:
+            shared: (k, s) coefficients of the shared unknowns.
+            own: (k, o) coefficients of the group's own ones.
+            group: Its index.
+        """
+        contrast = np.hstack([shared[:, self._free], own])
+        whole = self.eliminated[group].covariance(self.bread[np.ix_(self._free, self._free)])
+        return np.asarray(contrast @ whole @ contrast.T)
+
     def response(self, torque_nm: FloatArray, group: int = 0) -> tuple[FloatArray, FloatArray]:
         """Change of the unknowns when torque is added to the first run of a group.
 

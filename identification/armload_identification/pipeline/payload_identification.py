@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import fit_body
 from armload_identification.estimation.gain_errors import GainFit, fit_gains
@@ -23,6 +24,7 @@ from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PayloadResult, Provenance
+from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.any_motion import identify_alone
 from armload_identification.pipeline.identification_result import Identification, completed, pair_signal
 from armload_identification.pipeline.mass_center_ranges import within_ranges
@@ -33,7 +35,8 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.verdict.recording_checks.column_mistakes import looks_wrong, refuse_wrong_columns
 from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
-from armload_identification.verdict.recording_checks.sanity import check_pair, require_consistent
+from armload_identification.verdict.recording_checks.joint_scales import joint_scales
+from armload_identification.verdict.recording_checks.sanity import check_pair, check_scales, require_consistent
 
 FLANGE: Final = "flange"
 
@@ -154,11 +157,22 @@ def _by_difference(
         result = completed(
             plain, fitted, pair_signal(plain, signal, chain, transmission), chain, transmission, loaded, unloaded
         )
+        if result.uncertainty.determined[0]:
+            _require_plausible_scales(result, chain, np.abs(body.model.coulomb_nm))
         if misfit_notes(result):
             require_right_columns()
         return result.with_notes(*notes_on(result, (loaded, unloaded), transmission, arm, None if arm else body))
 
     return identified
+
+
+def _require_plausible_scales(found: Identification, chain: Chain, friction_nm: FloatArray) -> None:
+    """Raise if the payload's torque on a joint is many times that of the payload, or opposite to it."""
+    signal = found.signal
+    payload_nm = payload_regressor(chain, *signal.states) @ found.plain.theta
+    size_nm = np.sqrt(np.mean(payload_nm[signal.valid] ** 2, axis=0))
+    scales = joint_scales(signal, payload_nm, found.friction_nm)
+    check_scales(scales, size_nm, friction_nm, signal.loaded.moves)
 
 
 def payload_result(

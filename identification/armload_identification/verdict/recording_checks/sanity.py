@@ -189,10 +189,9 @@ def require_consistent(
     Raises:
         RecordingError: a joint measures about the opposite of what the others imply.
         EstimationError: a joint measures less than a third of what the others imply, without fitted gains less than
-            three quarters, or many times it; or there is no mass.
+            three quarters; or there is no mass.
     """
     regressor = payload_regressor(chain, *signal.states)
-    payload_nm = regressor @ plain.theta
     _check_gains(gains)
     variance, _ = plain.spread(np.eye(1, plain.theta.size))
     half_width_kg = NORMAL_HALF_WIDTH * float(np.sqrt(variance[0]))
@@ -201,10 +200,6 @@ def require_consistent(
     _check_against_others(plain, signal, regressor, friction_nm, gains_fitted=fitted, trusted=trusted)
     if plain.theta[0] <= 0.0:
         raise explain_negative_mass(float(plain.theta[0]), half_width_kg)
-    if half_width_kg <= DETERMINED_SHARE * plain.theta[0]:
-        scales = joint_scales(signal, payload_nm, np.zeros_like(payload_nm))
-        size_nm = np.sqrt(np.mean(payload_nm[signal.valid] ** 2, axis=0))
-        _check_scales(scales, size_nm, friction_nm, signal.loaded.moves)
 
 
 def _check_against_others(
@@ -244,17 +239,20 @@ def _check_against_others(
     if shares:
         # A wrong joint contaminates what the others imply of each other, but not what they imply of it.
         worst = max(shares, key=lambda share: share.off)
-        refusal = _refusal_of_share(worst, signal.loaded.n, gains_fitted=gains_fitted)
-        if refusal is None:
+        if _refusal_of_share(worst, signal.loaded.n, gains_fitted=gains_fitted) is None:
             return
         # A joint almost free of noise has decided what the others seem to imply.
         again = []
         for joint in (share.joint for share in shares if share.off > JointContradiction.rival * worst.off):
             others, covariance = plain.fitted_without(joint)
             share = _share_of_implied(signal, regressor, others, covariance, joint, friction_nm[joint])
-            again.append(share or worst)
-        worst = max(again, key=lambda share: share.off)
-        raise _refusal_of_share(worst, signal.loaded.n, gains_fitted=gains_fitted) or refusal
+            if share is not None and np.isfinite(share.half_width_95):
+                again.append(share)
+        if again:
+            worst = max(again, key=lambda share: share.off)
+            refusal = _refusal_of_share(worst, signal.loaded.n, gains_fitted=gains_fitted)
+            if refusal is not None:
+                raise refusal
 
 
 @dataclass(frozen=True)
@@ -333,7 +331,7 @@ def _check_gains(gains: GainFit | None) -> None:
         raise _contradiction_error(np.arange(size.size) == joint)
 
 
-def _check_scales(
+def check_scales(
     scales: JointScales, payload_nm: FloatArray, friction_nm: FloatArray, moves: NDArray[np.bool_]
 ) -> None:
     """Raise if the payload's torque on a joint is many times that of the payload, or opposite to it.

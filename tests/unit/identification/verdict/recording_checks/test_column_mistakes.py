@@ -172,7 +172,7 @@ def test_a_scale_is_refused_only_far_beyond_its_interval_and_only_in_motion():
     def check(scale, half_width, rest=(), friction_nm=1.0):
         moves = ~np.isin(np.arange(4), rest)
         payload_nm = np.array([1.0, 0.1, 1.0, 1.0])
-        sanity._check_scales(
+        sanity.check_scales(
             JointScales(np.array(scale), np.array(half_width)), payload_nm, np.full(4, friction_nm), moves
         )
 
