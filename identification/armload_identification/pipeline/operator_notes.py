@@ -89,16 +89,21 @@ def _on_interruptions(runs: Sequence[Recording], signal: LoadSignal) -> list[str
 
 
 def _on_nominal_gains(loaded: Recording, transmission: Transmission) -> list[str]:
-    """Gains that were not calibrated."""
-    if loaded.torque_nm is not None or transmission.calibrated.all():
+    """Gains that were not calibrated: nothing weighed shows their scale."""
+    if transmission.calibrated.all():
         return []
-    if not transmission.calibrated.any():
-        allowed = NORMAL_HALF_WIDTH * transmission.deviation.max()
+    gains = transmission.gains(from_torque=loaded.torque_nm is not None)
+    if gains.fitted:
+        what = "Drive gains are nominal" if loaded.torque_nm is None else "The torque is as reported"
+        each = 100.0 * NORMAL_HALF_WIDTH * float(np.sqrt(np.diag(gains.own_covariance).max()))
+        all_together = 100.0 * NORMAL_HALF_WIDTH * gains.common_deviation
         return [
-            "Drive gains are nominal: a common relative error of the gains gives the same relative error of the mass. "
-            f"The intervals allow for errors of up to {100.0 * allowed:.0f} % on each joint, in 95 % of cases. "
-            "Calibrate the gains with a weighed payload: `armload calibrate`."
+            f"{what}: its scale is not verified, and an error that all joints have in common gives the same relative "
+            f"error of the mass. The intervals allow, in 95 % of cases, for {each:.0f} % on each joint and for "
+            f"{all_together:.0f} % on all together. A weighed payload verifies the scale: `armload calibrate`."
         ]
+    if loaded.torque_nm is not None:
+        return []
     return [
         f"Nominal drive gains are used for {numbered_joints(~transmission.calibrated)}: the calibration could not "
         "determine them."

@@ -121,14 +121,13 @@ def test_pauses_are_told_with_how_often_every_part_was_measured_at_full_speed():
     ("calibrated", "by_torque", "said"),
     [
         (ALL, False, []),
-        (NONE, True, []),
-        (NONE, False, ["nominal", "12 %"]),
+        (NONE, True, ["as reported", "not verified", "12 %", "4 %"]),
+        (NONE, False, ["nominal", "not verified", "12 %", "2 %"]),
         (np.array([True, False, True]), False, ["joint 2"]),
     ],
 )
-def test_nominal_gains_are_named_where_currents_are_read(calibrated, by_torque, said):
-    transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), calibrated)
-    transmission = SimpleNamespace(calibrated=transmission.calibrated, deviation=np.array([0.02, 0.06, 0.01]))
+def test_a_scale_that_nothing_verifies_is_named(calibrated, by_torque, said):
+    transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), calibrated, np.array([0.02, 0.06, 0.01]))
     runs = (recording(by_torque=by_torque), recording(by_torque=by_torque))
     found = notes(runs=runs, transmission=transmission)
     assert len(found) == bool(said)
