@@ -239,8 +239,11 @@ def _check_against_others(
     if shares:
         # A wrong joint contaminates what the others imply of each other, but not what they imply of it.
         worst = max(shares, key=lambda share: share.off)
-        if _refusal_of_share(worst, signal.loaded.n, gains_fitted=gains_fitted) is None:
+        refusal = _refusal_of_share(worst, signal.loaded.n, gains_fitted=gains_fitted)
+        if refusal is None:
             return
+        if worst.greatest < JointContradiction.gain_factor**-2:
+            raise refusal
         # A joint almost free of noise has decided what the others seem to imply.
         again = []
         for joint in (share.joint for share in shares if share.off > JointContradiction.rival * worst.off):
@@ -262,6 +265,11 @@ class _ImpliedShare:
     joint: int
     scale: float
     half_width_95: float
+
+    @property
+    def greatest(self) -> float:
+        """Greatest share that the joint may measure."""
+        return self.scale + JointContradiction.certain_half_widths * self.half_width_95
 
     @property
     def off(self) -> float:
@@ -305,10 +313,9 @@ def _refusal_of_share(share: _ImpliedShare, n: int, *, gains_fitted: bool) -> Es
 
     A fitted gain corrects a share above a third.
     """
-    greatest = share.scale + JointContradiction.certain_half_widths * share.half_width_95
-    if greatest < 1.0 / JointContradiction.gain_factor:
+    if share.greatest < 1.0 / JointContradiction.gain_factor:
         return _contradiction_error(np.arange(n) == share.joint)
-    if greatest < JointContradiction.least_share and not gains_fitted:
+    if share.greatest < JointContradiction.least_share and not gains_fitted:
         return EstimationError(
             f"joint {share.joint + 1} measures {share.scale:.2f} +- {share.half_width_95:.2f} of the payload torque "
             "that the other joints imply, so that mass and centre of mass would be wrong: its rated torque, torque "

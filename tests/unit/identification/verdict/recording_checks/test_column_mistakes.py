@@ -133,7 +133,8 @@ def test_a_gain_beyond_all_plausible_ones_is_an_error_and_no_percentage(pair, pi
 def test_a_gain_wrong_by_orders_of_magnitude_is_refused_or_leaves_nothing_determined(pair, pinocchio_arm):
     """A joint almost free of noise decides the payload, so that the others seem wrong; one full of noise spoils all."""
     small = [scaled(run, [4], 1e-3) for run in pair]
-    with pytest.raises(EstimationError, match="or another joint reports a small part of its torque"):
+    said = "joint 5 contradicts|or another joint reports a small part of its torque"
+    with pytest.raises(EstimationError, match=said):
         identify(*small, pinocchio_arm.chain, pinocchio_arm.transmission)
     great = [scaled(run, [1], 1e3) for run in pair]
     found = identify(*great, pinocchio_arm.chain, pinocchio_arm.transmission)
