@@ -218,7 +218,7 @@ class PayloadEstimate:
         values, covariance = self.posterior.without_axis(axis)
         return values[place], covariance[place, place], PARAMETERS - len(self._blind(covariance[place, place]).T)
 
-    def fitted_without(self, axis: int) -> tuple[FloatArray, FloatArray]:
+    def fitted_without(self, axis: int) -> tuple[FloatArray, FloatArray, int]:
         """The same from another solve, whose noise and weights do not depend on the axis either."""
         problem = self.posterior.problem
         kept = np.arange(problem.noise.start_nm.size) != axis
@@ -228,7 +228,8 @@ class PayloadEstimate:
         ]
         found = solve(replace(problem, groups=groups), rough=True)
         place = problem.place(PAYLOAD, PAYLOAD)
-        return found.value(PAYLOAD, PAYLOAD), found.bread[place, place]
+        covariance = found.bread[place, place]
+        return found.value(PAYLOAD, PAYLOAD), covariance, PARAMETERS - len(self._blind(covariance).T)
 
     def seen(self, errors: FloatArray) -> FloatArray:
         """(n, k) squared size of errors of theta, (10, k), in the rows of each axis, in standard deviations."""

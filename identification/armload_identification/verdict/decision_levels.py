@@ -545,12 +545,6 @@ class JointContradiction:
     Factor of two: twice: 4 of 42 tests fail; half: 6 of 42 tests fail. Reasoned: twice lets a gain that is wrong by
         3 to 6 into the fit, half refuses gains wrong by 1.5, which a fit corrects.
     """
-    rival: Final = 0.2
-    """[1] Share of the greatest deviation from which a joint is fitted without again before one is named.
-
-    Origin: prior, not measured: the joint that is wrong deviates as much as those that it spoils.
-    Factor of two: either way: none of 42 tests fails. It costs a fit per joint of a pair that is refused anyway.
-    """
     least_share: Final = 0.75
     """[1] Share of the implied torque from which a joint whose gain is not fitted is accepted.
 

@@ -228,7 +228,8 @@ def _check_against_others(
         return
     shares = []
     for joint in np.flatnonzero(signal.loaded.moves & loud).tolist():
-        others, covariance, rank = plain.without(joint)
+        # A joint almost free of noise has decided the noise of the others: these are fitted again if one is unexplained.
+        others, covariance, rank = (plain.fitted_without if suspect.any() else plain.without)(joint)
         if rank < others.size:
             continue
         if suspect[joint]:
@@ -238,24 +239,7 @@ def _check_against_others(
             shares.append(share)
     if shares:
         # A wrong joint contaminates what the others imply of each other, but not what they imply of it.
-        worst = max(shares, key=lambda share: share.off)
-        refusal = _refusal_of_share(worst, signal.loaded.n, gains_fitted=gains_fitted)
-        if refusal is None:
-            return
-        if worst.greatest < JointContradiction.gain_factor**-2:
-            raise refusal
-        # A joint almost free of noise has decided what the others seem to imply.
-        again = []
-        for joint in (share.joint for share in shares if share.off > JointContradiction.rival * worst.off):
-            others, covariance = plain.fitted_without(joint)
-            share = _share_of_implied(signal, regressor, others, covariance, joint, friction_nm[joint])
-            if share is not None and np.isfinite(share.half_width_95):
-                again.append(share)
-        if again:
-            worst = max(again, key=lambda share: share.off)
-            refusal = _refusal_of_share(worst, signal.loaded.n, gains_fitted=gains_fitted)
-            if refusal is not None:
-                raise refusal
+        _refuse_small(max(shares, key=lambda share: share.off), signal.loaded.n, gains_fitted=gains_fitted)
 
 
 @dataclass(frozen=True)
@@ -265,11 +249,6 @@ class _ImpliedShare:
     joint: int
     scale: float
     half_width_95: float
-
-    @property
-    def greatest(self) -> float:
-        """Greatest share that the joint may measure."""
-        return self.scale + JointContradiction.certain_half_widths * self.half_width_95
 
     @property
     def off(self) -> float:
@@ -308,20 +287,17 @@ def _share_of_implied(
     return _ImpliedShare(joint, float(scales.scale[joint]), float(scales.half_width_95[joint]))
 
 
-def _refusal_of_share(share: _ImpliedShare, n: int, *, gains_fitted: bool) -> EstimationError | None:
-    """The error for a joint of n that certainly measures too small a share; None if it does not.
-
-    A fitted gain corrects a share above a third.
-    """
-    if share.greatest < 1.0 / JointContradiction.gain_factor:
-        return _contradiction_error(np.arange(n) == share.joint)
-    if share.greatest < JointContradiction.least_share and not gains_fitted:
-        return EstimationError(
+def _refuse_small(share: _ImpliedShare, n: int, *, gains_fitted: bool) -> None:
+    """Raise if a joint of n certainly measures too small a share; a fitted gain corrects a share above a third."""
+    greatest = share.scale + JointContradiction.certain_half_widths * share.half_width_95
+    if greatest < 1.0 / JointContradiction.gain_factor:
+        raise _contradiction_error(np.arange(n) == share.joint)
+    if greatest < JointContradiction.least_share and not gains_fitted:
+        raise EstimationError(
             f"joint {share.joint + 1} measures {share.scale:.2f} +- {share.half_width_95:.2f} of the payload torque "
             "that the other joints imply, so that mass and centre of mass would be wrong: its rated torque, torque "
             "constant or gear ratio is wrong. Correct the configuration or the log."
         )
-    return None
 
 
 def _check_gains(gains: GainFit | None) -> None:
