@@ -228,7 +228,7 @@ def _check_against_others(
         return
     shares = []
     for joint in np.flatnonzero(signal.loaded.moves & loud).tolist():
-        # A joint almost free of noise has decided the noise of the others: these are fitted again if one is unexplained.
+        # A joint almost free of noise decides the noise of the others: fit these again if one is unexplained.
         others, covariance, rank = (plain.fitted_without if suspect.any() else plain.without)(joint)
         if rank < others.size:
             continue
