@@ -334,7 +334,7 @@ def check_scales(
     """
     greatest, certain = JointContradiction.gain_factor, JointContradiction.certain_half_widths * scales.half_width_95
     with np.errstate(invalid="ignore"):
-        evident = np.maximum(np.abs(scales.scale), 1.0) * payload_nm > JointContradiction.of_friction * friction_nm
+        evident = payload_nm >= JointContradiction.of_friction * friction_nm
         beyond = moves & evident & ((scales.scale - certain > greatest) | (scales.scale + certain < 1.0 / greatest))
     if beyond.any():
         within = np.abs(scales.scale - 1.0) + certain < greatest - 1.0
