@@ -14,6 +14,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import fit_body
 from armload_identification.estimation.gain_errors import GainFit, fit_gains
@@ -140,6 +141,8 @@ def _by_difference(
     gains = transmission.gains(from_torque=loaded.torque_nm is not None)
     problem = pair_problem(signal, chain, transmission.coupling, arm)
     errors = gains.errors if arm is None else arm.errors
+    # At half of the greatest speed: a short run cannot tell Coulomb friction from the rest.
+    friction_nm = np.abs(ArmFriction.of(body.model, signal.unloaded.states.velocity_rad_s).torque_nm)
 
     def identified(prior: Prior | None) -> Identification:
         fitted: GainFit | None = None
@@ -149,7 +152,7 @@ def _by_difference(
             posterior = solve(problem.knowing(prior), rough=True)
         plain = estimate_of(posterior, problem, chain, prior, errors)
         try:
-            require_consistent(plain, fitted, signal, chain, np.abs(body.model.coulomb_nm))
+            require_consistent(plain, fitted, signal, chain, friction_nm)
         except EstimationError:
             # The cause may be a mistake in the columns, of which that error would be only a consequence.
             require_right_columns()
@@ -158,7 +161,7 @@ def _by_difference(
             plain, fitted, pair_signal(plain, signal, chain, transmission), chain, transmission, loaded, unloaded
         )
         if result.uncertainty.determined[0]:
-            _require_plausible_scales(result, chain, np.abs(body.model.coulomb_nm))
+            _require_plausible_scales(result, chain, friction_nm)
         if misfit_notes(result):
             require_right_columns()
         return result.with_notes(*notes_on(result, (loaded, unloaded), transmission, arm, None if arm else body))
