@@ -66,6 +66,7 @@ if TYPE_CHECKING:  # read by `_homes` too: the only list of the public names
     from armload_identification.files.calibration_file import read_calibration as read_calibration
     from armload_identification.files.payload_file import read_payload as read_payload
     from armload_identification.identification_errors import IdentificationError as IdentificationError
+    from armload_identification.identification_errors import NothingMounted as NothingMounted
     from armload_identification.model.payload import InertialParameters as InertialParameters
     from armload_identification.pipeline.payload_estimator import PayloadEstimator as PayloadEstimator
     from armload_identification.recording.recording import Recording as Recording

@@ -5,6 +5,7 @@ IdentificationError
  +-- RecordingError     a recording that cannot be read or does not fit the arm
  +-- EstimationError    data that do not determine the result
  |    +-- NoPayloadMass a payload's mass that the data do not determine, or that is not above 0
+ |         +-- NothingMounted runs that prove that the arm carries nothing
  +-- ExcitationError    no trajectory within the limits
  +-- FileError          a file of this program that cannot be used: file, key, value found and what was expected
  |    +-- CalibrationFileError an arm.calibration.toml that is incomplete or inconsistent
@@ -17,6 +18,7 @@ IdentificationError
 
 from __future__ import annotations
 
+import math
 import reprlib
 
 
@@ -57,6 +59,24 @@ class NoPayloadMass(EstimationError):
         super().__init__(message)
         self.mass_kg = mass_kg
         self.half_width_kg = half_width_kg
+
+
+class NothingMounted(NoPayloadMass):
+    """Runs that prove that the arm carries nothing: an answer of `identify`, an error where a payload is needed.
+
+    Attributes:
+        statement: The answer with its 95 % interval.
+
+    Examples:
+        >>> import armload
+        >>> issubclass(armload.NothingMounted, armload.IdentificationError)
+        True
+    """
+
+    def __init__(self, mass_kg: float, half_width_kg: float, where: str = "") -> None:
+        digits = max(1 - math.floor(math.log10(max(half_width_kg, 1e-9))), 0)
+        self.statement = f"nothing mounted: {mass_kg:z.{digits}f} +- {half_width_kg:.{digits}f} kg"
+        super().__init__(f"{where}{self.statement}", mass_kg, half_width_kg)
 
 
 class ExcitationError(IdentificationError):

@@ -18,7 +18,7 @@ from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import DETERMINED_SHARE
-from armload_identification.model.regressor import PARAMETERS
+from armload_identification.model.regressor import PARAMETERS, payload_regressor
 from armload_identification.pipeline.identification_result import Identification, completed, single_signal
 from armload_identification.pipeline.operator_notes import notes_on
 from armload_identification.recording.recording import Recording, check_joints
@@ -26,6 +26,7 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import Motion, motion_of, motion_over_time
 from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
 from armload_identification.verdict.recording_checks.motion_quality import MotionQuality
+from armload_identification.verdict.recording_checks.nothing_mounted import refuse_nothing
 from armload_identification.verdict.recording_checks.sanity import check_run
 
 FLOOR_KG: Final = 0.010
@@ -69,7 +70,8 @@ def identify_alone(
 
     Raises:
         RecordingError: an invalid recording.
-        EstimationError: a motion that does not determine the payload's mass, naming the missing motion.
+        EstimationError: a motion that does not determine the payload's mass, naming the missing motion; NothingMounted
+            if it proves that there is no payload.
     """
     check_run(loaded, transmission)
     motion = motion_of(loaded, transmission)
@@ -150,6 +152,7 @@ def _on_known_arm(
         NORMAL_HALF_WIDTH * float(np.sqrt(found.spread(one)[0][0]))
         for found in (replace(plain, shifts=np.zeros((0, PARAMETERS))), plain)
     )
+    refuse_nothing(plain, payload_regressor(chain, *motion.states), motion.torque_nm, FLOOR_KG, f"{name}: ")
     if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
         raise quality.undetermined(name, mass_kg, float(np.hypot(all_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
     plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))

@@ -37,6 +37,7 @@ from armload_identification.signals.load_signal import load_signal
 from armload_identification.verdict.recording_checks.column_mistakes import looks_wrong, refuse_wrong_columns
 from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
 from armload_identification.verdict.recording_checks.joint_scales import joint_scales
+from armload_identification.verdict.recording_checks.nothing_mounted import refuse_nothing
 from armload_identification.verdict.recording_checks.sanity import check_pair, check_scales, require_consistent
 
 FLANGE: Final = "flange"
@@ -69,7 +70,7 @@ def identify(
         ModelError: the number of gains differs from the number of joints.
         RecordingError: recordings that do not fit the arm or each other, or are invalid.
         EstimationError: neither an unloaded run nor a known arm, data that no payload explains, or that contradict
-            the prior knowledge, a weighed mass included.
+            the prior knowledge, a weighed mass included; NothingMounted if the runs prove that there is no payload.
 
     References:
         Chen 2016, eqs. (8) to (12); with the difference of runs instead of a body model if there is an unloaded run.
@@ -151,6 +152,7 @@ def _by_difference(
         else:
             posterior = solve(problem.knowing(prior), rough=True)
         plain = estimate_of(posterior, problem, chain, prior, errors)
+        refuse_nothing(plain, payload_regressor(chain, *signal.states), signal.unloaded.torque_nm)
         try:
             require_consistent(plain, fitted, signal, chain, friction_nm)
         except EstimationError:

@@ -8,6 +8,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.identification_errors import NoPayloadMass, NothingMounted
 from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import PayloadResult
@@ -89,7 +90,14 @@ def validate(
         EstimationError: no payload explains the runs.
     """
     gains = transmission if arm is not None else gains_to_compare_by(payload.mass_center, transmission)
-    measured = identify(loaded, unloaded, chain, gains, arm=arm)
+    try:
+        measured = identify(loaded, unloaded, chain, gains, arm=arm)
+    except NothingMounted as empty:
+        raise NoPayloadMass(
+            f"the payload cannot be judged by {loaded.source.path}: in this run, {empty.statement}",
+            empty.mass_kg,
+            empty.half_width_kg,
+        ) from empty
     return judge(measured, chain, known_payload(payload), tolerance or Tolerance())
 
 

@@ -46,11 +46,7 @@ def file_rows(
         validating: Sources of the runs of the validation: loaded and unloaded.
         provenance: Provenance in the payload file.
     """
-    rows = [
-        FileRow(f"{role}, {load}", source.path.name, _details(source), _rows(source), source.sha256)
-        for role, sources in (("identification", fitted), ("validation", validating))
-        for load, source in zip(_LOADS, sources, strict=False)
-    ]
+    rows = [*recording_rows("identification", fitted), *recording_rows("validation", validating)]
     used = {source.sha256 for source in (*fitted, *validating)}
     rows += [
         FileRow("named in the payload file", name, "", "", sha256)
@@ -58,6 +54,14 @@ def file_rows(
         if sha256 not in used
     ]
     return tuple(rows)
+
+
+def recording_rows(role: str, sources: Sequence[RecordingSource]) -> list[FileRow]:
+    """The recordings of a role: the loaded run and, if there is one, the unloaded run."""
+    return [
+        FileRow(f"{role}, {load}", source.path.name, _details(source), _rows(source), source.sha256)
+        for load, source in zip(_LOADS, sources, strict=False)
+    ]
 
 
 def motion_sentence(source: RecordingSource | None, signal: LoadSignal) -> str:

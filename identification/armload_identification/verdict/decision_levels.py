@@ -320,6 +320,24 @@ class ColdArm:
     """
 
 
+class EmptyArmLevels:
+    """When runs prove that an arm carries nothing (`nothing_mounted`)."""
+
+    torque_share: Final = 0.02
+    """[1] Torque of the greatest mass that the interval allows, as a share of the empty arm's own.
+
+    Origin: prior, not measured: an arm's rated payload takes as much torque as a third of the arm or more, so that less
+        than 6 % of that is left. Empty runs of er50, prbt and the UR10e have 0.1 to 0.5 %.
+    Factor of two: either way: none of 50 tests fails.
+    """
+    half_widths: Final = 2.0
+    """[1] Half widths up to which a mass below 0, or a first moment, counts as 0: exceeded by chance in one of 10,000.
+
+    Origin: the same as of a weighed mass that contradicts the data.
+    Factor of two: twice: none of 50 tests fails; half: 2 of 50 tests fail, of estimates below 0.
+    """
+
+
 class Magnitudes:
     """Magnitudes that no recording of an arm has in the right units (`impossible_magnitudes`)."""
 

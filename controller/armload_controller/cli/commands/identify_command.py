@@ -17,7 +17,13 @@ from armload_controller.cli.options import (
     LoadedOption,
     seconds_of,
 )
-from armload_controller.cli.output.findings_output import ReportOption, ValidationOption, finish, require_not_wrong
+from armload_controller.cli.output.findings_output import (
+    ReportOption,
+    ValidationOption,
+    finish,
+    finish_without_payload,
+    require_not_wrong,
+)
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_drawable, require_folder, require_replaceable
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption
@@ -105,6 +111,8 @@ def identify_payload(
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot_recordings import read_of
     from armload_identification.extras import Extra, require_extra
+    from armload_identification.identification_errors import NothingMounted
+    from armload_identification.results.arm_without_payload import ArmWithoutPayload
 
     require_extra(Extra.IDENTIFY, "armload identify")
     if output is not None:
@@ -150,16 +158,23 @@ def identify_payload(
         history = robot_identification.identify_over_time(arm, runs[0], every_s, calibration=calibration)
         show_windows(Screen(as_json=as_json), history, picture=picture)
         return
-    findings = robot_identification.identify(
-        arm,
-        runs[0],
-        None if unloaded is None else runs[1],
-        validation=None if validation is None else (runs[-2], runs[-1]),
-        tolerance=Tolerance(*tolerance),
-        calibration=calibration,
-        known=known,
-        minus=None if minus is None else tool_payload(minus),
-    )
+    try:
+        findings = robot_identification.identify(
+            arm,
+            runs[0],
+            None if unloaded is None else runs[1],
+            validation=None if validation is None else (runs[-2], runs[-1]),
+            tolerance=Tolerance(*tolerance),
+            calibration=calibration,
+            known=known,
+            minus=None if minus is None else tool_payload(minus),
+        )
+    except NothingMounted as empty:
+        sources = [run.source for run in runs[: 1 if unloaded is None else 2]]
+        finish_without_payload(
+            Screen(as_json=as_json), ArmWithoutPayload(arm, empty, sources), payload=output, report=report
+        )
+        return
     if output is not None and not force:
         require_replaceable(output, findings.payload)
     finish(Screen(as_json=as_json), findings, payload=output, report=report)

@@ -12,6 +12,7 @@ from armload_controller.cli.output.verdict_output import show_verdict
 
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
+    from armload_identification.results.arm_without_payload import ArmWithoutPayload
     from armload_identification.results.findings import Findings
 
 ReportOption = Annotated[Path | None, typer.Option("--report", help="Report (HTML) to write.")]
@@ -49,6 +50,19 @@ def finish(screen: Screen, findings: Findings, *, payload: Path | None, report: 
         if path is not None:
             screen.step(f"written: {path}")
     screen.document(findings.to_dict, written)
+
+
+def finish_without_payload(
+    screen: Screen, found: ArmWithoutPayload, *, payload: Path | None, report: Path | None
+) -> None:
+    """Show that an arm carries nothing, and write the report; there is no payload to be written."""
+    screen.result(f"{found.arm.name}: {found.found.statement}")
+    if payload is not None:
+        screen.step(f"not written: {payload}: there is no payload")
+    if report is not None:
+        found.report(report)
+        screen.step(f"written: {report}")
+    screen.document(found.to_dict, {"report": report})
 
 
 def require_not_wrong(findings: Findings) -> None:

@@ -42,7 +42,7 @@ def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmissio
             "Give one run with and one run without the payload."
         )
     labels = (loaded.source.run().get("load"), unloaded.source.run().get("load"))
-    if labels[0] == "unloaded" or labels[1] == "loaded":
+    if labels[0] == "unloaded" != labels[1] or labels[1] == "loaded":
         raise RecordingError(
             f"{loaded.source.path} was recorded as '{labels[0]}' and {unloaded.source.path} as '{labels[1]}'. "
             "Exchange the two files."

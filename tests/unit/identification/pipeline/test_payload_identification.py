@@ -12,10 +12,17 @@ from armload_identification.estimation.arm_terms import FRICTION_CHANGE, LOAD_FR
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.files.payload_file import format_payload, parse_payload
-from armload_identification.identification_errors import EstimationError, ModelError, RecordingError
+from armload_identification.identification_errors import (
+    EstimationError,
+    ModelError,
+    NoPayloadMass,
+    NothingMounted,
+    RecordingError,
+)
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.signals.joint_torque import Transmission, joint_torque
+from benchmarks.arms.sagging_panda import Effects, SaggingPanda, chain, nominal_transmission
 
 pytestmark = pytest.mark.pure
 
@@ -260,13 +267,40 @@ def test_mixed_up_recordings_are_explained(pair, pinocchio_arm, spoil, said):
         identify(*spoil(*pair), pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
-def test_two_empty_runs_have_no_payload(pinocchio_arm):
+def test_two_empty_runs_prove_that_nothing_is_mounted(pinocchio_arm):
+    """In both orders: an estimate that happens to be below 0 does not mean that the runs are exchanged."""
     trajectory = pinocchio_arm.trajectory()
     light = [pinocchio_arm.run(trajectory, False, seed=seed) for seed in (300, 301)]
-    result = identify(*light, pinocchio_arm.chain, pinocchio_arm.transmission)
-    assert not result.uncertainty.determined.any()
-    with pytest.raises(EstimationError, match="do not differ by a payload"):
-        identify(*light[::-1], pinocchio_arm.chain, pinocchio_arm.transmission)
+    for runs in (light, light[::-1]):
+        with pytest.raises(NothingMounted, match=r"nothing mounted: -?0\.\d+ \+- 0\.0\d+ kg") as empty:
+            identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+        assert abs(empty.value.mass_kg) < 2.0 * empty.value.half_width_kg < 0.05
+
+
+@pytest.mark.parametrize("joint", [5, 6])
+def test_a_hose_on_an_empty_arm_is_not_taken_for_a_mistake_in_the_columns(joint):
+    """Nothing that the other joints imply of a joint is above 0 here; without the check joint 7 is called exchanged."""
+    panda = SaggingPanda(Effects(noise=0.2))
+    first, second = (panda.pair(seed, with_phase=True)[1] for seed in (1, 2))
+    drag = 2.0 * (first.position_rad[:, joint] - first.position_rad[:, joint].mean())
+    dragged = first.current_a + drag[:, None] * (np.arange(7) == joint)
+    dragged = with_source(replace(first, current_a=dragged), sha256="dragged", attachments={})
+    with pytest.raises(NothingMounted):
+        identify(dragged, with_source(second, attachments={}), chain(), nominal_transmission(exact=False))
+
+
+def test_a_payload_is_not_called_nothing_because_its_interval_is_wide(pinocchio_arm):
+    """Noise of half the arm's own torque: 0 lies in the interval, and so does a payload."""
+    trajectory = pinocchio_arm.trajectory()
+    noisy = [pinocchio_arm.run(trajectory, False, seed=seed, noise=1000.0) for seed in (300, 301)]
+    outcomes = set()
+    for runs in (noisy, noisy[::-1]):
+        try:
+            found = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+            outcomes.add(bool(found.uncertainty.determined[0]))
+        except EstimationError as refused:
+            outcomes.add(type(refused))
+    assert outcomes == {False, NoPayloadMass}
 
 
 def test_gains_must_fit_the_arm(pair, pinocchio_arm):
@@ -294,8 +328,8 @@ def test_a_weighed_mass_does_not_hide_runs_that_are_exchanged_or_both_empty(pair
     """The wrong mass would be explained as wrong signs or gains of the joints."""
     loaded, unloaded = pair
     again = pinocchio_arm.run(pinocchio_arm.trajectory(), False, seed=11)
-    for runs, reason in (((unloaded, loaded), "are exchanged"), ((again, unloaded), "do not differ by a payload")):
-        with pytest.raises(EstimationError, match=f"mass 4 kg contradicts the data. Without it: .* {reason}"):
+    for runs, reason in (((unloaded, loaded), "are exchanged"), ((again, unloaded), "nothing mounted")):
+        with pytest.raises(EstimationError, match=f"mass 4 kg contradicts the data. Without it: .*{reason}"):
             identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission, known=KnownPayload(mass_kg=4.0))
 
 

@@ -48,6 +48,7 @@ from armload_drivers.cia402.state_machine import State
 from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.calibration.run_health import RunHealth
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.identification_errors import NothingMounted
 from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
 from armload_identification.many_arms.fleet_review import (
     AbsentArm,
@@ -63,6 +64,7 @@ from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.pipeline.wiggle import Wiggle
 from armload_identification.recording.reading_options import Effort
 from armload_identification.results.arm_history import ArmHistory
+from armload_identification.results.arm_without_payload import ArmWithoutPayload
 from armload_identification.results.calibrated_arm import CalibratedArm
 from armload_identification.results.json_document import json_schemas
 from armload_identification.results.payload_over_time import PayloadOverTime
@@ -168,6 +170,12 @@ def reviewed_arm():
     return review_fleet(runs).arms[0]
 
 
+def nothing_on(robot):
+    """An arm, its empty mass, and its runs."""
+    sources = [SimpleNamespace(path=Path(name), sha256="0" * 64) for name in ("a.mcap", "b.mcap")]
+    return robot, NothingMounted(-0.004, 0.012), sources
+
+
 def made():
     """Documents of commands that take long or need a bus, made without these."""
     joints, ones = ("a", "b"), np.ones(2)
@@ -223,6 +231,7 @@ def made():
         weeks.to_dict() | {"files": {"report": None, "picture": None}},
         printed(CalibratedArm("", joints, arm, "0").to_dict, calibration="arm.toml", report="arm.html"),
         printed(partial(feedforward_document, "arm", offset, [compared], [decision]), picture="picture.svg"),
+        printed(ArmWithoutPayload(*nothing_on(load_robot("prbt"))).to_dict, report="report.html"),
         nodes_document("socketcan", "can0", [node]),
         printed(half_document, directory="runs/today"),
         printed(partial(fleet_report_document, *fleet_attention()), report="report.html", metrics="fleet.prom"),
