@@ -60,14 +60,14 @@ class WatchedMoment:
     """Everything known at one moment.
 
     Attributes:
-        time_s: Time of the last sample.
+        time_s: Time of the last sample; None before the first one.
         payload: The estimate; None if the arm is only recorded because it is not calibrated.
         events: Events since the previous moment.
         bus: State of the bus; None for a recording.
         force: Whether something acts on the moving arm; then the payload is that of before.
     """
 
-    time_s: float
+    time_s: float | None
     payload: LivePayload | None
     events: tuple[PayloadEvent, ...] = ()
     bus: HeardBus | None = None
@@ -142,7 +142,7 @@ class PayloadWatch:
         self.calibration, self.effort = found, found.effort
         self._watched = WatchedPayload(found, robot.chain, robot.transmission)
         self._next_s: float | None = None
-        self._last_s = -np.inf
+        self._last_s: float | None = None
         self._events = PayloadEvents(found, robot.joint_names)
 
     def file(self, path: Path) -> Iterator[WatchedMoment]:
@@ -160,7 +160,7 @@ class PayloadWatch:
         seen = self._last_s
         for block in self._usable(path):
             yield from self.rows(path, block)
-        if self._last_s > seen:
+        if self._last_s != seen:
             yield self.moment()
 
     def _usable(self, path: Path) -> Iterator[RowBlock]:
@@ -193,7 +193,7 @@ class PayloadWatch:
                 f"{path}: the recording has {block.position_rad.shape[1]} joints, the robot {self._robot.chain.n}. Use "
                 "a recording and a configuration of the same arm."
             )
-        fresh = int(np.searchsorted(block.time_s, self._last_s, side="right"))
+        fresh = 0 if self._last_s is None else int(np.searchsorted(block.time_s, self._last_s, side="right"))
         time_s, position, measured = (
             np.ascontiguousarray(values[fresh:]) for values in (block.time_s, block.position_rad, effort)
         )
@@ -225,16 +225,17 @@ class PayloadWatch:
         """Whether something was noticed or decided since the last moment."""
         return self._watched.has_news
 
-    def moment(self, bus: HeardBus | None = None) -> WatchedMoment:
+    def moment(self, bus: HeardBus | None = None, time_s: float | None = None) -> WatchedMoment:
         """The estimate, and the events since the previous moment.
 
         Args:
             bus: State of the bus, for an arm on its bus.
+            time_s: Time of the last cycle there, whether or not it could be used.
         """
         found = self._watched.estimate()
         told = None if bus is None else bus.told
         events = (*self._events.of_forces(self._watched.take_events()), *self._events.of(found, told))
-        return WatchedMoment(self._last_s, found, events, bus, self._watched.force)
+        return WatchedMoment(self._last_s if bus is None else time_s, found, events, bus, self._watched.force)
 
 
 def watch(

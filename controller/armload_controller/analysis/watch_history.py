@@ -35,7 +35,7 @@ class WatchDiary:
         """Add a moment."""
         found = moment.payload
         self._events += [WatchedEvent(each.time_s, str(each), each.kind in _MARKED_EVENTS) for each in moment.events]
-        if found is None:
+        if found is None or moment.time_s is None:
             return
         known = bool(found.moving_s.max() >= SHOWN_S)
         self._rows.append((moment.time_s, found.mass_kg, float(found.half_width_95[0]), known))

@@ -139,7 +139,8 @@ class BusWatch:
             BusError: the bus failed, or nothing is received.
             RecordingFailed: the recording could not be written.
         """
-        count, shown, time_s, enabled, lost = 0, 0, 0.0, False, 0
+        count, shown, enabled, lost = 0, 0, False, 0
+        time_s: float | None = None
         told: ToldPayload | None = None
         missing = np.zeros(self._n, dtype=np.int64)
         heard_s = shown_s = self._clock()
@@ -161,7 +162,8 @@ class BusWatch:
                 next_s = time_s + self._every_s if next_s is None else next_s
                 due = time_s >= next_s or (self._payload is not None and self._payload.has_news)
             if due:
-                shown, shown_s, next_s = count, now_s, time_s + self._every_s
+                shown, shown_s = count, now_s
+                next_s = None if time_s is None else time_s + self._every_s
                 yield moment(now_s - heard_s)
         if count > shown:
             yield moment(0.0)
@@ -190,9 +192,9 @@ class BusWatch:
         )
         self._block.clear()
 
-    def _moment(self, time_s: float, bus: HeardBus) -> WatchedMoment:
+    def _moment(self, time_s: float | None, bus: HeardBus) -> WatchedMoment:
         """The present moment."""
         if self._payload is None:
             return WatchedMoment(time_s, None, bus=bus)
         self._pass_to_estimator(self._payload)
-        return self._payload.moment(bus)
+        return self._payload.moment(bus, time_s)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Final
@@ -44,10 +45,17 @@ class PayloadPublisher:
         participant: This process in the network.
         robot: Name of the robot.
         stamp_ns: The header stamp that belongs to a moment's time.
+        clock_ns: The stamp of a moment before the first sample.
     """
 
-    def __init__(self, participant: Ros2Participant, robot: str, stamp_ns: Callable[[float], int]) -> None:
-        self._robot, self._stamp_ns = robot, stamp_ns
+    def __init__(
+        self,
+        participant: Ros2Participant,
+        robot: str,
+        stamp_ns: Callable[[float], int],
+        clock_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._robot, self._stamp_ns, self._clock_ns = robot, stamp_ns, clock_ns
         self.node = f"/armload/{node_name(robot)}"
         self._payload = participant.publication(f"{self.node}/payload", InertiaStamped)
         self._events = participant.publication(f"{self.node}/events", Text)
@@ -59,7 +67,8 @@ class PayloadPublisher:
         Raises:
             BusError: the middleware failed.
         """
-        sec, nanosec = divmod(self._stamp_ns(moment.time_s), 10**9)
+        stamp_ns = self._clock_ns() if moment.time_s is None else self._stamp_ns(moment.time_s)
+        sec, nanosec = divmod(stamp_ns, 10**9)
         stamp, found = Stamp(sec, nanosec), moment.payload
         level, message = _state(moment)
         if level != _STALE and found is not None and found.determined[0] and found.moving_s.max() >= SHOWN_S:

@@ -76,7 +76,7 @@ def moment_table(moment: WatchedMoment, robot: str, joint_names: Sequence[str]) 
 def moment_text(moment: WatchedMoment) -> str:
     """Time, mass with its interval, and centre of mass; or why there is no estimate."""
     found, bus = moment.payload, moment.bus
-    at = f"{moment.time_s:10.1f} s  "
+    at = " " * 14 if moment.time_s is None else f"{moment.time_s:10.1f} s  "
     if bus is not None and not bus.cycles:
         return f"{at}nothing received from the arm yet"
     if bus is not None and bus.silent_s > _SILENT_S:

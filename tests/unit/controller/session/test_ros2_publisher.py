@@ -38,7 +38,9 @@ def network():
 
 @pytest.fixture
 def publisher(network):
-    return PayloadPublisher(network, "my arm", lambda time_s: 1_000_000_000 + round(1e9 * time_s))
+    return PayloadPublisher(
+        network, "my arm", lambda time_s: 1_000_000_000 + round(1e9 * time_s), lambda: 7_000_000_001
+    )
 
 
 def test_a_determined_payload_is_published_in_the_flange_frame(publisher, network):
@@ -73,6 +75,14 @@ def test_nothing_undetermined_or_old_is_published_as_a_payload(publisher, networ
     assert not network.sent["/armload/my_arm/payload"]
     ((status,),) = [array.status for array in network.sent["/diagnostics"]]
     assert (status.level, status.message) == (level, message)
+
+
+def test_before_the_first_joint_state_the_clock_is_the_stamp(publisher, network):
+    publisher.publish(WatchedMoment(None, replace(FOUND, moving_s=np.zeros(6)), (), replace(BUS, cycles=0)))
+    assert not network.sent["/armload/my_arm/payload"]
+    (array,) = network.sent["/diagnostics"]
+    assert (array.header.stamp.sec, array.header.stamp.nanosec) == (7, 1)
+    assert (array.status[0].level, array.status[0].message) == (3, "no joint states yet")
 
 
 def test_contact_is_a_warning(publisher, network):
