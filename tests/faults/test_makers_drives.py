@@ -11,10 +11,10 @@ import pytest
 
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import EffortFeedback as Effort
-from armload_drivers.cia402.arm_settings import Fieldbus, Identity, OperationMode, VendorEffort, VendorSetting
+from armload_drivers.cia402.arm_settings import Fieldbus, FixedPdo, Identity, OperationMode, VendorEffort, VendorSetting
 from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.drive_safety import SAFETY_KEYS
-from armload_drivers.cia402.object_dictionary import DataType, Entry
+from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
 from armload_drivers.driver_errors import DescriptionError, MissingSafety, ServoError, WrongDevice
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
@@ -77,6 +77,18 @@ def cob_ids(access, node):
     """PDOs with the COB-IDs of one node, independent of the drive's node id."""
     bases = {"1400": 0x200, "1401": 0x300, "1800": 0x180, "1801": 0x280}
     return {f"{i}sub1": {"AccessType": access, "DefaultValue": node.format(base=base)} for i, base in bases.items()}
+
+
+def fifth_rpdo(cob_id):
+    """Three more RPDOs, the last one on an identifier."""
+    sections = {}
+    for index, word in (("1402", "0x80000402"), ("1403", "0x80000502"), ("1404", cob_id)):
+        keys = {"ObjectType": "7", "DataType": "7", "AccessType": "rw", "DefaultValue": word, "PDOMapping": "0"}
+        kind = {"DataType": "5", "DefaultValue": "1"}
+        mapped = f"16{index[2:]}"
+        sections |= {f"{index}sub1": keys, f"{index}sub2": keys | kind, f"{mapped}sub0": keys | kind}
+        sections |= {f"{mapped}sub1": keys | {"DefaultValue": "0x60FF0020"}}
+    return sections
 
 
 NO_REACTIONS = ("master_lost", "setpoints_lost", "quick_stop", "fault_reaction")
@@ -150,6 +162,10 @@ WANTED = {"605A": ro(6), "605B": ro(1), "605C": ro(1), "605E": ro(2), "6007": ro
 AFTER_RESET = {"605A": ro(2), "605B": ro(0), "605C": ro(1), "605E": ro(1), "6007": ro(1)}
 NO_TIMER = ("1400sub5", "1401sub5")
 RPDO, TPDO = (0x6040_0010, 0x607A_0020, 0x60B2_0010), (0x6041_0010, 0x6064_0020, 0x6078_0010)
+OTHERS = (
+    FixedPdo(PdoDirection.RECEIVE, 0, (0x607A_0020, 0x60B2_0010, 0x6040_0010)),
+    FixedPdo(PdoDirection.TRANSMIT, 0, (0x6064_0020, 0x6078_0010, 0x6041_0010)),
+)
 
 WRITTEN = {
     "complete": own(expected=ways()),
@@ -314,10 +330,39 @@ WRITTEN = {
     "CSP only, IP expected": own(
         {"mode": IP}, changes={"6502": {"DefaultValue": "0x80"}}, error=WrongDevice, reason="mode 7 .* is not offered"
     ),
+    "IP with a record of the maker's": own(
+        without=[0x60C1],
+        changes={"6502": {"DefaultValue": "0x41"}, "60C1": {"DataType": "0xF", "AccessType": "wo", "ObjectType": "7"}},
+        error=WrongDevice,
+        reason=r"mode 8 .* not offered, only 1 .*, 7 .*Of mode 7 .* the drive lacks 60C1:1",
+    ),
+    "mapping entries that the file leaves out": own(
+        without=[f"{index}sub{n}" for index in ("1600", "1A00") for n in range(2, 9)],
+        changes={f"{index}sub0": {"LowLimit": "0", "HighLimit": "64"} for index in ("1600", "1A00")},
+        expected=ways(),
+    ),
+    "mapping entries that there are not": own(
+        without=[f"{index}sub{n}" for index in ("1600", "1A00") for n in range(2, 9)],
+        reason="a PDO of this drive carries at most 1 objects",
+    ),
+    "a fifth RPDO on the identifier of SDO": own(changes=fifth_rpdo("$NODEID+0x600"), expected=ways()),
     "mapping fixed as needed": own(changes=fixed_mapping(RPDO, TPDO), expected=ways()),
     "mapping fixed otherwise": own(
         changes=fixed_mapping(RPDO[:2], TPDO),
-        reason=r"the mapping is fixed to 6040:0, 607A:0; required are 6040:0, 607A:0, 60B2:0",
+        reason=r"the mapping is fixed to 6040:0, 607A:0; required are 6040:0, 607A:0, 60B2:0\. "
+        r"Set fixed_pdos = \{ rpdo1 = \[0x60400010, 0x607A0020\], tpdo1 = \[.*\] \}, torque_offset = false",
+    ),
+    "mapping fixed in another order": own(
+        {"fixed_pdos": OTHERS},
+        changes=fixed_mapping(OTHERS[0].mapping, OTHERS[1].mapping),
+        expected=ways(),
+    ),
+    "mapping fixed without the effort": own(
+        changes=fixed_mapping(RPDO, TPDO[:2]),
+        reason=r"the mapping is fixed to .*can be used only if one PDO carries 6040",
+    ),
+    "mapping fixed with torque alone": own(
+        changes=fixed_mapping(RPDO, (*TPDO[:2], 0x60770010)), reason=r'Set fixed_pdos = \{ .* \}, feedback = "torque"'
     ),
     "COB-IDs of node 1": own(changes=cob_ids("rw", "0x{base:X}+1"), expected=ways()),
     "COB-IDs fixed to node 1": own(

@@ -321,10 +321,14 @@ class DriveSetup(DriveDialogue, ABC):
 
     def _other_mode(self, offered: Callable[[OperationMode], bool]) -> str:
         """What to do about a drive that cannot be used in the configured mode."""
+        without = ""
         for other, name in _MODE_KEYS.items():
-            if other is not self.settings.mode and self._sdo.has(target_entry(other)) and offered(other):
+            if other is self.settings.mode or not offered(other):
+                continue
+            if self._sdo.has(target_entry(other)):
                 return f'Set mode = "{name}"'
-        return _NO_CYCLIC_MODE
+            without = f"Of mode {_named(other)} the drive lacks {target_entry(other)}. "
+        return without + _NO_CYCLIC_MODE
 
     def _takes_mode(self, mode: OperationMode) -> bool:
         """Whether 6060 takes a mode; the drive is disabled."""

@@ -11,6 +11,7 @@ References:
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup, is_simulation
@@ -20,11 +21,11 @@ from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.canopen_sdo import CanopenSdo
 from armload_drivers.canopen.pdo_setup import map_pdo, switch_others_off
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback, FixedPdo
 from armload_drivers.cia402.bus_budget import USUAL_RATES_HZ, forecast, with_rate_for
 from armload_drivers.cia402.drive_safety import Safety, master_watch
 from armload_drivers.cia402.process_data.drive_units import microseconds
-from armload_drivers.cia402.process_data.process_image import drive_image
+from armload_drivers.cia402.process_data.process_image import drive_image, target_entry
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import SdoRefused, ServoTimeout
 
@@ -99,6 +100,30 @@ class CanopenSetup(DriveSetup):
         """How the configuration can use PDOs of fewer objects."""
         return f"Set pdo_objects_max = {most}{self._rate_for(pdo_objects_max=most)}: the rest is sent in a second PDO"
 
+    def fixed_mapping(self, found: tuple[FixedPdo, ...]) -> str:
+        """How the configuration can use PDOs whose mapping cannot be changed, with other feedback if need be."""
+        for feedback in (self.settings.feedback, *EffortFeedback):
+            for offset in sorted({self.settings.torque_offset, False}, reverse=True):
+                changes = {"fixed_pdos": found, "feedback": feedback, "torque_offset": offset}
+                try:
+                    layouts = drive_image(replace(self.settings, **changes)).layouts
+                except ValueError:
+                    continue
+                used = {(layout.direction, layout.number) for layout in layouts}
+                pdos = [pdo for pdo in found if (pdo.direction, pdo.number) in used]
+                tables = (f"{pdo.key} = [{', '.join(f'0x{word:08X}' for word in pdo.mapping)}]" for pdo in pdos)
+                advice = f"Set fixed_pdos = {{ {', '.join(tables)} }}"
+                if feedback is not self.settings.feedback:
+                    advice += f', feedback = "{feedback.name.lower()}"'
+                if offset is not self.settings.torque_offset:
+                    advice += ", torque_offset = false; feed-forward is then refused on this drive"
+                return advice + self._rate_for(**changes)
+        return (
+            "Set this mapping with the manufacturer's tool if it can. A drive with a fixed mapping can be used only if "
+            f"one PDO carries 6040 and {target_entry(self.settings.mode).index:04X}, one 6041 and 6064, and one 6078 "
+            "or 6077; no setpoint beside them may need a value that is not known"
+        )
+
     def _rate_for(self, **of_drives: Any) -> str:
         """See `DriveSetup`."""
         return with_rate_for(self._arm, **of_drives)
@@ -114,7 +139,7 @@ class CanopenSetup(DriveSetup):
             self._objects.held |= map_pdo(self._sdo, layout, self)
         self._sdo.step = "switching unused PDOs off"
         for direction in od.PdoDirection:
-            used = sum(layout.direction is direction for layout in self._image.layouts)
+            used = {layout.number for layout in self._image.layouts if layout.direction is direction}
             switch_others_off(self._sdo, direction, used)
 
 

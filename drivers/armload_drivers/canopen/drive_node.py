@@ -69,14 +69,14 @@ class DriveNode(CyclicDrive):
             self.offset_message = can.Message(
                 arbitration_id=image.offset.cob_id, data=bytes(image.offset.length), is_extended_id=False
             )
-            self._pack_offset = image.offset.format.pack_into
+            self._pack_offset = image.offset.pack_into
         self.arrived = 0
         self.expected = sum(layout.direction is PdoDirection.TRANSMIT for layout in image.layouts)
         self.booted = False
         self.wrong_frames = 0
         self.heartbeat_limit_s = HEARTBEAT_TOLERANCE * heartbeat_s
-        self._pack = image.rpdo.format.pack_into
-        self._unpack = image.tpdo.format.unpack
+        self._pack = image.rpdo.pack_into
+        self._unpack = image.tpdo.unpack
         self._length = image.tpdo.length
         self._with_offset = drive.torque_offset and image.offset is None
         self._frame = b""
@@ -88,7 +88,7 @@ class DriveNode(CyclicDrive):
         link.subscribe(image.tpdo.cob_id, self._take_feedback)
         if image.effort is not None:
             self._effort_length = image.effort.length
-            self._unpack_effort = image.effort.format.unpack
+            self._unpack_effort = image.effort.unpack
             link.subscribe(image.effort.cob_id, self._take_effort)
         link.subscribe(od.HEARTBEAT_BASE + node_id, self._take_heartbeat)
         link.subscribe(od.EMERGENCY_BASE + node_id, self._take_emergency)

@@ -2,7 +2,7 @@
 
 Not every drive allows all of them to be written. A correct mapping is left alone. A correct COB-ID that cannot be
 written is sufficient; the mapping is then changed with its count at 0, as the older standard prescribes. Anything else
-that is fixed is refused, stating the present and the required values.
+that is fixed is refused, stating the present and the required values, and how the configuration can use it.
 
 References:
     CiA 301, 7.5.2.36 (order of writes when a mapping changes).
@@ -10,11 +10,12 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from typing import Protocol
 
 from armload_drivers.bring_up.sdo_channel import NO_SUBINDEX, OUT_OF_RANGE, READ_ONLY, SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import FixedPdo
 from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
 from armload_drivers.cia402.process_data.process_image import PdoLayout
 from armload_drivers.driver_errors import SdoRefused, ServoError
@@ -35,6 +36,9 @@ class MappingAdvice(Protocol):
 
     def fewer_objects(self, most: int) -> str:
         """About PDOs that carry at most so many objects."""
+
+    def fixed_mapping(self, found: tuple[FixedPdo, ...]) -> str:
+        """About PDOs whose mapping cannot be changed."""
 
 
 def map_pdo(sdo: SdoChannel, layout: PdoLayout, advice: MappingAdvice) -> dict[Entry, int]:
@@ -69,9 +73,7 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout, advice: MappingAdvice) -> dict[E
             "Set the COB-IDs of this node with the manufacturer's tool, or give the drive the node id that they belong "
             "to",
         )
-    wanted = [
-        (direction.map_entry(number, position), entry.mapping) for position, entry in enumerate(layout.entries, start=1)
-    ]
+    wanted = [(direction.map_entry(number, at), mapped) for at, mapped in enumerate(layout.mapping, start=1)]
     if sdo.read_if_there(count) is None:
         raise sdo.failure(
             f"the drive has no {count}: what this PDO contains cannot be read or set",
@@ -79,9 +81,9 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout, advice: MappingAdvice) -> dict[E
         )
     if _mapped(sdo, direction, number) != [value for _, value in wanted]:
         if not _write(sdo, count, 0):
-            raise _fixed(sdo, layout)
-        for position, entry in enumerate(layout.entries, start=1):
-            _map(sdo, layout, position, entry, advice)
+            raise _fixed(sdo, layout, advice)
+        for position, mapped in enumerate(layout.mapping, start=1):
+            _map(sdo, layout, position, mapped, advice)
         if not _write(sdo, count, len(wanted), _NOT_TAKEN):
             raise _too_many(sdo, _FEWEST_OBJECTS, len(wanted), advice)
     kind = direction.type_entry(number)
@@ -132,18 +134,21 @@ def _synchronous(sdo: SdoChannel, kind: Entry, direction: PdoDirection) -> int:
     )
 
 
-def _map(sdo: SdoChannel, layout: PdoLayout, position: int, entry: Entry, advice: MappingAdvice) -> None:
+def _map(sdo: SdoChannel, layout: PdoLayout, position: int, word: int, advice: MappingAdvice) -> None:
     """Write one entry of a mapping."""
     place = layout.direction.map_entry(layout.number, position)
     try:
-        if not _write(sdo, place, entry.mapping):
-            raise _fixed(sdo, layout)
+        if not _write(sdo, place, word):
+            raise _fixed(sdo, layout, advice)
     except SdoRefused as refusal:
         if refusal.abort_code == NO_SUBINDEX:
-            raise _too_many(sdo, position - 1, len(layout.entries), advice) from refusal
+            raise _too_many(sdo, position - 1, len(layout.mapping), advice) from refusal
+        entry = next((entry for entry in layout.entries if entry.mapping == word), None)
         raise sdo.failure(
-            f"the drive does not allow {entry} in this PDO (0x{refusal.abort_code:08X} from {place})",
-            advice.instead_of(entry, lambda other: sdo.has(other) and _accepts(sdo, place, other)),
+            f"the drive does not allow {entry or _named([word])} in this PDO (0x{refusal.abort_code:08X} from {place})",
+            "Correct fixed_pdos, which must state the PDOs as the drive has them"
+            if layout.fixed or entry is None
+            else advice.instead_of(entry, lambda other: sdo.has(other) and _accepts(sdo, place, other)),
         ) from refusal
 
 
@@ -170,25 +175,42 @@ def _mapped(sdo: SdoChannel, direction: PdoDirection, number: int) -> list[int]:
     return [sdo.read(direction.map_entry(number, position)) for position in range(1, count + 1)]
 
 
-def _fixed(sdo: SdoChannel, layout: PdoLayout) -> ServoError:
+def _fixed(sdo: SdoChannel, layout: PdoLayout, advice: MappingAdvice) -> ServoError:
     """Error for a mapping that cannot be written."""
-    there = ", ".join(f"{word >> 16:04X}:{word >> 8 & 0xFF}" for word in _mapped(sdo, layout.direction, layout.number))
-    needed = ", ".join(f"{entry.index:04X}:{entry.subindex}" for entry in layout.entries)
+    there = _named(_mapped(sdo, layout.direction, layout.number))
+    found = tuple(
+        FixedPdo(way, number, tuple(_mapped(sdo, way, number)))
+        for way in PdoDirection
+        if way is layout.direction or not _changes(sdo, way)
+        for number in range(od.PDO_COUNT)
+        if sdo.read_if_there(way.count_entry(number))
+    )
     return sdo.failure(
-        f"the mapping is fixed to {there or 'nothing'}; required are {needed}",
-        "Set this mapping with the manufacturer's tool if it can; a drive with a fixed mapping can be used only if it "
-        "carries these objects in this order",
+        f"the mapping is fixed to {there or 'nothing'}; required are {_named(layout.mapping)}",
+        advice.fixed_mapping(found),
     )
 
 
-def switch_others_off(sdo: SdoChannel, direction: PdoDirection, used: int) -> None:
-    """Disable all PDOs of a direction after the first `used`: they would load the bus.
+def _named(mapping: Iterable[int]) -> str:
+    """The objects of a mapping."""
+    return ", ".join(f"{word >> 16:04X}:{word >> 8 & 0xFF}" for word in mapping if word)
+
+
+def _changes(sdo: SdoChannel, direction: PdoDirection) -> bool:
+    """Whether the first mapping of a direction can be written, by writing what is there."""
+    count = direction.count_entry(0)
+    present = sdo.read_if_there(count)
+    return present is None or _write(sdo, count, present, _NOT_TAKEN)
+
+
+def switch_others_off(sdo: SdoChannel, direction: PdoDirection, used: Collection[int]) -> None:
+    """Disable all PDOs of a direction but those of these numbers: they would load the bus.
 
     Raises:
         SdoRefused: the drive refuses to disable one.
         ServoError: the parameters of one are read-only, and it would be sent.
     """
-    for number in range(used, _MOST_PDOS):
+    for number in (number for number in range(_MOST_PDOS) if number not in used):
         entry = direction.cob_id_entry(number)
         word = sdo.read_if_there(entry)
         if word is None and number >= od.PDO_COUNT:

@@ -7,12 +7,13 @@ operates on joints.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum, IntEnum
 
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.device_description import DeviceDescription
-from armload_drivers.cia402.object_dictionary import DataType, Entry
+from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
 
 NODE_IDS = frozenset(range(1, 128))
 """Node ids of CANopen."""
@@ -91,6 +92,30 @@ class VendorSetting:
 
 
 @dataclass(frozen=True, slots=True)
+class FixedPdo:
+    """A PDO of a drive whose mapping cannot be changed.
+
+    Attributes:
+        direction: As seen from the drive.
+        number: Number of the PDO in that direction, from 0.
+        mapping: Its mapping parameters (1600, 1A00).
+    """
+
+    direction: PdoDirection
+    number: int
+    mapping: tuple[int, ...]
+
+    @property
+    def key(self) -> str:
+        """Its key in the configuration."""
+        return f"{'rpdo' if self.direction is PdoDirection.RECEIVE else 'tpdo'}{self.number + 1}"
+
+    def carries(self, entries: Iterable[Entry]) -> bool:
+        """Whether it contains all of the entries."""
+        return {entry.mapping for entry in entries} <= set(self.mapping)
+
+
+@dataclass(frozen=True, slots=True)
 class Identity:
     """Identity object 1018; None matches anything."""
 
@@ -136,6 +161,7 @@ class DriveSettings:
         torque_offset_bits: Size of 60B2, 16 or 32.
         effort_bits: Size of 6078 or 6077, 16 or 32.
         pdo_objects_max: Greatest number of objects in one PDO, whatever their size.
+        fixed_pdos: The PDOs of a drive whose mapping cannot be changed; empty if all can be mapped.
         rated_torque_unit_nm: Value of one unit of 6076, in N m.
         homed_bit: Bit of the statusword that is 1 while the position has its reference; None if the drive reports none.
         bus: Number of the bus that the drive is on, from 0.
@@ -170,6 +196,7 @@ class DriveSettings:
     torque_offset_bits: int = 16
     effort_bits: int = 16
     pdo_objects_max: int = 8
+    fixed_pdos: tuple[FixedPdo, ...] = ()
     rated_torque_unit_nm: float = 1e-3
     second_axis_unused: bool = False
     alias: int | None = None

@@ -171,7 +171,7 @@ class _HeardDrive:
         self.frames = self.wrong_length = 0
         self.statusword = self.counts = self.effort = self.offset = 0
         self.target: int | None = None
-        self._layouts = {layout.cob_id: (layout.length, layout.format.unpack) for layout in image.layouts}
+        self._layouts = {layout.cob_id: (layout.length, layout.unpack) for layout in image.layouts}
         self._image = image
         self._awaited = {layout.cob_id for layout in image.layouts if layout.direction is PdoDirection.TRANSMIT}
         self._ever: set[int] = set()

@@ -16,6 +16,7 @@ from armload_drivers.cia402.arm_settings import (
     DriveSettings,
     EffortFeedback,
     Fieldbus,
+    FixedPdo,
     Identity,
     OperationMode,
     TemperatureObject,
@@ -24,7 +25,8 @@ from armload_drivers.cia402.arm_settings import (
 )
 from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.drive_safety import SAFETY_KEYS, property_of
-from armload_drivers.cia402.object_dictionary import DataType, Entry
+from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
+from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_identification.storage.strict_toml import BadValue, Table
 
 _OBJECT_INDEX = re.compile("[0-9A-Fa-f]{4}")
@@ -33,6 +35,10 @@ _NUMBER_TYPES = {
     "u32": DataType.U32, "f32": DataType.F32,
 }  # fmt: skip
 
+
+_PdoName = Annotated[str, Field(pattern="^[rt]pdo[1-4]$")]
+_MappingWord = Annotated[int, Field(ge=0, lt=1 << 32)]
+_DIRECTION = {"r": PdoDirection.RECEIVE, "t": PdoDirection.TRANSMIT}
 
 VIRTUAL = "virtual"
 """The interface inside one process, shared with its simulated drives."""
@@ -259,6 +265,7 @@ class ProductKeys(Table):
     effort_bits: Literal[16, 32] = 16
     homed_bit: Literal[8, 14, 15] | None = None
     pdo_objects_max: Annotated[int, Field(ge=2, le=8)] = 8
+    fixed_pdos: dict[_PdoName, list[_MappingWord]] = Field(default={})
     rated_torque_unit_nm: Positive = 1e-3
     effort_object: EffortObjectTable | None = None
     temperature_object: TemperatureObjectTable | None = None
@@ -299,6 +306,10 @@ class DriveTable(ProductKeys):
                 of = property_of(int(name, 16)) if _OBJECT_INDEX.fullmatch(name) else None
                 meant = "" if of is None else f'; {name.upper()} belongs to "{of.key}"'
                 raise BadValue("accept_missing", name, f"expected names of {', '.join(SAFETY_KEYS)}{meant}")
+        try:
+            drive_image(self.settings("", (0.0, 0.0), (0.0, 0.0), None, None))
+        except ValueError as error:
+            raise BadValue("fixed_pdos", "", str(error)) from error
         return self
 
     def missing_scale(self) -> str | None:
@@ -358,5 +369,9 @@ class DriveTable(ProductKeys):
             effort_bits=self.effort_bits,
             homed_bit=self.homed_bit,
             pdo_objects_max=self.pdo_objects_max,
+            fixed_pdos=tuple(
+                FixedPdo(_DIRECTION[name[0]], int(name[-1]) - 1, tuple(words))
+                for name, words in self.fixed_pdos.items()
+            ),
             rated_torque_unit_nm=self.rated_torque_unit_nm,
         )

@@ -8,18 +8,28 @@ Every drive has one RPDO and one TPDO, both synchronous:
 Drives without 60B2 get an RPDO of six bytes. If 60B2 or the object for the effort has 32 bits, it does not fit
 into the frame with the other two and is sent separately, in RPDO2 or TPDO2; likewise if a PDO can hold only two
 objects.
+
+Of a drive with a fixed mapping (`DriveSettings.fixed_pdos`) those PDOs are used that carry these objects, in the
+drive's order and with whatever else they carry: other feedback is ignored, and only such other setpoints are accepted
+for which the value is known. 6060 gets the mode; the rest is 0, which drives disregard in the streaming modes.
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback, OperationMode
+from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback, FixedPdo, OperationMode
 from armload_drivers.cia402.object_dictionary import Access, Entry, Mappable, PdoDirection
 
 MAX_PDO_BITS = 64
+_BYTE_BITS = 8
+_LAST_DUMMY = 0x1F
+_ZERO_IS_NOTHING = {0x6042, 0x6071, 0x60B1, 0x60B2, 0x60FF}
+"""Setpoints of other modes, and offsets."""
 
 _EFFORT = {
     EffortFeedback.CURRENT: (od.CURRENT_ACTUAL, od.CURRENT_ACTUAL_32),
@@ -36,23 +46,70 @@ class PdoLayout:
         direction: As seen from the drive.
         number: Number of the PDO in that direction, from 0.
         cob_id: CAN identifier.
-        entries: Mapped objects in order.
+        entries: Objects that are exchanged, in the order of their values.
+        fixed: Mapping parameters of a PDO that also carries other objects, or these in another order; empty otherwise.
+        mode: Value of 6060, if the PDO carries it.
     """
 
     direction: PdoDirection
     number: int
     cob_id: int
     entries: tuple[Entry, ...]
+    fixed: tuple[int, ...] = ()
+    mode: int = 0
 
     @property
-    def format(self) -> struct.Struct:
-        """Little-endian layout of the frame's data."""
-        return struct.Struct("<" + "".join(entry.type.code for entry in self.entries))
+    def mapping(self) -> tuple[int, ...]:
+        """Its mapping parameters."""
+        return self.fixed or tuple(entry.mapping for entry in self.entries)
 
     @property
     def length(self) -> int:
         """Bytes of data."""
-        return self.format.size
+        return self._format.size
+
+    @property
+    def pack_into(self) -> Callable[..., None]:
+        """Write the values of `entries`: a function of the frame's data, an offset, and the values."""
+        pack, places, mode = self._format.pack_into, self._places, self.mode
+        if places == [*range(len(places))]:
+            return pack
+        return lambda data, at, *values: pack(data, at, *(mode if n is None else values[n] for n in places))
+
+    @property
+    def unpack(self) -> Callable[[bytes], tuple[Any, ...]]:
+        """The values of `entries`: a function of the frame's data."""
+        unpack, places = self._format.unpack, self._places
+        if places == [*range(len(places))]:
+            return unpack
+        order = [places.index(n) for n in range(len(self.entries))]
+
+        def ordered(data: bytes) -> tuple[Any, ...]:
+            values = unpack(data)
+            return tuple(values[n] for n in order)
+
+        return ordered
+
+    @property
+    def _places(self) -> list[int | None]:
+        """For each value in the frame the number of its entry; None for the mode."""
+        number = {entry.mapping: n for n, entry in enumerate(self.entries)}
+        return [number.get(word) for word in self.mapping if word in number or self._is_mode(word)]
+
+    @property
+    def _format(self) -> struct.Struct:
+        """Little-endian layout of the frame's data; what is not exchanged is skipped, or sent as 0."""
+        code = {entry.mapping: entry.type.code for entry in self.entries}
+        skipped = ((word & 0xFF) // _BYTE_BITS for word in self.mapping)
+        codes = [
+            code.get(word) or (od.MODE.type.code if self._is_mode(word) else f"{size}x")
+            for word, size in zip(self.mapping, skipped, strict=True)
+        ]
+        return struct.Struct("<" + "".join(codes))
+
+    def _is_mode(self, word: int) -> bool:
+        """Whether this part of the frame is 6060."""
+        return self.direction is PdoDirection.RECEIVE and word == od.MODE.mapping
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,16 +181,56 @@ def feedback_entries(drive: DriveSettings) -> list[Entry]:
 
 
 def drive_image(drive: DriveSettings) -> DriveImage:
-    """PDOs of a configured drive."""
-    receive, rpdo2 = _split(PdoDirection.RECEIVE, drive, setpoint_entries(drive))
-    transmit, tpdo2 = _split(PdoDirection.TRANSMIT, drive, feedback_entries(drive))
+    """PDOs of a configured drive.
+
+    Raises:
+        ValueError: its fixed PDOs cannot be used.
+    """
+    receive, rpdo2 = _pdos(PdoDirection.RECEIVE, drive, setpoint_entries(drive))
+    transmit, tpdo2 = _pdos(PdoDirection.TRANSMIT, drive, feedback_entries(drive))
     return DriveImage(receive, transmit, effort=tpdo2, offset=rpdo2)
 
 
-def _split(direction: PdoDirection, drive: DriveSettings, entries: list[Entry]) -> tuple[PdoLayout, PdoLayout | None]:
+def _pdos(direction: PdoDirection, drive: DriveSettings, entries: list[Entry]) -> tuple[PdoLayout, PdoLayout | None]:
     """One PDO, and another for the third entry if it does not fit."""
+    fixed = [pdo for pdo in drive.fixed_pdos if pdo.direction is direction]
+    if fixed:
+        return _fixed(fixed, drive, entries)
     node_id = drive.node_id
     fits = len(entries) <= drive.pdo_objects_max and sum(entry.type.bits for entry in entries) <= MAX_PDO_BITS
     if fits:
         return _layout(direction, 0, node_id, entries), None
     return _layout(direction, 0, node_id, entries[:2]), _layout(direction, 1, node_id, entries[2:])
+
+
+def _fixed(pdos: Sequence[FixedPdo], drive: DriveSettings, entries: list[Entry]) -> tuple[PdoLayout, PdoLayout | None]:
+    """Those of a drive's own PDOs that carry the entries: the first two in one, the third there or in another."""
+    first = _carrying(pdos, entries[:2])
+    second = first if first.carries(entries[2:]) else _carrying(pdos, entries[2:])
+    if second is first:
+        return _own(first, drive, entries), None
+    return _own(first, drive, entries[:2]), _own(second, drive, entries[2:])
+
+
+def _carrying(pdos: Sequence[FixedPdo], entries: list[Entry]) -> FixedPdo:
+    """The first PDO that carries all of the entries."""
+    for pdo in pdos:
+        if pdo.carries(entries):
+            return pdo
+    names = " and ".join(f"{entry.index:04X}:{entry.subindex}" for entry in entries)
+    raise ValueError(f"none of {', '.join(pdo.key for pdo in pdos)} carries {names}")
+
+
+def _own(pdo: FixedPdo, drive: DriveSettings, entries: list[Entry]) -> PdoLayout:
+    """The layout of a PDO with a fixed mapping."""
+    used = {entry.mapping for entry in entries} | {od.MODE.mapping}
+    bits = sum(word & 0xFF for word in pdo.mapping)
+    if bits > MAX_PDO_BITS or any(word & 0xFF & _BYTE_BITS - 1 for word in pdo.mapping):
+        raise ValueError(f"{pdo.key} has {bits} bits: expected whole bytes, and at most {MAX_PDO_BITS} bits")
+    for word in pdo.mapping:
+        index = word >> 16
+        unknown = word not in used and index > _LAST_DUMMY and index not in _ZERO_IS_NOTHING
+        if unknown and pdo.direction is PdoDirection.RECEIVE:
+            raise ValueError(f"{pdo.key} carries {index:04X}:{word >> 8 & 0xFF}, whose value is not known")
+    cob_id = pdo.direction.default_cob_id(pdo.number, drive.node_id)
+    return PdoLayout(pdo.direction, pdo.number, cob_id, tuple(entries), pdo.mapping, int(drive.mode))

@@ -6,8 +6,9 @@ Rules of this file:
   accessible by SDO or PDO.
 - What contradicts the file itself, or would make it no device, is not taken from it: objects that a PDO contains after
   a reset can be mapped; if no object of the profile could be, the file states nothing about that; a PDO's count and
-  1016 can be 0; 1000 and the vendor id exist; an object without a type, or a scale too large for its type, has the
-  standard's.
+  1016 can be 0; a mapping has the entries that its count may reach; a PDO on an identifier of SDO or heartbeats is off;
+  1000 and the vendor id exist; an object without a type, or a scale too large for its type, has the standard's. Makers
+  use numbers of the standard for objects that are no integers: these are bytes.
 - Values are those of the description, except those that no description can contain: measured values, and the scale of
   the arm's motors and gears, which was set when the drive was commissioned.
 - If an object is absent, the drive behaves as the standard specifies for a drive without it, or does nothing if the
@@ -22,7 +23,7 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.device_description import DescribedObject, DeviceDescription
@@ -73,6 +74,8 @@ _NAMELESS_CURRENT_MA = 1000
 _PROFILE = 0x6000
 """First object of device profiles."""
 _PDO_PARAMETERS = range(0x1400, 0x1C00)
+_NOT_FOR_PDOS = frozenset({*range(0x581, 0x680), *range(0x701, 0x780)})
+"""Identifiers of SDO and heartbeats."""
 _MOST_PDOS = 512
 
 
@@ -101,12 +104,16 @@ def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int)
     dictionary.entries = {od.DEVICE_TYPE.key: od.DEVICE_TYPE, od.VENDOR_ID.key: od.VENDOR_ID} | {
         key: _entry(found, known.get(key), mapped=key in mapped) for key, found in described.objects.items()
     }
+    for entry in _more_mappings(described):
+        dictionary.entries.setdefault(entry.key, entry)
+        dictionary.values.setdefault(entry.key, 0)
     for key, found in described.objects.items():
         _take_value(dictionary, key, found, node_id, own=key in _OWN and key in known)
     for direction in PdoDirection:
         for number in range(pdo_count(described, direction)):
             cob_id = direction.cob_id_entry(number)
-            if described.objects[cob_id.key].value is None:
+            value = described.value(cob_id, node_id)
+            if value is None or value in _NOT_FOR_PDOS:
                 dictionary.values[cob_id.key] = od.PDO_DISABLED
     _take_identity(dictionary, described)
     for entry, value in _WITHOUT.items():
@@ -130,16 +137,19 @@ def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int)
     dictionary.complete = True
 
 
+def _more_mappings(described: DeviceDescription) -> Iterator[Entry]:
+    """Mapping entries that a writable count may reach, whether the file has them or not."""
+    for direction in PdoDirection:
+        for number in range(pdo_count(described, direction)):
+            count = described.find(direction.count_entry(number))
+            if count is not None and count.access is od.Access.RW and count.greatest is not None:
+                most = min(count.greatest.constant, od.PDO_MAX_ENTRIES)
+                yield from (direction.map_entry(number, at) for at in range(1, most + 1))
+
+
 def _require_number(described: DeviceDescription, found: DescribedObject, known: Entry | None) -> None:
-    """Refuse an object of the standard that is not an integer as required, or cannot hold a drive's measured values."""
-    is_parameter = found.index in _PDO_PARAMETERS
-    if not is_parameter and (
-        known is None
-        or found.type is None
-        or known.key in _OWN - _MEASURED
-        or not known.type.code
-        or known.type.is_real
-    ):
+    """Refuse a PDO parameter that is not an integer, and an object that cannot hold a drive's measured values."""
+    if found.index not in _PDO_PARAMETERS and (found.type is None or known is None or known.key not in _MEASURED):
         return
     least_bits = known.type.bits if known is not None and known.key in _MEASURED else 1
     if found.bits is None or found.bits < least_bits:

@@ -28,6 +28,9 @@ class Advice:
     def fewer_objects(self, most):
         return f"at most {most}"
 
+    def fixed_mapping(self, found):
+        return " ".join(f"{pdo.key}: {len(pdo.mapping)}" for pdo in found)
+
 
 ADVICE = Advice()
 
@@ -131,12 +134,12 @@ def test_a_cob_id_that_cannot_be_switched_off_is_sufficient():
     drive.dictionary.allowed[TRANSMIT.cob_id_entry(0).key] = range(1, 0x8000_0000)
     map_pdo(drive.sdo, LAYOUT, ADVICE)
     assert drive.pdos[0].length == LAYOUT.length
-    switch_others_off(drive.sdo, TRANSMIT, 1)
+    switch_others_off(drive.sdo, TRANSMIT, {0})
 
 
 def test_other_pdos_are_switched_off_where_there_are_any():
     drive = Drive(pdos=3)
-    switch_others_off(drive.sdo, TRANSMIT, 1)
+    switch_others_off(drive.sdo, TRANSMIT, {0})
     assert [pdo.cob_id for pdo in drive.pdos] == [0x185, None, None]
 
 
@@ -195,7 +198,7 @@ def test_pdos_beyond_the_usual_ones_and_behind_a_hole_are_switched_off_too():
     drive = Drive(pdos=7)
     for index in (0x1801, 0x1A01):
         drive.dictionary.remove([index])
-    switch_others_off(drive.sdo, TRANSMIT, 1)
+    switch_others_off(drive.sdo, TRANSMIT, {0})
     assert [pdo.cob_id is None for pdo in drive.pdos[2:]] == [True] * 5
     assert drive.pdos[0].cob_id == 0x185
 
@@ -204,7 +207,7 @@ def test_behind_the_last_pdo_no_more_are_looked_for():
     drive = Drive(pdos=2)
     requests, send = [], drive.send
     drive.send = lambda message, timeout=None: (requests.append(message), send(message))
-    switch_others_off(drive.sdo, TRANSMIT, 1)
+    switch_others_off(drive.sdo, TRANSMIT, {0})
     assert len(requests) < 10
 
 
@@ -213,7 +216,7 @@ def test_a_pdo_that_is_off_need_not_be_writable():
     cob_id, count = TRANSMIT.cob_id_entry(1), TRANSMIT.count_entry(1)
     fixed(drive, count, 1)
     fixed(drive, cob_id, ANOTHERS | od.PDO_DISABLED)
-    switch_others_off(drive.sdo, TRANSMIT, 1)
+    switch_others_off(drive.sdo, TRANSMIT, {0})
     fixed(drive, cob_id, ANOTHERS)
     with pytest.raises(ServoError, match="This PDO would load the bus"):
-        switch_others_off(drive.sdo, TRANSMIT, 1)
+        switch_others_off(drive.sdo, TRANSMIT, {0})

@@ -8,7 +8,8 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.cia402.arm_settings import EffortFeedback, OperationMode
+from armload_drivers.cia402.arm_settings import EffortFeedback, FixedPdo, OperationMode
+from armload_drivers.cia402.object_dictionary import PdoDirection
 from armload_drivers.driver_errors import BusError, CommandError
 from armload_drivers.listening.bus_listener import overheard
 from armload_drivers.listening.overheard_arm import OverheardArm
@@ -59,6 +60,13 @@ VARIANTS = {
     "current in one PDO": {},
     "IP": {"mode": OperationMode.INTERPOLATED_POSITION},
     "two objects a PDO": {"pdo_objects_max": 2},
+    "a fixed mapping in another order": {
+        "fixed_pdos": (
+            FixedPdo(PdoDirection.RECEIVE, 0, (0x607A0020, 0x60600008, 0x60400010)),
+            FixedPdo(PdoDirection.RECEIVE, 2, (0x60B20010,)),
+            FixedPdo(PdoDirection.TRANSMIT, 0, (0x60640020, 0x60780010, 0x60410010)),
+        )
+    },
     "no torque offset": {"torque_offset": False},
     "60B2 of 32 bits": {"torque_offset_bits": 32},
     "torque": {"feedback": EffortFeedback.TORQUE, "rated_current_a": None},

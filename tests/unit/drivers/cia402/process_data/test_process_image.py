@@ -8,6 +8,7 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import (
     DriveSettings,
     EffortFeedback,
+    FixedPdo,
     Identity,
     OperationMode,
     TemperatureObject,
@@ -46,12 +47,13 @@ def test_the_image_in_csp_with_current():
 
 
 def test_setpoints_as_they_are_on_the_wire():
-    frame = drive_image(DRIVE).rpdo.format.pack(0x000F, -2, -300)
+    frame = bytearray(8)
+    drive_image(DRIVE).rpdo.pack_into(frame, 0, 0x000F, -2, -300)
     assert frame == bytes.fromhex("0f00 feffffff d4fe")
 
 
 def test_feedback_as_it_is_on_the_wire():
-    values = drive_image(DRIVE).tpdo.format.unpack(bytes.fromhex("3712 00000080 ff7f"))
+    values = drive_image(DRIVE).tpdo.unpack(bytes.fromhex("3712 00000080 ff7f"))
     assert values == (0x1237, -(2**31), 32767)
 
 
@@ -116,6 +118,49 @@ def test_what_does_not_fit_into_one_frame_has_a_second(changes, rpdo, tpdo):
     for direction, expected in ((PdoDirection.RECEIVE, rpdo), (PdoDirection.TRANSMIT, tpdo)):
         assert [len(layout.entries) for layout in image.layouts if layout.direction is direction] == expected
     assert all(layout.length <= 8 for layout in image.layouts)
+
+
+RECEIVE, TRANSMIT = PdoDirection.RECEIVE, PdoDirection.TRANSMIT
+FIXED = (
+    FixedPdo(RECEIVE, 2, (0x607A0020, 0x60600008, 0x00050008, 0x60400010)),
+    FixedPdo(RECEIVE, 1, (0x60FF0020, 0x60B20010)),
+    FixedPdo(TRANSMIT, 0, (0x606C0020,)),
+    FixedPdo(TRANSMIT, 3, (0x60610008, 0x60640020, 0x60410010)),
+    FixedPdo(TRANSMIT, 1, (0x60770010, 0x60780010)),
+)
+
+
+def test_a_fixed_mapping_is_used_in_its_order_and_with_what_else_it_carries():
+    image = drive_image(replace(DRIVE, fixed_pdos=FIXED))
+    assert [layout.number for layout in image.layouts] == [2, 1, 3, 1]
+    assert [layout.cob_id for layout in image.layouts] == [0x405, 0x305, 0x485, 0x285]
+    assert [layout.length for layout in image.layouts] == [8, 6, 7, 4]
+    setpoint, offset = bytearray(b"\xff" * 8), bytearray(b"\xff" * 6)
+    image.rpdo.pack_into(setpoint, 0, 0x000F, -2)
+    image.offset.pack_into(offset, 0, -300)
+    assert setpoint == bytes.fromhex("feffffff 08 00 0f00"), "6060 gets the mode, padding 0"
+    assert offset == bytes.fromhex("00000000 d4fe"), "the target of another mode is 0"
+    assert image.tpdo.unpack(bytes.fromhex("08 00000080 3712")) == (0x1237, -(2**31))
+    assert image.effort.unpack(bytes.fromhex("0100 ff7f")) == (32767,)
+    assert image.rpdo.unpack(bytes(setpoint)) == (0x000F, -2)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({0: (0x607A0020,)}, "none of rpdo3, rpdo2 carries 6040:0 and 607A:0"),
+        ({1: (0x60400010, 0x60B20010)}, "rpdo2 carries 6040:0, whose value is not known"),
+        ({0: (0x60400010, 0x607A0020, 0x60720010)}, "rpdo3 carries 6072:0, whose value is not known"),
+        ({0: (0x60400010, 0x607A0020, 0x60FE0110)}, "rpdo3 carries 60FE:1, whose value is not known"),
+        ({4: (0x60770010,)}, "none of tpdo1, tpdo4, tpdo2 carries 6078:0"),
+        ({4: (0x60780010, 0x60640020, 0x606C0020)}, "tpdo2 has 80 bits"),
+        ({4: (0x60780010, 0x20000001)}, "tpdo2 has 17 bits: expected whole bytes"),
+    ],
+)
+def test_a_fixed_mapping_that_cannot_be_used_is_named(change, what):
+    fixed = tuple(replace(pdo, mapping=change.get(n, pdo.mapping)) for n, pdo in enumerate(FIXED))
+    with pytest.raises(ValueError, match=what):
+        drive_image(replace(DRIVE, fixed_pdos=fixed))
 
 
 def test_a_temperature_is_read_by_sdo_and_no_pdo_carries_it():
