@@ -13,7 +13,9 @@ from typer.testing import CliRunner
 
 from armload_controller.cli.main import app
 from armload_controller.config.robot import load_robot
+from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.driver_errors import ServoFault
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.drive_descriptions import eds, maker_drive
@@ -42,6 +44,18 @@ def test_scan(drives):
     assert done.exit_code == 0, done.output
     assert [f"│ {node} " in done.output for node in range(3, 9)] == [True] * 6
     assert "IP" in done.output
+
+
+def test_a_vendor_with_a_shipped_profile_is_said():
+    robot = load_robot("prbt").with_bus("socketcan", "vcan0", None, 50.0)
+    traits = {robot.drives.settings.drives[0].node_id: DriveTraits(identity=Identity(0xFB, 0x6552_0000))}
+    with (
+        can.Bus(interface="socketcan", channel="vcan0") as bus,
+        SimulatedDrives(robot.drives.settings, IdealPlant(np.zeros(6)), bus, time.monotonic, traits),
+    ):
+        done = armload("scan", BUS[1])
+    assert done.exit_code == 0, done.output
+    assert done.output.count('profile = "maxon_epos4" is for maxon EPOS4') == 1
 
 
 def test_check(drives):

@@ -28,6 +28,25 @@ def shipped_profiles() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(_SUFFIX) for name in names if name.endswith(_SUFFIX)))
 
 
+def profiles_of_vendor(vendor_id: int | None) -> dict[str, str]:
+    """Shipped profiles whose product family is of a vendor: the family by the profile's name.
+
+    A vendor has other families too, so this is only a hint.
+
+    Args:
+        vendor_id: 1018:1; None if the drive does not report it.
+    """
+    read = {name: read_profile(name, Path(), name, "profile").product for name in shipped_profiles()}
+    return {name: product.name for name, product in read.items() if product.vendor_id == vendor_id is not None}
+
+
+def profile_hint(vendor_id: int | None) -> str:
+    """What an integrator is told about the profiles for a vendor's drives; empty if there is none."""
+    found = profiles_of_vendor(vendor_id)
+    listed = ", ".join(f'profile = "{name}" is for {family}' for name, family in found.items())
+    return f"{listed}; other products of this vendor (0x{vendor_id:08X}) need their own" if found else ""
+
+
 def read_profile(name: str, folder: Path, file: str, key: str) -> ProfileFile:
     """Read a profile.
 

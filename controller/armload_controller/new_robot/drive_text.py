@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from armload_controller.config.drive_profiles import profile_hint
 from armload_controller.new_robot.drafted_file import HOLE, DraftedFile
 from armload_controller.new_robot.drive_drafts import BusDraft, DriveDraft
 from armload_controller.new_robot.twin_draft import twin_bus
@@ -91,6 +92,8 @@ def add_drive(file: DraftedFile, joint: int, drive: DriveDraft | None, bus: BusD
     if bus is not None and bus.description is not None:
         lines.append(f"description = {text(bus.description)}")
     if known.identity is not None:
+        hint = profile_hint(known.identity.vendor_id)
+        lines += [f"# {hint}"] if hint else []
         numbers = {"vendor_id": known.identity.vendor_id, "product_code": known.identity.product_code}
         stated = {key: f"0x{value:08X}" for key, value in numbers.items() if value is not None}
         lines.append(f"identity = {inline(stated)}")

@@ -59,6 +59,7 @@ def scan_command(
     from armload_controller.cli.output.drive_result_tables import found_table
     from armload_controller.cli.output.result_documents import nodes_document
     from armload_controller.cli.screen import Screen
+    from armload_controller.config.drive_profiles import profile_hint
     from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.session.arm_access import nodes_on
 
@@ -72,6 +73,9 @@ def scan_command(
         screen.step(f"no node answers on {interface}:{channel} at {bitrate} bit/s")
         raise typer.Exit(ExitStatus.REFUSED)
     screen.table(found_table(found))
+    for hint in dict.fromkeys(profile_hint(node.identity.vendor_id) for node in found):
+        if hint:
+            screen.step(hint)
 
 
 @drives.command("check")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -15,6 +15,7 @@ class ProductTable(Table):
 
     name: Text
     source: Text
+    vendor_id: Annotated[int, Field(gt=0, lt=1 << 32)] | None = None
     peculiarities: list[Text] = Field(default=[])
 
 

@@ -5,7 +5,7 @@ from importlib import resources
 
 import pytest
 
-from armload_controller.config.drive_profiles import shipped_profiles
+from armload_controller.config.drive_profiles import profile_hint, profiles_of_vendor, shipped_profiles
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
 from armload_drivers.cia402.arm_settings import OperationMode
@@ -145,6 +145,29 @@ def test_every_shipped_profile_can_be_used_and_accepts_nothing(edited, name):
 
 def test_the_four_products_are_shipped():
     assert set(shipped_profiles()) == {"elmo_gold", "maxon_epos4", "pilz_prbt", "roboteq"}
+
+
+def test_a_vendors_shipped_profiles_are_a_hint():
+    assert profiles_of_vendor(0xFB) == {"maxon_epos4": "maxon EPOS4"}
+    assert profile_hint(0xFB) == (
+        'profile = "maxon_epos4" is for maxon EPOS4; other products of this vendor (0x000000FB) need their own'
+    )
+    assert not profiles_of_vendor(7)
+    assert profile_hint(None) == profile_hint(7) == "", "the profile without a vendor id is nobody's"
+
+
+def test_fixed_pdos(edited):
+    key = "fixed_pdos = {{ rpdo1 = [{}], tpdo2 = [0x60640020, 0x60410010, 0x60780010] }}\n"
+    made = drive(edited('mode = "csp"', key.format("0x607A0020, 0x60B20010, 0x60400010") + 'mode = "csp"'))
+    assert [(pdo.key, len(pdo.mapping)) for pdo in made.fixed_pdos] == [("rpdo1", 3), ("tpdo2", 3)]
+    for words, what in (
+        ("0x607A0020", "fixed_pdos.*none of rpdo1 carries 6040:0 and 607A:0"),
+        ("-1", "fixed_pdos"),
+    ):
+        with pytest.raises(ConfigurationError, match=what):
+            load_robot(edited('mode = "csp"', key.format(words) + 'mode = "csp"'))
+    with pytest.raises(ConfigurationError, match="rpdo5"):
+        load_robot(edited('mode = "csp"', 'fixed_pdos = { rpdo5 = [] }\nmode = "csp"'))
 
 
 def test_the_robots_own_keys_go_before_the_profiles(edited, tmp_path):

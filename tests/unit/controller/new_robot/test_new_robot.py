@@ -250,6 +250,12 @@ def test_what_a_description_says_about_sizes_and_a_vendor_alone_is_written(draft
         assert text.count(line) == 5
 
 
+def test_a_shipped_profile_of_the_vendor_is_a_comment(drafted):
+    drives = nodes_described(parse_description(eds(maker_drive(), vendor=0xFB).encode(), "own.eds"), 5)
+    _, _, path = drafted(bus=BusDraft(drives, "socketcan", "can0", 1_000_000, None, "from own.eds"))
+    assert path.read_text().count('\n# profile = "maxon_epos4" is for maxon EPOS4; other products') == 5
+
+
 def answers(*lines):
     given = iter(lines)
     said = []
