@@ -1,6 +1,7 @@
 """The choice of the inertia to write: undetermined elements are never presented as measurements.
 
-A format either needs a complete inertia, or its controller documents that zero means a point mass.
+A format either needs a complete inertia, or zero is what its controller takes if nothing is entered, or is documented
+as a point mass.
 
 - All elements of the format are determined: they are written.
 - Some are determined: a point mass would be wrong, so the complete model is written and the others are named.
@@ -22,6 +23,9 @@ TENSOR = TENSOR_ELEMENTS
 """Elements of a format with a complete tensor, or with principal moments and axes."""
 MOMENTS = TENSOR_ELEMENTS[:3]
 """Elements of a format with moments about the flange's axes and without products."""
+
+_TIE_BREAK = 1e-12
+"""Share of the trace by which moments differ that a tensor leaves equal: far above rounding, far below any use."""
 
 
 class InertiaSource(Enum):
@@ -58,8 +62,8 @@ class WrittenInertia:
                 "completes the measured ones to a physically possible body are written. They are not measurements."
             )
         return (
-            f"Inertia: NOT DETERMINED by the measurement: {names}. Zero is written, which this controller interprets "
-            "as a point mass."
+            f"Inertia: NOT DETERMINED by the measurement: {names}. Zero is written: a point mass in the centre of "
+            "mass, the controller's own default."
         )
 
 
@@ -106,11 +110,12 @@ def principal_inertia(tensor_kg_m2: FloatArray) -> PrincipalInertia:
 
     Of the 24 right-handed orders and signs of the three axes, the one with the greatest trace of R is chosen. It is
     less than 63 degrees from the frame, so no Euler angle is near a singularity, and a diagonal tensor gives R = 1.
+    Where equal moments leave a choice, the axes are those of the frame, not those that rounding happens to give.
 
     Args:
         tensor_kg_m2: (3, 3) symmetric.
     """
-    _, axes = np.linalg.eigh(tensor_kg_m2)
+    _, axes = np.linalg.eigh(tensor_kg_m2 + _TIE_BREAK * np.trace(tensor_kg_m2) * np.diag([0.0, 1.0, 2.0]))
     turned = [axes @ renaming for renaming in _signed_permutations()]
     rotation = max((r for r in turned if np.linalg.det(r) > 0.0), key=np.trace)
     return PrincipalInertia(np.diag(rotation.T @ tensor_kg_m2 @ rotation), rotation)

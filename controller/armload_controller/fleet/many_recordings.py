@@ -72,5 +72,5 @@ def fleet_report(rows: FilePath, report: FilePath | None = None) -> FleetReview:
         from armload_identification.report.fleet.fleet_report import write_fleet_report
 
         attention = attention_of(review, Path(rows), datetime.now(UTC).date())
-        write_fleet_report(Path(report), review, version("armload"), attention.words)
+        write_fleet_report(Path(report), review, version("armload"), attention.words, attention.arms)
     return review

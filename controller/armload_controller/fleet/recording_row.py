@@ -14,6 +14,7 @@ import numpy as np
 
 from armload_controller.fleet.job import Job
 from armload_controller.fleet.job_table import RECORDINGS
+from armload_identification.many_arms.arm_runs import IN_FUTURE
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start
@@ -94,7 +95,9 @@ def recorded_fields(recording: Recording, identified: datetime) -> Row:
     row: Row = {"rows_read": recording.source.rows_read, "rows_dropped": recording.source.rows_dropped}
     row |= {"loaded_sha256": recording.source.sha256}
     start = run_start(recording, identified + _LARGEST_CLOCK_DIFFERENCE)
-    return row if start is None else row | {"recorded_utc": start.moment, "recorded_by": start.stated_by.value}
+    if start is None:
+        return row if run_start(recording) is None else row | {"recorded_by": IN_FUTURE}
+    return row | {"recorded_utc": start.moment, "recorded_by": start.stated_by.value}
 
 
 def findings_fields(findings: Findings) -> Row:

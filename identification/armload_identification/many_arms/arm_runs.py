@@ -36,6 +36,8 @@ UNITS: Mapping[Kind, tuple[str, float]] = {
 
 STATED = ("recording", "time stamps")
 """Where a recording's own date comes from; other dates are those of its file, or of its identification."""
+IN_FUTURE = "not its own date, which is in the future"
+"""Where the date of a recording comes from whose own is by a wrong clock."""
 
 
 @dataclass(frozen=True, order=True)

@@ -31,7 +31,7 @@ import numpy as np
 from scipy.stats import norm, t
 
 from armload_core.arrays import FloatArray
-from armload_identification.many_arms.arm_runs import PER_PAYLOAD, UNITS, ArmRun, Quantity
+from armload_identification.many_arms.arm_runs import IN_FUTURE, PER_PAYLOAD, UNITS, ArmRun, Quantity
 from armload_identification.signals.robust_scale import deviation_by_median
 from armload_identification.verdict.control_limits import ControlChart, control_chart
 from armload_identification.verdict.decision_levels import FalseAlarms
@@ -188,7 +188,7 @@ class FleetReview:
         arms: Arms with a recent recording, the most suspicious first, equal ones by name.
         absent: Arms without one, the last to be recorded first.
         problems: Recordings of `arms` without a result, the latest first.
-        odd: Results whose date is much later than the fleet's, the latest first.
+        odd: Results whose own date is in the future or much later than the fleet's, the latest first.
     """
 
     arms: tuple[ArmReview, ...]
@@ -267,7 +267,8 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
         tuple(
             run
             for run in reversed(ordered)
-            if not run.problem and latest is not None and run.recorded > latest + ABSENT
+            if not run.problem
+            and (run.dated_by == IN_FUTURE or (latest is not None and run.recorded > latest + ABSENT))
         ),
     )
 

@@ -166,7 +166,7 @@ def report_command(
 
     review = review_fleet(runs)
     attention = attention_of(review, folder, now.date())
-    write_fleet_report(page, review, version("armload"), attention.words)
+    write_fleet_report(page, review, version("armload"), attention.words, attention.arms)
     for line in suspicion_lines(review, attention):
         screen.result(line)
     if metrics is not None:
@@ -193,6 +193,7 @@ def history_command(
     """Write a page with charts of every monitored quantity of an arm over all its recordings."""
     from datetime import UTC, datetime
     from importlib.metadata import version
+    from urllib.parse import quote
 
     from armload_identification.extras import Extra, require_extra
 
@@ -200,7 +201,6 @@ def history_command(
     from armload_controller.cli.output.fleet_output import arm_document
     from armload_controller.cli.screen import Screen
     from armload_controller.control_errors import ConfigurationError
-    from armload_controller.export.exported_payload import identifier_of
     from armload_controller.fleet.attention import attention_of
     from armload_controller.fleet.fleet_rows import runs_of
     from armload_identification.many_arms.fleet_review import review_fleet
@@ -210,7 +210,7 @@ def history_command(
     names = sorted({run.arm for run in runs})
     if arm not in names:
         raise ConfigurationError("command line", "ARM", arm, f"expected one of {', '.join(names)}")
-    page = output or folder / f"{identifier_of(arm)}.html"
+    page = output or folder / f"{quote(arm, safe=' ')}.html"
     require_drawable(page)
     from armload_identification.report.fleet.fleet_report import write_arm_history
 

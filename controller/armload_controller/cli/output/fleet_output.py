@@ -8,6 +8,7 @@ from typing import Any
 from armload_controller.fleet.attention import Acknowledgement, Attention
 from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
+from armload_identification.many_arms.arm_runs import IN_FUTURE
 from armload_identification.many_arms.fleet_review import AbsentArm, ArmReview, FleetReview, Suspicion
 from armload_identification.report.numerals import counted
 from armload_identification.results.json_document import json_document
@@ -56,7 +57,8 @@ def suspicion_lines(review: FleetReview, attention: Attention) -> list[str]:
     ]
     lines += _absent_lines(review)
     lines += [
-        f"odd date: {run.arm}: {run.recording} is dated {run.recorded:%Y-%m-%d} ({run.dated_by}), long after the others"
+        f"odd date: {run.arm}: {run.recording} is dated {run.recorded:%Y-%m-%d} ({run.dated_by})"
+        f"{'' if run.dated_by == IN_FUTURE else ', long after the others'}"
         for run in review.odd[:_MOST_LINES]
     ]
     if review.problems:

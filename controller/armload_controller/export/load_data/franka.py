@@ -7,7 +7,8 @@
 - load_inertia: 3 x 3 tensor in kg m2 about the centre of mass in the flange's axes, column by column; it is
   symmetric. Products are tensor elements, Ixy = -int xy dm.
 - `endeffector-config.json`: id, name, color, mass, centerOfMass, transformation (16 numbers, column by column, from the
-  flange; here the identity) and inertia (9 numbers, column by column).
+  flange; here the identity) and inertia (9 numbers, column by column). Settings take it inside an archive, with an id
+  that is a URI reference and does not begin with "ee-".
 
 `setLoad` is for what an end effector grasps, Desk's end effector for what is mounted. What was mounted between the
 empty and the loaded run is one of them, never both.
@@ -45,8 +46,8 @@ def export_franka(subject: ExportSubject) -> dict[str, str]:
         "//",
         "No limits of the numbers are stated in: Franka Robotics, libfranka, Robot::setLoad; RIDE documentation, End "
         "effector commissioning (endeffector-config.json).",
-        "Use setLoad for what is grasped, or endeffector-config.json (Desk, settings, end effector) for what is "
-        "mounted; never both for the same body.",
+        "Use setLoad for what is grasped, or endeffector-config.json for what is mounted (pack it into an archive and "
+        "upload that in the settings, end effector); never both for the same body.",
     )
     lines += [
         "#pragma once",

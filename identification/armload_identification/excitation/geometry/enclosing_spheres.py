@@ -23,8 +23,8 @@ MARGIN_M = 0.005
 _THIN_M = 0.03
 _CORNERS = 24
 """Corners of the polygon that represents a circle."""
-_ALIKE = 1e-9
-"""Relative difference of two spreads that only rounding causes."""
+_TIE_BREAK = 1e-9 * np.diag([2.0, 1.0, 0.0])
+"""Share of the spread that chooses among equally long directions, as of a disc or a ball; rounding would otherwise."""
 
 
 def enclosing_spheres(loaded: UrdfGeometry) -> tuple[Sphere, ...]:
@@ -50,9 +50,8 @@ def enclosing_spheres(loaded: UrdfGeometry) -> tuple[Sphere, ...]:
 def _slices(points: FloatArray) -> list[tuple[FloatArray, float]]:
     """Centre (m) and radius (m) of the spheres around (N, 3) points of a surface."""
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    turn, spread, _ = np.linalg.svd(np.cov((points - middle).T) if len(points) > 1 else np.eye(3))
-    if spread[0] - spread[-1] < _ALIKE * spread[0]:
-        turn = np.eye(3)  # no direction is longest: rounding would choose one
+    spread = np.cov((points - middle).T) if len(points) > 1 else np.zeros((3, 3))
+    turn = np.linalg.svd(spread + np.trace(spread) * _TIE_BREAK)[0]
     along = (points - middle) @ turn
     width = max(float(np.linalg.norm(along[:, 1:], axis=1).max()), _THIN_M)
     count = min(max(ceil(float(np.ptp(along[:, 0])) / (1.5 * width)), 1), MOST_SLICES)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 from xml.sax.saxutils import escape
 
@@ -17,19 +16,17 @@ from armload_identification.report.figures.control_chart_axes import days_of, dr
 from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, LIGHT_GREY, VERMILION
 from armload_identification.report.figures.svg import inline_svg
 
-CHARTS: Final = 3
-"""Number of charts in a row."""
-_WIDE_IN: Final = 7.0
+_WIDE_IN: Final = 2.6
 _HIGH_IN: Final = 1.9
 _STRIP: Final = (96.0, 18.0)
 _MARGIN: Final = 2.5
 
 
-def charts_figure(figures: Sequence[FigureReview], name: str, title: str) -> str:
-    """Control charts in a row; the level of the twins is dashed.
+def chart_figure(figure: FigureReview, name: str, title: str) -> str:
+    """The control chart of a quantity; the level of the twins is dashed.
 
     Args:
-        figures: At most `CHARTS`.
+        figure: The quantity.
         name: Id, unique on the page.
         title: Description of the figure.
 
@@ -39,22 +36,19 @@ def charts_figure(figures: Sequence[FigureReview], name: str, title: str) -> str
     with matplotlib.style.context(["default", FIGURE_STYLE]):
         drawing = Figure(figsize=(_WIDE_IN, _HIGH_IN))
         # Fixed: a computed layout takes longer than the rest of the report.
-        drawing.subplots_adjust(0.07, 0.24, 0.99, 0.86, 0.3)
-        grid = drawing.subplots(1, CHARTS, squeeze=False)[0]
-        for axes, figure in zip(grid, figures, strict=False):
-            unit, scale = UNITS[figure.quantity.kind]
-            place = days_of(figure.recorded)
+        drawing.subplots_adjust(0.17, 0.24, 0.97, 0.86)
+        axes = drawing.subplots()
+        unit, scale = UNITS[figure.quantity.kind]
+        place = days_of(figure.recorded)
 
-            def drawn(values: FloatArray, figure: FigureReview = figure, scale: float = scale) -> FloatArray:
-                return scale * (figure.center + values)
+        def drawn(values: FloatArray) -> FloatArray:
+            return scale * (figure.center + values)
 
-            draw_control_chart(axes, place, figure.chart, drawn)
-            if figure.twins is not None:
-                axes.axhline(scale * figure.twins.level, color=INK, linewidth=0.7, dashes=(4.0, 3.0))
-            draw_dates(axes, place)
-            axes.set_title(f"{figure.quantity}{', ' if unit else ''}{unit}", fontsize=7.5)
-        for axes in grid[len(figures) :]:
-            axes.set_axis_off()
+        draw_control_chart(axes, place, figure.chart, drawn)
+        if figure.twins is not None:
+            axes.axhline(scale * figure.twins.level, color=INK, linewidth=0.7, dashes=(4.0, 3.0))
+        draw_dates(axes, place)
+        axes.set_title(f"{figure.quantity}{', ' if unit else ''}{unit}", fontsize=7.5)
         return inline_svg(drawing, name, title)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Final
@@ -12,12 +12,14 @@ from markupsafe import Markup
 
 from armload_identification.many_arms.arm_runs import UNITS, Kind
 from armload_identification.many_arms.fleet_review import ABSENT, ArmReview, FigureReview, FleetReview
-from armload_identification.report.fleet.fleet_figures import CHARTS, charts_figure, strip
+from armload_identification.report.fleet.fleet_figures import chart_figure, strip
 from armload_identification.report.numerals import NO_BREAK, common_decimals, decimals_for, numeral
 from armload_identification.report.page import rendered, write_page
 
 MOST_SUSPICIOUS: Final = 10
 """Number of arms shown with their charts."""
+_CHARTS: Final = 3
+"""Number of charts of each of them."""
 _MOST_PROBLEMS: Final = 50
 _MOST_DIGITS: Final = 4
 _SHOWN: Final = (Kind.MASS, Kind.GAIN, Kind.FRICTION)
@@ -26,7 +28,11 @@ _TEMPLATE: Final = "fleet/fleet.html.j2"
 
 
 def write_fleet_report(
-    path: Path, review: FleetReview, armload_version: str, acknowledged: Mapping[str, str] | None = None
+    path: Path,
+    review: FleetReview,
+    armload_version: str,
+    acknowledged: Mapping[str, str],
+    needing_attention: Collection[str],
 ) -> None:
     """Write the report of a fleet.
 
@@ -35,15 +41,16 @@ def write_fleet_report(
         review: The fleet.
         armload_version: Version of the program.
         acknowledged: What was said of arms whose findings are acknowledged, by arm.
+        needing_attention: Names of the arms with findings that nobody has acknowledged.
 
     Raises:
         ReportError: the file cannot be written.
     """
-    write_page(path, render_fleet_report(review, armload_version, acknowledged))
+    write_page(path, render_fleet_report(review, armload_version, acknowledged, needing_attention))
 
 
 def render_fleet_report(
-    review: FleetReview, armload_version: str, acknowledged: Mapping[str, str] | None = None
+    review: FleetReview, armload_version: str, acknowledged: Mapping[str, str], needing_attention: Collection[str]
 ) -> str:
     """The report's text.
 
@@ -59,11 +66,12 @@ def render_fleet_report(
         without_result=len(review.problems),
         latest=f"{max(_latest(review)):%Y-%m-%d}",
         suspicious=len(suspicious),
+        to_inspect=sum(arm.arm in needing_attention for arm in suspicious),
         panels=[(arm, _charts(arm, number)) for number, arm in enumerate(suspicious[:MOST_SUSPICIOUS], 1)],
         rows=[(arm, [_shown(kind, _most_off(arm, kind)) for kind in _SHOWN]) for arm in review.arms],
         absent=review.absent,
         odd=review.odd[:_MOST_PROBLEMS],
-        acknowledged=acknowledged or {},
+        acknowledged=acknowledged,
         absent_days=ABSENT.days,
         problems=[
             (run.arm, run.recording, run.problem.removeprefix(f"{run.recording}: "))
@@ -93,12 +101,9 @@ def render_arm_history(arm: ArmReview, armload_version: str, acknowledged: str =
     Returns:
         HTML.
     """
-    figures = list(arm.figures.values())
-    rows = [figures[start : start + CHARTS] for start in range(0, len(figures), CHARTS)]
-    charts = []
-    for number, row in enumerate(rows, 1):
-        title = f"{', '.join(str(figure.quantity) for figure in row)} over the runs."
-        charts.append(Markup(charts_figure(row, f"charts-{number}", title)))
+    kinds = list(Kind)
+    others = sorted(arm.figures.values(), key=lambda figure: kinds.index(figure.quantity.kind))
+    charts = _drawn(arm, [*_suspicious(arm), *others])
     return rendered(
         "fleet/arm.html.j2", armload_version=armload_version, arm=arm, charts=charts, acknowledged=acknowledged
     )
@@ -109,13 +114,24 @@ def _latest(review: FleetReview) -> list[datetime]:
     return [arm.latest for arm in review.arms] + [arm.latest for arm in review.absent]
 
 
-def _charts(arm: ArmReview, number: int) -> Markup:
-    """Charts of an arm's suspicious and other important quantities; empty if no recording has a result."""
-    named = [arm.figures[found.quantity] for found in arm.suspicions if found.quantity is not None]
-    others = [_most_off(arm, kind) for kind in _SHOWN]
-    shown = list(dict.fromkeys([*named, *(figure for figure in others if figure is not None)]))[:CHARTS]
-    title = f"{arm.arm}: {', '.join(str(figure.quantity) for figure in shown)} over the runs."
-    return Markup(charts_figure(shown, f"charts-{number}", title) if shown else "")
+def _charts(arm: ArmReview, number: int) -> list[Markup]:
+    """Charts of an arm's suspicious and other important quantities; none if no recording has a result."""
+    others = (_most_off(arm, kind) for kind in _SHOWN)
+    shown = [*_suspicious(arm), *(figure for figure in others if figure is not None)]
+    return _drawn(arm, list(dict.fromkeys(shown))[:_CHARTS], f"{number}-")
+
+
+def _suspicious(arm: ArmReview) -> list[FigureReview]:
+    """The quantities that an arm's suspicions are about, the most severe first."""
+    return [arm.figures[found.quantity] for found in arm.suspicions if found.quantity is not None]
+
+
+def _drawn(arm: ArmReview, figures: Iterable[FigureReview], prefix: str = "") -> list[Markup]:
+    """The charts of different quantities."""
+    return [
+        Markup(chart_figure(figure, f"chart-{prefix}{number}", f"{arm.arm}: {figure.quantity} over the runs."))
+        for number, figure in enumerate(dict.fromkeys(figures), 1)
+    ]
 
 
 def _shown(kind: Kind, figure: FigureReview | None) -> tuple[str, str, Markup]:

@@ -343,6 +343,13 @@ def test_axes_of_a_diagonal_tensor_are_the_flanges(moments):
     np.testing.assert_array_equal(principal.moments_kg_m2, moments)
 
 
+@pytest.mark.parametrize("moments", [(1.0, 1.0, 2.0), (2.0, 2.0, 2.0), (1.0, 2.0, 2.0)])
+def test_rounding_does_not_choose_among_equal_moments(moments):
+    noise = np.random.default_rng(4).normal(scale=1e-16, size=(8, 3, 3))
+    for tensor in np.diag(moments) + noise + noise.transpose(0, 2, 1):
+        np.testing.assert_allclose(principal_inertia(tensor).rotation, np.eye(3), atol=1e-3)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_principal_axes_are_right_handed_and_near_the_flanges(seed):
     turn = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()

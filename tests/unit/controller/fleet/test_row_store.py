@@ -10,6 +10,7 @@ from armload_controller.control_errors import FleetError
 from armload_controller.fleet.job import Job
 from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row, recorded_fields
 from armload_controller.fleet.row_store import RowStore, latest_rows, read_rows
+from armload_identification.many_arms.arm_runs import IN_FUTURE
 
 DAY = datetime(2026, 3, 1, 23, 30, tzinfo=UTC)
 JOB = Job("k0", "one", "er50", {"loaded": "a.mcap", "unloaded": "b.mcap"}, "", "tool", None, DAY)
@@ -89,7 +90,8 @@ def test_failed_is_not_done_and_the_latest_row_of_a_recording_counts(tmp_path):
         ("", 1772359200.0, "2026-03-01T10:00:00+00:00", "time stamps"),
         ("2062-03-01T10:00:00+00:00", 1772359200.0, "2026-03-01T10:00:00+00:00", "time stamps"),
         ("1970-01-01T00:00:09+00:00", 12.5, None, None),
-        ("0001-01-01T00:00:00+14:00", 4e9, None, None),
+        ("0001-01-01T00:00:00+14:00", 4e9, None, IN_FUTURE),
+        ("2062-03-01T10:00:00+00:00", 0.0, None, IN_FUTURE),
         ("", 1e12, None, None),
         ("", 1e300, None, None),
     ],
@@ -98,7 +100,7 @@ def test_the_time_of_a_recording_is_the_first_possible_one(created, first_s, rec
     source = SimpleNamespace(rows_read=2, rows_dropped=0, sha256="a", between_s=None, run=lambda: {"created": created})
     made = recorded_fields(SimpleNamespace(source=source, time_s=[first_s]), DAY)
     assert made.get("recorded_by") == by
-    assert (made["recorded_utc"].isoformat() if by else None) == recorded
+    assert (made["recorded_utc"].isoformat() if recorded else made.get("recorded_utc")) == recorded
 
 
 def test_a_file_dated_in_the_future_is_one_without_a_date():

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
+from armload_identification.many_arms.arm_runs import IN_FUTURE, ArmRun, Kind, Quantity
 from armload_identification.many_arms.fleet_review import Anomaly, review_fleet
 from armload_identification.report.fleet.fleet_report import MOST_SUSPICIOUS, render_arm_history, render_fleet_report
 
@@ -42,6 +42,13 @@ def fleet(seed=3, **changes):
                 figures[quantity] = (value, NOISE[quantity])
             runs.append(ArmRun(arm, "er50", FIRST + timedelta(days=night), f"{arm}/{night}.mcap", "", figures))
     return runs
+
+
+def page_of(review, acknowledged=None):
+    """The report; every suspicious arm whose findings are not acknowledged needs attention."""
+    known = acknowledged or {}
+    needing = [arm.arm for arm in review.arms if arm.suspicions and arm.arm not in known]
+    return render_fleet_report(review, "1.2", known, needing)
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +151,7 @@ def test_an_arm_that_is_no_longer_recorded_is_neither_assessed_nor_ranked():
         assert len(found.arms) + len(found.absent) == ARMS
     (first, second) = found.absent
     assert (first.model, first.runs, first.latest) == ("er50", NIGHTS, FIRST + timedelta(days=NIGHTS - 1))
-    page = render_fleet_report(found, "1.2", {"cell03": "acknowledged until 2026-12-31: scrapped"})
+    page = page_of(found, {"cell03": "acknowledged until 2026-12-31: scrapped"})
     assert "10 arms</h1>" in page
     assert "acknowledged until 2026-12-31: scrapped" in page
     assert "; 2 more arms without a recent recording</p>" in page
@@ -185,7 +192,7 @@ def test_one_recording_is_a_fleet_too():
     (arm,) = review_fleet([run]).arms
     assert not arm.suspicions
     assert arm.figures[MASS].values.tolist() == [run.figures[MASS][0]]
-    page = render_fleet_report(review_fleet([run]), "1.2")
+    page = page_of(review_fleet([run]))
     assert "No arm is suspicious." in page
     assert "1 recording up to" in page
     friction = run.figures[max(FRICTIONS, key=lambda quantity: run.figures[quantity][0])][0]
@@ -195,12 +202,12 @@ def test_one_recording_is_a_fleet_too():
 
 
 def test_the_page_shows_the_most_suspicious_with_charts_and_all_arms(review):
-    page = render_fleet_report(review, "1.2")
+    page = page_of(review)
     assert "4 of 12 arms should be inspected." in page
     names = re.findall(r'<h2 class="small">\d+\. (\w+), er50</h2>', page)
     assert names == [arm.arm for arm in review.arms[:4]]
     assert len(names) <= MOST_SUSPICIOUS
-    assert page.count('id="charts-') >= len(names)
+    assert page.count('id="chart-') >= len(names)
     assert page.count('<th scope="row" role="rowheader">cell') == ARMS
     assert page.count('<tr><th scope="row">cell09') == 2
     assert "loaded.mcap is damaged" in page
@@ -209,7 +216,7 @@ def test_the_page_shows_the_most_suspicious_with_charts_and_all_arms(review):
 
 def test_an_arm_without_any_result_has_no_charts_and_its_reasons_do_not_repeat_the_file():
     run = replace(fleet()[0], recording="a.mcap", problem="a.mcap: the file is truncated", figures={})
-    page = render_fleet_report(review_fleet([run]), "1.2")
+    page = page_of(review_fleet([run]))
     assert "1 of 1 arm should be inspected." in page
     assert "<figure" not in page
     assert "control limits, three standard deviations" not in page
@@ -218,14 +225,14 @@ def test_an_arm_without_any_result_has_no_charts_and_its_reasons_do_not_repeat_t
 
 def test_the_chart_of_a_single_result_shows_its_day():
     good, bad = fleet()[:2]
-    page = render_fleet_report(review_fleet([good, replace(bad, problem="truncated", figures={})]), "1.2")
+    page = page_of(review_fleet([good, replace(bad, problem="truncated", figures={})]))
     assert set(re.findall(r">(\d\d [A-Z][a-z]{2})<", page)) <= {"01 Mar", "02 Mar"}
     assert "01 Mar" in page
 
 
 def test_what_recordings_say_is_text_on_the_page():
     runs = [replace(run, arm="<script>", problem="<b>", figures={}) for run in fleet()[:1]]
-    page = render_fleet_report(review_fleet(runs), "1.2")
+    page = page_of(review_fleet(runs))
     assert "<script>" not in page
     assert "&lt;b&gt;" in page
 
@@ -240,10 +247,12 @@ def test_one_recording_with_a_date_far_ahead_makes_no_other_arm_old():
         assert not found.absent
         assert {arm.arm for arm in found.arms if arm.suspicions} == {"cell03"}
         assert [run.recording for run in found.odd] == ["copy.csv"]
-        page = render_fleet_report(found, "1.2")
+        page = page_of(found)
         assert "<h2>Odd dates</h2>" in page
         assert f"2027-04-05, {dated_by}</td>" in page
     assert not review_fleet(runs).odd
+    by_file = replace(last, recording="clock.csv", dated_by=IN_FUTURE)
+    assert [run.recording for run in review_fleet([*runs, by_file]).odd] == ["clock.csv"]
 
 
 def test_dates_of_files_do_not_count_beside_stated_ones():
@@ -262,16 +271,20 @@ def test_a_recording_without_a_result_is_not_measured_in_deviations(review):
     assert [found.sentence for found in silent.suspicions] == [
         "the 2 latest recordings gave no result: loaded.mcap is damaged"
     ]
-    page = render_fleet_report(review, "1.2", {"cell09": "acknowledged until 2026-12-31: the reader is repaired"})
+    page = page_of(review, {"cell09": "acknowledged until 2026-12-31: the reader is repaired"})
     assert "Acknowledged until 2026-12-31: the reader is repaired" in page
+    assert "3 of 12 arms should be inspected." in page
+    assert "The findings of 1 are acknowledged." in page
+    everything = page_of(review, {arm.arm: "acknowledged until 2026-12-31: known" for arm in review.arms})
+    assert "No arm needs attention." in everything
+    assert "The findings of 4 are acknowledged." in everything
 
 
 def test_the_history_of_an_arm_has_all_its_charts(review):
     (arm,) = (arm for arm in review.arms if arm.arm == "cell03")
     page = render_arm_history(arm, "1.2", "acknowledged until 2026-12-31: a new gear is ordered")
-    assert page.count('id="charts-') >= -(-len(USUAL) // 3)
-    for quantity in USUAL:
-        assert str(quantity) in page
+    titles = re.findall(r"cell03: (.*) over the runs\.</title>", page)
+    assert titles == [str(quantity) for quantity in (FRICTIONS[1], MASS, CENTER, *GAINS, FRICTIONS[0], FRICTIONS[2])]
     assert "Friction of joint2 is " in page
     assert "a new gear is ordered" in page
     assert "No recording has a result." in render_arm_history(replace(arm, figures={}, suspicions=()), "1.2")

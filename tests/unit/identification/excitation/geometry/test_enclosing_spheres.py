@@ -75,6 +75,14 @@ def test_the_surface_is_inside_and_not_by_far(kind, largest_m):
     assert len(found) == (1 if kind == "sphere" else MOST_SLICES)
 
 
+@pytest.mark.parametrize("shape", [coal.Cylinder(0.2, 0.02), coal.Sphere(0.12), coal.Box(0.3, 0.3, 0.02)])
+def test_rounding_does_not_choose_among_equally_long_directions(shape):
+    found = spheres(body(shape))
+    for shift in np.random.default_rng(2).normal(scale=1e-13, size=(8, 3)):
+        moved = spheres(body(shape, at=AT + shift))
+        np.testing.assert_allclose([s.center_m for s in moved], [s.center_m for s in found], rtol=0.0, atol=1e-6)
+
+
 def test_a_large_triangle_is_covered_between_its_corners_too():
     corners = np.array([[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [0.0, 0.3, 0.0]])
     found = spheres(body(mesh(corners, [(0, 1, 2)])))
