@@ -90,7 +90,10 @@ def exporter(export_format: str) -> Exporter:
         return own
     found = extension(ExtensionGroup.EXPORTS, export_format, tuple(ExportFormat))
     if found is None or not callable(found[0]):
-        raise ExportError(f"{export_format!r}", f"no such format: one of {', '.join(format_names())}")
+        raise ExportError(
+            f"{export_format!r}",
+            f"no such format: one of {', '.join(name for name in format_names() if name != export_format)}",
+        )
     return partial(_by_extension, found[0], f"{export_format} of {found[1]}")
 
 
