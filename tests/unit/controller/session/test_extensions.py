@@ -14,7 +14,7 @@ import pytest
 import armload
 from armload_controller.config.drive_profiles import own_profiles, read_profile, shipped_profiles
 from armload_controller.control_errors import ConfigurationError, ExportError
-from armload_controller.export.format_registry import ExportFormat, exporter
+from armload_controller.export.format_registry import ExportFormat, exporter, format_names
 from armload_identification.extensions import ExtensionSkipped
 from armload_identification.identification_errors import RecordingError
 
@@ -172,6 +172,8 @@ def test_no_format_replaces_armloads(bring, name):
     before = exporter(name)
     bring("thief", "armload.exports", name, STOLEN)
     assert exporter(name) is before
+    with pytest.warns(ExtensionSkipped, match=rf"{name} of thief 2 .* has a name that armload has itself"):
+        assert format_names().count(name) == 1
 
 
 @pytest.mark.parametrize("name", shipped_profiles())

@@ -1,8 +1,13 @@
 """`armload tools` and `identify --minus`, from the command line."""
 
 import re
+from dataclasses import replace
 
 import pytest
+
+import armload as armload_python
+from armload_controller.config.robot import load_robot
+from armload_identification.identification_errors import IdentificationError
 
 
 @pytest.fixture
@@ -44,3 +49,21 @@ def test_an_unknown_tool_is_named(armload, runs):
     loaded, unloaded = (runs / f"{load}_identification.mcap" for load in ("loaded", "unloaded"))
     refused = armload("identify", "er50", "--loaded", loaded, "--unloaded", unloaded, "--minus", "x")
     assert "no such tool, and no such file" in str(refused.exception)
+
+
+def test_a_workpiece_has_no_validation():
+    with pytest.raises(IdentificationError, match="a validation judges the whole load"):
+        armload_python.identify("er50", "a.mcap", "b.mcap", validation=("c.mcap", "d.mcap"), minus="tool.toml")
+
+
+@pytest.mark.long
+def test_more_than_the_rated_payload_is_said(runs):
+    robot = load_robot("er50")
+    rated = robot.tables.robot.model_copy(update={"rated_payload_kg": 8.0})
+    weak = replace(robot, tables=robot.tables.model_copy(update={"robot": rated}))
+    pair = (runs / "loaded_identification.mcap", runs / "unloaded_identification.mcap")
+    said = [
+        [note for note in armload_python.identify(arm, *pair).notes if "more than its rated payload of 8 kg" in note]
+        for arm in (weak, robot)
+    ]
+    assert [len(notes) for notes in said] == [1, 0]
