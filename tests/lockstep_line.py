@@ -8,6 +8,7 @@ import os
 import select
 import socket
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -122,16 +123,20 @@ class LockstepLine(EthercatLine):
     def exchange(self, limit_s):
         counter = super().exchange(self.patience_s)
         # A frame that was lost on its way back has reached the drives, and they wait for the plant; one that was lost
-        # before has not, and the frame that returned may be a late one.
-        wait_s = PATIENCE_S if counter >= 0 else SURELY_S
-        while select.select([self.link._socket], [], [], wait_s)[0]:
+        # before has not.
+        self._answer(PATIENCE_S if counter >= 0 else SURELY_S)
+        return counter
+
+    def _answer(self, limit_s):
+        """Answer the record of the last frame, and all others: ticks, and records of frames that came late."""
+        end_s, answered = time.monotonic() + limit_s, False
+        while select.select([self.link._socket], [], [], 0.0 if answered else max(0.0, end_s - time.monotonic()))[0]:
             record = self.link.receive()
             if record is None:
                 break
             self.link.reply(*self.plant(record))
-            if not record.tick:
-                break
-        return counter
+            # Ticks follow in real time, without an end.
+            answered = answered or not record.tick or time.monotonic() > end_s
 
     def close(self):
         super().close()

@@ -36,9 +36,23 @@ class CoeSdo(SdoChannel):
         self._asked: Future[bytes] | None = None
 
     def ask(self, entry: Entry) -> None:
-        """Request an object without waiting for the answer."""
-        if self._asked is None or self._asked.done():
-            self._asked = self._worker.submit(self._request, entry, None)
+        """Request an object without waiting for the answer; one to an earlier request is not taken any more."""
+        if self._asked is not None:
+            self._asked.cancel()  # one that has not begun: at most two requests of a drive are under way
+        self._asked = self._worker.submit(self._counted, entry)
+
+    def _counted(self, entry: Entry) -> bytes:
+        """Read an object; count requests without an answer."""
+        try:
+            found = self._request(entry, None)
+        except MailboxSilence:
+            self.unanswered += 1
+            raise
+        except MailboxAbort:
+            self.unanswered = 0
+            raise
+        self.unanswered = 0
+        return found
 
     def _take(self) -> bytes | None:
         """The answer to `ask`; None if no value has arrived."""
@@ -46,9 +60,7 @@ class CoeSdo(SdoChannel):
         if asked is None or not asked.done():
             return None
         self._asked = None
-        error = asked.exception()
-        self.unanswered = self.unanswered + 1 if isinstance(error, MailboxSilence) else 0
-        return asked.result() if error is None else None
+        return asked.result() if asked.exception() is None else None
 
     @contextmanager
     def limited_to(self, timeout_s: float) -> Iterator[None]:

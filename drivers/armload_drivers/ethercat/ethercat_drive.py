@@ -22,7 +22,7 @@ HUNG_CYCLES = 2
 HUNG_REQUESTS = 2
 """So many consecutive SDO requests without an answer mean that the firmware hangs: each waits `Timeouts.sdo_s`."""
 RESTART_S = 2.0
-"""Limit of the way from INIT to PREOP."""
+"""Limit of the way to INIT, and of that to PREOP."""
 
 
 class EthercatDrive(CyclicDrive):
@@ -135,11 +135,11 @@ class EthercatDrive(CyclicDrive):
             self._line.request(LineState.SAFEOP, self.place)
 
     def restart(self) -> None:
-        """INIT, and PREOP again."""
+        """INIT, and PREOP again if it answers."""
         self._line.request(LineState.INIT, self.place)
-        self._line.reaches(LineState.INIT, self.place, RESTART_S)
-        self._line.request(LineState.PREOP, self.place)
-        self._line.reaches(LineState.PREOP, self.place, RESTART_S)
+        if self._line.reaches(LineState.INIT, self.place, RESTART_S):
+            self._line.request(LineState.PREOP, self.place)
+            self._line.reaches(LineState.PREOP, self.place, RESTART_S)
 
     # The cycle -----------------------------------------------------------------------------------------------
 

@@ -1,0 +1,88 @@
+"""Requests beside the cycle, on a line that answers when the test allows it."""
+
+from concurrent.futures import ThreadPoolExecutor
+from threading import Event
+
+import pytest
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.ethercat.coe_sdo import CoeSdo
+from armload_drivers.ethercat.ethercat_line import MailboxAbort, MailboxSilence
+
+VALUES = {od.DEVICE_TYPE.index: 0x20192, od.ERROR_CODE.index: 0x2310}
+LIMIT_S = 10.0
+
+
+class Line:
+    """Answers while `may_answer`; `trouble` is what a request raises instead."""
+
+    def __init__(self):
+        self.may_answer, self.begun = Event(), Event()
+        self.requests, self.trouble = [], None
+
+    def upload(self, place, index, subindex, limit_s):
+        self.requests.append(index)
+        self.begun.set()
+        assert self.may_answer.wait(LIMIT_S)
+        if self.trouble is not None:
+            raise self.trouble
+        return VALUES[index].to_bytes(4, "little")
+
+
+@pytest.fixture
+def line():
+    return Line()
+
+
+@pytest.fixture
+def worker():
+    with ThreadPoolExecutor(1) as worker:
+        yield worker
+
+
+@pytest.fixture
+def sdo(line, worker):
+    yield CoeSdo(1, "joint_1", line, worker, LIMIT_S)
+    line.may_answer.set()
+
+
+def finish(worker):
+    worker.submit(lambda: None).result(LIMIT_S)
+
+
+def test_an_answer_that_comes_late_is_not_taken_for_that_of_the_next_request(sdo, line, worker):
+    """A hung drive delays the requests of the others; joint_3's 605B was once compared with another object's value."""
+    sdo.ask(od.DEVICE_TYPE)
+    assert line.begun.wait(LIMIT_S)
+    assert sdo.answer(od.DEVICE_TYPE) is None
+    sdo.ask(od.ERROR_CODE)
+    line.may_answer.set()
+    finish(worker)
+    assert sdo.answer(od.ERROR_CODE) == VALUES[od.ERROR_CODE.index]
+    assert sdo.answer(od.ERROR_CODE) is None
+
+
+def test_requests_that_nobody_waits_for_do_not_queue_up(sdo, line, worker):
+    sdo.ask(od.DEVICE_TYPE)
+    assert line.begun.wait(LIMIT_S)
+    for _ in range(20):
+        sdo.ask(od.ERROR_CODE)
+    line.may_answer.set()
+    finish(worker)
+    assert line.requests == [od.DEVICE_TYPE.index, od.ERROR_CODE.index]
+
+
+def test_requests_without_an_answer_are_counted_until_one_is_answered(sdo, line, worker):
+    line.may_answer.set()
+    for trouble, count in (
+        (MailboxSilence("no answer"), 1),
+        (MailboxSilence("no answer"), 2),
+        (MailboxAbort(0x0602_0000, "no such object"), 0),
+        (MailboxSilence("no answer"), 1),
+        (None, 0),
+    ):
+        line.trouble = trouble
+        sdo.ask(od.DEVICE_TYPE)
+        finish(worker)
+        assert sdo.unanswered == count
+        assert (sdo.answer(od.DEVICE_TYPE) is None) == (trouble is not None)
