@@ -25,6 +25,7 @@ from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reader_registry import reader_of
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.row_block import RowBlock
+from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.json_document import json_document
 
 SHOWN_S: Final = 3.0
@@ -55,9 +56,9 @@ class HeardBus:
     told: ToldPayload | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class WatchedMoment:
-    """Everything known at one moment.
+@dataclass(frozen=True, eq=False, repr=False)
+class WatchedMoment(PrintedResult):
+    """Everything known at one moment; prints as a table.
 
     Attributes:
         time_s: Time of the last sample; None before the first one.
@@ -72,6 +73,13 @@ class WatchedMoment:
     events: tuple[PayloadEvent, ...] = ()
     bus: HeardBus | None = None
     force: Force = Force.FREE
+
+    def table(self) -> ResultTable:
+        """The payload, and the events below."""
+        time = "" if self.time_s is None else f"{self.time_s:.2f}"
+        payload = "not estimated" if self.payload is None else str(self.payload)
+        events = tuple(str(event) for event in self.events)
+        return ResultTable("", ("time s", "payload", "force"), [(time, payload, str(self.force))], (1, 2), events)
 
     def to_numbers(self) -> dict[str, Any]:
         """The estimate and the state of its source, without events: the fields of `to_dict`."""

@@ -19,11 +19,12 @@ from armload_controller.export.format_registry import DEFAULT_LICENCE, LOAD_DATA
 from armload_identification.files.calibration_file import is_calibration
 from armload_identification.files.payload_file import format_payload
 from armload_identification.model.payload import PARAMETER_NAMES, PayloadResult
+from armload_identification.result_table import PrintedResult, ResultTable
 
 
-@dataclass(frozen=True)
-class Exported:
-    """The files of an export.
+@dataclass(frozen=True, repr=False)
+class Exported(PrintedResult):
+    """The files of an export; prints as a table.
 
     Attributes:
         robot: Name of the arm.
@@ -36,6 +37,11 @@ class Exported:
     export_format: str
     files: Mapping[Path, bool]
     notes: tuple[str, ...]
+
+    def table(self) -> ResultTable:
+        """The files, and the notes below."""
+        rows = [(str(path), "written" if new else "unchanged") for path, new in self.files.items()]
+        return ResultTable(f"{self.robot} as {self.export_format}", ("file", ""), rows, (0, 1), self.notes)
 
 
 def export(

@@ -35,7 +35,7 @@ from armload_controller.cli.printable_text import printable
 from armload_controller.control_errors import CommissioningError
 
 if TYPE_CHECKING:
-    from armload_identification.results.result_table import ResultTable
+    from armload_identification.result_table import ResultTable
 
 UNBOUNDED_WIDTH = 1000
 """Width of a stream that is not a terminal."""

@@ -32,6 +32,7 @@ from scipy.stats import norm, t
 
 from armload_core.arrays import FloatArray
 from armload_identification.many_arms.arm_runs import IN_FUTURE, PER_PAYLOAD, UNITS, ArmRun, Quantity
+from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.signals.robust_scale import deviation_by_median
 from armload_identification.verdict.control_limits import ControlChart, control_chart
 from armload_identification.verdict.decision_levels import FalseAlarms
@@ -180,9 +181,9 @@ class ArmReview:
         return self.suspicions[0].deviations if self.suspicions else 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class FleetReview:
-    """Many arms.
+@dataclass(frozen=True, eq=False, repr=False)
+class FleetReview(PrintedResult):
+    """Many arms; prints as a table.
 
     Attributes:
         arms: Arms with a recent recording, the most suspicious first, equal ones by name.
@@ -195,6 +196,17 @@ class FleetReview:
     absent: tuple[AbsentArm, ...]
     problems: tuple[ArmRun, ...]
     odd: tuple[ArmRun, ...] = ()
+
+    def table(self) -> ResultTable:
+        """The arms, with their most severe suspicion; those without a recent recording below."""
+        worst = [next((found.sentence for found in arm.suspicions), "") for arm in self.arms]
+        rows = [
+            (arm.arm, arm.model, str(arm.runs), f"{arm.latest:%Y-%m-%d}", sentence)
+            for arm, sentence in zip(self.arms, worst, strict=True)
+        ]
+        gone = tuple(f"{arm.arm}: no recent recording, the latest is of {arm.latest:%Y-%m-%d}" for arm in self.absent)
+        headings = ("arm", "model", "runs", "latest", "suspicion")
+        return ResultTable("", headings, rows, (0, 1, 3, 4), gone)
 
 
 @dataclass(frozen=True, eq=False)

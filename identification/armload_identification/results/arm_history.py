@@ -14,8 +14,8 @@ from armload_identification.extras import Extra, require_extra
 from armload_identification.pipeline.arm_drift import Monitored
 from armload_identification.report.compared_runs import ComparedRuns
 from armload_identification.report.numerals import counted
+from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.json_document import json_document
-from armload_identification.results.result_table import PrintedResult, ResultTable
 
 _PICTURE_DPI: Final = 130
 _COLD_S: Final = 60.0

@@ -14,9 +14,9 @@ from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.extras import Extra, require_extra
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.recording.reading_options import Effort
+from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.findings_document import number
 from armload_identification.results.json_document import json_document
-from armload_identification.results.result_table import PrintedResult, ResultTable
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -14,10 +14,10 @@ from armload_identification.model.payload import PARAMETER_NAMES, InertialParame
 from armload_identification.recording.recording import hashes_by_name
 from armload_identification.report.report_content import ReportContent, ReportSubject
 from armload_identification.report.verdict_box import VerdictBox, verdict_box
+from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.findings_document import findings_document
 from armload_identification.results.json_document import json_document
 from armload_identification.results.payload_text import value_texts
-from armload_identification.results.result_table import PrintedResult, ResultTable
 from armload_identification.verdict.agreement import Outcome
 
 

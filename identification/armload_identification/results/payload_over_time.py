@@ -10,8 +10,8 @@ from typing import Any
 from armload_identification.extras import Extra, require_extra
 from armload_identification.pipeline.any_motion import Window
 from armload_identification.recording.recording import RecordingSource
+from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.json_document import json_document
-from armload_identification.results.result_table import PrintedResult, ResultTable
 
 _PICTURE_DPI = 130
 

@@ -144,3 +144,4 @@ def test_on_a_terminal_there_is_one_table_and_events_above_it(robot, calibration
     assert "s    0.000 +- " in moment_text(replace(moments[-1], payload=nothing)), "zero has no minus sign"
     bus = HeardBus(0, (0,) * 6, enabled=False, silent_s=1.0)
     assert "nothing received from the arm yet" in moment_text(WatchedMoment(0.0, None, bus=bus))
+    assert repr(WatchedMoment(0.0, None, bus=bus)).splitlines()[1].split() == ["0.00", "not", "estimated", "free"]

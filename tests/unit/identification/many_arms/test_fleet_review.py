@@ -288,3 +288,10 @@ def test_the_history_of_an_arm_has_all_its_charts(review):
     assert "Friction of joint2 is " in page
     assert "a new gear is ordered" in page
     assert "No recording has a result." in render_arm_history(replace(arm, figures={}, suspicions=()), "1.2")
+
+
+def test_a_fleet_prints_as_a_table_and_in_a_notebook(review):
+    first, *_ = str(review).splitlines()[1:]
+    assert first.split()[:4] == [review.arms[0].arm, "er50", str(review.arms[0].runs), "2026-03-14"]
+    assert review.arms[0].suspicions[0].sentence in first
+    assert review._repr_html_().count("<tr>") == 1 + ARMS

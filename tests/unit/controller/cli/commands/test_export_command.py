@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from armload_controller.analysis.robot_export import Exported
 from armload_controller.control_errors import ExportError
 from armload_controller.export.export_files import write_files
 from armload_controller.export.format_registry import ExportFormat
@@ -145,3 +147,8 @@ def test_generated_code_has_the_users_licence(export, tmp_path):
     refused = export("--format", "c", "--licence", "MIT */ int x", "--output", tmp_path / "other")
     assert isinstance(refused.exception, ExportError)
     assert "the licence 'MIT */ int x' is no SPDX expression" in str(refused.exception)
+
+
+def test_what_was_exported_prints_as_a_table():
+    done = Exported("er50", "c", {Path("a.c"): True, Path("b.h"): False}, ("ixx is not determined",))
+    assert repr(done).splitlines()[2:] == ["a.c   written", "b.h   unchanged", "ixx is not determined"]

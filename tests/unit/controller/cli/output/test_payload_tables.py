@@ -16,8 +16,8 @@ from armload_controller.cli.output.windows_output import show_windows, write_pic
 from armload_controller.control_errors import CommissioningError
 from armload_controller.feedforward.offset_check import CERTAINTY, OffsetVerdict
 from armload_controller.session.feedforward_comparison import FollowingComparison, Measure
+from armload_identification.result_table import ResultTable
 from armload_identification.results import payload_comparison
-from armload_identification.results.result_table import ResultTable
 from armload_identification.verdict.agreement import Outcome
 from armload_identification.verdict.cad_comparison import RelativeErrors
 
