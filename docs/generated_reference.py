@@ -1,7 +1,8 @@
-"""Pages of the reference that are made from the code: commands, JSON documents, exit statuses, Python."""
+"""Pages of the reference that are made from the code: commands, JSON documents, exit statuses, Python, modules."""
 
 from __future__ import annotations
 
+import ast
 import inspect
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -17,7 +18,7 @@ from armload_identification.results.json_document import json_schemas
 def write(folder: Path) -> None:
     """Write all pages into a folder; a page that has not changed is left alone."""
     folder.mkdir(exist_ok=True)
-    for name, text in (("commands", _commands()), ("json", _json()), ("python", _python())):
+    for name, text in (("commands", _commands()), ("json", _json()), ("python", _python()), ("modules", _modules())):
         file = folder / f"{name}.md"
         if not file.exists() or file.read_text("utf-8") != text:
             file.write_text(text, "utf-8")
@@ -36,6 +37,20 @@ def _commands() -> str:
             inspect.cleandoc(command.help or "") + "\n",
         ]
         parts.append(_table(("", ""), rows))
+    return "\n".join(parts)
+
+
+def _modules() -> str:
+    """Every module with the first line of its docstring, room by room."""
+    parts = ["# Modules\n\nWhat the first line of each file says, room by room.\n"]
+    for package in ("controller", "drivers", "identification", "configs"):
+        root = Path(__file__).parents[1] / package
+        for folder in sorted({file.parent for file in root.rglob("*.py")}):
+            said = [
+                (f"`{file.name}`", (ast.get_docstring(ast.parse(file.read_text("utf-8"))) or "").split("\n")[0])
+                for file in sorted(folder.glob("*.py"))
+            ]
+            parts += [f"## {folder.relative_to(root)}\n", _table(("module", ""), said)]
     return "\n".join(parts)
 
 

@@ -30,10 +30,10 @@ def test_every_room_of_the_controller_is_on_the_map():
     assert rooms == {line.split("`")[1].rstrip("/") for line in text.splitlines() if line.startswith("| `")}
 
 
-def test_every_module_of_the_drivers_is_on_the_map():
+def test_every_room_of_the_drivers_is_on_the_map():
     text = (ROOT / "drivers" / "README.md").read_text()
-    modules = {file.stem for file in (ROOT / "drivers" / "armload_drivers").rglob("*.py")} - {"__init__"}
-    assert {name for name in modules if not re.search(rf"\b{name}\b", text)} == set()
+    for file in (ROOT / "drivers" / "armload_drivers").glob("*/__init__.py"):
+        assert f"`{file.parent.name}/`" in text
 
 
 @pytest.mark.parametrize("page", ["CONTRIBUTING.md", *(f"{room}/README.md" for room in ROOMS)])
