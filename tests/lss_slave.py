@@ -19,11 +19,14 @@ class LssSlave:
         identity: Vendor id, product code, revision, serial number.
         node_id: Its node id; None if it has none.
         refuses: Command specifier that is answered with error 1.
+        confuses: Command specifier that is answered with another one.
+        forgets: Word of the identity at whose end fastscan is not answered.
         device_type: Value of 1000.
     """
 
-    def __init__(self, identity, node_id=None, refuses=None, device_type=0x0002_0192):
+    def __init__(self, identity, node_id=None, refuses=None, device_type=0x0002_0192, *, confuses=None, forgets=None):
         self.identity, self.node_id, self.refuses, self.device_type = identity, node_id, refuses, device_type
+        self.confuses, self.forgets = confuses, forgets
         self.configuring = False
         self.pending = self.rate = self.stored = None
         self._matching = [False] * 4
@@ -55,6 +58,8 @@ class LssSlave:
         elif command == 0x51 and self.node_id is None and not self.configuring:
             return self._fastscan(*struct.unpack_from("<IBBB", data, 1))
         elif self.configuring and command in {0x11, 0x13, 0x17}:
+            if command == self.confuses:
+                return bytes([command ^ 1, 0])
             if command == self.refuses:
                 return bytes([command, 1])
             if command == 0x11:
@@ -73,6 +78,8 @@ class LssSlave:
         if sub != self._sub or number >> bit != self.identity[sub] >> bit:
             return None
         if bit == 0 and following != sub:
+            if sub == self.forgets:
+                return None
             self._sub = following
             self.configuring = following < sub
         return b"\x4f"

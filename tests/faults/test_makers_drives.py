@@ -87,7 +87,7 @@ def fifth_rpdo(cob_id):
         kind = {"DataType": "5", "DefaultValue": "1"}
         mapped = f"16{index[2:]}"
         sections |= {f"{index}sub1": keys, f"{index}sub2": keys | kind, f"{mapped}sub0": keys | kind}
-        sections |= {f"{mapped}sub1": keys | {"DefaultValue": "0x60FF0020"}}
+        sections |= {f"{mapped}sub1": keys | {"DefaultValue": "0x607A0020"}}
     return sections
 
 
@@ -325,6 +325,9 @@ WRITTEN = {
     "IP only": own({"mode": IP}, without=[0x607A], changes={"6502": {"DefaultValue": "0x40"}}, expected=ways()),
     "IP only, CSP expected": own(
         changes={"6502": {"DefaultValue": "0x40"}}, error=WrongDevice, reason="mode 8 .* is not offered, only 7"
+    ),
+    "CSP without its target": own(
+        without=[0x607A], error=WrongDevice, reason=r'no 607A:0 .*, which mode 8 .* requires\. Set mode = "ip"'
     ),
     "CSP only": own(without=[0x60C1], changes={"6502": {"DefaultValue": "0x80"}}, expected=ways()),
     "CSP only, IP expected": own(

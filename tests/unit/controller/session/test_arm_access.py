@@ -226,6 +226,14 @@ def test_an_operator_who_says_no_moves_nothing(named, at_a_terminal, tmp_path):
     assert "never powered" in printed
 
 
+@pytest.mark.parametrize(("said", "why"), [(b"", "an operator at a terminal"), (b"n\n", "not confirmed")])
+def test_the_brakes_of_a_real_arm_are_tried_only_with_an_operators_consent(named, at_a_terminal, said, why):
+    status, printed, errors = at_a_terminal(["drives", "check", named(), "--brakes"], said)
+    assert status == 1
+    assert why in errors
+    assert "never powered" in printed
+
+
 def test_brakes_are_only_spoken_of_if_every_axis_has_one(named):
     for changes, said in (((), True), (((r"has_brake = true", "has_brake = false"),), False)):
         assert ("the brakes are on" in mounting_question(load_robot(named(*changes)))) is said

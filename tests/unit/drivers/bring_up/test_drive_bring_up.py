@@ -102,6 +102,17 @@ def test_a_silent_node_may_be_reset_only_if_it_cannot_be_a_real_drive(bench):
     assert bench(real, answers=False).setup.identify_before_reset() is False
 
 
+def test_axes_as_sub_indices_of_one_object_are_refused(bench):
+    made = bench()
+    entries = made.drive.dictionary.entries
+    entries[od.POSITION_ACTUAL.key] = replace(od.POSITION_ACTUAL, type=od.DataType.U8)
+    made.values[od.POSITION_ACTUAL.key] = 2
+    entries[od.SECOND_POSITION.key] = od.SECOND_POSITION
+    made.values[od.SECOND_POSITION.key] = 0
+    with pytest.raises(WrongDevice, match=r"several axes with one node id: it has 6064:2.*use a drive for each axis"):
+        made.setup.configure()
+
+
 def test_a_node_that_was_reset_must_answer(bench):
     bench().setup.require_alive()
     with pytest.raises(ServoTimeout, match="no boot-up message"):

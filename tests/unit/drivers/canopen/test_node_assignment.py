@@ -79,6 +79,17 @@ def test_what_a_node_refuses_is_said(wire, refuses, said):
     assert not slave.configuring, "whatever ends, it waits again"
 
 
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [({"confuses": 0x17}, "does not answer to a setting"), ({"forgets": 2}, "inconsistently at word 3")],
+)
+def test_a_node_that_does_not_keep_to_the_services_is_named(wire, fault, said):
+    slave = LssSlave(IDENTITY, **fault)
+    with pytest.raises(LssRefused, match=said):
+        assign(wire(slave), 12, None, None, agreed, LIMITS)
+    assert slave.stored is None
+
+
 def test_an_id_that_is_in_use_is_refused(wire):
     slave = LssSlave(IDENTITY)
     with pytest.raises(LssRefused, match="node id 9 is in use"):

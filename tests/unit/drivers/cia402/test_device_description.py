@@ -192,9 +192,13 @@ def test_an_identity_that_is_not_given_is_none(written):
             GOOD.replace("0x00020192", "0x00030191").encode(),
             r"\[1000\] DefaultValue: .* 0x00030191: its low 16 bits, 0x0191, mean device profile 401, inputs",
         ),
+        (
+            (GOOD + "[6064sub2]\nDataType=4\nAccessType=ro\n").encode(),
+            r"\[6064sub2\]: a drive with several axes as sub-indices .* cannot be used: use a drive for each axis",
+        ),
         (b";" * (LARGEST_BYTES + 1), "larger than"),
     ],
-    ids=["empty", "text", "binary", "no drive", "another profile", "huge"],
+    ids=["empty", "text", "binary", "no drive", "another profile", "axes as sub-indices", "huge"],
 )
 def test_what_is_no_description_of_a_drive_is_refused(data, words):
     with pytest.raises(DescriptionError, match=words) as raised:
