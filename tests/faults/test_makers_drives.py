@@ -281,7 +281,7 @@ WRITTEN = {
     "60C2 that is 0": own(changes={"60C2sub1": ro(0)}, expected=ways()),
     "a period that no bus carries": own(
         changes={"60C2sub1": ro(10), "60C2sub2": ro(-4)},
-        reason=r"interpolates over 0.001 s .*the drive accepts no such cycle.*fewer drives on a bus",
+        reason=r"interpolates over 0.001 s .*the drive accepts no such cycle.*on a second bus",
     ),
     "SYNC with bits that mean nothing": own(
         changes={"1005": {"DefaultValue": "0x80000080", "AccessType": "ro"}}, expected=ways()
@@ -355,6 +355,28 @@ WRITTEN = {
         reason=r"the mapping is fixed to 6040:0, 607A:0; required are 6040:0, 607A:0, 60B2:0\. "
         r"Set fixed_pdos = \{ rpdo1 = \[0x60400010, 0x607A0020\], tpdo1 = \[.*\] \}, torque_offset = false",
     ),
+    "setpoints fixed, feedback free": own(
+        changes={name: keys for name, keys in fixed_mapping(RPDO[:2], TPDO).items() if name.startswith("1600")},
+        reason=r"Set fixed_pdos = \{ rpdo1 = \[0x60400010, 0x607A0020\] \}, torque_offset = false",
+    ),
+    "a torque offset that is read-only": own(
+        changes={"60B2": ro(0)}, reason=r"does not allow 60B2:0 .*torque_offset = f"
+    ),
+    "a torque offset of 8 bits": own(
+        changes={"60B2": {"DataType": "2"}}, error=WrongDevice, reason="8 bits instead of 16. Set torque_offset = false"
+    ),
+    "an effort of 64 bits": own(
+        changes={"6078": {"DataType": "0x15"}}, error=WrongDevice, reason='64 bits instead of 16. It has 6077.*"torque"'
+    ),
+    "no RPDO for the torque offset": own(
+        {"pdo_objects_max": 2}, without=[0x1401, 0x1601], reason="no 1401:1 .*2 are required. Set torque_offset = false"
+    ),
+    "RPDOs of one object": own(
+        {"torque_offset": False},
+        changes={"1600sub0": {"HighLimit": "1", "LowLimit": "0"}},
+        reason="at most 1 objects, 2 are required. A drive must carry 2",
+    ),
+    "no 6060": own(without=[0x6060], error=WrongDevice, reason="no 6060:0 .*mode 8 .*, but 0. Set this mode with"),
     "mapping fixed in another order": own(
         {"fixed_pdos": OTHERS},
         changes=fixed_mapping(OTHERS[0].mapping, OTHERS[1].mapping),

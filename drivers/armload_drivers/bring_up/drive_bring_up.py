@@ -398,7 +398,9 @@ class DriveSetup(DriveDialogue, ABC):
         if self.settings.vendor_effort is not None and entry.key == effort_entry(self.settings).key:
             return f'Correct the type in effort_object: "i{bits}" has {bits} bits'
         key = {od.TORQUE_OFFSET.key: "torque_offset_bits"} | {effort.key: "effort_bits" for effort in _EFFORTS}
-        if entry.key not in key or bits not in {16, 32}:
+        if entry.key in key and bits not in {16, 32}:
+            return self.instead_of(entry, self._sdo.has)
+        if entry.key not in key:
             return f"A drive of CiA 402 has {entry.type.bits}: ask its manufacturer for firmware that conforms"
         name = key[entry.key]
         return f"Set {name} = {bits}{self._rate_for(**{name: bits})}"
@@ -413,8 +415,16 @@ class DriveSetup(DriveDialogue, ABC):
         self._objects.held[self._require_mode()] = int(self.settings.mode)
 
     def _write_mode(self) -> None:
-        """Write 6060."""
+        """Write 6060; a drive without it must be in the mode."""
         self._sdo.step = "selecting the mode"
+        if not self._sdo.has(od.MODE):
+            found = self._sdo.read_if_there(od.MODE_DISPLAY)
+            if found == self.settings.mode:
+                return
+            raise self._wrong(
+                f"the drive has no {od.MODE}, and 6061 does not report mode {_named(self.settings.mode)}, but {found}",
+                "Set this mode with the manufacturer's tool, use firmware that has 6060, or another drive",
+            )
         try:
             self._sdo.write(od.MODE, int(self.settings.mode))
         except SdoRefused as refusal:

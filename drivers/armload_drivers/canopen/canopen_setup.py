@@ -173,7 +173,7 @@ def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
         arm.cycle_s,
         [rate_hz for rate_hz in USUAL_RATES_HZ if rate_hz <= most_hz],
         f"At {arm.bitrate} bit/s the bus carries at most {most_hz} Hz, and the drive accepts no such cycle. Set 60C2 "
-        "with the manufacturer's tool, raise the bit rate, or put fewer drives on a bus",
+        "with the manufacturer's tool, raise the bit rate, or put some joints on a second bus ([bus.a], [bus.b])",
     )
 
 

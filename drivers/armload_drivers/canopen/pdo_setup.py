@@ -63,7 +63,9 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout, advice: MappingAdvice) -> dict[E
     if present is None:
         raise sdo.failure(
             f"the drive has no {cob_id}: it has {number} PDOs in this direction, {number + 1} are required",
-            "Use firmware that has this PDO, or another drive",
+            advice.instead_of(layout.entries[0], lambda _: False)
+            if number and direction is PdoDirection.RECEIVE
+            else "Use firmware that has this PDO, or another drive",
         )
     word = layout.cob_id | present & od.PDO_NO_RTR
     free = _write(sdo, cob_id, word | od.PDO_DISABLED, _NOT_TAKEN)
@@ -85,7 +87,7 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout, advice: MappingAdvice) -> dict[E
         for position, mapped in enumerate(layout.mapping, start=1):
             _map(sdo, layout, position, mapped, advice)
         if not _write(sdo, count, len(wanted), _NOT_TAKEN):
-            raise _too_many(sdo, _FEWEST_OBJECTS, len(wanted), advice)
+            raise _too_many(sdo, min(_FEWEST_OBJECTS, len(wanted) - 1), len(wanted), advice)
     kind = direction.type_entry(number)
     transmission = _synchronous(sdo, kind, direction)
     if free:
@@ -200,7 +202,10 @@ def _changes(sdo: SdoChannel, direction: PdoDirection) -> bool:
     """Whether the first mapping of a direction can be written, by writing what is there."""
     count = direction.count_entry(0)
     present = sdo.read_if_there(count)
-    return present is None or _write(sdo, count, present, _NOT_TAKEN)
+    try:
+        return present is None or _write(sdo, count, present)
+    except SdoRefused:  # for another reason: the PDO is in use
+        return True
 
 
 def switch_others_off(sdo: SdoChannel, direction: PdoDirection, used: Collection[int]) -> None:

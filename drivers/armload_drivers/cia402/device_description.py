@@ -3,7 +3,7 @@
 Rules of this file:
 
 - Vendors' files contain many errors: keys in another case, empty defaults, expressions with `$NODEID`, wrong counts,
-  bytes that are not UTF-8. Each of these causes a warning that names section and key.
+  bytes that are not UTF-8, comments behind values. Each of these causes a warning that names section and key.
 - A file that does not describe a CiA 402 drive is refused with a `DescriptionError`. No other exception is raised for
   any content.
 - Nothing is guessed: a value that cannot be read is None.
@@ -14,6 +14,7 @@ References:
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -47,6 +48,7 @@ UNTOLD = 0xFFFF_FFFF
 _ONLY_IN_CYCLIC_MODES = (INTERPOLATION_TIME, POSITION_OFFSET, VELOCITY_OFFSET, TORQUE_OFFSET)
 _LONGEST_QUOTE = 40
 
+_COMMENT = re.compile(r"\s;")
 _OBJECT = re.compile(r"([0-9a-f]{4})(?:sub([0-9a-f]{1,2}))?")
 _TERM = re.compile(r"\s*([+-]?)\s*(\$nodeid|0x[0-9a-f]+|[0-9]+)\s*", re.IGNORECASE)
 _LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
@@ -248,6 +250,8 @@ class _Reader:
 
     def _text(self, data: bytes) -> str:
         """The file as text."""
+        if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            return data.decode("utf-16", errors="replace")
         if b"\0" in data[:4096]:
             raise DescriptionError(self._source, "", "", "contains zero bytes; is it an EDS or DCF file in text form?")
         try:
@@ -281,7 +285,7 @@ class _Reader:
                 continue
             if key in section:
                 self._warn(_shown(title)[1:-1], _shown(key)[1:-1], "repeated key; the last one counts")
-            section[key] = value.strip()
+            section[key] = value.strip() if key == "parametername" else _COMMENT.split(value, 1)[0].strip()
 
     # Numbers -------------------------------------------------------------------------------------------------
 

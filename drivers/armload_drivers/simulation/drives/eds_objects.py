@@ -183,9 +183,8 @@ def _entry(found: DescribedObject, known: Entry | None, *, mapped: bool) -> Entr
     if known is not None and (found.type is None or too_small):
         kind = known.type
     # Makers confuse "rwr" and "rww".
-    if mapped or (
-        known is not None and mappable is not known.mappable and od.Mappable.NO not in {mappable, known.mappable}
-    ):
+    confused = known is not None and mappable is not known.mappable and found.access is od.Access.RW
+    if mapped or (confused and known is not None and od.Mappable.NO not in {mappable, known.mappable}):
         mappable = od.Mappable.BOTH
     return Entry(found.index, found.subindex, found.name, kind, found.access, mappable)
 

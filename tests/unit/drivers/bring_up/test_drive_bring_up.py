@@ -113,6 +113,18 @@ def test_axes_as_sub_indices_of_one_object_are_refused(bench):
         made.setup.configure()
 
 
+def test_a_drive_without_6060_must_be_in_the_mode(bench):
+    made = bench()
+    made.setup.configure()
+    del made.drive.dictionary.entries[od.MODE.key]
+    made.setup.configure()
+    made.drive.dictionary.entries[od.MODE.key] = od.MODE
+    made.drive.set_object(od.MODE, 1)
+    del made.drive.dictionary.entries[od.MODE.key]
+    with pytest.raises(WrongDevice, match=r"no 6060:0 .*6061 does not report mode 8 .*, but 1"):
+        made.setup.configure()
+
+
 def test_a_node_that_was_reset_must_answer(bench):
     bench().setup.require_alive()
     with pytest.raises(ServoTimeout, match="no boot-up message"):

@@ -164,6 +164,15 @@ def test_a_limit_of_1016_that_allows_no_node_id_is_ignored():
     assert any("[1016sub1] HighLimit: 65535 is too large" in warning for warning in description.warnings)
 
 
+def test_comments_behind_values_and_utf_16_are_read():
+    noted = GOOD.replace("PDOMapping=1\n", "PDOMapping=1 ; can be mapped\n").replace(
+        "AccessType=rw\n", "AccessType=rw\t; both\n"
+    )
+    assert noted != GOOD
+    for data in (noted.encode(), GOOD.encode("utf-16")):
+        assert parse_description(data, "x.eds").objects == parse_description(GOOD.encode(), "x.eds").objects
+
+
 def test_a_compact_array_is_expanded():
     text = GOOD + "\n[1010]\nParameterName=Store\nCompactSubObj=3\nDataType=7\nAccessType=rw\nDefaultValue=1\n"
     description = load(text)
