@@ -368,6 +368,28 @@ WRITTEN = {
     "an effort of 64 bits": own(
         changes={"6078": {"DataType": "0x15"}}, error=WrongDevice, reason='64 bits instead of 16. It has 6077.*"torque"'
     ),
+    "an effort of 32 bits and one TPDO": own(
+        without=[0x1801, 0x1A01, 0x6077],
+        changes={"6078": {"DataType": "4"}},
+        error=WrongDevice,
+        reason="no second transmit PDO, which 32 bits require. A drive must report current",
+    ),
+    "a torque offset of 32 bits and one RPDO": own(
+        without=[0x1401, 0x1601],
+        changes={"60B2": {"DataType": "4"}},
+        error=WrongDevice,
+        reason="no second receive PDO, which 32 bits require. Set torque_offset = false",
+    ),
+    "two objects in a PDO, and one RPDO": own(
+        without=[0x1401, 0x1601],
+        changes={f"{index}sub0": {"HighLimit": "2", "LowLimit": "0"} for index in ("1600", "1A00")},
+        reason="Set pdo_objects_max = 2, and torque_offset = false, since there is no second RPDO",
+    ),
+    "two objects in a PDO, and one TPDO": own(
+        without=[0x1801, 0x1A01],
+        changes={f"{index}sub0": {"HighLimit": "2", "LowLimit": "0"} for index in ("1600", "1A00")},
+        reason="no second TPDO for the effort: use firmware",
+    ),
     "no RPDO for the torque offset": own(
         {"pdo_objects_max": 2}, without=[0x1401, 0x1601], reason="no 1401:1 .*2 are required. Set torque_offset = false"
     ),

@@ -47,6 +47,7 @@ Step = tuple[str, Callable[[], str | None]]
 _MODE_KEYS = {OperationMode.CYCLIC_SYNCHRONOUS_POSITION: "csp", OperationMode.INTERPOLATED_POSITION: "ip"}
 """Values of the key `mode`."""
 _COUNT_BITS = 8
+_WIDE_BITS = 32
 """Size of sub-index 0 of a record or array."""
 _EFFORTS = (od.TORQUE_ACTUAL, od.CURRENT_ACTUAL, od.TORQUE_ACTUAL_32, od.CURRENT_ACTUAL_32)
 
@@ -398,12 +399,17 @@ class DriveSetup(DriveDialogue, ABC):
         if self.settings.vendor_effort is not None and entry.key == effort_entry(self.settings).key:
             return f'Correct the type in effort_object: "i{bits}" has {bits} bits'
         key = {od.TORQUE_OFFSET.key: "torque_offset_bits"} | {effort.key: "effort_bits" for effort in _EFFORTS}
-        if entry.key in key and bits not in {16, 32}:
-            return self.instead_of(entry, self._sdo.has)
+        room = self._room_for_32_bits(entry) if bits == _WIDE_BITS else ""
+        if entry.key in key and (room or bits not in {16, _WIDE_BITS}):
+            return room + self.instead_of(entry, lambda other: self._sdo.bits_if_there(other) == other.type.bits)
         if entry.key not in key:
             return f"A drive of CiA 402 has {entry.type.bits}: ask its manufacturer for firmware that conforms"
         name = key[entry.key]
         return f"Set {name} = {bits}{self._rate_for(**{name: bits})}"
+
+    def _room_for_32_bits(self, entry: Entry) -> str:
+        """Why an object of this size has no room beside the others, as text; empty if it has."""
+        return ""
 
     def _rate_for(self, **of_drives: Any) -> str:
         """What advice about every drive must add so that it fits the bus, as text; see `bus_budget.with_rate_for`."""

@@ -24,6 +24,7 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback, FixedPdo
 from armload_drivers.cia402.bus_budget import USUAL_RATES_HZ, forecast, with_rate_for
 from armload_drivers.cia402.drive_safety import Safety, master_watch
+from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
 from armload_drivers.cia402.process_data.drive_units import microseconds
 from armload_drivers.cia402.process_data.process_image import drive_image, target_entry
 from armload_drivers.cia402.timeouts import Timeouts
@@ -97,8 +98,25 @@ class CanopenSetup(DriveSetup):
             self._objects.held[od.HEARTBEAT_CONSUMER] = watch
 
     def fewer_objects(self, most: int) -> str:
-        """How the configuration can use PDOs of fewer objects."""
-        return f"Set pdo_objects_max = {most}{self._rate_for(pdo_objects_max=most)}: the rest is sent in a second PDO"
+        """How the configuration can use PDOs of fewer objects, if there is a second one for the rest."""
+        changes: dict[str, Any] = {"pdo_objects_max": most}
+        if not self._has_second(PdoDirection.TRANSMIT):
+            return "It has no second TPDO for the effort: use firmware that has one, or another drive"
+        without = ""
+        if self.settings.torque_offset and not self._has_second(PdoDirection.RECEIVE):
+            changes["torque_offset"] = False
+            without = ", and torque_offset = false, since there is no second RPDO; feed-forward is then refused"
+        return f"Set pdo_objects_max = {most}{without}{self._rate_for(**changes)}: the rest is sent in a second PDO"
+
+    def _has_second(self, direction: PdoDirection) -> bool:
+        """Whether the drive has a second PDO of a direction."""
+        return self._sdo.has(direction.cob_id_entry(1))
+
+    def _room_for_32_bits(self, entry: Entry) -> str:
+        """See `DriveSetup`."""
+        direction = PdoDirection.RECEIVE if entry.key == od.TORQUE_OFFSET.key else PdoDirection.TRANSMIT
+        name = direction.name.lower()
+        return "" if self._has_second(direction) else f"It has no second {name} PDO, which 32 bits require. "
 
     def fixed_mapping(self, found: tuple[FixedPdo, ...]) -> str:
         """How the configuration can use PDOs whose mapping cannot be changed, with other feedback if need be."""
@@ -138,7 +156,7 @@ class CanopenSetup(DriveSetup):
             self._sdo.step = f"mapping the {layout.direction.name.lower()} PDO {layout.number + 1}"
             self._objects.held |= map_pdo(self._sdo, layout, self)
         self._sdo.step = "switching unused PDOs off"
-        for direction in od.PdoDirection:
+        for direction in PdoDirection:
             used = {layout.number for layout in self._image.layouts if layout.direction is direction}
             switch_others_off(self._sdo, direction, used)
 
