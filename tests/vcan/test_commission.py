@@ -131,7 +131,6 @@ def recorded(robot, output, bus=BUS):
     return done.stdout
 
 
-@pytest.mark.xfail(reason="four seconds of prbt: joint 6 is wrongly said to contradict the others", strict=False)
 def test_two_halves_in_two_processes(short_robot, tmp_path):
     output = tmp_path / "run"
     recorded(short_robot, output)

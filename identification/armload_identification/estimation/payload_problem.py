@@ -106,7 +106,10 @@ def pair_problem(signal: LoadSignal, chain: Chain, coupling: FloatArray, arm: Kn
         for run, loaded in zip(signals, (True, False), strict=True)
     ]
     group = Group((RunRows(rows[0], PAYLOAD), RunRows(rows[1])), DIFFERENCE_AND_MEAN)
-    noise = Noise.unknown(effort_level(rows))
+    window = signals[0].row_window()
+    # of the mean of both runs' rows, by the scatter of their samples alone
+    sampled_nm = 0.5 * signal.averaged_noise_nm * float(np.sqrt(np.sum(window.weight**2)))
+    noise = Noise.unknown(effort_level(rows), np.sqrt(sampled_nm**2 @ coupling**2))
     if arm is not None:
         problem = Problem(_known_arm(rows, chain, arm, peak), [group], noise, coupling, [arm.known])
         return PayloadProblem(problem, base, peak, signal.interval_s)

@@ -110,13 +110,14 @@ class Noise:
     robust: bool = True
 
     @classmethod
-    def unknown(cls, level_nm: FloatArray) -> Noise:
+    def unknown(cls, level_nm: FloatArray, least_nm: float | FloatArray = 1e-12) -> Noise:
         """Estimated from the residual, at most the torque itself.
 
         Args:
             level_nm: (n,) RMS torque.
+            least_nm: Least value: a few rows can be fitted without any residual.
         """
-        return cls(level_nm, np.full_like(level_nm, 1e-12), level_nm)
+        return cls(level_nm, np.clip(least_nm, 1e-12, level_nm), level_nm)
 
     @classmethod
     def given(cls, noise_nm: FloatArray, correlation: FloatArray) -> Noise:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.gain_errors import GainFit
-from armload_identification.estimation.payload_estimate import PayloadEstimate
+from armload_identification.estimation.payload_estimate import PayloadEstimate, gear_asymmetry
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.recording.recording import Recording
@@ -48,7 +48,7 @@ def notes_on(
         *misfit_notes(found),
         *_on_recordings(runs),
         *_on_interruptions(runs, found.signal),
-        *_on_nominal_gains(runs[0], transmission),
+        *_on_nominal_gains(runs[0], transmission, found.plain),
         *_on_contradictions(found.gains),
         *_on_signal(found.signal, found.struck),
         *_on_result(found),
@@ -88,7 +88,7 @@ def _on_interruptions(runs: Sequence[Recording], signal: LoadSignal) -> list[str
     return notes
 
 
-def _on_nominal_gains(loaded: Recording, transmission: Transmission) -> list[str]:
+def _on_nominal_gains(loaded: Recording, transmission: Transmission, plain: PayloadEstimate) -> list[str]:
     """Gains that were not calibrated: nothing weighed shows their scale."""
     if transmission.calibrated.all():
         return []
@@ -97,10 +97,17 @@ def _on_nominal_gains(loaded: Recording, transmission: Transmission) -> list[str
         what = "Drive gains are nominal" if loaded.torque_nm is None else "The torque is as reported"
         each = 100.0 * NORMAL_HALF_WIDTH * float(np.sqrt(np.diag(gains.own_covariance).max()))
         all_together = 100.0 * NORMAL_HALF_WIDTH * gains.common_deviation
+        lost = float(plain.load_friction.max())
+        uneven = 100.0 * NORMAL_HALF_WIDTH * float(gear_asymmetry(np.array([lost]))[0])
+        of_gears = (
+            f", and for {uneven:.0f} % by gears that lose {100.0 * lost:.0f} % of their load, but not equally in "
+        )
+        of_gears = f"{of_gears}both directions of the power" if uneven >= 1.0 else ""
         return [
             f"{what}: its scale is not verified, and an error that all joints have in common gives the same relative "
             f"error of the mass. The intervals allow, in 95 % of cases, for {each:.0f} % on each joint and for "
-            f"{all_together:.0f} % on all together. A weighed payload verifies the scale: `armload calibrate`."
+            f"{all_together:.0f} % on all together{of_gears}. "
+            "A weighed payload verifies the scale: `armload calibrate`."
         ]
     if loaded.torque_nm is not None:
         return []

@@ -151,7 +151,7 @@ def _by_difference(
             posterior, fitted = fit_gains(problem, gains, prior)
         else:
             posterior = solve(problem.knowing(prior), rough=True)
-        plain = estimate_of(posterior, problem, chain, prior, errors)
+        plain = estimate_of(posterior, problem, chain, prior, errors, gears=fitted is not None)
         refuse_nothing(plain, payload_regressor(chain, *signal.states), signal.unloaded.torque_nm)
         try:
             require_consistent(plain, fitted, signal, chain, friction_nm)

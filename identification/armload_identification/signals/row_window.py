@@ -32,6 +32,7 @@ class RowWindow:
         interval_s: Time between samples.
         length: K.
         periodic: The last sample is followed by the first.
+        half_s: Half of the window.
     """
 
     middle: NDArray[np.intp]
@@ -39,12 +40,15 @@ class RowWindow:
     interval_s: float
     length: int
     periodic: bool
+    half_s: float
 
     @classmethod
-    def of(cls, length: int, interval_s: float, step: int, *, periodic: bool = False) -> RowWindow:
+    def of(
+        cls, length: int, interval_s: float, step: int, *, periodic: bool = False, half_s: float = HALF_S
+    ) -> RowWindow:
         """Rows about every `step`-th of `length` samples; in a periodic run the last is followed by the first."""
-        reach = int(HALF_S / interval_s)
-        return cls(np.arange(0, length, step), np.arange(-reach, reach + 1), interval_s, length, periodic)
+        reach = int(half_s / interval_s)
+        return cls(np.arange(0, length, step), np.arange(-reach, reach + 1), interval_s, length, periodic, half_s)
 
     def only(self, rows: NDArray[np.bool_]) -> RowWindow:
         """The rows for which (R,) is True."""
@@ -68,13 +72,13 @@ class RowWindow:
         They are 0 if a row has a single sample.
         """
         slope = self._share * (1.0 - self._share**2)
-        rise = np.full_like(slope, slope @ self._share * HALF_S)
+        rise = np.full_like(slope, slope @ self._share * self.half_s)
         return np.divide(slope, rise, out=np.zeros_like(slope), where=rise > 0.0)
 
     @property
     def _share(self) -> FloatArray:
         """(w,) u: time from the row's middle as a share of half the window."""
-        return np.asarray(self.offset * self.interval_s / HALF_S)
+        return np.asarray(self.offset * self.interval_s / self.half_s)
 
     @cached_property
     def samples(self) -> NDArray[np.intp]:

@@ -44,8 +44,8 @@ def signal(**changes):
 
 def found_of(share=0.01, **changes):
     """An identification that leaves a share of the torque of each joint."""
-    plain = {"theta": np.zeros(10), "rank": 10, "noise_nm": np.ones(JOINTS)}
-    plain = with_changes(plain, {name: changes.pop(name) for name in ("rank", "noise_nm") if name in changes})
+    plain = {"theta": np.zeros(10), "rank": 10, "noise_nm": np.ones(JOINTS), "load_friction": np.full(JOINTS, 0.05)}
+    plain = with_changes(plain, {name: changes.pop(name) for name in [*plain] if name in changes})
     base = {
         "plain": plain,
         "signal": signal(),
@@ -132,6 +132,13 @@ def test_a_scale_that_nothing_verifies_is_named(calibrated, by_torque, said):
     found = notes(runs=runs, transmission=transmission)
     assert len(found) == bool(said)
     assert all(word in found[0] for word in said)
+
+
+def test_gears_of_much_loss_are_named_with_what_they_may_do_to_the_scale():
+    transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), NONE, np.full(JOINTS, 0.02))
+    assert "gears" not in only(notes(transmission=transmission))
+    lossy = only(notes(transmission=transmission, load_friction=np.array([0.05, 0.21, 0.1])))
+    assert "for 5 % by gears that lose 21 % of their load" in lossy
 
 
 def test_a_contradicted_gain_is_named_with_its_error_and_what_is_allowed():
