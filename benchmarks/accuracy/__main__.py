@@ -9,6 +9,7 @@ from benchmarks.accuracy import (
     calibrated_arms,
     coverage,
     measured_motion,
+    modified_recordings,
     operating_curve,
     other_payloads,
     pair_coverage,
@@ -34,6 +35,7 @@ def main() -> int:
     with workers() as pool:
         speed.run(tally, pool)
         pair_coverage.run(tally, pool)
+        modified_recordings.run(tally, pool)
         calibrated_arms.run_simulated(tally, pool)
         simulated_motion.run(tally, pool)
         other_payloads.run(tally, pool, Twin.NORMATIVE, census)

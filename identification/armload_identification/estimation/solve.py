@@ -363,6 +363,29 @@ class Posterior:
         whole[self._free] = of_shared
         return whole, part.own_covariance @ pull[shared:] - part.follow @ of_shared
 
+    def beside(self, torque_nm: FloatArray, group: int = 0) -> tuple[FloatArray, FloatArray]:
+        """What the rows say of further unknowns, beside all others, to first order.
+
+        Args:
+            torque_nm: (k, N, n) axis torque per unit of each, on the first run of a group.
+            group: Index of the group.
+
+        Returns:
+            (k,) gradient and (k, k) information: their estimate is the solution, if nothing else is known of them.
+        """
+        part, weight, mix = self.eliminated[group], self.row_weight(group), self.groups[group].group.mix[:, 0]
+        shared = self._free.size
+        gradient, information = np.zeros(len(torque_nm)), np.zeros((len(torque_nm),) * 2)
+        pull = np.zeros((shared + part.own_step.size, len(torque_nm)))
+        for rows in self.weighted_rows(group):
+            columns = mix[rows.combination] * torque_nm[:, :, rows.axis] * weight[rows.combination, :, rows.axis]
+            gradient += columns @ rows.target
+            information += columns @ columns.T
+            pull[rows.place] += rows.rows.T @ columns.T
+        across = pull[:shared] - part.follow.T @ pull[shared:]
+        information -= pull[shared:].T @ part.own_covariance @ pull[shared:]
+        return gradient, information - across.T @ _solved(self.information, across)
+
     def row_weight(self, group: int = 0) -> FloatArray:
         """(g, N, n) weight of every row of a group: root of its inverse variance.
 

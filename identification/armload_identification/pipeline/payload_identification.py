@@ -27,6 +27,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PayloadResult, Provenance
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.any_motion import identify_alone
+from armload_identification.pipeline.constant_payload import change_notes
 from armload_identification.pipeline.identification_result import Identification, completed, pair_signal
 from armload_identification.pipeline.mass_center_ranges import within_ranges
 from armload_identification.pipeline.operator_notes import misfit_notes, notes_on
@@ -81,12 +82,14 @@ def identify(
     with threadpool_limits(1):
         identified = _by_prior(loaded, unloaded, chain, transmission, arm)
         if known is None:
-            return identified(None)
+            found = identified(None)
+            return found.with_notes(*change_notes(found, loaded, unloaded, chain, transmission))
         if known.symmetric:
             _require_symmetric(identified(replace(known, symmetric=False).prior()))
         note = note_on_mass(known, identified)
         found = within_ranges(identified(known.prior()), known, identified)
-        return found.with_notes(note) if note else found
+        notes = [note] if note else []
+        return found.with_notes(*notes, *change_notes(found, loaded, unloaded, chain, transmission))
 
 
 def _require_symmetric(found: Identification) -> None:

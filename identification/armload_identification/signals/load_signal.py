@@ -177,7 +177,8 @@ def _by_phase(loaded: Recording, unloaded: Recording, transmission: Transmission
     if abs(one.interval_s / two.interval_s - 1.0) > SamePath.period_share:
         raise RecordingError(
             f"one period took {phases * one.interval_s:.4g} s in {loaded.source.path} and "
-            f"{phases * two.interval_s:.4g} s in {unloaded.source.path}. Record both runs at the same speed."
+            f"{phases * two.interval_s:.4g} s in {unloaded.source.path}. Record both runs at the same speed "
+            "and with the same clock."
         )
     return LoadSignal(one, two, _require_same_path(loaded, unloaded, one, two), shift_s=0.0)
 

@@ -16,7 +16,12 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.recording import PeriodAverage, Recording
-from armload_identification.recording.reduction.place_in_period import phases_per_period, whole_periods
+from armload_identification.recording.reduction.place_in_period import (
+    SETTLING_S,
+    periodic_phase,
+    phases_per_period,
+    whole_periods,
+)
 from armload_identification.signals.alignment import MeasuredMotion, fit_motion
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, joint_torque
@@ -45,6 +50,7 @@ class Motion:
         smoothing_loss: (n,) share of the RMS lost by smoothing.
         periods: Whole periods averaged; 1 without a period.
         position_fit_rad: (n,) RMS of the measured position about the fitted one.
+        began_s: Time stamp of the first sample, or of the first row of periods that were averaged.
     """
 
     time_s: FloatArray
@@ -59,6 +65,7 @@ class Motion:
     smoothing_loss: FloatArray
     periods: int
     position_fit_rad: FloatArray
+    began_s: float
 
     @property
     def n(self) -> int:
@@ -161,7 +168,46 @@ def average_period(run: Recording, transmission: Transmission, phases: int) -> M
         smoothing_loss=smoothing_loss(folded.torque_nm, smoothed),
         periods=periods,
         position_fit_rad=folded.position_fit_rad,
+        began_s=float(_moving_part(run).time_s[0]),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodDeviation:
+    """A run minus its own average period: what differs between its periods.
+
+    Attributes:
+        motion: The run over time; its torque is that minus the average of its phase, valid within the whole periods.
+        since_s: (K,) phase since the start of the first period, over all periods.
+        period_s: Phase of one period.
+        periods: Number of whole periods.
+    """
+
+    motion: Motion
+    since_s: FloatArray
+    period_s: float
+    periods: int
+
+    @classmethod
+    def of(cls, run: Recording, transmission: Transmission) -> PeriodDeviation:
+        """The deviation of a run of several whole periods.
+
+        Raises:
+            RecordingError: as of `motion_of`.
+        """
+        average, over_time = (take(run, transmission) for take in (motion_of, motion_over_time))
+        moving = _moving_part(run)
+        phase, trajectory = periodic_phase(run)
+        at_s = np.interp(over_time.time_s + over_time.began_s, moving.time_s, phase)
+        samples = len(average.time_s)
+        place = at_s / trajectory.period_s * samples % samples
+        usual = np.column_stack(
+            [np.interp(place, np.arange(samples + 1), np.append(column, column[0])) for column in average.raw_nm.T]
+        )
+        since_s, periods = at_s - phase[0], average.periods
+        inside = (since_s >= SETTLING_S) & (since_s < periods * trajectory.period_s)
+        motion = replace(over_time, raw_nm=over_time.raw_nm - usual, valid=over_time.valid & inside)
+        return cls(motion, since_s, trajectory.period_s, periods)
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,6 +297,7 @@ class TimedRun:
             smoothing_loss=smoothing_loss(raw, smoothed),
             periods=1,
             position_fit_rad=self.path.fit_rad,
+            began_s=float(moment_s[0]),
         )
 
 

@@ -338,6 +338,38 @@ class EmptyArmLevels:
     """
 
 
+class PayloadChangeLevels:
+    """When a payload changed during a run (`constant_payload`)."""
+
+    statistic: Final = 24.0
+    """[1] Greatest statistic of a change of mass and first moments over 40 times, above which it is noted.
+
+    Origin: chi-squared with four degrees of freedom exceeds it with a probability of 8e-5, at 40 dependent times with
+        one of 0.3 % at most. Constant payloads of simulated arms
+        reached 20.8 in 130 tests, those of the UR10e 12; of 72 changed ones the least was 26.
+    Factor of two: either way: none of 8 tests fails.
+    """
+    edge_s: Final = 6.0
+    """[s] Time at the start and the end of a run in which no change is looked for.
+
+    Origin: friction of the first seconds after standstill looks like one: on a pair of the UR10e 47 with changes from
+        3.3 s on, 20 from 5.4 s on and 12 from 6.2 s on.
+    Factor of two: either way: none of 8 tests fails.
+    """
+    apart_s: Final = 1.0
+    """[s] Distance of the parts that are identified from the time of a change.
+
+    Origin: times are tried a fortieth of the run apart, 1.3 s in 50 s.
+    Factor of two: twice: 4 of 8 tests fail; half: 1 of 8 tests fails.
+    """
+    least_left: Final = 0.2
+    """[1] Share of the greater of the two masses from which a centre of mass is stated for the other.
+
+    Origin: the same as of a determined value.
+    Factor of two: either way: 2 of 8 tests fail, of the printed times.
+    """
+
+
 class Magnitudes:
     """Magnitudes that no recording of an arm has in the right units (`impossible_magnitudes`)."""
 

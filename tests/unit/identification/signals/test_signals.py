@@ -347,9 +347,10 @@ def test_runs_that_do_not_belong_together_are_refused(pair, pinocchio_arm):
     free = [replace(run, phase_s=None, excitation=None) for run in (loaded, other)]
     with pytest.raises(RecordingError, match=r"not of the same trajectory: .*joint \d differs by .* rad RMS"):
         load_signal(*free, transmission)
-    slow = pinocchio_arm.run(pinocchio_arm.trajectory(), False, seed=1, rate=1.1)
-    with pytest.raises(RecordingError, match="same speed"):
-        load_signal(loaded, slow, transmission)
+    for rate in (1.1, 1.003):
+        slow = pinocchio_arm.run(pinocchio_arm.trajectory(), False, seed=1, rate=rate)
+        with pytest.raises(RecordingError, match="same speed and with the same clock"):
+            load_signal(loaded, slow, transmission)
     swapped = replace(unloaded, position_rad=unloaded.position_rad[:, [1, 0, 2, 3, 4, 5]])
     with pytest.raises(RecordingError, match="order of the joints"):
         load_signal(loaded, swapped, transmission)

@@ -73,6 +73,7 @@ def motion_with(interval_s, states, torque, noise_nm):
         smoothing_loss=nothing,
         periods=1,
         position_fit_rad=nothing,
+        began_s=0.0,
     )
 
 
