@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from resource import getpagesize
 
 
 def peak_bytes() -> int:
@@ -13,3 +14,8 @@ def peak_bytes() -> int:
     if found is None:
         raise RuntimeError("/proc/self/status has no VmHWM")
     return 1024 * int(found.group(1))
+
+
+def resident_bytes() -> int:
+    """Resident memory of this program now."""
+    return int(Path("/proc/self/statm").read_text("ascii").split()[1]) * getpagesize()

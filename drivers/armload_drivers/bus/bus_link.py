@@ -141,10 +141,10 @@ class BusLink:
         Raises:
             BusError: the bus failed or is off.
         """
-        if self._backlog:
-            message: can.Message | None = self._backlog.popleft()
-        else:
-            message = self._receive(timeout_s)
+        try:
+            message = self._backlog.popleft() if self._backlog else self._bus.recv(timeout_s)
+        except (can.CanError, OSError) as error:
+            raise self._deaf(error) from error
         if message is None:
             return False
         if message.is_error_frame:
@@ -188,7 +188,11 @@ class BusLink:
         try:
             return self._bus.recv(timeout_s)
         except (can.CanError, OSError) as error:
-            raise BusError(f"receiving failed: {error}. Is the interface up and its adapter connected?") from error
+            raise self._deaf(error) from error
+
+    def _deaf(self, error: Exception) -> BusError:
+        """The error for a bus that nothing can be read from."""
+        return BusError(f"receiving failed: {error}. Is the interface up and its adapter connected?")
 
     def _error_frame(self, message: can.Message) -> None:
         """Record an error of the controller; bus-off raises."""

@@ -174,6 +174,8 @@ _STAY: dict[State, int] = {
     State.FAULT_REACTION_ACTIVE: 0x00,
     State.FAULT: 0x00,
 }
+_ENABLED, _STAY_ENABLED = State.OPERATION_ENABLED, _STAY[State.OPERATION_ENABLED]
+"""That of nearly every cycle: Python 3.11 takes 0.3 us to hash a member of an enumeration."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,10 +298,10 @@ class MasterMachine:
         state = self.state
         if state is None or self._dropping:
             return Command.DISABLE_VOLTAGE.value[1]
-        if state is State.FAULT and (self._edges_left or self._bit_high):
+        if (self._edges_left or self._bit_high) and state is State.FAULT:
             return self._reset_bit(now_s)
         if self.goal is None or state is self.goal:
-            return _STAY[state]
+            return _STAY_ENABLED if state is _ENABLED else _STAY[state]
         step = ROUTES[self.goal].get(state)
         return _STAY[state] if step is None else step.commands[0].value[1]
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
 from armload_drivers.cia402.axis_course import axis_courses
@@ -44,6 +45,8 @@ class ArmCycle(ABC, Generic[Drive]):
         self._fade: OffsetFade | None = None
         self._none_missing = np.zeros(len(nodes), dtype=np.bool_)
         self._none_missing.setflags(write=False)
+        self._words: list[int] = []
+        self._word_array = np.zeros(0, dtype=np.uint16)
 
     @abstractmethod
     def begin(self) -> None:
@@ -114,10 +117,17 @@ class ArmCycle(ABC, Generic[Drive]):
             velocity_rad_s=None,
             current_a=units.motor_current_a(effort) if with_current else None,
             torque_nm=None if with_current else units.joint_torque_nm(effort),
-            statusword=np.array([node.machine.statusword or 0 for node in nodes], dtype=np.uint16),
+            statusword=self._statusword_array([node.machine.statusword or 0 for node in nodes]),
             missing=np.array(missing) if True in missing else self._none_missing,
             skipped_cycles=skipped,
         )
+
+    def _statusword_array(self, words: list[int]) -> NDArray[np.uint16]:
+        """(n,) the statuswords, in the read-only array of the last cycle if none has changed."""
+        if words != self._words:
+            self._words, self._word_array = words, np.array(words, dtype=np.uint16)
+            self._word_array.setflags(write=False)
+        return self._word_array
 
     def fade_offsets(self) -> None:
         """From the next cycle on, fade all torque offsets to zero, in every drive state. Idempotent."""

@@ -19,6 +19,7 @@ from armload_identification.identification_errors import EstimationError, Record
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import DETERMINED_SHARE
 from armload_identification.model.regressor import PARAMETERS, payload_regressor
+from armload_identification.pipeline.estimator_constants import FLOOR_KG, FLOOR_SHARE
 from armload_identification.pipeline.identification_result import Identification, completed, single_signal
 from armload_identification.pipeline.operator_notes import notes_on
 from armload_identification.recording.recording import Recording, check_joints
@@ -29,9 +30,6 @@ from armload_identification.verdict.recording_checks.motion_quality import Motio
 from armload_identification.verdict.recording_checks.nothing_mounted import refuse_nothing
 from armload_identification.verdict.recording_checks.sanity import check_run
 
-FLOOR_KG: Final = 0.010
-FLOOR_SHARE: Final = 0.001
-"""Least standard deviation of a mass on a calibrated arm, absolute and relative: servo sag, encoder errors."""
 SHORTEST_WINDOW_S: Final = 2.0
 _LASTING: Final = 0.5
 """Part of a joint's residual in excess of the calibration's noise that may be proportional to its torque throughout the

@@ -16,6 +16,9 @@ from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.row_window import HALF_S
 
+FLOOR_KG: Final = 0.010
+FLOOR_SHARE: Final = 0.001
+"""Least standard deviation of a mass on a calibrated arm, absolute and relative: servo sag, encoder errors."""
 ROW_S: Final = 0.05
 """Time between rows of the estimator."""
 _WINDOW_S: Final = 0.24

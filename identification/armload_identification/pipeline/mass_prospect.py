@@ -23,7 +23,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
-from armload_identification.pipeline.any_motion import FLOOR_KG, FLOOR_SHARE
+from armload_identification.pipeline.estimator_constants import FLOOR_KG, FLOOR_SHARE
 from armload_identification.pipeline.payload_estimator import COLOUR
 
 _ROW_S: Final = 0.05

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from armload_core import kernels
 from armload_core.arrays import FloatArray
@@ -25,8 +26,7 @@ from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters, value_scale
-from armload_identification.pipeline.any_motion import FLOOR_KG, FLOOR_SHARE
-from armload_identification.pipeline.estimator_constants import ROW_S, estimator_constants
+from armload_identification.pipeline.estimator_constants import FLOOR_KG, FLOOR_SHARE, ROW_S, estimator_constants
 from armload_identification.signals.joint_torque import Transmission
 
 COLOUR: Final = 2.0
@@ -148,9 +148,10 @@ class PayloadEstimator:
         self, calibration: ArmCalibration, chain: Chain, transmission: Transmission, *, memory_s: float = 60.0
     ) -> None:
         self.calibration = calibration
-        constants = estimator_constants(calibration, chain, transmission, memory_s)
-        self._chain = calibration.level(chain)
-        self._arm = calibration.known_arm(chain)
+        with threadpool_limits(1, "blas"):  # for matrices this small several threads take 20 times as long
+            constants = estimator_constants(calibration, chain, transmission, memory_s)
+            self._chain = calibration.level(chain)
+            self._arm = calibration.known_arm(chain)
         self._parameter = constants.parameter
         self._kernel = kernels.PayloadEstimator(self._chain.packed, *constants)
         self._memory_s = memory_s

@@ -62,7 +62,7 @@ class Table(BaseModel):
 
     content: ClassVar[str] = ""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 _Tables = TypeVar("_Tables", bound=Table)

@@ -11,6 +11,7 @@ gear. The signs are those of the polarity (607E) that the drive reports.
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -162,6 +163,7 @@ class ArmUnits:
         self._takes_offset = np.array([drive.torque_offset for drive in arm.drives])
         self._all_take_offset = bool(self._takes_offset.all())
         self._zero = np.zeros(len(arm.drives))
+        self._packed, self._pack = np.empty(len(arm.drives)), struct.Struct(f"{len(arm.drives)}d").pack_into
         self._inverse = inverse
         self._arm = arm
 
@@ -224,11 +226,11 @@ class ArmUnits:
 
     def joint_position_rad(self, counts: Sequence[int]) -> FloatArray:
         """(n,) joint positions from the drives' 6064."""
-        return np.asarray(self._joint_from_counts.dot(np.array(counts, dtype=np.float64)))
+        return np.asarray(self._joint_from_counts.dot(self._as_array(counts)))
 
     def joint_torque_nm(self, effort: Sequence[int]) -> FloatArray:
         """(n,) joint torques from the reported effort."""
-        return np.asarray(self._joint_from_effort.dot(np.array(effort, dtype=np.float64)))
+        return np.asarray(self._joint_from_effort.dot(self._as_array(effort)))
 
     def joint_offset_nm(self, permille: Sequence[int]) -> FloatArray:
         """(n,) joint torques from torque offsets (60B2)."""
@@ -236,7 +238,12 @@ class ArmUnits:
 
     def motor_current_a(self, effort: Sequence[int]) -> FloatArray:
         """(n,) motor currents from the reported effort."""
-        return self._motor_from_effort * np.array(effort, dtype=np.float64)
+        return self._motor_from_effort * self._as_array(effort)
+
+    def _as_array(self, numbers: Sequence[int]) -> FloatArray:
+        """(n,) the numbers, until the next call; takes half the time of a new array."""
+        self._pack(self._packed, 0, *numbers)
+        return self._packed
 
     def rates(self, axis: int) -> tuple[float, float]:
         """Greatest speed in rad/s and acceleration in rad/s2 of one axis: those of the joints, added where coupled."""
