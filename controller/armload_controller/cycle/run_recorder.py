@@ -23,12 +23,13 @@ from mcap.writer import Writer
 
 from armload_controller.control_errors import CommissioningError, RecordingFailed
 from armload_controller.cycle.arm_frames import FRAMES_SCHEMA, FRAMES_SCHEMA_NAME, FRAMES_TOPIC, ArmFrames
+from armload_controller.cycle.lateness import Lateness
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import Segment
 from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand, JointFeedback
-from armload_identification.recording.run_format import MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
+from armload_identification.recording.run_format import LATENESS_ATTACHMENT, MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
 
 FLUSH_S = 0.2
 """Recorded time between two flushes; at most a quarter of a second is guaranteed."""
@@ -47,6 +48,7 @@ class Recorder:
         path: File to write; it must not exist.
         attachments: Text by name, written first.
         frames: Frames of the arm's links, recorded every `FRAMES_S` for Foxglove; None if the arm is unknown.
+        lateness: Counts late cycles, to be attached at the end; None if this program does not run the cycle.
         clock_ns: Wall-clock time in ns since 1970; read once, at the first row.
 
     Attributes:
@@ -64,9 +66,10 @@ class Recorder:
         attachments: Mapping[str, str],
         *,
         frames: ArmFrames | None = None,
+        lateness: Lateness | None = None,
         clock_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        self._frames, self._clock_ns = frames, clock_ns
+        self._frames, self._lateness, self._clock_ns = frames, lateness, clock_ns
         self._started_ns: int | None = None
         self._framed_s = -float("inf")
         self._path, self._partial = path, _partial_of(path)
@@ -141,7 +144,7 @@ class Recorder:
             elif error is None and failure is None:
                 self._partial.rename(self._path)
 
-        for step in (self._writer.finish, self._flush_to_disk, self._file.close, name_it):
+        for step in (self._attach_lateness, self._writer.finish, self._flush_to_disk, self._file.close, name_it):
             try:
                 step()
             except OSError as problem:
@@ -153,7 +156,11 @@ class Recorder:
         """Record the last command with the feedback that belongs to it."""
         reference = step.sent_reference
         if step.sent is None or reference is None:
+            if self._lateness is not None:
+                self._lateness.begin()
             return
+        if self._lateness is not None:
+            self._lateness.note(step.feedback.time_s)
         self.write(step.feedback, step.sent, reference.segment, phase_of(reference))
 
     def write(self, feedback: JointFeedback, command: JointCommand | None, segment: str, phase_s: float | None) -> None:
@@ -198,6 +205,14 @@ class Recorder:
         """
         if os.fstat(self._file.fileno()).st_nlink == 0:
             raise RecordingFailed(f"{self._partial} was removed while it was being written")
+
+    def _attach_lateness(self) -> None:
+        """Attach how late the cycles were, if there were any."""
+        counted = {} if self._lateness is None else self._lateness.counted()
+        if counted:
+            self._writer.add_attachment(
+                0, 0, LATENESS_ATTACHMENT, _media_type(LATENESS_ATTACHMENT), orjson.dumps(counted)
+            )
 
     def _flush_to_disk(self) -> None:
         """Force the data to disk, so that a file with its final name is complete there."""

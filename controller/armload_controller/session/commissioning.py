@@ -11,6 +11,7 @@ of the first.
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -23,6 +24,7 @@ from armload_controller.config.robot import Robot
 from armload_controller.config.robot_recordings import read_of
 from armload_controller.control_errors import CommissioningError
 from armload_controller.cycle.arm_frames import ArmFrames
+from armload_controller.cycle.lateness import Lateness
 from armload_controller.cycle.monitors import CycleSummary
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.checked_path import CheckedPath, check_path
@@ -135,7 +137,9 @@ def _record(session: RunSession, arm: ArmInUse, role: str, path: CheckedPath, pl
     look = partial(unloaded_doubts, robot, arm)
     if session.load is Load.LOADED:
         look = partial(loaded_doubts, robot, arm, recording_path(directory, Load.UNLOADED, role))
-    with Recorder(recording_path(directory, session.load, role), attachments, frames=frames) as recorder:
+    lateness = Lateness(path.cycle_s, None if robot.bus.in_virtual_time else time.monotonic)
+    file = recording_path(directory, session.load, role)
+    with Recorder(file, attachments, frames=frames, lateness=lateness) as recorder:
         summary = session.run(path, name, recorder=recorder, look=look)
         advance = even_advance(*recorder.measured, path.excitation.trajectory)
         if advance is None:

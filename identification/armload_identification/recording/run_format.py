@@ -1,7 +1,8 @@
 """The format of recordings made by armload.
 
 One MCAP file per run: a channel `TOPIC` with a JSON message per cycle according to `MESSAGE_SCHEMA`, log time =
-wall-clock time of the SYNC, and the attachments named here, which are written first so that they survive a crash.
+wall-clock time of the SYNC, and the attachments named here; those known beforehand are written first so that they
+survive a crash.
 Further channels for visualisation are not read. `armload_controller.cycle.run_recorder` writes the format,
 `formats.mcap_reader` reads it.
 """
@@ -23,6 +24,10 @@ RUN_ATTACHMENT: Final = "run.json"
 """JSON object: armload_version, robot, joints (their names), load ("unloaded" or "loaded"), cycle_hz, created."""
 WAY_ROUND_ATTACHMENT: Final = "way_round.json"
 """JSON object, if the straight approach was not free: via_points_rad, the (V, n) intermediate positions."""
+LATENESS_ATTACHMENT: Final = "lateness.json"
+"""JSON object, written last: by how much the cycles came later after the one before than a period. up_to_ms: upper
+edges of the bins; cycles: the count in each, and in one more; greatest_ms."""
+
 
 _NUMBERS: Final[dict[str, Any]] = {"type": "array", "items": {"type": "number"}}
 MESSAGE_SCHEMA: Final[dict[str, Any]] = {

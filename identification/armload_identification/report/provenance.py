@@ -10,7 +10,7 @@ from typing import Final
 from armload_identification.excitation.excitation_file import parse_excitation
 from armload_identification.model.payload import Provenance
 from armload_identification.recording.recording import RecordingSource
-from armload_identification.recording.run_format import EXCITATION_ATTACHMENT, WAY_ROUND_ATTACHMENT
+from armload_identification.recording.run_format import EXCITATION_ATTACHMENT, LATENESS_ATTACHMENT, WAY_ROUND_ATTACHMENT
 from armload_identification.report.numerals import NO_BREAK, counted, numeral
 from armload_identification.signals.load_signal import LoadSignal
 
@@ -27,6 +27,7 @@ class FileRow:
         details: Format, rate and date of the run, as far as the file contains them.
         rows: Rows read and dropped, by reason.
         sha256: Hash of the file.
+        lateness: How late the cycles were, if recorded.
     """
 
     role: str
@@ -34,6 +35,7 @@ class FileRow:
     details: str
     rows: str
     sha256: str
+    lateness: str = ""
 
 
 def file_rows(
@@ -59,7 +61,7 @@ def file_rows(
 def recording_rows(role: str, sources: Sequence[RecordingSource]) -> list[FileRow]:
     """The recordings of a role: the loaded run and, if there is one, the unloaded run."""
     return [
-        FileRow(f"{role}, {load}", source.path.name, _details(source), _rows(source), source.sha256)
+        FileRow(f"{role}, {load}", source.path.name, _details(source), _rows(source), source.sha256, _lateness(source))
         for load, source in zip(_LOADS, sources, strict=False)
     ]
 
@@ -148,6 +150,22 @@ def _details(source: RecordingSource) -> str:
     if source.truncated:
         parts.append("ends early")
     return ", ".join(parts)
+
+
+def _lateness(source: RecordingSource) -> str:
+    """How many cycles were late by how much; empty without a record of it."""
+    text = source.attachments.get(LATENESS_ATTACHMENT)
+    if text is None:
+        return ""
+    counted = json.loads(text)
+    edges = [0.0, *counted["up_to_ms"]]
+    bins = [
+        f"{count} by {low:g} to {high:g}{NO_BREAK}ms"
+        for count, low, high in zip(counted["cycles"][1:], edges[1:], [*edges[2:], counted["greatest_ms"]], strict=True)
+        if count
+    ]
+    in_time = f"of {sum(counted['cycles'])} cycles {counted['cycles'][0]} in time (to {edges[1]:g}{NO_BREAK}ms)"
+    return ", ".join([in_time, *(f"late: {text}" if k == 0 else text for k, text in enumerate(bins))])
 
 
 def _rows(source: RecordingSource) -> str:

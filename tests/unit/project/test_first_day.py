@@ -1,5 +1,6 @@
 """The page of the first day: short, numbered, and followed word by word on a simulated arm."""
 
+import json
 import re
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_identification.files.payload_file import write_payload
 from armload_identification.model.payload import PayloadResult, Provenance
+from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.run_format import LATENESS_ATTACHMENT
 from tests.short_commissioning import RECORDINGS, write_short_robot
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "first-day.md"
@@ -49,7 +52,13 @@ def test_the_page_is_followed_on_a_simulated_arm(armload, tmp_path, monkeypatch)
             again = armload(*words.split())
             assert again.exit_code in (0, 3), (words, again.output, again.exception)
             assert ": identification" not in again.output, "only the missing run is repeated"
-    assert {path.name for path in (tmp_path / "runs" / "first").glob("*.mcap")} >= RECORDINGS
+    recordings = list((tmp_path / "runs" / "first").glob("*.mcap"))
+    assert {path.name for path in recordings} >= RECORDINGS
+    report = (tmp_path / "runs" / "first" / "report.html").read_text("utf-8")
+    for path in (path for path in recordings if path.name in RECORDINGS):
+        late = json.loads(read_recording(path).source.attachments[LATENESS_ATTACHMENT])
+        assert late["cycles"][0] > 0 == sum(late["cycles"][1:]), "nothing is late in virtual time"
+        assert f"of {late['cycles'][0]} cycles" in report
     assert (tmp_path / "feedforward.svg").is_file()
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 import struct
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -163,7 +164,9 @@ class ArmUnits:
         self._takes_offset = np.array([drive.torque_offset for drive in arm.drives])
         self._all_take_offset = bool(self._takes_offset.all())
         self._zero = np.zeros(len(arm.drives))
-        self._packed, self._pack = np.empty(len(arm.drives)), struct.Struct(f"{len(arm.drives)}d").pack_into
+        self._pack = struct.Struct(f"{len(arm.drives)}d").pack_into
+        self._packed = array("d", bytes(8 * len(arm.drives)))
+        self._seen = np.frombuffer(self._packed)
         self._inverse = inverse
         self._arm = arm
 
@@ -243,7 +246,7 @@ class ArmUnits:
     def _as_array(self, numbers: Sequence[int]) -> FloatArray:
         """(n,) the numbers, until the next call; takes half the time of a new array."""
         self._pack(self._packed, 0, *numbers)
-        return self._packed
+        return self._seen
 
     def rates(self, axis: int) -> tuple[float, float]:
         """Greatest speed in rad/s and acceleration in rad/s2 of one axis: those of the joints, added where coupled."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.pipeline.payload_validation import judge, validate
+from armload_identification.recording.run_format import LATENESS_ATTACHMENT
 from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import center_views
 from armload_identification.report.figures.joint_figures import thin_out, torque_figure
@@ -394,6 +396,13 @@ def test_provenance_is_complete(full, clear):
     assert "c" * 64 in full.text
 
 
+def test_how_late_the_cycles_were_is_stated_if_recorded(clear):
+    counted = {"up_to_ms": [0.1, 1.0], "cycles": [97, 0, 3], "greatest_ms": 7.25}
+    late = replace(clear.sources[0], attachments={LATENESS_ATTACHMENT: json.dumps(counted)})
+    rows = file_rows((late,), (), subject(clear).payload.provenance)
+    assert rows[0].lateness.replace("\u00a0", " ") == ("of 100 cycles 97 in time (to 0.1 ms), late: 3 by 1 to 7.25 ms")
+
+
 def test_dropped_rows_and_further_recordings_are_listed(clear):
     lossy = replace(
         clear.sources[0], rows_dropped=3, reasons={"not finite": 2, "truncated last row": 1}, truncated=True
@@ -406,6 +415,7 @@ def test_dropped_rows_and_further_recordings_are_listed(clear):
     rows = file_rows((lossy, clear.sources[1]), (), about.payload.provenance)
     assert rows[0].rows.endswith("3 dropped (2 not finite, 1 truncated last row)")
     assert rows[0].details.endswith("ends early")
+    assert rows[0].lateness == ""
     assert (rows[2].name, rows[2].sha256) == ("loaded_validation.mcap", "d" * 64)
     assert len(rows) == 3
 
