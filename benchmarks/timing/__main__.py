@@ -5,6 +5,7 @@ The figures depend on the machine and its load: compare within a run, not betwee
 
 from benchmarks.canopen_runs import (
     broken_loops,
+    bus_load,
     false_alarms,
     following,
     ordinary_stops,
@@ -19,6 +20,7 @@ from benchmarks.timing import (
     design_time,
     estimator_time,
     fleet_throughput,
+    loop_process,
     reading_time,
     regressor_time,
     startup,
@@ -29,6 +31,8 @@ for benchmark in (
     startup,
     regressor_time,
     cycle_time,
+    loop_process,
+    bus_load,
     generated_code,
     stops,
     broken_loops,
