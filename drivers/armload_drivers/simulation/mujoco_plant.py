@@ -252,7 +252,8 @@ class ArmPlant:
             state[kernels.SERVO_POWER_ENDS, axis] = min(state[kernels.SERVO_POWER_ENDS, axis], self._step)
             self._engage_brake(axis)
         holding = float(self._spec.coupling[:, axis] @ self._link_torque[:: self._hinges])
-        state[kernels.SERVO_INTEGRAL, axis] = holding - state[kernels.SERVO_OFFSET, axis] if on else 0.0
+        holds = on and math.isfinite(self._spec.integral_time_s)
+        state[kernels.SERVO_INTEGRAL, axis] = holding - state[kernels.SERVO_OFFSET, axis] if holds else 0.0
         if not on:
             state[kernels.SERVO_TORQUE, axis] = state[kernels.SERVO_TRUE_TORQUE, axis] = 0.0
 
@@ -356,7 +357,7 @@ def _parameters(spec: PlantSpec, axis_inertia_kg_m2: FloatArray) -> FloatArray:
     parameter = np.zeros((kernels.SERVO_PARAMETERS, n))
     parameter[kernels.SERVO_POSITION_GAIN] = servo_loops.POSITION_GAIN_1_S
     parameter[kernels.SERVO_VELOCITY_GAIN] = velocity_gain
-    parameter[kernels.SERVO_INTEGRAL_GAIN] = velocity_gain * (TIME_STEP_S / servo_loops.INTEGRAL_TIME_S)
+    parameter[kernels.SERVO_INTEGRAL_GAIN] = velocity_gain * (TIME_STEP_S / spec.integral_time_s)
     parameter[kernels.SERVO_TIME_STEP] = TIME_STEP_S
     if spec.torque_gain_error is not None:
         parameter[kernels.SERVO_GAIN_ERROR] = spec.torque_gain_error

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from armload_core.arrays import FloatArray
+from armload_drivers.simulation.servo_loops import INTEGRAL_TIME_S
 
 BRAKE_DELAY_S = 0.05
 """Usual time in which a servo motor's holding brake closes: data sheets give 10 ms for small and 100 ms for large
@@ -119,6 +120,7 @@ class PlantSpec:
         torque_gain_error: (n,) e per axis; the motor produces (1 + e) times the drive's nominal, reported torque. None
             for zero.
         torque_gain_drift_per_s: (n,) growth of e per second; None for zero.
+        integral_time_s: T_i of the velocity loops; inf for loops without an integral part.
     """
 
     joints: tuple[PlantJoint, ...]
@@ -134,3 +136,4 @@ class PlantSpec:
     friction_scale: float = 1.0
     torque_gain_error: FloatArray | None = None
     torque_gain_drift_per_s: FloatArray | None = None
+    integral_time_s: float = INTEGRAL_TIME_S
