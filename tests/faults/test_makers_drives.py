@@ -335,7 +335,7 @@ WRITTEN = {
     ),
     "IP with a record of the maker's": own(
         without=[0x60C1],
-        changes={"6502": {"DefaultValue": "0x41"}, "60C1": {"DataType": "0xF", "AccessType": "wo", "ObjectType": "7"}},
+        changes={"6502": {"DefaultValue": "0x41"}, "60C1": {"DataType": "9", "AccessType": "wo", "ObjectType": "7"}},
         error=WrongDevice,
         reason=r"mode 8 .* not offered, only 1 .*, 7 .*Of mode 7 .* the drive lacks 60C1:1",
     ),

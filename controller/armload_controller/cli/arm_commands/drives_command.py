@@ -8,7 +8,7 @@ which has no other node, simulated drives answer. `store` and `assign` write wha
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
@@ -59,7 +59,6 @@ def scan_command(
     from armload_controller.cli.output.drive_result_tables import found_table
     from armload_controller.cli.output.result_documents import nodes_document
     from armload_controller.cli.screen import Screen
-    from armload_controller.config.drive_profiles import profile_hint
     from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.session.arm_access import nodes_on
 
@@ -73,9 +72,15 @@ def scan_command(
         screen.step(f"no node answers on {interface}:{channel} at {bitrate} bit/s")
         raise typer.Exit(ExitStatus.REFUSED)
     screen.table(found_table(found))
-    for hint in dict.fromkeys(profile_hint(node.identity.vendor_id) for node in found):
-        if hint:
-            screen.step(hint)
+    _hint_at_profiles(screen, (node.identity.vendor_id for node in found))
+
+
+def _hint_at_profiles(screen: Screen, vendor_ids: Iterable[int | None]) -> None:
+    """Name the shipped profiles of vendors, each once."""
+    from armload_controller.config.drive_profiles import profile_hint
+
+    for hint in dict.fromkeys(filter(None, map(profile_hint, vendor_ids))):
+        screen.step(hint)
 
 
 @drives.command("check")
@@ -110,6 +115,10 @@ def check_command(
     wrong = sum(row.verdict in {Verdict.WRONG, Verdict.NOT_DONE} for row in rows)
     missing = sum(row.verdict is Verdict.MISSING for row in rows)
     left = [f"{count} {what}" for count, what in ((wrong, "wrong or not done"), (missing, "missing")) if count]
+    if left:
+        drives = arm.drives.settings.drives
+        named = arm.drives.profiles
+        _hint_at_profiles(screen, (drive.wanted_identity.vendor_id for drive in drives if drive.joint not in named))
     screen.result(f"of {len(rows)} steps {', '.join(left)}" if left else f"all {len(rows)} steps are ok")
     tried = _brakes_tried(arm, screen, simulated_drives=simulated_drives) if brakes and not wrong else ()
     screen.document(partial(checks_document, arm.name, found, tried))

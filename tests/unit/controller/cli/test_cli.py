@@ -283,6 +283,19 @@ def test_an_address_of_a_bus_has_two_parts(armload, command, text):
     assert "expected INTERFACE:CHANNEL, such as socketcan:can0" in result.output
 
 
+def test_a_check_that_finds_something_names_the_shipped_profiles_of_the_vendor(armload, tmp_path):
+    text = (resources.files("armload_configs") / "er50.toml").read_text("utf-8")
+    text = re.sub(r"^(node_id = .*)$", r"\1\nidentity = { vendor_id = 0xFB }", text, flags=re.MULTILINE)
+    path = tmp_path / "arm.toml"
+    path.write_text(re.sub(r"(?ms)^\[excitation\].*?(?=^\[)", "", text))
+    for named, told in (("", 1), ('profile = "maxon_epos4"\n', 0)):
+        path.write_text(path.read_text().replace("[joints.drive]\n", f"[joints.drive]\n{named}"))
+        result = armload("drives", "check", str(path))
+        assert result.exit_code == 1
+        assert result.output.count('profile = "maxon_epos4" is for maxon EPOS4') == told
+    assert "profile" not in armload("drives", "check", "er50").output
+
+
 def test_simulate_needs_a_bus_that_others_can_reach(armload):
     assert "--bus" in str(armload("simulate", "er50").exception)
 
