@@ -104,7 +104,7 @@ def _on_nominal_gains(loaded: Recording, transmission: Transmission, plain: Payl
         )
         of_gears = f"{of_gears}both directions of the power" if uneven >= 1.0 else ""
         return [
-            f"{what}: its scale is not verified, and an error that all joints have in common gives the same relative "
+            f"{what}: the scale is not verified, and an error that all joints have in common gives the same relative "
             f"error of the mass. The intervals allow, in 95 % of cases, for {each:.0f} % on each joint and for "
             f"{all_together:.0f} % on all together{of_gears}. "
             "A weighed payload verifies the scale: `armload calibrate`."

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from rich.table import Column, Table
 
 from armload_controller.cli.console_text import right
+from armload_identification.estimation.uncertainty import CONFIDENCE
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
@@ -16,7 +18,8 @@ from armload_identification.results.payload_text import value_texts
 def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> Table:
     """Per parameter the estimate, its interval, whether it is determined, and in simulation truth and error.
 
-    For a parameter that is not determined, the table states this instead of a number.
+    For a parameter that is not determined, the table states this instead of a number. Below, in simulation, how many
+    true values lie in their intervals, and how many are expected to.
     """
     table = Table(
         Column("parameter", no_wrap=True),
@@ -25,6 +28,8 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
         *(() if truth is None else right("truth", "error")),
         title=f"Payload in the {payload.frame} frame, inertia about its centre of mass",
         title_justify="left",
+        caption=None if truth is None else _held(payload, truth),
+        caption_justify="left",
     )
     true_values = None if truth is None else truth.values
     for i, text in enumerate(value_texts(payload)):
@@ -63,6 +68,14 @@ def possibility(identification: Identification) -> str:
             f"reported: the nearest possible body, {identification.parameters.mass_kg:.4g} kg"
         )
     return "the estimate is physically possible"
+
+
+def _held(payload: PayloadResult, truth: InertialParameters) -> str:
+    """How many true values lie in their intervals, and how many are expected to."""
+    low, high = payload.interval_95[payload.determined].T
+    true_values = truth.values[payload.determined]
+    held = np.count_nonzero((low <= true_values) & (true_values <= high))
+    return f"true values in their intervals: {held} of {len(low)}; expected on average: {CONFIDENCE * len(low):.1f}"
 
 
 def _error(index: int, value: float, truth: float) -> str:

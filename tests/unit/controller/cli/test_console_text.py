@@ -86,6 +86,15 @@ def test_numbers_stay_in_one_piece_and_rows_are_distinguished(width):
     assert len([line for line in output.splitlines() if "mass " in line and "│" in line]) == len(parts)
 
 
+def test_the_truth_is_counted_beside_what_is_expected():
+    """Nine of ten are determined; the mass is given outside its interval."""
+    heavier = InertialParameters.from_center_of_mass(BODY.mass_kg * 1.02, BODY.center_of_mass_m, BODY.inertia_about_com)
+    for truth, held in ((BODY, 9), (heavier, 8)):
+        said = f"true values in their intervals: {held} of 9; expected on average: 8.5"
+        assert said in shown(payload_table(payload(), truth), 200)[0]
+    assert "true values" not in shown(payload_table(payload(), None), 200)[0]
+
+
 def test_a_table_with_room_is_left_as_it_is():
     table = prose()
     assert shown(table, 300)[1] == [table]
