@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import inspect
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +14,19 @@ import typer
 
 from armload_controller.cli.attendance import attended, operator_at
 from armload_controller.cli.given_arm import arm_on_bus
+from armload_controller.cli.options import (
+    BitrateOption,
+    BusOption,
+    CalibrationOption,
+    CycleOption,
+    LiveAddressOption,
+    LiveOption,
+    MountedOption,
+    RobotArgument,
+    SimulatedDrivesOption,
+    YesOption,
+)
+from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.motion.motion_control import MotionControl
 
 if TYPE_CHECKING:
@@ -72,20 +87,20 @@ class Bench:
 
 @dataclass(frozen=True)
 class BenchOptions:
-    """Options that all feed-forward commands share; `cli/options.py` describes them."""
+    """Options that all feed-forward commands share, in the order of their help."""
 
-    robot: str
-    bus: str | None
-    bitrate: int | None
-    cycle_hz: float | None
-    simulated_drives: bool
-    mounted: str | None
-    excitation: Path | None
-    calibration: Path | None
-    yes: bool
-    live: bool
-    live_address: str | None
-    as_json: bool
+    robot: RobotArgument
+    excitation: ExcitationOption = None
+    calibration: CalibrationOption = None
+    mounted: MountedOption = None
+    bus: BusOption = None
+    bitrate: BitrateOption = None
+    cycle_hz: CycleOption = None
+    simulated_drives: SimulatedDrivesOption = False
+    yes: YesOption = False
+    live: LiveOption = False
+    live_address: LiveAddressOption = None
+    as_json: JsonOption = False
 
     def arm(self) -> Robot:
         """The arm, if it may be moved.
@@ -120,6 +135,21 @@ class BenchOptions:
         live = live_at(self.live, self.live_address)
         with operator_at(arm, screen, control, agreed=self.yes, live=live) as operator:
             yield Bench(arm, path, used, open_servos, operator, screen)
+
+
+def with_bench_options(command: Callable[..., None]) -> Callable[..., None]:
+    """A command with the options of `BenchOptions`, which it gets as its first argument, `options`."""
+    robot, *shared = inspect.signature(BenchOptions, eval_str=True).parameters.values()
+    _, *own = inspect.signature(command, eval_str=True).parameters.values()
+
+    @wraps(command)
+    def given(**values: object) -> None:
+        names = [each.name for each in own]
+        options = {name: value for name, value in values.items() if name not in names}
+        command(BenchOptions(**options), **{name: values[name] for name in names})  # type: ignore[arg-type]
+
+    given.__signature__ = inspect.Signature([robot, *own, *shared])  # type: ignore[attr-defined]
+    return given
 
 
 def usable(arm: Robot, payload: Path) -> PayloadResult:

@@ -12,24 +12,11 @@ import typer
 from armload_controller.cli.arm_commands.feedforward_bench import (
     Bench,
     BenchOptions,
-    ExcitationOption,
     PayloadArgument,
     usable,
-)
-from armload_controller.cli.options import (
-    BitrateOption,
-    BusOption,
-    CalibrationOption,
-    CycleOption,
-    LiveAddressOption,
-    LiveOption,
-    MountedOption,
-    RobotArgument,
-    SimulatedDrivesOption,
-    YesOption,
+    with_bench_options,
 )
 from armload_controller.cli.output.feedforward_output import offset_account, show_comparisons
-from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_folder
 
 if TYPE_CHECKING:
@@ -41,21 +28,11 @@ IDENTIFIED, IDEAL = "identified payload", "true payload"
 FRICTION, ARM = "payload and its friction in the gears", "payload and arm"
 
 
+@with_bench_options
 def feedforward_compare(
-    robot: RobotArgument,
+    options: BenchOptions,
     payload: PayloadArgument,
     picture: Annotated[Path, typer.Option(help="Picture of the comparison, .svg or .png.")] = Path("feedforward.svg"),
-    excitation: ExcitationOption = None,
-    calibration: CalibrationOption = None,
-    mounted: MountedOption = None,
-    bus: BusOption = None,
-    bitrate: BitrateOption = None,
-    cycle_hz: CycleOption = None,
-    simulated_drives: SimulatedDrivesOption = False,
-    yes: YesOption = False,
-    live: LiveOption = False,
-    live_address: LiveAddressOption = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Run one trajectory without and with feed-forward, and show its effect on the following error.
 
@@ -66,20 +43,6 @@ def feedforward_compare(
     from armload_controller.cli.output.result_documents import feedforward_document
     from armload_controller.session.comparison_figure import require_picture
 
-    options = BenchOptions(
-        robot,
-        bus,
-        bitrate,
-        cycle_hz,
-        simulated_drives,
-        mounted,
-        excitation,
-        calibration,
-        yes,
-        live,
-        live_address,
-        as_json,
-    )
     arm = options.arm()
     require_picture(picture)
     require_folder(picture)

@@ -9,21 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.arm_commands.feedforward_bench import Bench, BenchOptions, ExcitationOption, usable
-from armload_controller.cli.options import (
-    BitrateOption,
-    BusOption,
-    CalibrationOption,
-    CycleOption,
-    LiveAddressOption,
-    LiveOption,
-    MountedOption,
-    RobotArgument,
-    SimulatedDrivesOption,
-    YesOption,
-)
+from armload_controller.cli.arm_commands.feedforward_bench import Bench, BenchOptions, usable, with_bench_options
 from armload_controller.cli.output.feedforward_output import offset_account
-from armload_controller.cli.output.json_output import JsonOption
 
 if TYPE_CHECKING:
     from armload_controller.config.robot import Robot
@@ -33,8 +20,9 @@ if TYPE_CHECKING:
     from armload_identification.model.payload import PayloadResult
 
 
+@with_bench_options
 def feedforward_run(
-    robot: RobotArgument,
+    options: BenchOptions,
     payload: Annotated[
         Path | None,
         typer.Argument(metavar="PAYLOAD", help="Payload file (TOML) to feed forward; omitted with --expect."),
@@ -50,17 +38,6 @@ def feedforward_run(
     decisions: Annotated[
         Path, typer.Option(help="With --expect: log of every decision, one line of JSON each; lines are appended.")
     ] = Path("adaptation.jsonl"),
-    excitation: ExcitationOption = None,
-    calibration: CalibrationOption = None,
-    mounted: MountedOption = None,
-    bus: BusOption = None,
-    bitrate: BitrateOption = None,
-    cycle_hz: CycleOption = None,
-    simulated_drives: SimulatedDrivesOption = False,
-    yes: YesOption = False,
-    live: LiveOption = False,
-    live_address: LiveAddressOption = None,
-    as_json: JsonOption = False,
 ) -> None:
     """Run a trajectory with the payload's torque added to that of the drives (60B2), tried at standstill first.
 
@@ -72,20 +49,6 @@ def feedforward_run(
     from armload_controller.cli.output.result_documents import feedforward_document
 
     require_one_kind(payload, expect)
-    options = BenchOptions(
-        robot,
-        bus,
-        bitrate,
-        cycle_hz,
-        simulated_drives,
-        mounted,
-        excitation,
-        calibration,
-        yes,
-        live,
-        live_address,
-        as_json,
-    )
     arm = options.arm()
     declared = None if expect is None else declared_mass(arm, expect)
     given = None if payload is None else usable(arm, payload)
