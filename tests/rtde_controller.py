@@ -98,7 +98,15 @@ class Controller:
             connection.sendall(package[start : start + self.piece])
 
 
-def row(time_s, position=(0.0,) * 6, current=(0.0,) * 6, mode=7, payload_kg=1.5, center_m=(0.0, 0.1, 0.2)):
+def row(
+    time_s,
+    position=(0.0,) * 6,
+    current=(0.0,) * 6,
+    mode=7,
+    payload_kg=1.5,
+    center_m=(0.0, 0.1, 0.2),
+    moment=(0.0,) * 6,
+):
     """The outputs of one package."""
     return {
         "timestamp": (time_s,),
@@ -106,7 +114,7 @@ def row(time_s, position=(0.0,) * 6, current=(0.0,) * 6, mode=7, payload_kg=1.5,
         "actual_q": position,
         "actual_qd": (0.0,) * 6,
         "actual_current": current,
-        "target_moment": (0.0,) * 6,
+        "target_moment": moment,
         "payload": (payload_kg,),
         "payload_cog": center_m,
     }

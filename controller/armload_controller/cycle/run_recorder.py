@@ -29,7 +29,15 @@ from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import Segment
 from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand, JointFeedback
-from armload_identification.recording.run_format import LATENESS_ATTACHMENT, MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
+from armload_identification.recording.run_format import (
+    EVENT_SCHEMA_NAME,
+    EVENTS_TOPIC,
+    LATENESS_ATTACHMENT,
+    MESSAGE_SCHEMA,
+    SCHEMA_NAME,
+    TOPIC,
+)
+from armload_identification.results.json_document import event_schema
 
 FLUSH_S = 0.2
 """Recorded time between two flushes; at most a quarter of a second is guaranteed."""
@@ -71,6 +79,7 @@ class Recorder:
     ) -> None:
         self._frames, self._lateness, self._clock_ns = frames, lateness, clock_ns
         self._started_ns: int | None = None
+        self._events_channel: int | None = None
         self._framed_s = -float("inf")
         self._path, self._partial = path, _partial_of(path)
         if path.exists():
@@ -163,7 +172,14 @@ class Recorder:
             self._lateness.note(step.feedback.time_s)
         self.write(step.feedback, step.sent, reference.segment, phase_of(reference))
 
-    def write(self, feedback: JointFeedback, command: JointCommand | None, segment: str, phase_s: float | None) -> None:
+    def write(
+        self,
+        feedback: JointFeedback,
+        command: JointCommand | None,
+        segment: str,
+        phase_s: float | None,
+        target_torque_nm: FloatArray | None = None,
+    ) -> None:
         """Record one cycle.
 
         Args:
@@ -171,6 +187,7 @@ class Recorder:
             command: The command it belongs to; None if unknown.
             segment: One of `run_format.SEGMENTS`.
             phase_s: Phase along the excitation; None outside the measured periods.
+            target_torque_nm: Joint torque that the arm's own controller calculated; None if unknown.
 
         Raises:
             RecordingFailed: the disk is full, or another error of the file.
@@ -179,6 +196,8 @@ class Recorder:
             self._started_ns = self._clock_ns() - round(feedback.time_s * 1e9)
         stamp_ns = self._started_ns + round(feedback.time_s * 1e9)
         row = joint_row(feedback, command, segment, phase_s)
+        if target_torque_nm is not None:
+            row["target_torque_nm"] = target_torque_nm
         data = orjson.dumps(row, option=orjson.OPT_SERIALIZE_NUMPY)
         try:
             self._writer.add_message(self._channel, stamp_ns, data, stamp_ns, feedback.cycle)
@@ -194,6 +213,27 @@ class Recorder:
                 self._writer.flush()
                 self._require_there()
                 self._flushed_s = feedback.time_s
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def write_event(self, time_s: float, event: Mapping[str, object]) -> None:
+        """Record an event of the recorded arm; before the first row there is none.
+
+        Args:
+            time_s: When it happened, on the clock of the rows.
+            event: According to `json_document.event_schema`.
+
+        Raises:
+            RecordingFailed: the disk is full, or another error of the file.
+        """
+        if self._started_ns is None:
+            return
+        stamp_ns = self._started_ns + round(time_s * 1e9)
+        try:
+            if self._events_channel is None:
+                schema = self._writer.register_schema(EVENT_SCHEMA_NAME, "jsonschema", orjson.dumps(event_schema()))
+                self._events_channel = self._writer.register_channel(EVENTS_TOPIC, "json", schema)
+            self._writer.add_message(self._events_channel, stamp_ns, orjson.dumps(event), stamp_ns)
         except OSError as error:
             raise self._failed(error) from error
 

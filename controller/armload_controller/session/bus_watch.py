@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -173,7 +174,7 @@ class BusWatch:
         if not cycle.enabled:
             return
         if self._recorder is not None:
-            self._recorder.write(cycle.feedback, cycle.command, OVERHEARD, None)
+            self._recorder.write(cycle.feedback, cycle.command, OVERHEARD, None, cycle.target_torque_nm)
         if self._payload is not None and not cycle.feedback.missing.any():
             self._block.append(cycle)
             if cycle.feedback.time_s - self._block[0].feedback.time_s >= _BLOCK_S:
@@ -197,4 +198,8 @@ class BusWatch:
         if self._payload is None:
             return WatchedMoment(time_s, None, bus=bus)
         self._pass_to_estimator(self._payload)
-        return self._payload.moment(bus, time_s)
+        moment = self._payload.moment(bus, time_s)
+        if self._recorder is not None:
+            for event in moment.events:
+                self._recorder.write_event(event.time_s, asdict(event))
+        return moment

@@ -46,7 +46,7 @@ _REQUIRED: Final = {
     "actual_qd": "VECTOR6D",
     "actual_current": "VECTOR6D",
 }
-_OPTIONAL: Final = {"payload": "DOUBLE", "payload_cog": "VECTOR3D"}
+_OPTIONAL: Final = {"payload": "DOUBLE", "payload_cog": "VECTOR3D", "target_moment": "VECTOR6D"}
 
 
 class Package(IntEnum):
@@ -228,4 +228,11 @@ def _cycle(fields: dict[str, tuple[float, ...]], time_s: float, count: int, lost
         statusword=np.zeros(JOINTS, dtype=np.uint16),
         missing=np.zeros(JOINTS, dtype=np.bool_),
     )
-    return OverheardCycle(feedback, None, enabled=fields["robot_mode"][0] == RUNNING, lost=lost, told=told)
+    return OverheardCycle(
+        feedback,
+        None,
+        enabled=fields["robot_mode"][0] == RUNNING,
+        lost=lost,
+        told=told,
+        target_torque_nm=np.array(fields["target_moment"]) if "target_moment" in fields else None,
+    )

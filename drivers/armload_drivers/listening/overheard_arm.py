@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armload_core.arrays import FloatArray
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
 from armload_drivers.cia402.object_dictionary import PdoDirection
@@ -48,6 +49,7 @@ class OverheardCycle:
         enabled: Whether all drives are in OPERATION ENABLED: only then do the motors carry the joints' load.
         lost: Number of whole cycles lost before this one, where that is known.
         told: The payload that the arm's controller was told; None where that is unknown.
+        target_torque_nm: (n,) Joint torque that the arm's controller calculated; None where that is unknown.
     """
 
     feedback: JointFeedback
@@ -55,6 +57,7 @@ class OverheardCycle:
     enabled: bool
     lost: int = 0
     told: ToldPayload | None = None
+    target_torque_nm: FloatArray | None = None
 
 
 class OverheardArm:

@@ -15,6 +15,9 @@ MAGIC: Final = b"\x89MCAP0\r\n"
 """First bytes of an MCAP file."""
 TOPIC: Final = "/joints"
 SCHEMA_NAME: Final = "armload.Joints"
+EVENTS_TOPIC: Final = "/events"
+"""Events that `armload watch` found while it recorded; not read."""
+EVENT_SCHEMA_NAME: Final = "armload.Event"
 OVERHEARD: Final = "overheard"
 """Segment of motion commanded by another master."""
 SEGMENTS: Final = ("approach", "slow", "ramp_up", "periods", "ramp_down", "return", "hold", OVERHEARD)
@@ -54,6 +57,7 @@ MESSAGE_SCHEMA: Final[dict[str, Any]] = {
             "items": {"type": "boolean"},
             "description": "true if this cycle's feedback did not arrive and the last one is repeated",
         },
+        "target_torque_nm": {**_NUMBERS, "description": "joint torque that the arm's controller calculated; not read"},
     },
     "required": ["cycle", "time_s", "phase_s", "segment", "position_rad", "missing"],
 }

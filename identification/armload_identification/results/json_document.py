@@ -21,6 +21,12 @@ def json_document(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
     return {"schema": f"armload/{kind}/1", "armload_version": version("armload"), **fields}
 
 
+def event_schema() -> dict[str, Any]:
+    """JSON Schema of an event of a watched arm, as in `events` of a watch."""
+    items: dict[str, Any] = json_schemas()["watch"]["properties"]["events"]["items"]
+    return items
+
+
 def json_schemas() -> dict[str, dict[str, Any]]:
     """JSON Schema of every document, by kind."""
     text = files("armload_identification.results").joinpath("json_schemas.json").read_text("utf-8")

@@ -1,33 +1,39 @@
-"""Moments of a live arm before there is anything to estimate: they have no time, and can be shown everywhere."""
+"""A live arm: moments before there is anything to estimate, and events in its recording."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from jsonschema import validate
+from mcap.reader import make_reader
 
 from armload_controller.analysis.payload_watch import PayloadWatch
 from armload_controller.analysis.watch_history import WatchDiary
 from armload_controller.cli.output.watch_output import moment_text
+from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.session.bus_watch import BusWatch
 from armload_drivers.listening.overheard_arm import OverheardCycle
 from armload_drivers.servos import JointFeedback
 from armload_identification.files.calibration_file import write_calibration
+from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reading_options import Effort
+from armload_identification.recording.run_format import EVENTS_TOPIC, TOPIC
 
 SILENT, STEP_S = 25, 0.1
 
 
-def cycle(number, *, enabled):
+def cycle(number, *, enabled=True, step_s=STEP_S, position=(0.0,) * 6, current=(0.0,) * 6):
     """A cycle of an arm whose clock began long ago."""
     feedback = JointFeedback(
         cycle=number,
-        time_s=5000.0 + STEP_S * number,
-        position_rad=np.zeros(6),
+        time_s=5000.0 + step_s * number,
+        position_rad=np.array(position),
         velocity_rad_s=None,
-        current_a=np.zeros(6),
+        current_a=np.array(current),
         torque_nm=None,
         statusword=np.zeros(6, dtype=np.uint16),
         missing=np.zeros(6, dtype=np.bool_),
@@ -69,3 +75,33 @@ def test_silence_before_the_first_cycle(robot, payload, enabled):
         json.dumps(each.to_dict("six"), allow_nan=False)
     assert moment_text(moments[0]).strip() == "nothing received from the arm yet"
     assert np.array_equal(diary.history().time_s, [5001.0, 5001.4])
+
+
+@pytest.mark.long
+def test_events_are_recorded_beside_the_rows(robot, payload, pinocchio_arm, tmp_path):
+    trajectory = pinocchio_arm.trajectory(6, period_s=10.0)
+    empty, loaded = (pinocchio_arm.run(trajectory, load, seed=8 + load, with_phase=False) for load in (False, True))
+    half = empty.size // 2
+    step_s = float(np.median(np.diff(empty.time_s)))
+    rows = [*zip(empty.position_rad, empty.current_a, strict=True)][:half]
+    rows += [*zip(loaded.position_rad, loaded.current_a, strict=True)][half:]
+    cycles = [cycle(k, step_s=step_s, position=q, current=i) for k, (q, i) in enumerate(rows)]
+    path = tmp_path / "shift.mcap"
+    left = iter(range(len(cycles)))
+    with Recorder(path, {}) as recorder:
+        watching = BusWatch(robot, payload, recorder, 1.0, effort=Effort.CURRENT)
+        moments = list(watching.moments(iter(cycles), lambda: next(left, None) is not None))
+    found = [event for moment in moments for event in moment.events]
+    assert [event.kind for event in found] == ["something acts", "changed", "grasped"]
+    with path.open("rb") as file:
+        recorded = [(schema, message) for schema, _, message in make_reader(file).iter_messages(EVENTS_TOPIC)]
+        file.seek(0)
+        begun_ns = next(message.log_time for _, _, message in make_reader(file).iter_messages(TOPIC))
+    assert sorted((json.loads(each.data) for _, each in recorded), key=str) == sorted(
+        json.loads(json.dumps([asdict(event) for event in found])), key=str
+    )
+    for schema, each in recorded:
+        event = json.loads(each.data)
+        validate(event, json.loads(schema.data))
+        assert each.log_time - begun_ns == pytest.approx(1e9 * (event["time_s"] - 5000.0), abs=1e3)
+    assert read_recording(path).size == len(cycles)

@@ -8,18 +8,23 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from armload_controller.control_errors import CommissioningError
 from armload_controller.session.joint_feeds import rtde_feed
 from armload_drivers.driver_errors import BusError
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.run_format import TOPIC
 from tests.rtde_controller import Controller, row
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 
 
 def test_what_the_controller_sends_is_recorded_and_what_it_was_told_is_shown(armload, tmp_path):
-    rows = [row(7.0 + 0.002 * k, (0.001 * k,) * 6, (0.5 + k,) * 6, payload_kg=2.25) for k in range(600)]
+    rows = [
+        row(7.0 + 0.002 * k, (0.001 * k,) * 6, (0.5 + k,) * 6, payload_kg=2.25, moment=(2.0 + k,) * 6)
+        for k in range(600)
+    ]
     path = tmp_path / "shift.mcap"
     with Controller(rows).listening() as address:
         run = armload("watch", "ur10e", "--rtde", address, "--record", path, "--load", "loaded", "--json")
@@ -30,6 +35,10 @@ def test_what_the_controller_sends_is_recorded_and_what_it_was_told_is_shown(arm
     assert recording.size == len(rows)
     assert np.array_equal(recording.position_rad[:, 2], [each["actual_q"][2] for each in rows])
     assert np.array_equal(recording.current_a[:, 5], [each["actual_current"][5] for each in rows])
+    assert recording.torque_nm is None, "what the controller calculated is not measured"
+    with path.with_suffix(".partial.mcap").open("rb") as file:
+        messages = [json.loads(message.data) for _, _, message in make_reader(file).iter_messages(TOPIC)]
+    assert [each["target_torque_nm"][1] for each in messages] == [2.0 + k for k in range(600)]
     documents = [json.loads(line) for line in run.stdout.splitlines() if line.startswith("{")]
     assert documents[0]["bus"]["told"] == {"mass_kg": 2.25, "center_of_mass_m": [0.0, 0.1, 0.2]}
     assert documents[0]["bus"]["lost"] == 0

@@ -25,7 +25,8 @@ def cycles_of(controller):
 
 @pytest.mark.parametrize("piece", [1, 7, 10_000])
 def test_packages_become_cycles_however_they_are_cut(piece):
-    rows = [row(100.0 + 0.002 * k, POSITION, CURRENT) for k in range(5)]
+    moment = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    rows = [row(100.0 + 0.002 * k, POSITION, CURRENT, moment=moment) for k in range(5)]
     controller = Controller(rows, piece=piece)
     rate_hz, found = cycles_of(controller)
     assert rate_hz == 500.0
@@ -34,6 +35,7 @@ def test_packages_become_cycles_however_they_are_cut(piece):
     assert tuple(found[-1].feedback.current_a) == CURRENT
     assert found[-1].told.mass_kg == 1.5
     assert found[-1].told.center_of_mass_m == (0.0, 0.1, 0.2)
+    assert tuple(found[-1].target_torque_nm) == moment
     assert all(cycle.enabled and cycle.lost == 0 for cycle in found)
 
 
@@ -62,9 +64,10 @@ def test_without_released_brakes_the_motors_do_not_carry_the_arm():
 
 
 def test_a_controller_that_does_not_state_its_payload_is_read_without():
-    controller = Controller([row(0.0)], lacks=("payload_cog",))
+    controller = Controller([row(0.0)], lacks=("payload_cog", "target_moment"))
     _, found = cycles_of(controller)
     assert found[0].told is None
+    assert found[0].target_torque_nm is None
     assert [kind for kind, _ in controller.requests] == ["V", "v", "O", "O", "S"]
 
 
