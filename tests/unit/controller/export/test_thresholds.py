@@ -9,6 +9,7 @@ import pytest
 from armload_controller.control_errors import ExportError
 from armload_controller.export.thresholds import export_thresholds
 from armload_identification.model.payload import InertialParameters
+from armload_identification.model.regressor import payload_torque
 
 
 def thresholds_of(subject):
@@ -19,7 +20,8 @@ def thresholds_of(subject):
 def test_every_joint_has_the_sum_of_its_noise_and_its_friction(calibrated):
     found, text = thresholds_of(calibrated)
     assert found["joints"] == list(calibrated.joint_names)
-    np.testing.assert_allclose(found["threshold_nm"], np.add(found["noise_nm"], found["friction_nm"]), rtol=1e-6)
+    parts = [found[f"{part}_nm"] for part in ("noise", "friction", "abrupt")]
+    np.testing.assert_allclose(found["threshold_nm"], np.sum(parts, axis=0), rtol=1e-6)
     body = calibrated.calibration.body
     assert (np.array(found["friction_nm"]) >= 1.5 * body.coulomb_nm - 1e-6).all()
     assert "NO SAFETY FUNCTION" in text
@@ -44,3 +46,20 @@ def test_noise_is_that_of_the_calibration(calibrated):
 def test_an_arm_that_is_not_calibrated_has_none(make_subject):
     with pytest.raises(ExportError, match="only a calibration states"):
         export_thresholds(make_subject())
+
+
+def test_an_abrupt_stop_is_a_fifth_of_the_inertial_torque_at_the_acceleration_limit(calibrated):
+    limits = calibrated.limits
+    slower = replace(limits, acceleration_max_rad_s2=0.5 * limits.acceleration_max_rad_s2)
+    once, half = (thresholds_of(replace(calibrated, limits=each))[0]["abrupt_nm"] for each in (limits, slower))
+    np.testing.assert_allclose(half, 0.5 * np.array(once), rtol=1e-6)
+    calibration, chain = calibrated.calibration, calibrated.chain
+    still = np.zeros((1, chain.n))
+    base = np.eye(chain.n)[:1]
+    links, payload = calibration.body, calibrated.payload.model.theta
+    torque = [
+        links.link_torque(chain, still, still, ddq) + payload_torque(chain, payload, still, still, ddq)
+        for ddq in (base, still)
+    ]
+    inertia = (torque[0] - torque[1])[0, 0] + links.rotor_mass_kg_m2[0, 0]
+    assert once[0] >= 0.2 * inertia * limits.acceleration_max_rad_s2[0] - 1e-6
