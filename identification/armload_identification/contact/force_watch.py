@@ -20,24 +20,28 @@ from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.arm_memory import ArmMemory, Known
 from armload_identification.contact.contact_levels import (
     AT_ONCE,
+    BACK_S,
     COLOUR_S,
     EVIDENCE,
     EVIDENT,
     FAR_SIGMAS,
     HELD_ROWS,
     KNOWN_S,
+    LOOK_S,
     LOOKS_S,
+    OLD_S,
     OVER_S,
     PAYLOAD_FROM_S,
     PUSH_SURE,
     REMEMBERED_S,
     SETTLED_S,
     SURE,
+    SUSPECT,
     WHITE_MEMORY_S,
     WHITE_S,
 )
 from armload_identification.contact.force_rows import PAYLOAD, ForceRows, RowMaker
-from armload_identification.contact.load_or_push import Assessment, assess
+from armload_identification.contact.load_or_push import Assessment, assess, payload_evidence
 from armload_identification.contact.something_acts import Noise, Test, acting
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.estimator_constants import estimator_constants
@@ -110,6 +114,7 @@ class ForceWatch:
         self._noticed_s = self._evident_s = 0.0
         self._push_end_s = np.inf
         self._looks = list(LOOKS_S)
+        self._looked_s = -np.inf
         self._joints = np.zeros(chain.n, dtype=np.bool_)
 
     def take(self, time_s: FloatArray, position: FloatArray, effort: FloatArray) -> list[ForceEvent]:
@@ -166,11 +171,18 @@ class ForceWatch:
         self._last_mean = mean
 
     def _notice(self, rows: ForceRows, test: Test, predicted: Known) -> list[ForceEvent]:
-        """Begin where the test has been above its bound for long enough."""
+        """Begin where the test has been above its bound for long enough, or a payload over some seconds is evident."""
         for k, ratio in enumerate(test.ratio):
             self._above = self._above + 1 if ratio > 1.0 else 0
             if self._above >= HELD_ROWS or ratio > AT_ONCE:
                 return self._begin(float(rows.time_s[k]), np.abs(test.joints[k]) > FAR_SIGMAS)
+        now_s = float(rows.time_s[-1])
+        if self._rows is not None and not 0.0 <= now_s - self._looked_s < LOOK_S:
+            self._looked_s = now_s
+            before = self._memory.before(now_s - BACK_S + OLD_S)
+            if before is not None and payload_evidence(self._rows, before, self._noise, now_s) > SUSPECT:
+                far = np.abs(test.joints[-1])
+                return self._begin(now_s, far >= min(FAR_SIGMAS, float(far.max())))
         if not self._above:
             self._learn(rows, predicted)
         return []

@@ -25,6 +25,7 @@ from armload_identification.contact.contact_levels import (
     DECISION_STEP_S,
     FAVOUR,
     FORCE_N,
+    LEAST_SINCE,
     MOMENT_NM,
     PAYLOAD_SIZE,
 )
@@ -123,13 +124,11 @@ def assess(
     if means.size < 2:
         return None
     count = means.size
-    residual = means.residual_nm - means.columns @ known.value
-    inverse: FloatArray = np.asarray(np.linalg.inv(_covariance(means, known, noise)), dtype=float)
-    payload = _Explanation.of(PAYLOAD_SIZE * means.columns[:, :, :PAYLOAD], inverse, residual.ravel())
+    residual, inverse = _residual_of(means, known, noise)
     jacobians = np.array([jacobian(chain, q) for q in means.position_rad])
-    push = _Explanation.of(np.swapaxes(jacobians, 1, 2) * _FORCE, inverse, residual.ravel())
+    push = _Explanation.of(np.swapaxes(jacobians, 1, 2) * _FORCE, inverse, residual)
     onsets = np.arange(max(int(np.searchsorted(means.time_s, noticed_s + DECISION_STEP_S, side="right")), 1))
-    payloads = payload.within(onsets, np.full(onsets.size, count))
+    payloads = _payloads(means, inverse, residual, onsets)
     start, end = (each.ravel() for each in np.meshgrid(onsets, np.arange(1, count + 1), indexing="ij"))
     start, end = start[end > start], end[end > start]
     pushes = push.within(start, end)
@@ -149,6 +148,34 @@ def assess(
         force_deviation_n=_FORCE[:3] * np.sqrt(np.diag(pushes.covariance)[:3]),
         mass_kg=mass_kg,
     )
+
+
+def payload_evidence(rows: ForceRows, known: Known, noise: Noise, now_s: float) -> float:
+    """Log likelihood of another payload since some time of the last `BACK_S`, less that of nothing at all.
+
+    Args:
+        rows: Rows until now.
+        known: What was known of payload and friction before them.
+        noise: The residual's noise.
+        now_s: Time of the newest row.
+    """
+    means = _means(rows.part(rows.time_s >= now_s - BACK_S))
+    if means.size <= LEAST_SINCE:
+        return -np.inf
+    residual, inverse = _residual_of(means, known, noise)
+    return _payloads(means, inverse, residual, np.arange(means.size - LEAST_SINCE)).logarithm
+
+
+def _residual_of(means: ForceRows, known: Known, noise: Noise) -> tuple[FloatArray, FloatArray]:
+    """(K n,) residuals that are not known, and (K n, K n) N^-1."""
+    inverse: FloatArray = np.asarray(np.linalg.inv(_covariance(means, known, noise)), dtype=float)
+    return (means.residual_nm - means.columns @ known.value).ravel(), inverse
+
+
+def _payloads(means: ForceRows, inverse: FloatArray, residual: FloatArray, onsets: NDArray[np.intp]) -> _Fits:
+    """The fits of payloads from each onset until now."""
+    payload = _Explanation.of(PAYLOAD_SIZE * means.columns[:, :, :PAYLOAD], inverse, residual)
+    return payload.within(onsets, np.full(onsets.size, means.size))
 
 
 def jacobian(chain: Chain, position_rad: FloatArray) -> FloatArray:
