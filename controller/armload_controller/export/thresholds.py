@@ -5,8 +5,8 @@
 sigma is the noise of torque averaged over 20 ms: the calibration's residual, a mean over a third of a second, as white
 noise. The second part is friction of a joint that stops, starts or reverses, under the greatest torque of links and
 payload in any position within the joints' limits. 3.89 standard deviations are exceeded by 0.01 % of a normal variable.
-The third part is for an abrupt stop, whose acceleration and torque are not simultaneous: the share of the inertial torque
-that `contact_levels.JERK` states, at the configured acceleration limit.
+The third part is for an abrupt stop, whose acceleration and torque are not simultaneous: the share of the inertial
+torque that `contact_levels.JERK` states, at the configured acceleration limit.
 
 A UR10e, empty and with 2.8 kg, calibrated with half of its runs: of 16,707 rows of the other half, one exceeds them on
 joint 2 and two on joint 3; the other way round none of 13,899. Without the third part, 0.02 to 0.05 % of the rows do on
