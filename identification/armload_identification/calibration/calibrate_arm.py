@@ -38,9 +38,10 @@ from armload_identification.estimation.arm_terms import (
     arm_terms,
     effort_level,
 )
+from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
 from armload_identification.estimation.problem import Group, Known, Noise, Problem, RunRows
-from armload_identification.estimation.solve import MOVING, Posterior, solve
+from armload_identification.estimation.solve import Posterior, solve
 from armload_identification.identification_errors import EstimationError, IdentificationError, RecordingError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel
@@ -303,7 +304,7 @@ class _Calibration:
 
     def _rows_and_least(self, runs: Sequence[int]) -> tuple[int, int]:
         """Number of rows of moving joints of some runs, and the least number from which an arm can be fitted."""
-        rows = sum(int(np.count_nonzero(self._rows[index].weight > MOVING)) for index in runs)
+        rows = sum(int(np.count_nonzero(self._rows[index].weight > Solver.moving)) for index in runs)
         payloads = PARAMETERS * len({self._used[index].mounting for index in runs} - {""})
         arm = Layout(self._chain.n, int(np.count_nonzero(self._base)))
         return rows, _ROWS_PER_UNKNOWN * (arm.size + payloads + CHANGES * arm.n * len(runs))

@@ -29,8 +29,9 @@ from armload_identification.estimation.arm_terms import (
     payload_term,
 )
 from armload_identification.estimation.empty_arm.known_arm_rows import payload_scale
+from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.problem import EMPTY, Group, Noise, Problem, RunRows
-from armload_identification.estimation.solve import MOVING, Posterior, clipped_rms, solve
+from armload_identification.estimation.solve import Posterior, clipped_rms, solve
 from armload_identification.estimation.terms import Scope, Term
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError
@@ -160,7 +161,7 @@ class _RunFit:
         self._rows = arm_rows(signals, chain, body.coupling, body.base.ravel(), peak, loaded=loaded)
         time_s = self._rows.time_s
         self._apart_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
-        self._moved = np.count_nonzero(self._rows.weight > MOVING, axis=0) >= _LEAST_ROWS
+        self._moved = np.count_nonzero(self._rows.weight > Solver.moving, axis=0) >= _LEAST_ROWS
         if not self._moved.any():
             raise EstimationError(f"{signals.name}: no joint moves long enough to determine gain or friction")
         nominal = np.log(calibration.nominal / calibration.gain_nm_a)
@@ -192,7 +193,7 @@ class _RunFit:
         of_arm = self._torque_doubts()
         of_gain, of_own = found.response(of_arm)
         missing = np.where(self._moved, 0.0, np.nan)
-        counted = np.count_nonzero(self._rows.weight > MOVING, axis=0) / found.correlation[0]
+        counted = np.count_nonzero(self._rows.weight > Solver.moving, axis=0) / found.correlation[0]
         state = found.groups[0]
         carried = self._carried
         if carried is None:
@@ -262,7 +263,7 @@ class _RunFit:
             rows = self._rows.only(window == number)
             part = self._solved(terms, rows)
             own, covariance = part.own_value(FRICTION_CHANGE), part.own_covariance(0)
-            fast = np.count_nonzero(rows.weight > MOVING, axis=0) >= _LEAST_ROWS
+            fast = np.count_nonzero(rows.weight > Solver.moving, axis=0) >= _LEAST_ROWS
             variance, cross = np.diag(covariance), np.diag(covariance[:n, n : 2 * n])
             size = np.sqrt(variance[:n] + middle**2 * variance[n : 2 * n] + 2.0 * middle * cross)
             friction[number, fast] = (own[:n] + own[n : 2 * n] * middle)[fast]

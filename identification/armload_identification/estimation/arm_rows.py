@@ -13,12 +13,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache, partial
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.estimation_constants import Rows
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
@@ -31,29 +32,6 @@ from armload_identification.signals.motion import Motion
 from armload_identification.signals.periods import fold
 from armload_identification.signals.reversals import REVERSAL, TURN_OVER, moving_weights
 from armload_identification.signals.row_window import HALF_S, RowWindow
-
-_FINE_S: Final = 0.01
-_MOTION_HZ: Final = 10.0
-"""Low-pass of measured positions: above it they contain hardly anything but noise. 5 and 20 Hz change the gains of the
-UR10e by 0.03 %."""
-_DEGREE: Final = 5
-_MODEL_S: Final = 0.02
-"""Interval of the model's samples within a row's window; half of that changes no gain of the UR10e by 0.01 %."""
-_ROW_S: Final = 0.1
-_FEWEST_ROWS: Final = 100
-"""Fewest rows of a period; in a short one they are closer together and their windows shorter. 60 simulated er50 with
-periods of 2 s: masses 1.4 % off (rms) instead of 2.3 % with 20 rows; with 50, 1.5 %."""
-_MOST_ROWS: Final = 1500
-"""Most rows of one run; in a longer one they are further apart."""
-_HOLE_S: Final = 0.1
-_ROUNDING_S: Final = 1e-9
-_STANDS_RAD_S: Final = 1e-3
-_SHORTEST_S: Final = 3.0
-_ROWS_AT_ONCE: Final = 64
-"""The regressor of so many windows takes 4 MB."""
-_TILTED: Final = 0.9
-REPEATED: Final = 0.1
-"""`REVERSAL` if two runs are compared phase by phase, so that half of the servo's behaviour at a reversal cancels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +90,9 @@ class RunSignals:
         """
         samples = len(self.usable)
         length_s = samples * self.interval_s
-        row_s = max(min(_ROW_S, length_s / _FEWEST_ROWS) if self.periodic else _ROW_S, length_s / _MOST_ROWS)
+        row_s = max(min(Rows.row_s, length_s / Rows.fewest) if self.periodic else Rows.row_s, length_s / Rows.most)
         step = max(round(row_s / self.interval_s), 1) * spacing
-        half_s = HALF_S * min(row_s / _ROW_S, 1.0)
+        half_s = HALF_S * min(row_s / Rows.row_s, 1.0)
         window = RowWindow.of(samples, self.interval_s, step, periodic=self.periodic, half_s=half_s)
         return window.only(window.usable(self.usable))
 
@@ -223,34 +201,34 @@ def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
     if whole_periods(recording):
         return _folded(recording, effort, name, from_torque)
     time_s = recording.time_s - recording.time_s[0]
-    grid = np.arange(int(time_s[-1] / _FINE_S), dtype=np.float64) * _FINE_S
-    if grid.size * _FINE_S < _SHORTEST_S:
+    grid = np.arange(int(time_s[-1] / Rows.grid_s), dtype=np.float64) * Rows.grid_s
+    if grid.size * Rows.grid_s < Rows.shortest_s:
         raise RecordingError(
-            f"{name}: {time_s[-1]:.1f} s long, expected {_SHORTEST_S:g} s or more. Record a whole excitation."
+            f"{name}: {time_s[-1]:.1f} s long, expected {Rows.shortest_s:g} s or more. Record a whole excitation."
         )
     position, even = (_means(time_s, values, grid) for values in (recording.position_rad, effort))
-    motion = make_interp_spline(grid, low_pass(position, _FINE_S, _MOTION_HZ), k=_DEGREE)
+    motion = make_interp_spline(grid, low_pass(position, Rows.grid_s, Rows.motion_hz), k=Rows.degree)
     after = np.clip(np.searchsorted(time_s, grid), 1, time_s.size - 1)
     return RunSignals(
         name=name,
-        interval_s=_FINE_S,
+        interval_s=Rows.grid_s,
         position_rad=motion(grid),
         velocity_rad_s=motion(grid, 1),
         acceleration_rad_s2=motion(grid, 2),
         effort_nm=even,
-        usable=time_s[after] - time_s[after - 1] <= _HOLE_S,
+        usable=time_s[after] - time_s[after - 1] <= Rows.hole_s,
         periodic=False,
         from_torque=from_torque,
     )
 
 
 def _means(time_s: FloatArray, values: FloatArray, grid_s: FloatArray) -> FloatArray:
-    """(K, n) means over `_FINE_S` about each time of the grid, of straight lines between the samples.
+    """(K, n) means over `Rows.grid_s` about each time of the grid, of straight lines between the samples.
 
     Without means, noise of faster recordings would be aliased: at 1 kHz white noise on the rows was 3 times as large,
     and a tone at 99 Hz appeared unattenuated at 1 Hz.
     """
-    edges = np.clip(np.append(grid_s, grid_s[-1] + _FINE_S) - 0.5 * _FINE_S, 0.0, time_s[-1])
+    edges = np.clip(np.append(grid_s, grid_s[-1] + Rows.grid_s) - 0.5 * Rows.grid_s, 0.0, time_s[-1])
     step = np.diff(time_s)[:, None]
     integral = np.vstack([np.zeros_like(values[:1]), np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0)])
     before = np.clip(np.searchsorted(time_s, edges, side="right") - 1, 0, time_s.size - 2)
@@ -284,7 +262,7 @@ def _without_holes(valid: NDArray[np.bool_], interval_s: float) -> NDArray[np.bo
     phase = np.arange(valid.size)
     before = np.concatenate([known[-1:] - valid.size, known])[np.searchsorted(known, phase, side="right")]
     after = np.concatenate([known, known[:1] + valid.size])[np.searchsorted(known, phase)]
-    return np.asarray((after - before) * interval_s <= _HOLE_S + _ROUNDING_S)
+    return np.asarray((after - before) * interval_s <= Rows.hole_s + Rows.rounding_s)
 
 
 def arm_rows(
@@ -311,7 +289,7 @@ def arm_rows(
     Returns:
         Rows 0.1 s times `spacing` apart, further in a long run, closer in a short period.
     """
-    moves = peak_rad_s > _STANDS_RAD_S
+    moves = peak_rad_s > Rows.stands_rad_s
     scale = np.where(moves, peak_rad_s, 1.0)
     sign = np.where(moves, np.tanh(run.velocity_rad_s / (TURN_OVER * scale)), 0.0)
     window = run.row_window(spacing)
@@ -321,7 +299,7 @@ def arm_rows(
     middle = states.position_rad[window.middle]
     still = np.zeros_like(middle)
     sides = sideways(chain)
-    coarse = window.every(max(int(_MODEL_S / run.interval_s), 1))
+    coarse = window.every(max(int(window.half_s / (Rows.model_parts * run.interval_s)), 1))
     links, links_slope = _through(coarse, states, lambda *now: body_regressor(chain, *now)[:, :, base])
     nothing = np.zeros((*middle.shape, 0))
     payload, payload_slope = (
@@ -338,7 +316,7 @@ def arm_rows(
         root=window.mean(sign * np.sqrt(np.abs(run.velocity_rad_s))),
         effort_nm=window.mean(run.effort_nm),
         weight=np.where(moves, window.onward(sign) * moving_weights(velocity, REVERSAL * scale), 0.0),
-        repeated=np.where(moves, moving_weights(window.rms(run.velocity_rad_s), REPEATED * scale), 0.0),
+        repeated=np.where(moves, moving_weights(window.rms(run.velocity_rad_s), Rows.repeated * scale), 0.0),
         links=links,
         links_rate=-links_slope,
         links_tilt=np.stack([body_regressor(side, middle, still, still)[:, :, base] for side in sides]),
@@ -354,7 +332,7 @@ def _through(
     """Means of a regressor over the rows' windows, and the derivatives of these means, per s."""
     weights = np.stack([window.weight, window.slope_weight])
     parts = []
-    for samples in np.array_split(window.samples, max(len(window.middle) // _ROWS_AT_ONCE, 1)):
+    for samples in np.array_split(window.samples, max(len(window.middle) // Rows.at_once, 1)):
         columns = regressor(*(values[samples.ravel()] for values in states))
         shape = columns.shape[1:]
         through = weights @ columns.reshape(*samples.shape, math.prod(shape))
@@ -373,7 +351,7 @@ def tilt_axes(gravity_m_s2: FloatArray) -> FloatArray:
         (2, 3) orthogonal unit vectors.
     """
     down = gravity_m_s2 / np.sqrt(np.sum(gravity_m_s2**2))
-    other = np.eye(3)[0] if abs(down[0]) < _TILTED else np.eye(3)[1]
+    other = np.eye(3)[0] if abs(down[0]) < Rows.tilted else np.eye(3)[1]
     first = np.cross(down, other)
     first /= np.sqrt(np.sum(first**2))
     return np.stack([first, np.cross(down, first)])

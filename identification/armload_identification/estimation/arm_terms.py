@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_rows import ArmRows
+from armload_identification.estimation.estimation_constants import Priors
 from armload_identification.estimation.terms import Joint, Law, Load, Motor, Scope, Shared, Term, Values
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS
@@ -36,35 +37,16 @@ PAYLOAD, FRICTION_CHANGE, SESSION_FRICTION = "payload", "friction change", "fric
 ARM_TERMS: Final = (GAIN, LINKS, ROTORS, LOAD_FRICTION, COULOMB, VISCOUS, ROOT, DELAY, TILT)
 """In the order of a calibration's covariance. Its file does not name them: in another order, existing files would be
 read wrongly."""
-GAIN_DEVIATION: Final = 0.05
-"""Relative standard deviation of a nominal gain."""
 TILT_DEVIATION_RAD: Final = float(np.radians(0.5))
 """Standard deviation of each tilt angle of the base."""
 LEVELLED_RAD: Final = float(np.radians(0.1))
 """The same where one motion is all there is: friction that the model lacks would otherwise be read as a tilt, 0.13 % of
 the mass on er50."""
-DELAY_DEVIATION_S: Final = 0.02
-LOAD_MEAN: Final = 0.05
-"""Mean and standard deviation of mu: gears lose 0 to 15 % of their load."""
-WIDE: Final = 10.0
-"""Standard deviation of other parameters, in multiples of the value that alone would explain a joint's torque."""
-HAND_M: Final = 0.1
-TOOL_M: Final = 0.5
-"""Size of an arm's last link, and of a payload."""
 DRIFT: Final = np.array([0.018, 0.055, 0.0055])
 """Standard deviation of a run's Coulomb, viscous and offset changes, as shares of the joint's friction."""
 WITHIN_HOURS: Final = np.array([0.007, 0.02, 0.0015])
 """The same between runs that follow each other: estimated from the UR10e's runs of February, days apart from each other
 by session; a prior for other arms."""
-DRIFT_FREEDOM: Final = 20.0
-"""nu: degrees of freedom of what is stated of the changes of a calibration's runs, as from a few runs. With 0.02 gains
-of the simulated arms, whose friction does not change, are up to 45 % more accurate, but those of joint 3 of the UR10e
-from disjoint runs differ by 0.58 instead of 0.38 %; with 0, what the data do not show would become 0."""
-WITHIN_HOURS_FREEDOM: Final = 5.0
-"""The same of two runs, which show themselves whether their friction differs: with 20, 13 kg on er50, whose friction
-does not change, are 18 instead of 15 g off (rms); the UR10e's masses differ by 0.01 %."""
-LEAST_FRICTION: Final = 0.01
-"""Least friction, as a share of the joint's torque."""
 _ZERO: Final = 1e-9
 
 
@@ -161,14 +143,18 @@ def arm_terms(
     # link and rotor would diverge in opposite directions.
     rotors = level / np.maximum(_rms(runs, "axis_acceleration_rad_s2"), _ZERO)
     priors: dict[str, tuple[FloatArray, FloatArray, str]] = {
-        GAIN: (zero, np.full(n, GAIN_DEVIATION), "catalogue values of torque constants"),
+        GAIN: (zero, np.full(n, Priors.gain), "catalogue values of torque constants"),
         LINKS: (np.zeros(int(np.count_nonzero(base))), np.tile(_body(mass, reach), n)[base], wide),
         ROTORS: (zero, rotors, "a rotor that alone would explain the torque"),
-        LOAD_FRICTION: (np.full(n, LOAD_MEAN), np.full(n, LOAD_MEAN), "gears lose 0 to 15 % of their load"),
-        COULOMB: (zero, WIDE * level, wide),
-        VISCOUS: (zero, WIDE * level / speed, wide),
-        ROOT: (zero, WIDE * level / np.sqrt(speed), wide),
-        DELAY: (np.zeros(1), np.array([DELAY_DEVIATION_S]), "some cycles of a drive"),
+        LOAD_FRICTION: (
+            np.full(n, Priors.load_friction),
+            np.full(n, Priors.load_friction),
+            "gears lose 0 to 15 % of their load",
+        ),
+        COULOMB: (zero, Priors.wide * level, wide),
+        VISCOUS: (zero, Priors.wide * level / speed, wide),
+        ROOT: (zero, Priors.wide * level / np.sqrt(speed), wide),
+        DELAY: (np.zeros(1), np.array([Priors.delay_s]), "some cycles of a drive"),
         TILT: (np.zeros(2), np.full(2, TILT_DEVIATION_RAD), "a base set up with a spirit level"),
     }
     terms = [Term(name, Scope.ARM, LAWS[name], *priors[name]) for name in ARM_TERMS]
@@ -178,11 +164,13 @@ def arm_terms(
 def wide_payload(runs: Sequence[ArmRows], chain: Chain) -> Term:
     """A payload of which nothing is known, of runs on an arm."""
     _, mass = _greatest_body(effort_level(runs), chain)
-    return payload_term(np.zeros(PARAMETERS), _body(mass, TOOL_M), "ten times what alone would explain the torque")
+    return payload_term(
+        np.zeros(PARAMETERS), _body(mass, Priors.tool_m), "ten times what alone would explain the torque"
+    )
 
 
 def friction_change(
-    level_nm: FloatArray, peak_rad_s: FloatArray, drift: FloatArray = DRIFT, freedom: float = DRIFT_FREEDOM
+    level_nm: FloatArray, peak_rad_s: FloatArray, drift: FloatArray = DRIFT, freedom: float = Priors.drift_freedom
 ) -> Term:
     """A run's own changes of friction, shares of the joint's friction at half its greatest speed.
 
@@ -196,7 +184,7 @@ def friction_change(
 
     def shares(arm: Values) -> FloatArray:
         friction = np.abs(arm[COULOMB] + arm[ROOT] * np.sqrt(speed) + arm[VISCOUS] * speed)
-        friction = np.maximum(friction, LEAST_FRICTION * level_nm)
+        friction = np.maximum(friction, Priors.least_friction * level_nm)
         return np.asarray((drift[:, None] * np.stack([friction, friction / speed, friction])).ravel())
 
     start = shares(dict.fromkeys((COULOMB, ROOT, VISCOUS), np.zeros(level_nm.size)))
@@ -252,9 +240,9 @@ def effort_level(runs: Sequence[ArmRows]) -> FloatArray:
 
 def _greatest_body(level_nm: FloatArray, chain: Chain) -> tuple[float, float]:
     """The arm's reach in m, and ten times the mass that would explain the torque there, in kg."""
-    reach = float(np.sum(np.sqrt(np.sum(chain.placement[:, :3, 3] ** 2, axis=1)))) + HAND_M
+    reach = float(np.sum(np.sqrt(np.sum(chain.placement[:, :3, 3] ** 2, axis=1)))) + Priors.hand_m
     gravity = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
-    return reach, WIDE * float(level_nm.max()) / (gravity * reach)
+    return reach, Priors.wide * float(level_nm.max()) / (gravity * reach)
 
 
 def _body(mass_kg: float, size_m: float) -> FloatArray:

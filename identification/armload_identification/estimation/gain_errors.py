@@ -16,34 +16,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import GAIN
+from armload_identification.estimation.estimation_constants import GainTest
 from armload_identification.estimation.payload_problem import HELD, PayloadProblem
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.solve import Posterior, solve
 from armload_identification.estimation.uncertainty import student_half_width
 from armload_identification.signals.joint_torque import Gains
-
-UNKNOWN_DEVIATION: Final = 1.0
-"""Standard deviation of the logarithm of an unknown gain: a factor of e."""
-_CONTRADICTS: Final = 4.0
-_ASSUMED: Final = 2.0
-"""Half width of the assumed range of a gain in standard deviations, 95 %."""
-_MATTERS: Final = 0.03
-"""Friction of one pair of runs can look like a gain error of this size: on the UR10e, 0.962 to 1.037 at one joint."""
-_NINE_OF_TEN: Final = 1.28
-_SUSPECT: Final = 0.7
-"""Share of the smallest error worth naming from which a gain is tried as unknown."""
-_LESS: Final = 0.999
-_POOR: Final = 2.0
-"""A pair measures a gain poorly if its standard deviation exceeds the assumed one by this factor."""
-_POORLY: Final = 2.0
-"""Factor on the threshold of a poorly measured gain, because such a joint's friction looks like a gain error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +80,7 @@ def fit_gains(problem: PayloadProblem, gains: Gains, prior: Prior | None) -> tup
         wide = gains.covariance.copy()
         for axis in unknown:
             wide[axis], wide[:, axis] = 0.0, 0.0
-            wide[axis, axis] = UNKNOWN_DEVIATION**2
+            wide[axis, axis] = GainTest.unknown**2
         found = solve(problem.with_gains(wide).knowing(prior), rough=True, start=before)
         return _Trial(tuple(unknown), wide, found, *_by_others(found, np.diag(wide), gains.common_deviation))
 
@@ -104,11 +88,11 @@ def fit_gains(problem: PayloadProblem, gains: Gains, prior: Prior | None) -> tup
     covariance = gains.covariance
     start = best = solved(())
     named_from = _named_from(start.deviation, assumed)
-    noticeable = named_from + _NINE_OF_TEN * start.deviation
+    noticeable = named_from + GainTest.nine_of_ten * start.deviation
     suspects = [
         int(axis)
         for axis in np.argsort(-np.abs(start.value) / named_from, kind="stable")
-        if abs(start.value[axis]) > _SUSPECT * np.maximum(_ASSUMED * assumed, _MATTERS)[axis]
+        if abs(start.value[axis]) > GainTest.suspect * np.maximum(GainTest.assumed * assumed, GainTest.matters)[axis]
     ]
     alone = {axis: solved((axis,), start.posterior) for axis in suspects}
     wrong = [axis for axis, trial in alone.items() if _is_contradicted(trial, assumed)[axis]]
@@ -141,18 +125,19 @@ def _by_others(found: Posterior, prior: FloatArray, common_deviation: float) -> 
     common = common_deviation**2
     before = prior - common
     variance, _ = found.spread(np.eye(found.problem.shared_size)[place])
-    after = np.clip(variance - common, HELD**2, _LESS * before)
+    after = np.clip(variance - common, HELD**2, GainTest.less * before)
     return -found.value(GAIN) * before / (before - after), np.sqrt(after * before / (before - after))
 
 
 def _named_from(deviation: FloatArray, assumed: FloatArray) -> FloatArray:
     """(n,) error of each log gain from which it is contradicted."""
-    poor = np.where(deviation > _POOR * assumed, _POORLY, 1.0)
-    return np.asarray(np.maximum(np.maximum(_ASSUMED * assumed, _MATTERS), poor * _CONTRADICTS * deviation))
+    poor = np.where(deviation > GainTest.poor * assumed, GainTest.poorly, 1.0)
+    worth_naming = np.maximum(GainTest.assumed * assumed, GainTest.matters)
+    return np.asarray(np.maximum(worth_naming, poor * GainTest.contradicts * deviation))
 
 
 def _noticeable(trial: _Trial, assumed: FloatArray) -> FloatArray:
-    return np.asarray(_named_from(trial.deviation, assumed) + _NINE_OF_TEN * trial.deviation)
+    return np.asarray(_named_from(trial.deviation, assumed) + GainTest.nine_of_ten * trial.deviation)
 
 
 def _is_contradicted(trial: _Trial, assumed: FloatArray) -> NDArray[np.bool_]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from armload_identification.estimation.arm_terms import (
     SESSION_FRICTION,
     VISCOUS,
 )
+from armload_identification.estimation.estimation_constants import Payloads
 from armload_identification.estimation.payload_problem import PayloadProblem
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.sampled_torque import sampling_doubt
@@ -33,15 +33,6 @@ from armload_identification.model.mass_center import MassCenterCovariance, unkno
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.signals.signal_constants import Standstill
-
-_BLIND: Final = 0.5
-"""Share of the prior's variance that remains in a direction of which the rows say nothing."""
-_NEGLIGIBLE: Final = 1e-6
-"""Share of a combination's size in undetermined directions below which it is determined."""
-
-_ASYMMETRY: Final = 0.6
-"""Half the difference of a gear's losses in units of mu^2, one standard deviation: +0.5 with equal efficiencies in both
-directions, 0 with b = 2 - 1/f, -0.8 with 0.85 and 0.75. Twice: intervals of er50 and prbt are 10 to 30 % wider."""
 
 
 def estimate_of(
@@ -88,7 +79,7 @@ def gear_asymmetry(load_friction: FloatArray) -> FloatArray:
     A gear loses 1/f - 1 of the load while the motor drives it and 1 - b while the load drives the motor. Their mean is
     mu, and half of their difference is an error of the gain that no recording shows.
     """
-    return np.asarray(_ASYMMETRY * load_friction**2)
+    return np.asarray(Payloads.asymmetry * load_friction**2)
 
 
 def _gain_slope(posterior: Posterior) -> FloatArray:
@@ -145,7 +136,7 @@ class PayloadEstimate:
     def _blind(self, covariance: FloatArray) -> FloatArray:
         """(10, k) directions of which a covariance says no more than the prior."""
         values, vectors = np.linalg.eigh(covariance / np.outer(self.scale, self.scale))
-        return np.asarray(vectors[:, values > _BLIND])
+        return np.asarray(vectors[:, values > Payloads.blind])
 
     @property
     def rank(self) -> int:
@@ -190,7 +181,7 @@ class PayloadEstimate:
         freedom = freedom * (total / np.maximum(variance, 1e-300)) ** 2
         unseen = np.abs((slope * self.scale) @ self.blind).max(axis=1, initial=0.0)
         size = np.sqrt(np.sum((slope * self.scale) ** 2, axis=1))
-        return np.where(unseen > _NEGLIGIBLE * size, np.inf, total), freedom
+        return np.where(unseen > Payloads.negligible * size, np.inf, total), freedom
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -231,7 +222,7 @@ class PayloadEstimate:
         directions = ((slope * self.scale) @ self.blind) / unit[:, None]
         left, size, _ = np.linalg.svd(directions, full_matrices=False)
         seen = float(np.linalg.norm((slope * self.scale) / unit[:, None]))
-        blind = left[:, size > _NEGLIGIBLE * seen] * unit[:, None]
+        blind = left[:, size > Payloads.negligible * seen] * unit[:, None]
         return MassCenterCovariance(
             measured=covariance + shifts.T @ shifts + blind @ blind.T,
             freedom=freedom,

@@ -23,7 +23,6 @@ from armload_identification.estimation.arm_terms import (
     PAYLOAD,
     TILT,
     WITHIN_HOURS,
-    WITHIN_HOURS_FREEDOM,
     arm_terms,
     effort_level,
     friction_change,
@@ -32,6 +31,7 @@ from armload_identification.estimation.arm_terms import (
     wide_payload,
 )
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.estimation_constants import Priors
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.problem import DIFFERENCE_AND_MEAN, EMPTY, Group, Known, Noise, Problem, RunRows
 from armload_identification.estimation.terms import Term
@@ -156,7 +156,7 @@ def _unknown_arm(rows: Sequence[ArmRows], chain: Chain, base: NDArray[np.bool_],
         for term in arm_terms(rows, chain, base, peak_rad_s)
         if term.name != FRICTION_CHANGE
     ]
-    return [*terms, friction_change(effort_level(rows), peak_rad_s, WITHIN_HOURS, WITHIN_HOURS_FREEDOM)]
+    return [*terms, friction_change(effort_level(rows), peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)]
 
 
 def _known_arm(rows: Sequence[ArmRows], chain: Chain, arm: KnownArm, peak_rad_s: FloatArray) -> list[Term]:
@@ -166,5 +166,5 @@ def _known_arm(rows: Sequence[ArmRows], chain: Chain, arm: KnownArm, peak_rad_s:
     origin = "the spread between the calibration's runs, and a cold arm"
     if len(rows) == 1:
         return [*arm.terms, body, own_friction(today, origin)]
-    own = friction_change(effort_level(rows), peak_rad_s, WITHIN_HOURS, WITHIN_HOURS_FREEDOM)
+    own = friction_change(effort_level(rows), peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)
     return [*arm.terms, session_friction(today, origin), body, own]

@@ -27,41 +27,13 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.impacts import struck_samples
+from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.problem import EMPTY, Group, Problem
 from armload_identification.estimation.residual_spectrum import FREEST, ResidualSpectrum
 from armload_identification.estimation.terms import Shared, TorqueAt
 from armload_identification.identification_errors import EstimationError
 from armload_identification.signals.robust_scale import deviation_by_median
 
-HUBER: Final = 2.0
-LEAST_OF_WHITE: Final = 0.25
-"""Lower bound of a variance as a share of its value for a white residual: a spectrum far below its average, as of
-joints at rest, is not evidence of low noise."""
-LAGS: Final = 25
-FEWEST_ROWS: Final = 8
-"""Moving rows of an axis from which its noise is estimated."""
-UNCORRELATED: Final = 0.05
-DEVIATES: Final = 3.0
-"""RMS residual of a run on any joint, relative to the noise of all runs, from which its weight is reduced."""
-MOVING: Final = 0.3
-"""Weight from which a joint counts as moving in a row, mainly for the noise."""
-OUTLYING: Final = 3.0
-STEPS: Final = 40
-ROUGH_STEPS: Final = 5
-"""Iterations in which priors that are shares of other values are adapted and no row is excluded."""
-WEIGHING_STEPS: Final = 10
-"""Iterations after which noise, blows and weights of runs are fixed: a row that alternates between used and excluded
-would keep changing the gains by 0.01 %."""
-FRESH_STEPS: Final = 3
-"""The same for a fit that starts from the solution of another."""
-SETTLED: Final = 0.05
-"""Change of all unknowns together, in standard deviations, below which the fit has settled."""
-SHORTEST_STEP: Final = 0.01
-"""Shortest share of a step: full steps of poorly determined unknowns could oscillate across the kink of |tau|."""
-LARGEST_STEP: Final = 0.3
-"""Largest change of the logarithm of a gain in one iteration."""
-LEAST_LEFT: Final = 0.25
-"""Least share of the noise that is assumed to be left in the residual: four times as many rows as unknowns."""
 _ZERO: Final = 1e-12
 _ROUNDING: Final = 1e-13
 
@@ -263,7 +235,7 @@ class Posterior:
             random += variance
             scatter += variance**2 / part.spectrum.freedom(along)
         # Variance that does not come from a residual costs no degrees of freedom.
-        total = np.maximum(random, LEAST_OF_WHITE * white) + certain
+        total = np.maximum(random, Solver.least_of_white * white) + certain
         return total, np.clip(total**2 / np.maximum(scatter, total**2 / FREEST), 1.0, FREEST)
 
     def joint_spread(self, contrast: FloatArray) -> tuple[FloatArray, float]:
@@ -472,18 +444,18 @@ def solve(
     solver = _Solver(problem)
     if start is not None:
         solver.start_from(start)
-    for step in range(0 if start is None else WEIGHING_STEPS - FRESH_STEPS, STEPS):
+    for step in range(0 if start is None else Solver.weighing_steps - Solver.fresh_steps, Solver.steps):
         moved = solver.step()
-        if step < WEIGHING_STEPS:
-            solver.weigh(rough=step < ROUGH_STEPS)
+        if step < Solver.weighing_steps:
+            solver.weigh(rough=step < Solver.rough_steps)
         if progress is not None:
-            progress(step + 1, max(step + 1, WEIGHING_STEPS + ROUGH_STEPS))
-        if moved < SETTLED and (step > ROUGH_STEPS or not problem.adapts):
+            progress(step + 1, max(step + 1, Solver.weighing_steps + Solver.rough_steps))
+        if moved < Solver.settled and (step > Solver.rough_steps or not problem.adapts):
             return solver.posterior(step + 1)
     if rough:
-        return solver.posterior(STEPS)
+        return solver.posterior(Solver.steps)
     raise EstimationError(
-        f"the fit does not converge within {STEPS} steps (the unknowns still change by {moved:.2g} standard "
+        f"the fit does not converge within {Solver.steps} steps (the unknowns still change by {moved:.2g} standard "
         f"deviations); {problem.shared_size} unknowns, {len(problem.groups)} runs. Add runs with other motions."
     )
 
@@ -550,11 +522,11 @@ class _Solver:
         size = float(np.sqrt(max(step @ information @ step, 0.0)))
         if not step.size:
             size = float(np.sqrt(sum(part.own_step @ part.own_gradient for part in eliminated)))
-        share = min(1.0, LARGEST_STEP / max(float(np.abs(whole[self._gains]).max(initial=0.0)), _ZERO))
+        share = min(1.0, Solver.largest_step / max(float(np.abs(whole[self._gains]).max(initial=0.0)), _ZERO))
         while True:
             self._x = before + share * whole
             self._update()
-            if share < SHORTEST_STEP or self._cost(weights) <= cost:
+            if share < Solver.shortest_step or self._cost(weights) <= cost:
                 return share * size
             share *= 0.5
 
@@ -575,7 +547,7 @@ class _Solver:
                 size = np.abs(state.weighted_nm) / self._noise[: len(state.residual_nm), None]
                 state.struck = struck_samples(size.max(axis=0), state.group.time_s) if not rough else state.struck
                 relative = _relative(state, self._noise[: len(state.residual_nm)])
-                state.trust = 1.0 / max(float(relative.max()) / DEVIATES, 1.0) ** 2
+                state.trust = 1.0 / max(float(relative.max()) / Solver.deviates, 1.0) ** 2
         if rough:
             self._pool()
             self._mean, self._deviation = self._problem.prior(self._x, self._factors)
@@ -614,13 +586,13 @@ class _Solver:
         noise = self._problem.noise
         values = np.concatenate([part[~state.struck, axis] for state, part in parts])
         speed = np.concatenate([state.group.weight[combination, ~state.struck, axis] for state, _ in parts])
-        moving = values[speed > MOVING]
-        if moving.size < FEWEST_ROWS:
+        moving = values[speed > Solver.moving]
+        if moving.size < Solver.fewest_rows:
             return
         found, bound = _clipped_rms(moving)
         self._residual[combination, axis] = min(found, noise.greatest_nm[axis])
         rows = moving.size / self._correlation[combination, axis]
-        found /= np.sqrt(max(1.0 - self._absorbed[combination, axis] / rows, LEAST_LEFT))
+        found /= np.sqrt(max(1.0 - self._absorbed[combination, axis] / rows, Solver.least_left))
         self._noise[combination, axis] = np.clip(found, noise.least_nm[axis], noise.greatest_nm[axis])
         if noise.correlation is None:
             self._correlation[combination, axis] = _integrated([part[:, axis] for _, part in parts], bound)
@@ -723,7 +695,7 @@ def _row_weights(state: GroupState, noise_nm: FloatArray, correlation: FloatArra
     noise = noise_nm[:size, None]
     weight = state.group.weight * (np.sqrt(state.trust) / (noise * np.sqrt(correlation[:size, None])))
     if robust:
-        outlying = np.maximum(np.abs(state.weighted_nm) / (HUBER * noise), 1.0)
+        outlying = np.maximum(np.abs(state.weighted_nm) / (Solver.huber * noise), 1.0)
         weight = weight / np.sqrt(outlying)
     return np.asarray(np.where(state.struck[:, None], 0.0, weight))
 
@@ -737,14 +709,14 @@ def clipped_rms(state: GroupState, moved: NDArray[np.bool_]) -> FloatArray:
     """
     found = np.full(moved.size, np.nan)
     for axis in np.flatnonzero(moved):
-        fast = state.group.weight[0, :, axis] > MOVING
+        fast = state.group.weight[0, :, axis] > Solver.moving
         found[axis] = _clipped_rms(state.weighted_nm[0, fast, axis])[0]
     return found
 
 
 def _clipped_rms(values: FloatArray) -> tuple[float, float]:
     """RMS with clipped outliers, and the bound at which they were clipped."""
-    bound = OUTLYING * max(float(deviation_by_median(values)), _ZERO)
+    bound = Solver.outlying * max(float(deviation_by_median(values)), _ZERO)
     return float(np.sqrt(np.mean(np.clip(values, -bound, bound) ** 2))), bound
 
 
@@ -791,16 +763,16 @@ def _solved(information: FloatArray, right: FloatArray) -> FloatArray:
 
 def _integrated(parts: Sequence[FloatArray], bound: float) -> float:
     """Integrated autocorrelation, in rows, up to where it has decayed."""
-    covariance = np.zeros(LAGS)
+    covariance = np.zeros(Solver.lags)
     for part in parts:
         values = np.clip(part, -bound, bound)
-        for lag in range(min(LAGS, len(values))):
+        for lag in range(min(Solver.lags, len(values))):
             covariance[lag] += values[lag:] @ values[: len(values) - lag]
     if covariance[0] <= 0.0:
         return 1.0
     share = covariance / covariance[0]
-    faded = np.flatnonzero(share < UNCORRELATED)
-    last = int(faded[0]) if faded.size else LAGS
+    faded = np.flatnonzero(share < Solver.uncorrelated)
+    last = int(faded[0]) if faded.size else Solver.lags
     return max(1.0 + 2.0 * float(share[1:last].sum()), 1.0)
 
 

@@ -33,10 +33,10 @@ from armload_identification.estimation.arm_terms import (
     ROTORS,
     TILT,
     VISCOUS,
-    WIDE,
     arm_terms,
     effort_level,
 )
+from armload_identification.estimation.estimation_constants import Priors
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import Posterior, solve
 from armload_identification.estimation.terms import Joint, Scope, Term
@@ -94,7 +94,7 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
     rows = [arm_rows(run, chain, coupling, base, peak, loaded=False) for run in signals]
     level = effort_level(rows)
     terms = [_as_they_are(term) for term in arm_terms(rows, chain, base, peak) if term.name != FRICTION_CHANGE]
-    terms.append(Term(_OFFSET, Scope.ARM, Joint(_offset), np.zeros(n), WIDE * level, "any"))
+    terms.append(Term(_OFFSET, Scope.ARM, Joint(_offset), np.zeros(n), Priors.wide * level, "any"))
     found = solve(
         Problem(terms, [Group((RunRows(part),)) for part in rows], Noise.unknown(level), coupling), rough=True
     )

@@ -15,6 +15,7 @@ from armload_identification.calibration.calibrate_arm import MountedRun, Weighed
 from armload_identification.calibration.run_health import run_health
 from armload_identification.estimation import solve as solve_module
 from armload_identification.estimation.arm_rows import run_signals, tilt_axes
+from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.identification_errors import EstimationError, ModelError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
@@ -318,7 +319,7 @@ def test_a_rough_fit_that_goes_to_and_fro_says_nothing_about_the_mounting(
     def restless(*arguments, **options):
         with monkeypatch.context() as patch:
             if not rough:
-                patch.setattr(solve_module, "SETTLED", -1.0)
+                patch.setattr(Solver, "settled", -1.0)
             rough.append(options.get("rough", False))
             return fit(*arguments, **options)
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.stats import f as fisher
 
-from armload_identification.estimation import solve as solve_module
 from armload_identification.estimation.arm_rows import RunSignals, arm_rows, base_links
 from armload_identification.estimation.arm_terms import (
     CHANGES,
@@ -24,6 +23,7 @@ from armload_identification.estimation.arm_terms import (
     arm_terms,
     effort_level,
 )
+from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.problem import DIFFERENCE_AND_MEAN, Group, Known, Noise, Problem, RunRows
 from armload_identification.estimation.residual_spectrum import FREEST
 from armload_identification.estimation.solve import solve
@@ -206,7 +206,7 @@ def test_the_noise_is_corrected_for_what_the_unknowns_absorbed(problem, rows):
         groups.append(Group((replace(group.runs[0], rows=noisy),)))
     found = solve(replace(given, groups=groups))
     weight = np.concatenate([group.weight[0] for group in groups])
-    moving = weight > solve_module.MOVING
+    moving = weight > Solver.moving
     expected = noise_nm * np.sqrt(np.sum((weight * moving) ** 2, axis=0) / moving.sum(axis=0))
     np.testing.assert_allclose(found.noise_nm[0], expected, rtol=0.2)
 
@@ -229,8 +229,8 @@ def test_a_new_term_is_a_law_and_a_line(problem):
 
 
 def test_a_fit_that_does_not_settle_is_an_error_unless_a_rough_one_suffices(problem, monkeypatch):
-    monkeypatch.setattr(solve_module, "SETTLED", -1.0)
-    monkeypatch.setattr(solve_module, "STEPS", 3)
+    monkeypatch.setattr(Solver, "settled", -1.0)
+    monkeypatch.setattr(Solver, "steps", 3)
     with pytest.raises(EstimationError, match=r"does not converge within 3 steps .* Add runs with other motions"):
         solve(problem)
     assert solve(problem, rough=True).steps == 3

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from armload_identification.estimation.empty_arm.impacts import STRUCK, struck_samples
+from armload_identification.estimation.empty_arm.impacts import struck_samples
+from armload_identification.estimation.estimation_constants import Blows
 
 pytestmark = pytest.mark.pure
 
@@ -20,16 +21,16 @@ def test_noise_is_no_blow(quiet):
 
 
 def test_a_blow_is_left_out_with_what_lies_around_it(quiet):
-    quiet[100, [1, 4]] = [3.0 * STRUCK, -STRUCK]
+    quiet[100, [1, 4]] = [3.0 * Blows.struck, -Blows.struck]
     assert TIME_S[struck_samples(quiet, TIME_S)] == pytest.approx(np.arange(9.6, 10.45, 0.1))
 
 
 def test_one_joint_alone_is_friction_and_no_blow(quiet):
-    quiet[100, 1] = 5.0 * STRUCK
+    quiet[100, 1] = 5.0 * Blows.struck
     assert not struck_samples(quiet, TIME_S).any()
     assert struck_samples(quiet[:, 1:2], TIME_S).any()
 
 
 def test_a_run_that_is_off_everywhere_was_not_struck(quiet):
-    quiet[::5] *= 5.0 * STRUCK
+    quiet[::5] *= 5.0 * Blows.struck
     assert not struck_samples(quiet, TIME_S).any()

@@ -1,0 +1,394 @@
+"""Every number that the estimation has chosen, with its origin and what it costs to be wrong.
+
+A class is a concern, an attribute a constant, as in `signal_constants`. Factors of two were tried with four
+identifications with nominal gains, of which the greatest change is given: a pair of the UR10e, er50 and prbt with
+torque wrong within 2 %, and er50 with two periods of 2 s. "Nothing" is less than 0.01 % of the mass, 0.05 mm of the
+centre of mass and 1 % of an interval, with the same notes. Numbers that stay in their modules are numerical tolerances.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+
+class Rows:
+    """One run as equations (`arm_rows`)."""
+
+    grid_s: Final = 0.01
+    """[s] Interval of the grid on which a run of any motion is resampled.
+
+    Origin: physics: a tenth of the shortest motion that is used, and the cycle of slow drives.
+    Factor of two: either way: nothing.
+    """
+
+    motion_hz: Final = 10.0
+    """[Hz] Low-pass of measured positions: above it they contain hardly anything but noise.
+
+    Origin: measured: 5 and 20 Hz change the gains of the UR10e by 0.03 %.
+    Factor of two: either way: nothing.
+    """
+
+    degree: Final = 5
+    """[1] Degree of the spline through the positions: its acceleration has a continuous derivative.
+
+    Origin: mathematics.
+    Factor of two: either way: nothing.
+    """
+
+    model_parts: Final = 8.0
+    """[1] The model's samples in half a row's window.
+
+    Origin: measured: twice as many change no gain of the UR10e by 0.01 %.
+    """
+
+    row_s: Final = 0.1
+    """[s] Time between rows: a third of the window, so that nothing between them is lost.
+
+    Origin: mathematics, from the window of `RowMean`.
+    Factor of two: twice: masses by up to 1.32 %, centres by up to 14 mm, intervals by -1 to +1 %, other notes on 2
+        of 4; half: masses by up to 0.08 %, centres by up to 7.1 mm.
+    """
+
+    fewest: Final = 100
+    """[1] Fewest rows of a period; in a short one they are closer together and their windows shorter.
+
+    Origin: measured: 60 simulated er50 with periods of 2 s: masses 1.4 % off (rms), with 20 rows 2.3 %, with 50 1.5
+        %.
+    Factor of two: twice: masses by up to 1.32 %, centres by up to 14 mm, intervals by -1 to +0 %, other notes on 2
+        of 4; half: masses by up to 0.04 %, centres by up to 2 mm.
+    """
+
+    most: Final = 1500
+    """[1] Most rows of one run; in a longer one they are further apart.
+
+    Origin: cost: the time of a solve is linear in them.
+    Factor of two: either way: nothing.
+    """
+
+    hole_s: Final = 0.1
+    """[s] Gap between samples that a row does not bridge.
+
+    Origin: prior, not measured: ten cycles of a slow drive.
+    Factor of two: either way: nothing.
+    """
+
+    rounding_s: Final = 1e-9
+    """[s] Rounding of times.
+
+    Origin: numerics.
+    Factor of two: either way: nothing.
+    """
+
+    stands_rad_s: Final = 1e-3
+    """[rad/s] Greatest speed of a joint that stands.
+
+    Origin: prior, not measured: above the noise of encoders behind the low-pass.
+    Factor of two: either way: nothing.
+    """
+
+    shortest_s: Final = 3.0
+    """[s] Shortest run of any motion.
+
+    Origin: prior, not measured: a few windows.
+    Factor of two: either way: nothing.
+    """
+
+    at_once: Final = 64
+    """[1] Windows whose regressor is computed together.
+
+    Origin: cost: it takes 4 MB.
+    Factor of two: either way: nothing.
+    """
+
+    tilted: Final = 0.9
+    """[1] Cosine to gravity above which another axis is taken for the sideways directions.
+
+    Origin: mathematics.
+    Factor of two: either way: nothing.
+    """
+
+    repeated: Final = 0.1
+    """[1] Share of a joint's greatest speed at which the weight of a row's difference to the other run is 0.7:
+    half of the servo's behaviour at a reversal cancels.
+
+    Origin: measured on simulated arms: 0.2 reduces the bias of load friction on prbt and makes the Panda worse.
+    Factor of two: twice: masses by up to 0.74 %, centres by up to 1 mm, intervals by -3 to +0 %, other notes on 1
+        of 4; half: masses by up to 0.15 %, centres by up to 5.1 mm, intervals by +0 to +1 %.
+    """
+
+
+class Priors:
+    """What is known of any arm before a run (`arm_terms`)."""
+
+    gain: Final = 0.05
+    """[1] Standard deviation of the logarithm of a nominal gain in a calibration.
+
+    Origin: prior: tolerances of catalogue values.
+    """
+
+    delay_s: Final = 0.02
+    """[s] Standard deviation of the delay of the torque.
+
+    Origin: prior, not measured: a few cycles of a drive.
+    """
+
+    load_friction: Final = 0.05
+    """[1] Mean and standard deviation of mu: gears lose 0 to 15 % of their load.
+
+    Origin: prior: what gears of arms lose.
+    """
+
+    wide: Final = 10.0
+    """[1] Standard deviation of other parameters, in multiples of the value that alone would explain a joint's
+    torque.
+
+    Origin: prior: wide enough not to matter.
+    """
+
+    hand_m: Final = 0.1
+    """[m] Length of an arm's last link.
+
+    Origin: physics.
+    """
+
+    tool_m: Final = 0.5
+    """[m] Size of a payload.
+
+    Origin: physics.
+    """
+
+    drift_freedom: Final = 20.0
+    """[1] nu: degrees of freedom of what is stated of the changes of a calibration's runs.
+
+    Origin: measured: with 0.02, gains of simulated arms, whose friction does not change, are up to 45 % more
+        accurate, but those of joint 3 of the UR10e from disjoint runs differ by 0.58 instead of 0.38 %; with 0,
+        what the data do not show would become 0.
+    """
+
+    within_hours_freedom: Final = 5.0
+    """[1] The same of two runs, which show themselves whether their friction differs.
+
+    Origin: measured: with 20, 13 kg on er50, whose friction does not change, are 18 instead of 15 g off (rms); the
+        UR10e's masses differ by 0.01 %.
+    """
+
+    least_friction: Final = 0.01
+    """[1] Least friction, as a share of the joint's torque.
+
+    Origin: physics: no gear is without.
+    """
+
+
+class Solver:
+    """The one solve (`solve`)."""
+
+    huber: Final = 2.0
+    """[1] Residual in standard deviations from which a row has less weight.
+
+    Origin: mathematics: 95 % efficient on normal noise at 1.35, 99 % at 2.
+    """
+
+    least_of_white: Final = 0.25
+    """[1] Lower bound of a variance as a share of its value for a white residual: a spectrum far below its
+    average, as of joints at rest, is not evidence of low noise.
+
+    Origin: prior, not measured.
+    """
+
+    lags: Final = 25
+    """[1] Most rows over which the autocorrelation of the noise is summed.
+
+    Origin: prior, not measured: 2.5 s.
+    """
+
+    fewest_rows: Final = 8
+    """[1] Moving rows of an axis from which its noise is estimated.
+
+    Origin: prior, not measured.
+    """
+
+    uncorrelated: Final = 0.05
+    """[1] Autocorrelation at which the sum ends.
+
+    Origin: prior, not measured: below the scatter of a few hundred rows.
+    """
+
+    deviates: Final = 3.0
+    """[1] RMS residual of a run on any joint, relative to the noise of all runs, from which its weight is
+    reduced.
+
+    Origin: prior, not measured.
+    """
+
+    moving: Final = 0.3
+    """[1] Weight from which a joint counts as moving in a row, mainly for the noise.
+
+    Origin: prior, not measured.
+    """
+
+    outlying: Final = 3.0
+    """[1] Residual in standard deviations by the median at which it is clipped for the noise.
+
+    Origin: mathematics: one row of 370 is beyond it by chance.
+    """
+
+    steps: Final = 40
+    """[1] Most iterations.
+
+    Origin: cost: far beyond what a fit takes.
+    """
+
+    rough_steps: Final = 5
+    """[1] Iterations in which priors that are shares of other values are adapted and no row is excluded.
+
+    Origin: prior, not measured.
+    """
+
+    weighing_steps: Final = 10
+    """[1] Iterations after which noise, blows and weights of runs are fixed: a row that alternates between used
+    and excluded would keep changing the gains by 0.01 %.
+
+    Origin: measured on the UR10e.
+    """
+
+    fresh_steps: Final = 3
+    """[1] The same for a fit that starts from the solution of another.
+
+    Origin: cost.
+    """
+
+    settled: Final = 0.05
+    """[1] Change of all unknowns together, in standard deviations, below which the fit has settled.
+
+    Origin: cost: a twentieth of what the data can tell.
+    """
+
+    shortest_step: Final = 0.01
+    """[1] Shortest share of a step: full steps of poorly determined unknowns could oscillate across the kink of
+    |tau|.
+
+    Origin: numerics.
+    """
+
+    largest_step: Final = 0.3
+    """[1] Largest change of the logarithm of a gain in one iteration.
+
+    Origin: numerics.
+    """
+
+    least_left: Final = 0.25
+    """[1] Least share of the noise that is assumed to be left in the residual: four times as many rows as
+    unknowns.
+
+    Origin: prior, not measured.
+    """
+
+
+class GainTest:
+    """Gains that a pair contradicts (`gain_errors`)."""
+
+    unknown: Final = 1.0
+    """[1] Standard deviation of the logarithm of an unknown gain: a factor of e.
+
+    Origin: prior: wide enough not to matter.
+    """
+
+    contradicts: Final = 4.0
+    """[1] Standard deviations beyond which a gain is contradicted.
+
+    Origin: prior: one more than usual, as residuals are not quite normal.
+    """
+
+    assumed: Final = 2.0
+    """[1] Half width of the assumed range of a gain in standard deviations, 95 %.
+
+    Origin: mathematics.
+    """
+
+    matters: Final = 0.03
+    """[1] Error of a gain that is named at the least: the friction of one pair of runs can look like it.
+
+    Origin: measured: on the UR10e 0.962 to 1.037 at one joint.
+    """
+
+    nine_of_ten: Final = 1.28
+    """[1] Standard deviations above a threshold at which it is exceeded with a probability of 90 %.
+
+    Origin: mathematics.
+    """
+
+    suspect: Final = 0.7
+    """[1] Share of the smallest error worth naming from which a gain is tried as unknown.
+
+    Origin: cost: with it held, an error hides a part of itself.
+    """
+
+    less: Final = 0.999
+    """[1] Greatest share of its prior's variance that a gain keeps.
+
+    Origin: numerics.
+    """
+
+    poor: Final = 2.0
+    """[1] A pair measures a gain poorly if its standard deviation exceeds the assumed one by this factor.
+
+    Origin: prior, not measured.
+    """
+
+    poorly: Final = 2.0
+    """[1] Factor on the threshold of a poorly measured gain, because such a joint's friction looks like a gain
+    error.
+
+    Origin: prior, not measured.
+    """
+
+
+class Payloads:
+    """A payload read from a posterior (`payload_estimate`)."""
+
+    blind: Final = 0.5
+    """[1] Share of the prior's variance that remains in a direction of which the rows say nothing.
+
+    Origin: prior, not measured.
+    """
+
+    negligible: Final = 1e-6
+    """[1] Share of a combination's size in undetermined directions below which it is determined.
+
+    Origin: numerics.
+    """
+
+    asymmetry: Final = 0.6
+    """[1] Half the difference of a gear's losses in units of mu^2, one standard deviation.
+
+    Origin: physics: +0.5 with equal efficiencies in both directions, 0 with b = 2 - 1/f, -0.8 with 0.85 and 0.75.
+    """
+
+
+class Blows:
+    """Blows to an arm (`impacts`)."""
+
+    struck: Final = 8.0
+    """[1] Standard deviations of a blow; a second joint must exceed half of it, because a blow shakes the entire
+    arm while friction at a reversal affects one joint.
+
+    Origin: prior, not measured.
+    """
+
+    around_s: Final = 0.4
+    """[s] Time around a blow that is not used.
+
+    Origin: prior, not measured: an arm rings for some tenths of a second.
+    """
+
+    rounding_s: Final = 1e-6
+    """[s] Rounding of times.
+
+    Origin: numerics.
+    """
+
+    most: Final = 0.10
+    """[1] If a greater share of a run is off, the cause is not a blow.
+
+    Origin: prior, not measured.
+    """
