@@ -27,11 +27,12 @@ def given_arm(robot: str, base: str | None, flange: str | None) -> MeasuredArm:
         ConfigurationError: the file cannot be used.
     """
     from armload_controller.config.chain_from_urdf import read_urdf_arm
-    from armload_controller.config.robot import load_robot
     from armload_controller.config.urdf_tree import is_urdf
 
     if is_urdf(Path(robot)):
         return read_urdf_arm(robot, base, flange)
+    from armload_controller.config.robot import load_robot
+
     if base is not None or flange is not None:
         raise typer.BadParameter(f"select the arm in a URDF; ROBOT {robot!r} is none", param_hint="--base, --flange")
     return load_robot(robot)

@@ -6,8 +6,9 @@ Fixed joints are folded into the origins. A mimic joint, or one that is neither 
 refused between base and flange; elsewhere it is listed and ignored.
 
 The default `base` is the link without a parent. The default `flange` is the end of the only chain of at least four
-revolute joints; of several links fixed to each other at that end, the one that ROS-Industrial calls `tool0` or
-`flange`. Anything else is ambiguous, and the error lists the choices.
+revolute joints, without a gripper's jaws and fingers, which their joints' names tell; of several links fixed to each
+other at that end, the one that ROS-Industrial calls `tool0` or `flange`. Anything else is ambiguous, and the error
+lists the choices.
 
 References:
     URDF XML specification, ROS; REP 103 (units and axes); ROS-Industrial REP-I0001 draft (tool0, flange).
@@ -231,7 +232,8 @@ def _flange_link(tree: UrdfTree, flange: str | None, base: str) -> str:
     ends: dict[tuple[str, ...], list[str]] = {}
     for link in tree.links:
         names = _turning_names(tree, link, base)
-        if names is not None and len(names) >= FEWEST_JOINTS:
+        held = any(joint.grips and joint.name in (names or ()) for joint in tree.upwards(link))
+        if names is not None and len(names) >= FEWEST_JOINTS and not held:
             ends.setdefault(names, []).append(link)
     longest = {
         names: at for names, at in ends.items() if not any(n != names and n[: len(names)] == names for n in ends)
@@ -285,13 +287,14 @@ def _joints_between(tree: UrdfTree, base: str, flange: str) -> list[UrdfJoint]:
         link = joint.parent
     if link != base:
         above = ", ".join(joint.parent for joint in way)
-        raise tree.refused("`flange=`", flange, f"a link below {base!r}; above it are {above}")
+        expected = f"a link below {base!r}; above it are {above or 'none'}; {_other_starts(tree)}"
+        raise tree.refused("`flange=`", flange, expected)
     return way[::-1]
 
 
 def _require_supported(tree: UrdfTree, moving: Sequence[UrdfJoint], base: str, flange: str) -> None:
     """Refuse a chain that does not consist of 4 to 16 independent revolute joints."""
-    remedy = "choose another chain with `base=` and `flange=`"
+    remedy = f"choose another `flange=`; {_other_starts(tree)}"
     for joint in moving:
         if joint.mimics is not None:
             raise tree.refused(f"joint {joint.name}, mimic", joint.mimics, f"a joint with its own motor; {remedy}")

@@ -1,19 +1,25 @@
-"""Arguments that are objects, or the names and paths that they are read from."""
+"""Arguments that are objects, or the names and paths that they are read from.
+
+The tables of a robot's file are imported only where a robot is read or expected: they take more than `import numpy`.
+"""
 
 from __future__ import annotations
 
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from armload_controller.config.chain_from_urdf import UrdfArm, read_urdf_arm
 from armload_controller.config.measured_arm import MeasuredArm
-from armload_controller.config.robot import Robot, load_robot
 from armload_controller.config.robot_recordings import read_of
 from armload_controller.config.urdf_tree import is_urdf
 from armload_identification.files.payload_file import read_payload
 from armload_identification.model.payload import PayloadResult
 from armload_identification.recording.formats.frame_reader import DataFrame
 from armload_identification.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from armload_controller.config.robot import Robot
 
 FilePath = str | PathLike[str]
 RunSource = Recording | FilePath | DataFrame
@@ -52,6 +58,8 @@ def robot_of(robot: MeasuredArm | FilePath) -> Robot:
         ConfigurationError: the file cannot be used.
         TypeError: it is something else.
     """
+    from armload_controller.config.robot import Robot, load_robot
+
     if isinstance(robot, str | PathLike):
         return load_robot(robot)
     if isinstance(robot, Robot):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,8 @@ from armload_identification.model.chain import pose_from_xyz_rpy
 from armload_identification.storage.regular_file import read_whole
 
 _REVOLUTE_TYPES = ("revolute", "continuous")
+_HAND_WORDS = {"gripper", "finger", "jaw", "thumb", "knuckle", "hand", "pinky", "pincer", "claw"}
+_WRIST_WORDS = {"yaw", "pitch", "roll", "wrist"}
 _ZERO = (0.0, 0.0, 0.0)
 
 
@@ -46,6 +49,12 @@ class UrdfJoint:
     def turns(self) -> bool:
         """Whether it can be a joint of an arm: revolute or continuous, and independent."""
         return self.kind in _REVOLUTE_TYPES and self.mimics is None
+
+    @property
+    def grips(self) -> bool:
+        """Whether its name is that of a gripper's jaw or of a finger, not of a wrist's axis."""
+        words = {word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", self.name)}
+        return bool(words & _HAND_WORDS) and not words & _WRIST_WORDS
 
 
 @dataclass(frozen=True, eq=False)

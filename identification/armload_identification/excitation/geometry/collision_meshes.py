@@ -16,6 +16,7 @@ with p_k the offset of joint k in the frame of joint k - 1. After a sample with 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -148,12 +149,17 @@ class Meshes:
                     )
 
     def _make_solid(self, file: Path, body: Any) -> None:
-        """Replace a mesh by its convex hull."""
+        """Replace a mesh by its convex hull; a disc's rim is shifted slightly if its corner has too many neighbours."""
         shape = body.geometry
         if isinstance(shape, self._coal.BVHModelBase):
-            shape.buildConvexHull(True, "Qt")
-            if shape.convex is None:
-                raise ModelError(f"{file}: no convex hull of the mesh {body.meshPath}: expected a body with a volume")
+            for option in ("Qt", "QJ"):
+                with suppress(RuntimeError):
+                    shape.buildConvexHull(True, option)
+                if shape.convex is not None:
+                    break
+            else:
+                expected = "expected a body with a volume, and fewer than 256 edges at a corner"
+                raise ModelError(f"{file}: no convex hull of the mesh {body.meshPath}: {expected}")
             body.geometry = shape.convex
         body.geometry.computeLocalAABB()
 

@@ -9,22 +9,27 @@ used, and messages without all of its joints are skipped.
 from __future__ import annotations
 
 import re
+import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import cache
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import zstandard
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.formats.mcap_reader import require_bounded
 from armload_identification.recording.joint_names import JointNames
+from armload_identification.recording.read_boundary import MOST_BYTES
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.row_block import RowBlock
@@ -98,6 +103,8 @@ class RosReader:
         for file in _files_of(self._bag):
             if file.suffix == ".mcap":
                 require_bounded(file)
+            elif file.suffix == ".db3":
+                _require_small_messages(file)
         with self._opened() as reader:
             self._choice = self._chosen(reader)
 
@@ -194,11 +201,28 @@ class RosReader:
     @contextmanager
     def _opened(self) -> Iterator[AnyReader]:
         """Open the bag."""
-        store = get_typestore(Stores.ROS2_HUMBLE)
-        for name, definition in _CONTROL_MESSAGES.items():
-            store.register(get_types_from_msg(definition, name))
-        with AnyReader([self._bag], default_typestore=store) as reader:
+        defined = any(file.suffix == ".mcap" for file in _files_of(self._bag))
+        with AnyReader([self._bag], default_typestore=None if defined else _humble()) as reader:
             yield reader
+
+
+def _require_small_messages(path: Path) -> None:
+    """Raise if a message of an SQLite bag, unpacked if it is compressed, takes more memory than a reader may hold."""
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True)) as bag:
+        (largest,) = bag.execute("SELECT max(length(data)) FROM messages").fetchone()
+        packed = bag.execute("SELECT substr(data, 1, 18) FROM messages WHERE substr(data, 1, 4) = x'28b52ffd'")
+        largest = max([largest or 0, *(zstandard.frame_content_size(start) for (start,) in packed)])
+    if largest > MOST_BYTES:
+        raise ValueError(f"a message of {largest} bytes, at most {MOST_BYTES} are possible")
+
+
+@cache
+def _humble() -> Typestore:
+    """Types for SQLite bags, which have no definitions; MCAP and ROS 1 do. Their import takes half of numpy's time."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, definition in _CONTROL_MESSAGES.items():
+        store.register(get_types_from_msg(definition, name))
+    return store
 
 
 def _sample(connection: Connection, message: Any) -> _JointSample:

@@ -287,3 +287,25 @@ def test_other_starts_and_joints_that_slide_are_named(tmp_path):
     with pytest.raises(ConfigurationError, match=r"`base=`: l1; prismatic joints are not supported: j0"):
         read_urdf_arm(path)
     assert read_urdf_arm(path, base="l1").n == 5
+
+
+@pytest.mark.parametrize(
+    ("name", "joints"),
+    [
+        *((name, 5) for name in ("jointGripper", "gripper", "RHand", "l_finger_joint")),
+        *((name, 6) for name in ("RightGripperYaw", "joint_6", "shandy")),
+    ],
+)
+def test_a_jaw_is_no_axis_of_the_arm(written, name, joints):
+    """A revolute jaw at the end was the arm's last joint; one chosen as the flange still is."""
+    row = [joint(f"j{i}", "revolute", f"l{i}", f"l{i + 1}", LIMIT) for i in range(5)]
+    path = written(urdf(*row, joint(name, "revolute", "l5", "l6", LIMIT)))
+    assert read_urdf_arm(path).n == joints
+    assert read_urdf_arm(path, flange="l6").n == 6
+
+
+@pytest.mark.parametrize(("base", "flange"), [("l5", "l6"), ("l2", "l1"), (None, "l6")])
+def test_starts_and_sliding_joints_are_listed_whatever_is_chosen(written, base, flange):
+    row = [joint(f"j{i}", "revolute" if i else "prismatic", f"l{i}", f"l{i + 1}", LIMIT) for i in range(6)]
+    with pytest.raises(ConfigurationError, match=r"`base=`: l1; prismatic joints are not supported: j0"):
+        read_urdf_arm(written(urdf(*row)), base, flange)

@@ -175,6 +175,21 @@ def test_more_stars_than_in_the_loaded_column_and_one_recording_twice_are_refuse
         jobs_of(cells, "one,er50,cell-1/*/loaded.mcap", "two,er50,cell-1/mo/loaded.mcap")
 
 
+def test_a_very_long_cell_names_its_line(tmp_path):
+    """Beyond the limit of the csv module, whose error was a traceback."""
+    table = tmp_path / "jobs.csv"
+    table.write_text(f"{HEADER}a,er50,{'x' * 140_000},,,,\n")
+    with pytest.raises(ConfigurationError, match=r"jobs\.csv") as caught:
+        list_jobs(read_job_table(table), table)
+    assert len(str(caught.value)) < 1000
+
+
+@pytest.mark.parametrize("url", ["reference://x", "reference://x/*.mcap", "nothing://x"])
+def test_a_kind_of_url_that_cannot_be_read_is_a_sentence(cells, url):
+    with pytest.raises((ConfigurationError, ListingError, FleetError), match=url.split("/")[0]):
+        jobs_of(cells, f"a,er50,{url},,,,")
+
+
 def test_a_missing_table_names_it(tmp_path):
     with pytest.raises(ConfigurationError, match=r"jobs\.csv: cannot be read: No such file"):
         read_job_table(tmp_path / "jobs.csv")

@@ -126,3 +126,12 @@ def test_a_table_that_makes_no_sense_is_refused_by_line(table, said):
 def test_a_table_that_is_not_there_is_named(tmp_path):
     with pytest.raises(RunTableError, match="cannot be read"):
         read_run_table(tmp_path / "none.csv")
+
+
+def test_a_very_long_cell_of_a_table_of_runs_names_the_table(tmp_path):
+    """Beyond the limit of the csv module, whose error was a traceback."""
+    table = tmp_path / "runs.csv"
+    table.write_text(f"recording,mounting,mass_kg\n{'x' * 140_000},,\n")
+    with pytest.raises(RunTableError, match=r"runs\.csv") as caught:
+        read_run_table(table)
+    assert len(str(caught.value)) < 1000

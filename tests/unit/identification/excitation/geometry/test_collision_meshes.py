@@ -162,6 +162,25 @@ def test_meshes_of_a_package_are_found_in_a_folder_above(meshes, tmp_path):
         Meshes(file, PRBT.chain, PRBT.joint_names, KEEP_M)
 
 
+@pytest.mark.parametrize("cone", [False, True])
+def test_a_round_mesh_is_no_traceback(tmp_path, cone):
+    """Facets of a disc meet in one corner, of which the library's hulls have at most 255 edges."""
+    write_urdf(tmp_path)
+    turn = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
+    rim = 0.03 * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(400)])
+    top = np.array([[0.0, 0.0, 0.02]]) if cone else rim + np.array([0.0, 0.0, 0.02])
+    corners = np.vstack([rim, top])
+    ahead = np.arange(1, 401) % 400
+    faces = [(k, ahead[k], 400 if cone else 400 + k) for k in range(400)]
+    body = b"".join(struct.pack("<12fH", 0, 0, 0, *corners[list(face)].ravel(), 0) for face in faces)
+    (tmp_path / "tool.stl").write_bytes(bytes(80) + struct.pack("<I", len(faces)) + body)
+    if cone:
+        with pytest.raises(ModelError, match=r"tool\.stl: expected a body with a volume, and fewer than 256 edges"):
+            Meshes(tmp_path / "arm.urdf", PRBT.chain, PRBT.joint_names, KEEP_M)
+    else:
+        assert "base to tool" in Meshes(tmp_path / "arm.urdf", PRBT.chain, PRBT.joint_names, KEEP_M).names
+
+
 def test_links_that_may_touch_are_left_out(meshes):
     assert "base to link_2" not in meshes(touching=(("link_2", "base"),)).names
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import builtins
 import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
+import zstandard
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.formats.ros_reader import _CONTROL_MESSAGES
+from armload_identification.recording.read_boundary import MOST_BYTES
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 
 ROWS = 60
@@ -108,6 +111,18 @@ def test_every_storage_gives_the_same(bag, state, plugin, compression):
         assert_read(read_recording(file))
         (path / "metadata.yaml").unlink()
         assert_read(read_recording(path))
+
+
+def test_a_message_that_unpacks_to_more_than_the_budget_is_refused_before(bag, state):
+    """3 GB of zeros are 90 kB; each of 60 such messages took 3 GB of memory."""
+    path = bag(states(state), StoragePlugin.SQLITE3, CompressionMode.MESSAGE)
+    (file,) = path.glob("*.db3")
+    packed = zstandard.ZstdCompressor().compress(bytes(MOST_BYTES + 1))
+    with closing(sqlite3.connect(file)) as database:
+        database.execute("UPDATE messages SET data = ? WHERE id = 50", (packed,))
+        database.commit()
+    with pytest.raises(RecordingError, match=f"a message of {MOST_BYTES + 1} bytes, at most"):
+        read_recording(path)
 
 
 def test_the_order_of_the_joints_may_change_from_message_to_message(bag, state):
