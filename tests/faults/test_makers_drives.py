@@ -398,6 +398,7 @@ WRITTEN = {
         changes={"1600sub0": {"HighLimit": "1", "LowLimit": "0"}},
         reason="at most 1 objects, 2 are required. A drive must carry 2",
     ),
+    "no statusword": own(without=[0x6041], reason="The drive has no 6041:0: use firmware that has it"),
     "no 6060": own(without=[0x6060], error=WrongDevice, reason="no 6060:0 .*mode 8 .*, but 0. Set this mode with"),
     "mapping fixed in another order": own(
         {"fixed_pdos": OTHERS},

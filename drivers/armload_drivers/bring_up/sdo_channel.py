@@ -181,13 +181,11 @@ class SdoChannel(ABC):
 
     def _refused(self, verb: str, entry: Entry, code: int, text: str) -> SdoRefused:
         """Error for a transfer that the node answered with an abort code."""
-        return SdoRefused(
-            *self.node,
-            self.step,
-            f"{verb} {entry} was refused with 0x{code:08X}, {text}",
-            "The drive does not support this, at least not in its present state; see its manual",
-            code,
-        )
+        if code in _MISSING:
+            remedy = f"The drive has no {entry.index:04X}:{entry.subindex}: use firmware that has it, or another drive"
+        else:
+            remedy = "The drive does not support this, at least not in its present state; see its manual"
+        return SdoRefused(*self.node, self.step, f"{verb} {entry} was refused with 0x{code:08X}, {text}", remedy, code)
 
     @abstractmethod
     def _transfer(self, entry: Entry, data: bytes | None) -> bytes:
