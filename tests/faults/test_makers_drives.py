@@ -388,7 +388,7 @@ WRITTEN = {
     "two objects in a PDO, and one TPDO": own(
         without=[0x1801, 0x1A01],
         changes={f"{index}sub0": {"HighLimit": "2", "LowLimit": "0"} for index in ("1600", "1A00")},
-        reason="no second TPDO for the effort: use firmware",
+        reason="no second TPDO .1801. for the effort: use firmware",
     ),
     "no RPDO for the torque offset": own(
         {"pdo_objects_max": 2}, without=[0x1401, 0x1601], reason="no 1401:1 .*2 are required. Set torque_offset = false"

@@ -173,7 +173,8 @@ class DriveSetup(DriveDialogue, ABC):
         """The other steps of `configure`."""
         return (
             ("cycle", self._write_cycle),
-            ("PDOs", self._map_pdos),
+            ("setpoints", self._map_setpoints),
+            ("feedback", self._map_feedback),
             ("mode", self._select_mode),
         )
 
@@ -221,8 +222,12 @@ class DriveSetup(DriveDialogue, ABC):
         """Write the objects of the cycle."""
 
     @abstractmethod
-    def _map_pdos(self) -> None:
-        """Map the objects of the cycle."""
+    def _map_setpoints(self) -> None:
+        """Map what is sent to the drive in each cycle."""
+
+    @abstractmethod
+    def _map_feedback(self) -> None:
+        """Map what the drive sends in each cycle."""
 
     @property
     def objects(self) -> DriveObjects:

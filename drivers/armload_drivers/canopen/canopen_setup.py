@@ -26,7 +26,7 @@ from armload_drivers.cia402.bus_budget import USUAL_RATES_HZ, forecast, with_rat
 from armload_drivers.cia402.drive_safety import Safety, master_watch
 from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
 from armload_drivers.cia402.process_data.drive_units import microseconds
-from armload_drivers.cia402.process_data.process_image import drive_image, target_entry
+from armload_drivers.cia402.process_data.process_image import drive_image, effort_entry, target_entry
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import SdoRefused, ServoTimeout
 
@@ -101,11 +101,11 @@ class CanopenSetup(DriveSetup):
         """How the configuration can use PDOs of fewer objects, if there is a second one for the rest."""
         changes: dict[str, Any] = {"pdo_objects_max": most}
         if not self._has_second(PdoDirection.TRANSMIT):
-            return "It has no second TPDO for the effort: use firmware that has one, or another drive"
+            return "It has no second TPDO (1801) for the effort: use firmware that has one, or another drive"
         without = ""
         if self.settings.torque_offset and not self._has_second(PdoDirection.RECEIVE):
             changes["torque_offset"] = False
-            without = ", and torque_offset = false, since there is no second RPDO; feed-forward is then refused"
+            without = ", and torque_offset = false, since there is no second RPDO (1401); feed-forward is then refused"
         return f"Set pdo_objects_max = {most}{without}{self._rate_for(**changes)}: the rest is sent in a second PDO"
 
     def _has_second(self, direction: PdoDirection) -> bool:
@@ -126,6 +126,9 @@ class CanopenSetup(DriveSetup):
                 try:
                     layouts = drive_image(replace(self.settings, **changes)).layouts
                 except ValueError:
+                    continue
+                effort = effort_entry(replace(self.settings, feedback=feedback))
+                if self._sdo.bits_if_there(effort) != effort.type.bits:
                     continue
                 used = {(layout.direction, layout.number) for layout in layouts}
                 pdos = [pdo for pdo in found if (pdo.direction, pdo.number) in used]
@@ -150,15 +153,22 @@ class CanopenSetup(DriveSetup):
         """Set the cycle; see `write_cycle`."""
         write_cycle(self._objects, self._arm)
 
-    def _map_pdos(self) -> None:
-        """Map the PDOs of each direction and switch the others off."""
-        for layout in self._image.layouts:
-            self._sdo.step = f"mapping the {layout.direction.name.lower()} PDO {layout.number + 1}"
+    def _map_setpoints(self) -> None:
+        """Map the RPDOs."""
+        self._map(PdoDirection.RECEIVE)
+
+    def _map_feedback(self) -> None:
+        """Map the TPDOs."""
+        self._map(PdoDirection.TRANSMIT)
+
+    def _map(self, direction: PdoDirection) -> None:
+        """Map the PDOs of a direction and switch its others off."""
+        layouts = [layout for layout in self._image.layouts if layout.direction is direction]
+        for layout in layouts:
+            self._sdo.step = f"mapping the {direction.name.lower()} PDO {layout.number + 1}"
             self._objects.held |= map_pdo(self._sdo, layout, self)
         self._sdo.step = "switching unused PDOs off"
-        for direction in PdoDirection:
-            used = {layout.number for layout in self._image.layouts if layout.direction is direction}
-            switch_others_off(self._sdo, direction, used)
+        switch_others_off(self._sdo, direction, {layout.number for layout in layouts})
 
 
 def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:

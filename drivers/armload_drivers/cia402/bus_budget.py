@@ -125,13 +125,16 @@ def _drives_of(arm: ArmSettings) -> str:
 
 
 def with_rate_for(arm: ArmSettings, **of_drives: Any) -> str:
-    """What advice about every drive must add so that it fits the bus, as text; empty if it fits as it is.
+    """What advice about every drive must add so that it fits the bus, as text; empty if it fits, or fits no PDO.
 
     Args:
         arm: The arm.
         of_drives: Fields of `DriveSettings` as the advice would set them.
     """
-    load = forecast(replace(arm, drives=tuple(replace(drive, **of_drives) for drive in arm.drives)))
+    try:
+        load = forecast(replace(arm, drives=tuple(replace(drive, **of_drives) for drive in arm.drives)))
+    except ValueError:  # fixed PDOs with other sizes
+        return ""
     if load.fits or not load.cycle_hz:
         return ""
     return f", together with cycle_hz = {load.cycle_hz}, since the bus carries no more of these PDOs"

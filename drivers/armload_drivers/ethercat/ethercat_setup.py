@@ -71,19 +71,17 @@ class EthercatSetup(DriveSetup):
         """Set 60C2."""
         set_interpolation(self._objects, self._arm.cycle_s)
 
-    def _map_pdos(self) -> None:
-        """Map the objects of both directions, or find them in the drive's own mapping."""
-        for direction, entries in (
-            (FrameDirection.OUTPUTS, setpoint_entries(self.settings)),
-            (FrameDirection.INPUTS, feedback_entries(self.settings)),
-        ):
-            self._sdo.step = f"mapping the {direction.name.lower()}"
-            part, held = assign(self._sdo, direction, entries)
-            self._objects.held |= held
-            if direction is FrameDirection.OUTPUTS:
-                self.outputs = part
-            else:
-                self.inputs = part
+    def _map_setpoints(self) -> None:
+        """Map the outputs, or find them in the drive's own mapping."""
+        self._sdo.step = "mapping the outputs"
+        self.outputs, held = assign(self._sdo, FrameDirection.OUTPUTS, setpoint_entries(self.settings))
+        self._objects.held |= held
+
+    def _map_feedback(self) -> None:
+        """Map the inputs, or find them in the drive's own mapping."""
+        self._sdo.step = "mapping the inputs"
+        self.inputs, held = assign(self._sdo, FrameDirection.INPUTS, feedback_entries(self.settings))
+        self._objects.held |= held
 
     def _select_mode(self) -> None:
         """Write 6060; drives show the mode in 6061 only with process data, see `require_started`."""

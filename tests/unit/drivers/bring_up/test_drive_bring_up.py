@@ -157,7 +157,7 @@ def test_what_is_no_drive_is_refused(bench):
 def test_configured_it_has_mode_cycle_and_pdos(bench):
     made = bench(polarity=0x80)
     assert [name for name, _ in made.setup.reading_steps()] == ["axes", "modes", "scaling", "objects", "reference"]
-    assert [name for name, _ in made.setup.writing_steps()] == ["cycle", "PDOs", "mode"]
+    assert [name for name, _ in made.setup.writing_steps()] == ["cycle", "setpoints", "feedback", "mode"]
     assert made.setup.configure() == 0x80
     values = made.values
     assert values[od.MODE_DISPLAY.key] == 8

@@ -5,8 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback, Identity, OperationMode
+from armload_drivers.cia402.arm_settings import (
+    ArmSettings,
+    DriveSettings,
+    EffortFeedback,
+    FixedPdo,
+    Identity,
+    OperationMode,
+)
 from armload_drivers.cia402.bus_budget import USUAL_RATES_HZ, forecast, frame_bits, require_room, with_rate_for
+from armload_drivers.cia402.object_dictionary import PdoDirection
 from armload_drivers.driver_errors import BusOverload
 
 pytestmark = pytest.mark.pure
@@ -98,6 +106,8 @@ def test_a_rate_that_is_advised_is_a_number_of_milliseconds(rate):
 def test_advice_that_needs_more_of_the_bus_names_the_rate_for_it():
     assert with_rate_for(arm(7, 250), torque_offset=False) == ""
     assert "cycle_hz = 200" in with_rate_for(arm(7, 250), effort_bits=32, torque_offset_bits=32)
+    fixed = (FixedPdo(PdoDirection.TRANSMIT, 0, (0x60410010, 0x60640020, 0x60770010)),)
+    assert with_rate_for(arm(7, 250, fixed_pdos=fixed), effort_bits=32) == "", "it fits no PDO"
     assert not forecast(arm(7, 250, effort_bits=32, torque_offset_bits=32)).fits
     assert forecast(arm(7, 200, effort_bits=32, torque_offset_bits=32)).fits
 
