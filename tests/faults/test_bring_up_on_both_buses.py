@@ -57,8 +57,7 @@ STEPS = [
     "looking for the node", "identifying", "looking for torque", "looking for a second axis",
     "checking the mode", "reading the scaling", "looking for the objects of its PDOs",
     "checking the reference", "setting the cycle",
-    "mapping the receive PDO 1",
-    "mapping the transmit PDO 1", "switching unused PDOs off", "selecting the mode",
+    "mapping the receive PDO 1", "switching unused PDOs off", "mapping the transmit PDO 1", "selecting the mode",
     *SAFETY, "configuring the heartbeat consumer", "reading the name",
 ]  # fmt: skip
 LATER = ["checking the state", "comparing the settings", "presetting the target"]
