@@ -34,14 +34,14 @@ def drafted_arm() -> Robot:
     """
     with tempfile.TemporaryDirectory() as directory:
         urdf, robot = Path(directory) / "drafted.urdf", Path(directory) / "drafted.toml"
-        urdf.write_text(_urdf(), encoding="utf-8")
+        urdf.write_text(drafted_urdf(), encoding="utf-8")
         options = ["--payload-kg", str(PAYLOAD_KG), "--simulated", "--restarts", "2", "--output", str(robot)]
         program = Path(sys.executable).with_name("armload")
         subprocess.run([program, "init", str(urdf), *options], check=True, capture_output=True)
         return load_robot(str(robot))
 
 
-def _urdf() -> str:
+def drafted_urdf() -> str:
     """The description of the arm."""
     parts = ['<link name="link_0"/>']
     for number, (origin, axis, speed, effort, mass, center) in enumerate(_JOINTS, start=1):

@@ -51,7 +51,7 @@ def silence(on_bus):
 
 
 def twin(on_bus):
-    for _ in range(3):
+    for _ in range(4):  # one more than the frame that was missing when the drives were enabled
         on_bus.cycle_with(ENABLED, ENABLED)
 
 
@@ -149,6 +149,20 @@ def test_a_frame_of_a_wrong_length_is_missing_feedback(arm_settings, cob_id):
         assert on_bus.node.evaluate(on_bus.clock()) is missing
     assert on_bus.node.wrong_frames == 2
     assert (on_bus.node.position_counts, on_bus.node.effort) == (7, -2)
+
+
+def test_a_drive_that_catches_up_over_several_cycles_is_no_twin(on_bus):
+    for frames in (0, 0, 2, 2, 1):
+        on_bus.cycle_with(*[SWITCHED_ON] * frames)
+        assert not on_bus.node._surplus_cycles
+
+
+def test_a_twin_is_noticed_after_missing_feedback_too(on_bus):
+    on_bus.cycle_with()
+    on_bus.cycle_with(SWITCHED_ON)
+    for _ in range(5):
+        on_bus.cycle_with(SWITCHED_ON, SWITCHED_ON)
+    assert "two drives have node id 5" in str(on_bus.problem(must_follow=False))
 
 
 # Interpolated position mode --------------------------------------------------------------------------------------

@@ -1,0 +1,154 @@
+"""The page of the first day, command by command, against drives on another CANopen stack.
+
+They are those of `../shared/tools/canopen-drives`: each motor is alone, without gravity, so the page is followed to the
+first motion. That is interrupted by Ctrl-C, by a drive that loses its power, and ends by itself; each time no drive
+carries torque afterwards, and the same command starts again. Build the drives first: `canopen-drives --prepare`.
+"""
+
+import json
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from armload_drivers.cia402.state_machine import POWERED, decode
+from benchmarks.arms.drafted_arm import drafted_urdf
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "first-day.md"
+DRIVES = ROOT.parent / "shared" / "tools" / "canopen-drives"
+FIRST_NODE, TORQUE_LIMIT_PERMILLE = 3, 2500
+SIMULATED = {"1018:1": "0x41524D4C", "1018:2": "0x53494D01"}
+FILLED_IN = {"feedback": '"torque"', "max_torque_permille": str(TORQUE_LIMIT_PERMILLE), "has_brake": "true"}
+PATIENT = {"cycle_hz": "50.0", "heartbeat_s": "2.0", "max_missing_cycles": "100"}
+"""Both sides share the one CPU of the guest."""
+ARMLOAD = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
+if (
+    shutil.which("chrt")
+    and not subprocess.run(["chrt", "--rr", "1", "true"], capture_output=True, check=False).returncode
+):
+    ARMLOAD = ["chrt", "--rr", "1", *ARMLOAD]
+
+pytestmark = [
+    pytest.mark.vcan,
+    pytest.mark.skipif(not DRIVES.is_file(), reason="canopen-drives is not beside this checkout"),
+    pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout: the documentation is not installed"),
+]
+
+
+class ForeignDrives:
+    """Six foreign drives on vcan0, whose identity says that nothing real moves."""
+
+    def __init__(self, folder, torque_max_nm):
+        presets = [f"{entry}={value}" for entry, value in SIMULATED.items()]
+        for axis, torque_nm in enumerate(torque_max_nm):
+            presets.append(f"{FIRST_NODE + axis}:6076:0={round(1e6 * torque_nm / TORQUE_LIMIT_PERMILLE)}")
+        self._control, self._mine = str(folder / "control"), str(folder / "mine")
+        words = [word for preset in presets for word in ("--set", preset)]
+        nodes = f"{FIRST_NODE}-{FIRST_NODE + len(torque_max_nm) - 1}"
+        self.process = subprocess.Popen(
+            [DRIVES, "vcan0", "--nodes", nodes, "--control", self._control, *words], stdout=subprocess.PIPE, text=True
+        )
+        assert "orders:" in self.process.stdout.readline()
+
+    def order(self, text):
+        """Give an order; the answer."""
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as mine:
+            Path(self._mine).unlink(missing_ok=True)
+            mine.bind(self._mine)
+            mine.settimeout(5.0)
+            mine.sendto(text.encode(), self._control)
+            return mine.recv(65536).decode()
+
+    def powered(self):
+        """Nodes that carry torque."""
+        drives = json.loads(self.order("stats"))["drives"]
+        return [drive["node"] for drive in drives if decode(drive["statusword"]) in POWERED]
+
+    def close(self):
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(10.0)
+        self.process.stdout.close()
+
+
+@pytest.fixture
+def drives(tmp_path):
+    (tmp_path / "arm.urdf").write_text(drafted_urdf())
+    torques = [float(text) for text in re.findall(r'effort="([^"]+)"', drafted_urdf())]
+    made = ForeignDrives(tmp_path, torques)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def page_command(beginning):
+    """The page's command that begins with these words, for this bus."""
+    commands = re.findall(r"^ +\$ armload (.*)$", PAGE.read_text("utf-8"), re.MULTILINE)
+    (found,) = [words for words in commands if words.startswith(beginning)]
+    return found.replace("socketcan:can0", "socketcan:vcan0").split()
+
+
+def follow(folder, beginning, *options, interrupt_after_s=None):
+    """Run the page's command to its end, or interrupt it."""
+    words = [*ARMLOAD, *page_command(beginning), *options]
+    with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as program:
+        if interrupt_after_s is not None:
+            time.sleep(interrupt_after_s)
+            program.send_signal(signal.SIGINT)
+        text, _ = program.communicate(timeout=180)
+    return program.returncode, text
+
+
+def move_until(folder, drives, happens):
+    """The page's first motion; `happens` is called with the program once all drives carry torque."""
+    words = [*ARMLOAD, *page_command("commission arm.toml --runs unloaded"), "--simulated-drives", "--yes"]
+    with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as program:
+        until_s = time.monotonic() + 60.0
+        while len(drives.powered()) < 6 and program.poll() is None and time.monotonic() < until_s:
+            time.sleep(0.2)
+        enabled = len(drives.powered()) == 6
+        time.sleep(1.0)
+        happens(program)
+        text, _ = program.communicate(timeout=180)
+    assert enabled, text
+    assert program.returncode, text
+    assert "slow round" in text
+    assert "Motion stopped" in text, text
+    assert drives.powered() == [], text
+    return text
+
+
+def test_the_page_is_followed_to_the_first_motion(drives, tmp_path):
+    status, text = follow(tmp_path, "drives scan")
+    assert (status, text.count("canopen-drives")) == (0, 6), text
+
+    status, text = follow(tmp_path, "init", "--restarts", "1")
+    assert status == 0, text
+    file = tmp_path / "arm.toml"
+    content = file.read_text("utf-8")
+    for key, value in FILLED_IN.items():
+        assert text.count(f".drive.{key}") == 6, "the list names what to fill in"
+        content = re.sub(rf'^{key} = "FILL IN"', f"{key} = {value}", content, flags=re.MULTILINE)
+    assert '"FILL IN"' not in content.split("[robot]")[1]
+    for key, value in PATIENT.items():
+        content = re.sub(rf"^{key} = [\d.]+", f"{key} = {value}", content, flags=re.MULTILINE)
+    file.write_text(content)
+
+    status, text = follow(tmp_path, "drives check")
+    assert status == 0, text
+    _, text = follow(tmp_path, "drives show", interrupt_after_s=8.0)
+    assert text.count("+0.00000") >= 6, text
+
+    text = move_until(tmp_path, drives, lambda program: program.send_signal(signal.SIGINT))
+    assert "the operator" in text.lower() or "stop was requested" in text.lower(), text
+    text = move_until(tmp_path, drives, lambda program: drives.order(f"reboot {FIRST_NODE + 2}"))
+    assert f"node {FIRST_NODE + 2}" in text, text
+    move_until(tmp_path, drives, lambda program: None)
+    assert list((tmp_path / "runs" / "first").glob("*.mcap")), "what was recorded is kept"
