@@ -3,7 +3,8 @@
 Rules of this file:
 
 - Vendors' files contain many errors: keys in another case, empty defaults, expressions with `$NODEID`, wrong counts,
-  bytes that are not UTF-8, comments behind values. Each of these causes a warning that names section and key.
+  bytes that are not UTF-8. Each of these causes a warning that names section and key. UTF-16, and comments behind
+  values, are read without one.
 - A file that does not describe a CiA 402 drive is refused with a `DescriptionError`. No other exception is raised for
   any content.
 - Nothing is guessed: a value that cannot be read is None.
