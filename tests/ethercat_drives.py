@@ -21,19 +21,18 @@ _BUS = """\
 [bus]
 interface = "ethercat"
 channel = "{channel}"
-cycle_hz = 250.0
+cycle_hz = {cycle_hz}
 watchdog_s = {watchdog_s}
-max_missing_cycles = 3
+max_missing_cycles = {max_missing_cycles}
 
 [[joints]]"""
 
 
-def er50_text(channel, watchdog_s=2.0):
+def er50_text(channel, *, watchdog_s=2.0, cycle_hz=250.0, max_missing_cycles=3):
     """er50's file with an EtherCAT bus; with-ethercat's drives report torque (6077), from which current is computed."""
     text = (resources.files("armload_configs") / "er50.toml").read_text("utf-8")
-    text, buses = re.subn(
-        r"\[bus\].*?\[\[joints\]\]", _BUS.format(channel=channel, watchdog_s=watchdog_s), text, count=1, flags=re.S
-    )
+    bus = _BUS.format(channel=channel, watchdog_s=watchdog_s, cycle_hz=cycle_hz, max_missing_cycles=max_missing_cycles)
+    text, buses = re.subn(r"\[bus\].*?\[\[joints\]\]", bus, text, count=1, flags=re.S)
 
     def effort(found):
         scale = float(found[2]) / 1000

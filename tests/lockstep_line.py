@@ -22,6 +22,7 @@ WHY = "no drives of with-ethercat on an interface: see .ci/run"
 PATIENCE_S = 1.0
 QUICK_STOP_S = 0.1
 SURELY_S = 0.02
+DEFAULT_US = 2000
 PATIENT_US = 200_000, 400_000, 400_000
 
 
@@ -120,6 +121,10 @@ class LockstepLine(EthercatLine):
         self.patience_s, self.link, self.plant = patience_s, plant_link(), plant
         self.link.reply(*plant(self.link.receive()))
 
+    def hurry(self):
+        """Wait for frames no longer than by default: with an unplugged cable all waits are in vain."""
+        self._soem.settings.timeouts.ret = DEFAULT_US
+
     def exchange(self, limit_s):
         counter = super().exchange(self.patience_s)
         # A frame that was lost on its way back has reached the drives, and they wait for the plant; one that was lost
@@ -146,15 +151,15 @@ class LockstepLine(EthercatLine):
 class VirtualFrames:
     """Frames are due at once, and virtual time advances by a cycle."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.time_s, self.cycle_s = 0.0, 0.0
 
-    def now_s(self):
+    def now_s(self) -> float:
         return self.time_s
 
-    def begin(self, cycle_s):
+    def begin(self, cycle_s: float) -> None:
         self.cycle_s = cycle_s
 
-    def next(self):
+    def next(self) -> tuple[float, int]:
         self.time_s += self.cycle_s
         return self.time_s, 0

@@ -4,6 +4,8 @@ Every fault ends in the stop that `stop_decisions` names, and without torque, or
 """
 
 import json
+import socket
+import struct
 import subprocess
 import sys
 import time
@@ -20,7 +22,7 @@ from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, EffortFeedb
 from armload_drivers.cia402.drive_safety import SYNC_MANAGER_WATCHDOG_US
 from armload_drivers.cia402.state_machine import POWERED, State, decode
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import DriverError, ForeignMaster, WrongDevice
+from armload_drivers.driver_errors import BusError, DriverError, ForeignMaster, TorqueRemains, WrongDevice
 from armload_drivers.ethercat.ethercat_bring_up import EthercatBringUp, open_bring_up
 from armload_drivers.ethercat.ethercat_line import open_line
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
@@ -39,6 +41,7 @@ from tests.lockstep_line import (
 
 pytestmark = [pytest.mark.ethercat, pytest.mark.skipif(not UNDER_IT, reason=WHY)]
 
+ROOT = Path(__file__).parents[2]
 N = 6
 ZERO = np.zeros(N)
 CYCLE_S = 0.002
@@ -291,6 +294,110 @@ def test_a_hung_firmware_at_rest_answers_no_request(make_arm):
     assert powered() == [number == 1 for number in range(N)]
 
 
+def set_far_end(state):
+    """The drives' end of the cable."""
+    subprocess.run(["ip", "link", "set", f"{interface()}-far", state], check=True)
+
+
+def test_an_unplugged_cable_is_named_and_the_drives_stop_by_themselves(make_arm):
+    arm = make_arm(patience_s=LOST_PATIENCE_S, watchdog_s=0.2)
+    arm.enable()
+    arm.move(50)
+    try:
+        set_far_end("down")
+        error = arm.fails(Cause.LINK, 50)
+        assert "no link" in str(error)
+        arm.line.hurry()
+        assert "no link" in str(arm.stop(Cause.LINK))
+        with pytest.raises(TorqueRemains, match="emergency stop"):
+            arm.servos.close()  # nothing can be read back without a cable
+        time.sleep(0.3)
+        assert not any(powered())
+    finally:
+        set_far_end("up")
+
+
+READ_TYPE = struct.Struct("<6s6s2sHBBHHHH2sH30x").pack(
+    b"\xff" * 6, b"\x02\0\0\0\0\x01", b"\x88\xa4", 0x1000 | 14, 1, 0, 0, 0, 2, 0, b"\0\0", 0
+)
+"""A frame with which masters look for drives: read register 0 of the first in the line (APRD)."""
+
+
+def test_another_make_of_master_that_looks_for_drives_in_motion_stops_the_arm(make_arm):
+    arm = make_arm()
+    arm.enable()
+    arm.move(50)
+    assert arm.servos.take_remarks() == ()
+    with socket.socket(socket.AF_PACKET, socket.SOCK_RAW) as foreign:
+        foreign.bind((interface(), 0))
+        foreign.send(READ_TYPE)
+    error = arm.fails(Cause.OTHER_MASTER, 50)
+    assert "command 1" in str(error)
+    assert arm.stop(Cause.OTHER_MASTER) is None
+    assert not any(powered())
+
+
+FOREIGN = """
+import sys, pysoem
+master = pysoem.Master()
+master.open(sys.argv[1])
+assert master.config_init() == 6
+"""
+
+
+def test_another_make_of_master_that_restarts_the_drives_in_motion_stops_the_arm(make_arm):
+    """It puts them in INIT, which removes their torque; whichever is seen first is the cause."""
+    arm = make_arm()
+    arm.enable()
+    arm.move(50)
+    foreign = subprocess.Popen([sys.executable, "-c", FOREIGN, interface()])
+    with pytest.raises(DriverError) as raised:
+        arm.hold_in_real_time(20.0)
+    assert foreign.wait(20.0) == 0
+    assert cause_of(raised.value) in {Cause.OTHER_MASTER, Cause.LEFT_OP, Cause.MISSING_FEEDBACK}
+    arm.stop(Cause.OTHER_MASTER)
+    assert not any(powered())
+
+
+def test_drives_may_follow_their_distributed_clocks(make_arm, settings):
+    """These drives have the registers of a clock and no SYNC0: that the set-up passes is all that can be seen."""
+    arm = make_arm(drives=tuple(replace(drive, sync0=True) for drive in settings.drives))
+    arm.enable()
+    arm.move(100)
+    assert arm.servos.take_remarks() == ()
+
+
+SCAN = "from tests.ethercat.test_faults_on_ethercat import scan_line; scan_line()"
+
+
+def scan_line():
+    """Open the line; prints the refusal."""
+    try:
+        with open_line(interface()):
+            pass
+    except DriverError as error:
+        sys.stdout.write(str(error))
+
+
+@pytest.mark.parametrize("right", ["net_raw", "net_admin"])
+def test_a_missing_right_is_named(right):
+    command = ["setpriv", f"--bounding-set=-{right}", f"--inh-caps=-{right}", sys.executable, "-c", SCAN]
+    refusal = subprocess.run(command, check=True, capture_output=True, text=True, cwd=ROOT).stdout
+    assert f"CAP_{right.upper()}" in refusal
+    assert "setpriv" in refusal
+
+
+@pytest.mark.parametrize(("kind", "what"), [("address", "10.9.8.7/24"), ("route", "10.9.8.0/24")])
+def test_an_interface_of_a_network_is_refused(kind, what):
+    subprocess.run(["ip", kind, "add", what, "dev", interface()], check=True)
+    try:
+        with pytest.raises(BusError, match=f"carries .*{kind}") as raised, open_line(interface()):
+            pass
+        assert f"ip {kind} flush dev" in str(raised.value)
+    finally:
+        subprocess.run(["ip", kind, "flush", "dev", interface()], check=True)
+
+
 def test_another_identity_or_place_or_alias_is_refused_before_anything_is_written(settings):
     others = {
         "vendor id": replace(settings.drives[2], identity=Identity(0x123, 0x456)),
@@ -372,16 +479,16 @@ def started_master(watchdog_s):
         [sys.executable, "-c", MASTER, str(watchdog_s)],
         stdout=subprocess.PIPE,
         text=True,
-        cwd=Path(__file__).parents[2],
+        cwd=ROOT,
     )
 
 
-@pytest.mark.parametrize("away_s", [0.5, 2.0])
-def test_a_master_that_is_not_scheduled_finds_stopped_drives(settings, away_s):
+@pytest.mark.parametrize(("away_s", "watchdog_s"), [(0.1, 0.06), (0.5, 0.2), (2.0, 0.2)])
+def test_a_master_that_is_not_scheduled_finds_stopped_drives(settings, away_s, watchdog_s):
     """SIGSTOP: the drives' watchdogs act; continued, the master moves nothing any more."""
     import signal
 
-    master = started_master(0.2)
+    master = started_master(watchdog_s)
     try:
         assert master.stdout.readline() == "moving\n"
         assert all(powered())

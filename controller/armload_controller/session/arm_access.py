@@ -50,6 +50,7 @@ from armload_drivers.simulation.plant_spec import PayloadChange
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
 SOCKETCAN = "socketcan"
+_CANOPEN_ONLY = "this command works on CANopen only, and this is an EtherCAT bus: give it a CANopen bus"
 
 
 def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> None:
@@ -226,10 +227,7 @@ def bus_of(robot: Robot, role: BusRole = BusRole.MASTER) -> Iterator[can.BusABC]
     """
     bus, bitrate = robot.bus, robot.bus.bitrate
     if bitrate is None:
-        raise UnsafeBus(
-            "this command works on CANopen only, and the arm's file has an EtherCAT bus: give it a file with a CANopen "
-            "bus"
-        )
+        raise UnsafeBus(_CANOPEN_ONLY)
     with ExitStack() as stack:
         opened = [stack.enter_context(open_bus(part.interface, part.channel, bitrate)) for part in bus.parts]
         if len(opened) == 1:
@@ -257,11 +255,14 @@ def nodes_on(interface: str, channel: str, bitrate: int) -> list[FoundNode]:
 
 @contextmanager
 def open_bus(interface: str, channel: str, bitrate: int) -> Iterator[can.BusABC]:
-    """A bus, shut down after the block.
+    """A CAN bus, shut down after the block.
 
     Raises:
+        UnsafeBus: it is an EtherCAT line.
         BusError: the bus cannot be opened.
     """
+    if interface == ETHERCAT:
+        raise UnsafeBus(_CANOPEN_ONLY)
     try:
         opened = can.Bus(interface=interface, channel=channel, bitrate=bitrate)
     except (can.CanError, OSError, ValueError) as error:

@@ -20,7 +20,9 @@ _OP = LineState.OP.value
 HUNG_CYCLES = 2
 """Inputs without a single changed bit for so many cycles, on a moving target, point to a hung firmware."""
 HUNG_REQUESTS = 2
-"""So many consecutive SDO requests without an answer mean that the firmware hangs: each waits `Timeouts.sdo_s`."""
+"""So many consecutive SDO requests without an answer mean that the firmware hangs if its inputs do not change."""
+HUNG_S = 0.5
+"""For how long they have not changed then. A mailbox alone may fail after a lost frame, while the firmware works."""
 RESTART_S = 2.0
 """Limit of the way to INIT, and of that to PREOP."""
 
@@ -58,6 +60,7 @@ class EthercatDrive(CyclicDrive):
         self._output = bytearray()
         self._input = b""
         self._same_cycles = 0
+        self._changed_s = 0.0
         self._sent_counts = 0
 
     def map(self, outputs: FramePart, inputs: FramePart, constants: bytes) -> None:
@@ -159,8 +162,10 @@ class EthercatDrive(CyclicDrive):
         """
         data = self._line.get(self.place)
         moved = self._sent_counts != self.target_counts
-        self._same_cycles = self._same_cycles + 1 if data == self._input and moved else 0
-        self._input = data
+        if data != self._input:
+            self._input, self._changed_s, self._same_cycles = data, now_s, 0
+        else:
+            self._same_cycles = self._same_cycles + 1 if moved else 0
         (word,) = self._get_status(data, self._status_at)
         (counts,) = self._get_counts(data, self._counts_at)
         (effort,) = self._get_effort(data, self._effort_at)
@@ -205,13 +210,13 @@ class EthercatDrive(CyclicDrive):
                 f"the drive has left OP, it is in {state.name}: {self._line.reason(self.place)}",
                 "If its watchdog has acted, the program was not scheduled for a while; else see the drive's manual",
             )
-        if self._sdo.unanswered >= HUNG_REQUESTS:
+        if self._sdo.unanswered >= HUNG_REQUESTS and now_s - self._changed_s >= HUNG_S:
             return DriveHung(
                 self.settings.node_id,
                 self.settings.joint,
                 step,
-                f"the drive answers no SDO ({self._sdo.unanswered} requests), although its frames are complete: its "
-                "firmware hangs",
+                f"the drive answers no SDO ({self._sdo.unanswered} requests), and no bit of its feedback has changed "
+                f"for {now_s - self._changed_s:.1f} s, although its frames are complete: its firmware hangs",
                 "Its torque cannot be removed by this program: press the emergency stop, then switch the drive off",
             )
         return None

@@ -25,7 +25,13 @@ from threading import Lock
 from typing import Any
 
 from armload_drivers.driver_errors import BusError, CommandError
-from armload_drivers.ethercat.network_interface import claimed, missing_rights, require_quiet, require_unused
+from armload_drivers.ethercat.network_interface import (
+    claimed,
+    is_running,
+    missing_rights,
+    require_quiet,
+    require_unused,
+)
 
 REGISTER_TRIES = 5
 """Tries of reading or writing a register: each waits for a frame only."""
@@ -113,6 +119,7 @@ class EthercatLine:
         self._master = self._soem.Master()
         self._lock = Lock()
         self._slaves: list[Any] = []
+        self._output_bytes: list[int] = []
         self._unanswered: dict[int, int] = {}
         self.worker = ThreadPoolExecutor(1, thread_name_prefix="mailbox")
         self._errors = tuple(
@@ -290,10 +297,13 @@ class EthercatLine:
             target.write_state()
 
     def reaches(self, state: LineState, place: int, limit_s: float) -> bool:
-        """Whether a drive reaches a state within a time; looks often, because a look holds the interpreter."""
+        """Whether a drive reaches a state within a time; without a cable this is not waited for.
+
+        It looks often, because a look holds the interpreter.
+        """
         end_s = time.monotonic() + limit_s
         while state_of(self._slaves[place].state_check(int(state), 0)) is not state:
-            if time.monotonic() > end_s:
+            if time.monotonic() > end_s or not is_running(self.interface):
                 return False
             time.sleep(POLL_S)
         return True
@@ -315,7 +325,9 @@ class EthercatLine:
             except self._soem.ConfigMapError as error:
                 found = "; ".join(str(one) or type(one).__name__ for one in error.error_list)
                 raise BusError(f"the drives' process data cannot be mapped: {found}") from error
-        return [(len(slave.output), len(slave.input)) for slave in self._slaves]
+        lengths = [(len(slave.output), len(slave.input)) for slave in self._slaves]
+        self._output_bytes = [outputs for outputs, _ in lengths]
+        return lengths
 
     def follow_clock(self, place: int, cycle_s: float) -> bool:
         """Let a drive follow its distributed clock (SYNC0); False if the line has none."""
@@ -335,10 +347,10 @@ class EthercatLine:
         Raises:
             CommandError: they have a wrong length.
         """
-        slave = self._slave(place)
-        if len(data) != len(slave.output):
-            raise CommandError(f"{len(data)} bytes of outputs instead of {len(slave.output)}")
-        slave.output = data
+        expected = self._output_bytes[place]
+        if len(data) != expected:
+            raise CommandError(f"{len(data)} bytes of outputs instead of {expected}")
+        self._slaves[place].output = data
 
     def exchange(self, limit_s: float) -> int:
         """Send one frame of process data and wait for its return; the working counter, negative if it did not."""

@@ -63,8 +63,9 @@ def require_unused(interface: str) -> None:
     if addresses:
         raise BusError(
             f"interface {interface} carries {', '.join(addresses)}: it belongs to a network, whose devices EtherCAT's "
-            "frames would disturb, and the other way round. Use an interface of the arm's own; remove its addresses "
-            f"with `ip address flush dev {interface}` and `sysctl net.ipv6.conf.{interface}.disable_ipv6=1`"
+            "frames would disturb, and the other way round. Use an interface of the arm's own; free it with "
+            f"`ip address flush dev {interface}`, `ip route flush dev {interface}` and "
+            f"`sysctl net.ipv6.conf.{interface}.disable_ipv6=1`"
         )
     if not is_running(interface):
         raise BusError(
@@ -86,7 +87,9 @@ def _addresses(interface: str) -> list[str]:
     for line in _table("if_inet6"):
         if line[-1] == interface:
             found.append(f"the address {socket.inet_ntop(socket.AF_INET6, bytes.fromhex(line[0]))}")
-    if any(line[0] == interface for line in _table("route")):
+    if any(line[0] == interface for line in _table("route")) or any(
+        line[-1] == interface for line in _table("ipv6_route")
+    ):
         found.append("a route (`ip route`)")
     return found
 

@@ -4,7 +4,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError, UnsafeBus
-from armload_controller.session.arm_access import bus_of
+from armload_controller.session.arm_access import bus_of, open_bus
 from armload_drivers.cia402.arm_settings import Fieldbus
 from tests.ethercat_drives import er50_text
 
@@ -45,4 +45,6 @@ def test_keys_of_the_other_bus_are_refused_by_name(load, old, new, key):
 
 def test_what_works_on_canopen_only_says_so(load):
     with pytest.raises(UnsafeBus, match="CANopen only"), bus_of(load()):
+        pass
+    with pytest.raises(UnsafeBus, match="CANopen only"), open_bus("ethercat", "eth1", 1_000_000):
         pass

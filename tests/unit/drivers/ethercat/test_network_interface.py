@@ -20,6 +20,7 @@ def test_an_interface_that_carries_an_address_is_refused():
     with pytest.raises(BusError, match=r"127\.0\.0\.1") as raised:
         require_unused("lo")
     assert "ip address flush dev lo" in str(raised.value)
+    assert "ip route flush dev lo" in str(raised.value)
 
 
 def test_two_masters_of_one_interface_are_told_apart_from_two_interfaces():

@@ -1,0 +1,66 @@
+"""er50 commissioned over EtherCAT and over CANopen, in virtual time: for a test, and a benchmark of whole excitations.
+
+Runs below `python -m tests.ethercat_drives er50`; CANopen's half runs beside it in a process of its own.
+"""
+
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing, contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from armload_controller.analysis.robot_identification import identify
+from armload_controller.config.robot import load_robot
+from armload_controller.config.robot_simulation import NO_PAYLOAD
+from armload_controller.session.arm_access import simulated_arm
+from armload_controller.session.commissioning import ROLES, CommissioningPlan, read_pair, record_half
+from armload_controller.session.run_session import Load, no_operator
+from armload_drivers.ethercat.ethercat_servos import EthercatServos
+from tests.ethercat_plant import plant_behind, shortened, write_robot
+from tests.lockstep_line import LockstepLine, VirtualFrames
+
+ROBOT = "er50"
+
+
+@contextmanager
+def _ethercat_arm(robot, load):
+    """Servos with the drives of with-ethercat, and er50's plant behind them."""
+    arm = robot.drives.settings
+    payload = load_robot(ROBOT).simulation.payload_name if load is Load.LOADED else NO_PAYLOAD
+    with (
+        LockstepLine(plant_behind(arm, payload)) as line,
+        closing(EthercatServos(arm, line, VirtualFrames())) as servos,
+    ):
+        yield servos
+
+
+def _commissioned(robot, folder, open_servos):
+    """Findings of all four runs."""
+    folder.mkdir()
+    for load in Load:
+        record_half(robot, load, open_servos, no_operator(), CommissioningPlan(folder))
+    first, second = (read_pair(robot, folder, role) for role in ROLES)
+    return identify(robot, first.loaded, first.unloaded, validation=(second.loaded, second.unloaded))
+
+
+def _judged(findings):
+    """What is compared, in a form that crosses processes."""
+    model = findings.payload.model
+    values = {"mass": model.mass_kg} | dict(zip(("cx", "cy", "cz"), model.center_of_mass_m, strict=True))
+    return values, findings.intervals, findings.verdict.title
+
+
+def _over_canopen(folder, periods):
+    """The same arm on the virtual CAN bus."""
+    robot = shortened(load_robot(ROBOT), periods)
+    return _judged(_commissioned(robot, folder, lambda load: simulated_arm(robot, load)))
+
+
+def commissioned_twice(folder: Path, periods: int) -> Any:
+    """Over EtherCAT, over CANopen: each values, intervals and the title of the verdict; and the true payload."""
+    robot = load_robot(str(write_robot(folder, periods)))
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:
+        canopen = beside.submit(_over_canopen, folder / "canopen", periods)
+        ethercat = _judged(_commissioned(robot, folder / "ethercat", lambda load: _ethercat_arm(robot, load)))
+        twin = load_robot(ROBOT).simulation
+        return ethercat, canopen.result(), twin.payload(twin.payload_name)
