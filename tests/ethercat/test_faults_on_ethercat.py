@@ -22,9 +22,9 @@ from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, EffortFeedb
 from armload_drivers.cia402.drive_safety import SYNC_MANAGER_WATCHDOG_US
 from armload_drivers.cia402.state_machine import POWERED, State, decode
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import BusError, DriverError, ForeignMaster, TorqueRemains, WrongDevice
+from armload_drivers.driver_errors import BusError, CommandError, DriverError, ForeignMaster, TorqueRemains, WrongDevice
 from armload_drivers.ethercat.ethercat_bring_up import EthercatBringUp, open_bring_up
-from armload_drivers.ethercat.ethercat_line import open_line
+from armload_drivers.ethercat.ethercat_line import LineState, open_line
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.plant_interface import IdealPlant
@@ -190,7 +190,8 @@ def test_a_frame_in_which_a_drive_takes_no_part_is_survived_and_reported(make_ar
     arm = make_arm()
     arm.enable()
     order("wkc 3 2")
-    arm.move(100)
+    missing = [arm.move(1).missing for _ in range(100)]
+    assert sum(row.all() for row in missing) == sum(row.any() for row in missing) == 2, "nothing of them is trusted"
     (remark,) = arm.servos.take_remarks()
     assert "2 of" in remark
     assert "working counter" in remark
@@ -209,7 +210,7 @@ def test_a_drive_that_takes_no_part_for_long_stops_the_arm(make_arm):
 
 
 def test_one_frame_in_a_hundred_may_be_lost_and_one_in_five_stops_the_arm(make_arm):
-    arm = make_arm(patience_s=LOST_PATIENCE_S, watchdog_s=6.0)
+    arm = make_arm(patience_s=LOST_PATIENCE_S, watchdog_s=6.0, max_missing_cycles=50)
     arm.enable()
     order("lose 0.01")
     arm.move(1000)
@@ -219,10 +220,43 @@ def test_one_frame_in_a_hundred_may_be_lost_and_one_in_five_stops_the_arm(make_a
     with pytest.raises(DriverError) as raised:
         arm.move(2000)
     assert cause_of(raised.value) is Cause.FRAMES
+    assert "of the last 500 frames" in str(raised.value)
     order("lose 0")  # in virtual time a stop would wait in real time for every lost frame
     arm.stop(Cause.FRAMES)
     arm.servos.close()
     assert not any(powered())
+
+
+def test_frames_that_are_lost_in_a_row_stop_the_arm(make_arm):
+    arm = make_arm(patience_s=LOST_PATIENCE_S, watchdog_s=6.0)
+    arm.enable()
+    arm.move(50)
+    order("lose 1")
+    error = arm.fails(Cause.FRAMES, 10)
+    assert "4 frames in a row" in str(error)
+    order("lose 0")
+    arm.stop(Cause.FRAMES)
+    assert not any(powered())
+
+
+def test_outputs_of_another_length_never_reach_a_frame(make_arm):
+    """A longer one would overwrite the next drive's."""
+    arm = make_arm()
+    arm.servos.connect()
+    with pytest.raises(CommandError, match="3 bytes of outputs instead of"):
+        arm.line.put(2, bytes(3))
+    other = make_arm()
+    found = other.line.map
+    other.line.map = lambda: [(outputs + 1, inputs) for outputs, inputs in found()]
+    with pytest.raises(BusError, match="its mapping is not what it reports"):
+        other.servos.connect()
+
+
+def test_a_line_without_distributed_clocks_refuses_a_drive_that_needs_them(make_arm, settings):
+    arm = make_arm(drives=tuple(replace(drive, sync0=True) for drive in settings.drives))
+    arm.line.follow_clock = lambda place, cycle_s: False
+    with pytest.raises(BusError, match="no drive of the line has a distributed clock"):
+        arm.servos.connect()
 
 
 def test_a_drive_that_leaves_op_stops_the_arm(make_arm):
@@ -398,6 +432,25 @@ def test_an_interface_of_a_network_is_refused(kind, what):
         subprocess.run(["ip", kind, "flush", "dev", interface()], check=True)
 
 
+def test_an_interface_that_is_down_or_unplugged_is_refused():
+    set_far_end("down")
+    try:
+        with pytest.raises(BusError, match="down or has no link"), open_line(interface()):
+            pass
+    finally:
+        set_far_end("up")
+
+
+def test_a_drive_that_has_restarted_since_it_was_configured_is_not_enabled(make_arm):
+    arm = make_arm()
+    arm.servos.connect()
+    arm.line.request(LineState.INIT, 3)
+    assert arm.line.reaches(LineState.INIT, 3, 2.0)
+    with pytest.raises(DriverError, match=r"joint_4.* has restarted"):
+        arm.servos.enable()
+    assert not any(powered())
+
+
 def test_another_identity_or_place_or_alias_is_refused_before_anything_is_written(settings):
     others = {
         "vendor id": replace(settings.drives[2], identity=Identity(0x123, 0x456)),
@@ -520,8 +573,12 @@ def test_a_second_master_is_refused_and_the_first_goes_on(settings):
         with pytest.raises(ForeignMaster, match="another master sends"):
             require_quiet(interface())
         assert all(powered())
+        master.kill()
+        master.wait()
+        with pytest.raises(BusError, match="in OP although no master sends"):
+            require_quiet(interface())
     finally:
-        master.terminate()
+        master.kill()
         master.wait()
         master.stdout.close()
         time.sleep(2.5)
