@@ -98,7 +98,7 @@ def payload_of(
     whole = whole if gain_covariance is None else whole.with_gains(gain_covariance)
     nothing = np.zeros((0, PARAMETERS))
     found = solve(whole.knowing(prior), rough=True)
-    return PayloadEstimate(found, whole, nothing, np.zeros((0, n)), nothing)
+    return PayloadEstimate(found, whole, nothing, np.zeros((0, n)), np.zeros((0, n)), nothing)
 
 
 def exactly(n: int, noise_nm: float = 1.0) -> Noise:

@@ -65,12 +65,14 @@ def estimate_of(
     shifts = posterior.response(np.concatenate([sampled, *doubts_nm]))[0][place].T
     if prior is not None:
         shifts = np.vstack([shifts, prior.doubts @ posterior.bread[place, place]])
-    if gears:
-        of_gears = _gain_slope(posterior) * gear_asymmetry(posterior.value(LOAD_FRICTION))
-        shifts = np.vstack([shifts, of_gears.T, of_gears.sum(axis=1)])
     held = slice(0, errors.shape[1])
     answer = np.linalg.solve(posterior.bread[held, held], posterior.bread[held, place])
-    return PayloadEstimate(posterior, arm, shifts, errors[:, posterior.problem.place(GAIN)], errors @ answer)
+    uneven = np.zeros((0, len(posterior.problem.coupling)))
+    if gears:
+        own = gear_asymmetry(posterior.value(LOAD_FRICTION))
+        uneven = np.vstack([np.diag(own), own])
+    gains = errors[:, posterior.problem.place(GAIN)]
+    return PayloadEstimate(posterior, arm, shifts, uneven, gains, errors @ answer)
 
 
 def gear_asymmetry(load_friction: FloatArray) -> FloatArray:
@@ -82,12 +84,6 @@ def gear_asymmetry(load_friction: FloatArray) -> FloatArray:
     return np.asarray(Payloads.asymmetry * load_friction**2)
 
 
-def _gain_slope(posterior: Posterior) -> FloatArray:
-    """(10, n) change of theta per change of the logarithm of each gain, the others and the rows as they are."""
-    place, gains = posterior.problem.place(PAYLOAD, PAYLOAD), posterior.problem.place(GAIN)
-    return np.asarray(-posterior.bread[place, gains] @ np.linalg.pinv(posterior.bread[gains, gains]))
-
-
 @dataclass(frozen=True, eq=False)
 class PayloadEstimate:
     """A payload of ten parameters in a posterior.
@@ -96,6 +92,8 @@ class PayloadEstimate:
         posterior: All unknowns.
         arm: Base parameters and speeds.
         shifts: (k, 10) change of theta for one standard deviation of k errors that no term describes.
+        uneven_gains: (k, n) change of the logarithm of each gain for one standard deviation of k independent errors by
+            gears that do not lose the same in both directions of the power, which no run shows.
         considered_gains: (k, n) change of the logarithm of each gain's inverse for k errors of what was held.
         considered: (k, 10) change of theta for these errors.
     """
@@ -103,6 +101,7 @@ class PayloadEstimate:
     posterior: Posterior
     arm: PayloadProblem
     shifts: FloatArray
+    uneven_gains: FloatArray
     considered_gains: FloatArray
     considered: FloatArray
 
@@ -194,12 +193,13 @@ class PayloadEstimate:
         """(10, n) change of theta per change of the logarithm of each gain, the others and the rows as they are."""
         if self.considered.size:
             return np.asarray(-np.linalg.lstsq(self.considered_gains, self.considered)[0].T)
-        return _gain_slope(self.posterior)
+        place, gains = self.posterior.problem.place(PAYLOAD, PAYLOAD), self.posterior.problem.place(GAIN)
+        return np.asarray(-self.posterior.bread[place, gains] @ np.linalg.pinv(self.posterior.bread[gains, gains]))
 
     @cached_property
     def _other(self) -> FloatArray:
         """(k, 10) the errors that are not in the posterior."""
-        return np.vstack([self.shifts, self.considered])
+        return np.vstack([self.shifts, self.uneven_gains @ self.gain_slope.T, self.considered])
 
     def mass_center(self, slope: FloatArray, mass_kg: float, gain: FloatArray) -> MassCenterCovariance:
         """Covariance of mass and centre of mass, the gains' share apart.
@@ -218,6 +218,7 @@ class PayloadEstimate:
         covariance, freedom = self.posterior.joint_spread(contrast)
         apart = self.considered + self.considered_gains @ self.gain_slope.T
         shifts = np.vstack([self.shifts, apart]) @ seen_slope.T
+        unseen = np.vstack([self.considered_gains, self.uneven_gains])
         unit = unknown_deviation(mass_kg)
         directions = ((slope * self.scale) @ self.blind) / unit[:, None]
         left, size, _ = np.linalg.svd(directions, full_matrices=False)
@@ -228,7 +229,7 @@ class PayloadEstimate:
             freedom=freedom,
             gain_nm_a=gain,
             gain_slope=of_gains,
-            gain_covariance=self.posterior.covariance[gains, gains] + self.considered_gains.T @ self.considered_gains,
+            gain_covariance=self.posterior.covariance[gains, gains] + unseen.T @ unseen,
         )
 
     def without(self, axis: int) -> tuple[FloatArray, FloatArray, int]:
