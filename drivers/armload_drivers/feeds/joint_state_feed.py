@@ -5,11 +5,14 @@ Rules of this file:
   is none of this arm's and is counted.
 - A message that is not later than the last one is dropped. One that is earlier by more than `RESTART_S` comes from a
   publisher that was started again with another clock: its time goes on after the last one.
+- The middleware reports no loss of a publisher that offers best effort only. A gap between two stamps that is half as
+  long again as any of the last `REGULAR` ones is such a loss, unless it is so long that the publisher has paused.
 """
 
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
@@ -29,6 +32,10 @@ PATIENCE_S: Final = 20.0
 each other."""
 RESTART_S: Final = 1.0
 """Stamps that go back by more than this come from another clock."""
+
+
+REGULAR: Final = 50
+"""Number of intervals between stamps that show a publisher's usual ones."""
 
 
 class JointStates:
@@ -53,6 +60,8 @@ class JointStates:
         self._nothing = np.zeros(len(self._names), dtype=np.uint16), np.zeros(len(self._names), dtype=np.bool_)
         self._offset_ns: int | None = None
         self._last_ns = 0
+        self._intervals_ns: deque[int] = deque(maxlen=REGULAR)
+        self._reported_lost = self._left_out = self._lost = 0
         self._heard_s = 0.0
         self._count = 0
 
@@ -62,7 +71,7 @@ class JointStates:
         Args:
             message: The message.
             now_s: Monotonic time.
-            lost: Number of samples lost before it.
+            lost: Number of samples that the middleware reported as lost before it.
 
         Returns:
             The cycle; None for a message of no use.
@@ -76,16 +85,30 @@ class JointStates:
         if not (complete and np.isfinite(position[place]).all() and np.isfinite(effort[place]).all()):
             self.incomplete += 1
             return None
+        last_ns = self._last_ns
         elapsed_ns = self._elapsed_ns(10**9 * message.header.stamp.sec + message.header.stamp.nanosec, now_s)
         if elapsed_ns is None:
             self.late += 1
             return None
+        if self._count:
+            self._left_out += self._missing(elapsed_ns - last_ns)
+        self._reported_lost += lost
+        lost_before, self._lost = self._lost, max(self._reported_lost, self._left_out)
+        lost = self._lost - lost_before
         self._count += 1
         return OverheardCycle(self._feedback(elapsed_ns, position[place], effort[place]), None, enabled=True, lost=lost)
 
     def stamp_ns(self, time_s: float) -> int:
         """The header stamp, in ns, that belongs to a cycle's time."""
         return (self._offset_ns or 0) + round(1e9 * time_s)
+
+    def _missing(self, interval_ns: int) -> int:
+        """Number of messages that are missing between two stamps."""
+        usual = self._intervals_ns
+        if len(usual) == REGULAR and 1.5 * max(usual) < interval_ns < 1e9 * RESTART_S:
+            return round(interval_ns / float(np.median(usual))) - 1
+        usual.append(interval_ns)
+        return 0
 
     def _place(self, names: tuple[str, ...]) -> list[int] | None:
         """Indices of the arm's joints in a message; None if it lacks one."""

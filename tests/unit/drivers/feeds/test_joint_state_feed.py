@@ -56,6 +56,27 @@ def test_messages_without_position_and_effort_of_each_joint_are_counted(values):
     assert states.incomplete == 1
 
 
+def lost_of(intervals_ns, reported=0):
+    """Lost messages of each cycle; the last one comes with what the middleware reported."""
+    states, stamps = JointStates(NAMES, current=False), START_NS + np.cumsum([0, *intervals_ns])
+    told = [0] * len(intervals_ns) + [reported]
+    cycles = [states.take(message(int(stamp)), 0.0, lost) for stamp, lost in zip(stamps, told, strict=True)]
+    return [cycle.lost for cycle in cycles]
+
+
+def test_a_gap_between_regular_stamps_is_a_loss():
+    regular = [4_000_000, 4_400_000, 3_600_000] * 20
+    assert lost_of([*regular, 40_000_000, 4_000_000]) == [0] * 61 + [9, 0]
+    assert lost_of([*regular, 40_000_000, 4_000_000], reported=9) == [0] * 61 + [9, 0], "the same loss"
+    assert lost_of([*regular, 40_000_000, 4_000_000], reported=11) == [0] * 61 + [9, 2]
+
+
+def test_a_pause_or_an_irregular_publisher_is_none():
+    assert sum(lost_of([*[4_000_000] * 60, 1_500_000_000, 4_000_000])) == 0
+    assert sum(lost_of([4_000_000, 12_000_000] * 40)) == 0
+    assert sum(lost_of([4_000_000, 40_000_000])) == 0, "nothing is usual yet"
+
+
 def test_messages_that_are_not_later_are_dropped():
     states = JointStates(NAMES, current=False)
     assert states.take(message(START_NS), 0.0) is not None
