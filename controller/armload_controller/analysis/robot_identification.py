@@ -5,9 +5,11 @@ Robots, recordings and files are given as objects, names or paths.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import version
+from math import isfinite
 from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
@@ -15,9 +17,16 @@ from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import FilePath, RunSource, arm_of, payload_from, recording_of
 from armload_controller.config.robot_recordings import RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
+from armload_identification.calibration.session_gains import LARGEST, SessionGains
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.extras import Extra, require_extra
-from armload_identification.identification_errors import EstimationError, PayloadFileError, RecordingError
+from armload_identification.identification_errors import (
+    EstimationError,
+    NoPayloadMass,
+    NothingMounted,
+    PayloadFileError,
+    RecordingError,
+)
 from armload_identification.model.payload import PayloadResult
 from armload_identification.pipeline import payload_identification, payload_validation
 from armload_identification.pipeline.any_motion import SHORTEST_WINDOW_S, identify_windows
@@ -95,6 +104,9 @@ def identify(
     known: KnownPayload | None = None,
     tolerance: Tolerance | None = None,
     minus: PayloadResult | FilePath | None = None,
+    gain_drift: float | None = None,
+    reference: RunSource | None = None,
+    reference_mass_kg: float | None = None,
 ) -> Findings:
     """Identify the payload from a run that carried it and one that did not.
 
@@ -108,6 +120,11 @@ def identify(
         tolerance: Permitted error of the payload; 2 % of its mass and 10 mm if not given.
         minus: Payload of the tool, or its file; the result is then what the tool carries, with the uncertainty of
             both. The validation, which is of the whole, cannot be given too.
+        gain_drift: With a calibration: standard deviation of the drift that all gains have in common since then, such
+            as 0.03; if not given, that between the calibration's sessions if it has three, else 0.01.
+        reference: With a calibration: a run of the same day, of any motion, which measures that drift; if not given,
+            `unloaded` does.
+        reference_mass_kg: Weighed mass of the tool on it; empty if not given.
 
     Returns:
         Payload, intervals and verdict, to print, save and report.
@@ -130,7 +147,7 @@ def identify(
         >>> low < result.payload.model.mass_kg < high
         True
         >>> result.verdict.title
-        'Right within the tolerance'
+        'Repeatable within the tolerance'
         >>> result.save("payload.toml")
         >>> result.report("report.html")
     """
@@ -148,13 +165,13 @@ def identify(
         gains = gains_to_compare_by(tool.mass_center, gains)
     run = recording_of(arm, loaded, "loaded")
     empty = None if unloaded is None else recording_of(arm, unloaded, "unloaded")
+    session = _session(arm, used, gain_drift, empty, reference, reference_mass_kg)
+    empty_arm = used.known
+    if session is not None and empty_arm is not None:
+        gains, empty_arm = session.transmission(gains), session.arm(empty_arm)
     unnamed = _taken_in_order(arm, run)
-    try:
-        identification = payload_identification.identify(run, empty, used.chain, gains, known=known, arm=used.known)
-    except RecordingError as error:
-        if unnamed is None:
-            raise
-        raise RecordingError(f"{error} {unnamed}") from error
+    with _explained(unnamed, session):
+        identification = payload_identification.identify(run, empty, used.chain, gains, known=known, arm=empty_arm)
     origin = {"robot": arm.name, "kinematics_sha256": arm.chain.kinematics_sha256}
     payload = payload_result(identification, version("armload"), arm.sha256, used.calibration_sha256, **origin)
     if arm.rated_payload_kg is not None:
@@ -176,10 +193,77 @@ def identify(
         notes.append(
             f"Gains, links, load-dependent friction and delay of the arm are from {file}: {used.calibration.origin}."
         )
-    identification = replace(identification, notes=(*notes, *identification.notes))
+    if session is not None:
+        drifted_kg = float(identification.plain.considered[-1, 0])
+        notes.append(session.note(identification.parameters.mass_kg, drifted_kg))
+    weighed = known is not None and isinstance(known.mass_kg, int | float)
+    verified = weighed or _scale_verified(used)
+    if used.calibration is not None and not verified:
+        notes.append("The scale is not verified: no payload of the calibration was weighed.")
+    identification = replace(identification, notes=(*notes, *identification.notes), scale_verified=verified)
     content = ReportContent.of_identification(identification)
     findings = Findings(arm, payload, content, version("armload"))
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
+
+
+@contextmanager
+def _explained(unnamed: str | None, session: SessionGains | None) -> Iterator[None]:
+    """Adds to errors what may have caused them: joints that were taken in order, or a drift that is allowed for."""
+    try:
+        yield
+    except NothingMounted:
+        raise
+    except RecordingError as error:
+        if unnamed is None:
+            raise
+        raise RecordingError(f"{error} {unnamed}") from error
+    except NoPayloadMass as error:
+        if session is None or session.log_factor:
+            raise
+        allowed = f"This allows for a drift of all gains of {100.0 * session.deviation:.2g} % ({session.origin})"
+        raise NoPayloadMass(
+            f"{error} {allowed}; a run of the same day as `reference=` measures it.", error.mass_kg, error.half_width_kg
+        ) from error
+
+
+def _session(
+    arm: MeasuredArm,
+    used: ArmInUse,
+    gain_drift: float | None,
+    empty: Recording | None,
+    reference: RunSource | None,
+    reference_mass_kg: float | None,
+) -> SessionGains | None:
+    """The drift of a calibrated arm's gains; None without a calibration."""
+    if used.calibration is None:
+        if gain_drift is not None or reference is not None:
+            raise EstimationError(
+                "a drift of the gains since a calibration, or a reference for it, requires the arm's calibration: "
+                "give that file as `calibration=`, or omit `gain_drift=` and `reference=`."
+            )
+        return None
+    if gain_drift is not None and not 0.0 < gain_drift <= LARGEST:
+        raise EstimationError(
+            f"gain_drift is {gain_drift:g}: expected a standard deviation above 0 and at most {LARGEST:g}, such as "
+            "0.03 for 3 %"
+        )
+    if reference_mass_kg is not None and (reference is None or not reference_mass_kg > 0.0):
+        raise EstimationError(
+            f"reference_mass_kg is {reference_mass_kg:g}: expected the tool's mass in kg, above 0, and the run that "
+            "carries it as `reference=`"
+        )
+    session = SessionGains.assumed(used.calibration, gain_drift)
+    shows = empty if reference is None else recording_of(arm, reference, "reference")
+    if shows is None:
+        return session
+    return session.measured(shows, used.calibration, arm.chain, arm.transmission, reference_mass_kg)
+
+
+def _scale_verified(used: ArmInUse) -> bool:
+    """Whether something weighed verifies the scale of the arm's gains."""
+    if used.calibration is None:
+        return bool(used.transmission.calibrated.all())
+    return any(isfinite(payload.weighed_kg) for payload in used.calibration.payloads)
 
 
 def identify_over_time(
@@ -256,7 +340,7 @@ def validate(
         >>> run = "runs/today/{}_validation.mcap".format
         >>> result = armload.validate("er50", "runs/today/payload.toml", run("loaded"), run("unloaded"))
         >>> result.verdict.title
-        'Right within the tolerance'
+        'Repeatable within the tolerance'
     """
     require_extra(Extra.IDENTIFY, "validating a payload")
     arm = arm_of(robot)
@@ -312,7 +396,9 @@ def _validated(
     # a part of a recording that the payload was identified from may be one that was not used
     used_files = findings.payload.provenance.recordings_sha256.values()
     own_run = loaded.source.between_s is None and loaded.source.sha256 in used_files
-    judged = replace(judged, verdict=replace(judged.verdict, own_run=own_run))
+    fitted = findings.content.identification
+    verified = _scale_verified(used) if fitted is None else fitted.scale_verified
+    judged = replace(judged, verdict=replace(judged.verdict, own_run=own_run, scale_verified=verified))
     sources = (loaded.source, unloaded.source)
     return replace(findings, content=replace(findings.content, validation=judged, validation_sources=sources))
 

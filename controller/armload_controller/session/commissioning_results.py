@@ -59,7 +59,7 @@ def commission(
         >>> import armload
         >>> result = armload.commission("er50", "runs/today")
         >>> result.verdict.title
-        'Right within the tolerance'
+        'Repeatable within the tolerance'
     """
     arm = robot_of(robot)
     if not arm.bus.in_virtual_time:

@@ -449,6 +449,7 @@ class _Calibration:
                     influence=np.abs(fit.change_without(index)[arm.places[GAIN]]) / deviation[arm.places[GAIN]],
                     rows=len(self._rows[index].time_s),
                     struck=int(np.count_nonzero(fit.groups[index].struck)),
+                    **_effort_change(fit, index),
                 )
                 for index, (name, used) in enumerate(zip(self._hashes(), self._used, strict=True))
             ),
@@ -470,6 +471,16 @@ class _Calibration:
                 "the nominal gains. Add a run with a weighed payload and its mass_kg."
             )
         return warnings
+
+
+def _effort_change(fit: Posterior, index: int) -> dict[str, float]:
+    """Common factor of a run's efforts minus 1, beside all other unknowns, and its standard deviation."""
+    gradient, information = fit.beside(fit.groups[index].torque[0].predicted_nm[None], index)
+    deviation = float(information[0, 0] ** -0.5)
+    return {
+        "effort_change": float(gradient[0]) * deviation**2,
+        "effort_change_deviation": HALVES * deviation,
+    }
 
 
 def _distinct(paths: Sequence[Path]) -> list[str]:

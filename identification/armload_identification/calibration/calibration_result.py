@@ -51,6 +51,8 @@ _FIRMLY: Final = 100.0
 with it, they take up what no term describes, and a payload of another day is 0.7 instead of 0.35 % off."""
 _LEAST_POWER: Final = 1e-12
 """Least eigenvalue of the correlation matrix, relative to the greatest, when it is inverted."""
+FEWEST_SESSIONS: Final = 3
+"""Sessions from which the drift of the gains between them is known."""
 _DIGITS: Final = 9
 _DAY: Final = 10
 """Characters of a date."""
@@ -70,6 +72,8 @@ class CalibratedRun:
         influence: (n,) change of each gain without this run, in standard deviations.
         rows: Number of rows used.
         struck: Number of rows excluded as blows to the arm.
+        effort_change: Common factor of the run's efforts compared with all runs, minus 1; NaN in older files.
+        effort_change_deviation: Its standard deviation.
     """
 
     name: str
@@ -81,6 +85,8 @@ class CalibratedRun:
     influence: FloatArray
     rows: int
     struck: int
+    effort_change: float = float("nan")
+    effort_change_deviation: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,6 +319,25 @@ class ArmCalibration:
         mean = np.concatenate([values[name] for name in ARM_TERMS])
         known = Known(tuple((name, EMPTY) for name in ARM_TERMS), precision, precision @ mean)
         return tuple(known_arm_terms(values, "the calibration", np.inf)), known
+
+    @property
+    def session_drift(self) -> float | None:
+        """Standard deviation of the common factor of all gains between sessions; None with fewer than three sessions.
+
+        A session is a day on which runs were recorded. The errors of its factor are part of the scatter.
+        """
+        days: dict[str, list[CalibratedRun]] = {}
+        for run in self.runs:
+            if run.recorded and np.isfinite(run.effort_change):
+                days.setdefault(run.recorded[:_DAY], []).append(run)
+        if len(days) < FEWEST_SESSIONS:
+            return None
+        weights = [[run.effort_change_deviation**-2.0 for run in runs] for runs in days.values()]
+        factors = [
+            np.average([run.effort_change for run in runs], weights=weight)
+            for runs, weight in zip(days.values(), weights, strict=True)
+        ]
+        return float(np.std(factors, ddof=1))
 
     def known_arm(self, chain: Chain) -> KnownArm:
         """The empty arm for an identification.

@@ -108,6 +108,8 @@ class _RunTable(Table):
     influence: NumberList
     rows: int
     struck: int
+    effort_change: float = float("nan")
+    effort_change_deviation: float = float("nan")
 
 
 class _LeftOutTable(Table):
@@ -210,7 +212,9 @@ def format_calibration(result: ArmCalibration) -> str:
         keys = [key for key in _PayloadTable.model_fields if weighed or key != "weighed_kg"]
         lines += table("[payloads]", {key: getattr(payload, key) for key in keys})
     for run in result.runs:
-        lines += table("[runs]", {key: getattr(run, key) for key in _RunTable.model_fields})
+        known = np.isfinite(run.effort_change)
+        keys = [key for key in _RunTable.model_fields if known or not key.startswith("effort_change")]
+        lines += table("[runs]", {key: getattr(run, key) for key in keys})
     for name, reason in result.left_out:
         lines += table("[left_out]", {"name": name, "reason": reason})
     lines += [

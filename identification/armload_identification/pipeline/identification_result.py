@@ -50,6 +50,7 @@ class Identification:
         arm_friction: Friction of the arm itself: of the unloaded run if there is one, else of the loaded one.
         sources: Sources of the loaded and, if there is one, the unloaded recording.
         notes: Notes to the operator.
+        scale_verified: Whether something weighed verifies the scale that all gains have in common.
     """
 
     plain: PayloadEstimate
@@ -66,6 +67,7 @@ class Identification:
     arm_friction: ArmFriction
     sources: tuple[RecordingSource, ...]
     notes: tuple[str, ...] = ()
+    scale_verified: bool = False
 
     @property
     def plain_parameters(self) -> InertialParameters:

@@ -8,7 +8,7 @@ from typing import Final
 
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.verdict.agreement import Outcome
-from armload_identification.verdict.verdict_text import TITLES, sentences
+from armload_identification.verdict.verdict_text import sentences, title
 
 _KINDS: Final = {Outcome.RIGHT: "passed", Outcome.WRONG: "failed", Outcome.CANNOT_TELL: "missing"}
 
@@ -43,5 +43,5 @@ def verdict_box(validation: Validation | None, names: Sequence[str]) -> VerdictB
         )
     outcome = validation.outcome
     return VerdictBox(
-        _KINDS[outcome], TITLES[outcome], " ".join(sentences(validation.verdict, names)).replace("+-", "±")
+        _KINDS[outcome], title(validation.verdict), " ".join(sentences(validation.verdict, names)).replace("+-", "±")
     )

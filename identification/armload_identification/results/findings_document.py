@@ -143,6 +143,7 @@ def _identification_fields(identification: Identification) -> dict[str, Any]:
         "plain_is_possible": not identification.physical.changed,
         "plain_margin": number(identification.physical.plain_margin),
         "condition_number": number(identification.plain.condition_number),
+        "scale_verified": identification.scale_verified,
         "notes": list(identification.notes),
     }
 

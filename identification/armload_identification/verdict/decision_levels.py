@@ -323,11 +323,12 @@ class ColdArm:
 class EmptyArmLevels:
     """When runs prove that an arm carries nothing (`nothing_mounted`)."""
 
-    torque_share: Final = 0.02
+    torque_share: Final = 0.04
     """[1] Torque of the greatest mass that the interval allows, as a share of the empty arm's own.
 
     Origin: prior, not measured: an arm's rated payload takes as much torque as a third of the arm or more, so that less
-        than 6 % of that is left. Empty runs of er50, prbt and the UR10e have 0.1 to 0.5 %.
+        than an eighth of that is left. Empty runs of er50, prbt and the UR10e have 0.1 to 0.5 %; gains that may have
+        drifted by 1 % since the calibration add 2 %.
     Factor of two: either way: none of 50 tests fails.
     """
     half_widths: Final = 2.0

@@ -49,6 +49,7 @@ class PayloadVerdict:
         of_measured: The same with the measured payload; a deviation here contradicts the other joints.
         remedy: How an error equal to the tolerance could be detected.
         own_run: Whether the payload was identified from this run, which can contradict it but not confirm it.
+        scale_verified: Whether something weighed verifies the scale of the torque, which both identifications share.
     """
 
     agreement: Agreement
@@ -56,6 +57,7 @@ class PayloadVerdict:
     of_measured: JointScales
     remedy: Remedy
     own_run: bool = False
+    scale_verified: bool = True
 
     @property
     def outcome(self) -> Outcome:

@@ -18,11 +18,24 @@ TITLES: Final = {
     Outcome.WRONG: "Wrong",
     Outcome.CANNOT_TELL: "Cannot tell",
 }
+REPEATABLE: Final = "Repeatable within the tolerance"
+_SCALE: Final = (
+    "Nothing weighed verifies the scale of the torque, which both identifications share: an error of it is the same "
+    "relative error of the mass. To know whether the payload is right, calibrate the arm with a weighed one: `armload "
+    "calibrate`."
+)
 _OWN_RUN: Final = (
     "The payload was identified from this recording, which therefore cannot confirm it. Validate it with a pair of "
     "runs of another motion."
 )
 _AXES: Final = ("x", "y", "z")
+
+
+def title(verdict: PayloadVerdict) -> str:
+    """The outcome in a few words: what agrees with itself is right only if its scale is verified."""
+    if verdict.outcome is Outcome.RIGHT and not verdict.scale_verified:
+        return REPEATABLE
+    return TITLES[verdict.outcome]
 
 
 def sentences(verdict: PayloadVerdict, joint_names: Sequence[str]) -> list[str]:
@@ -32,7 +45,7 @@ def sentences(verdict: PayloadVerdict, joint_names: Sequence[str]) -> list[str]:
         return [text[0], _OWN_RUN]
     match verdict.outcome:
         case Outcome.RIGHT:
-            return text
+            return text if verdict.scale_verified else [*text, _SCALE]
         case Outcome.WRONG:
             return [*text, *_remounting_sentences(verdict.agreement), *_joint_sentences(verdict, joint_names)]
         case Outcome.CANNOT_TELL:

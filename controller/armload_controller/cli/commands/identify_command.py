@@ -88,6 +88,26 @@ def identify_payload(
             "what the tool carries, with the uncertainty of both.",
         ),
     ] = None,
+    gain_drift: Annotated[
+        str | None,
+        typer.Option(
+            "--gain-drift",
+            metavar="SHARE",
+            help="With a calibrated arm: standard deviation of the drift of all gains together since the calibration, "
+            "such as 3%; if not given, that between the calibration's sessions, else 1%.",
+        ),
+    ] = None,
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            "--reference",
+            help="With a calibrated arm: a run of the same day and of any motion, empty or with a weighed tool, which "
+            "measures that drift.",
+        ),
+    ] = None,
+    reference_mass_kg: Annotated[
+        float | None, typer.Option("--reference-mass", metavar="KG", help="Mass of the tool on the reference.")
+    ] = None,
     tolerance: ToleranceOption = TOLERANCE,
     every: Annotated[
         str | None,
@@ -131,6 +151,8 @@ def identify_payload(
         "--symmetric": symmetric or None,
         "--cad": cad,
         "--minus": minus,
+        "--gain-drift": gain_drift,
+        "--reference": reference,
     }
     refused = ", ".join(name for name, value in of_one_result.items() if value is not None)
     if every is not None and refused:
@@ -168,6 +190,9 @@ def identify_payload(
             calibration=calibration,
             known=known,
             minus=None if minus is None else tool_payload(minus),
+            gain_drift=None if gain_drift is None else _share(gain_drift, "--gain-drift"),
+            reference=None if reference is None else read_of(arm, reference, replace(choices[0], between_s=None)),
+            reference_mass_kg=reference_mass_kg,
         )
     except NothingMounted as empty:
         sources = [run.source for run in runs[: 1 if unloaded is None else 2]]
@@ -190,6 +215,18 @@ def _number_or_range(text: str, option: str) -> float | tuple[float, float]:
     if len(ends) not in {1, 2}:
         raise typer.BadParameter(f"{text!r}: expected a number such as 2.1, or a range such as 1..3", param_hint=option)
     return ends[0] if len(ends) == 1 else (ends[0], ends[1])
+
+
+def _share(text: str, option: str) -> float:
+    """0.03 from '3%' or '0.03'."""
+    number, percent, rest = text.partition("%")
+    try:
+        share = float(number) * (0.01 if percent else 1.0)
+    except ValueError:
+        share = float("nan")
+    if rest.strip() or not share > 0.0:
+        raise typer.BadParameter(f"{text!r}: expected a share such as 3% or 0.03", param_hint=option)
+    return share
 
 
 def _known(

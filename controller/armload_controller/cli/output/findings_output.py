@@ -25,7 +25,7 @@ ValidationOption = Annotated[
 def show_findings(screen: Screen, findings: Findings) -> None:
     """Show values, validation and notes."""
     from armload_controller.cli.output.result_tables import payload_table, possibility, validation_table
-    from armload_identification.verdict.verdict_text import sentences
+    from armload_identification.verdict.verdict_text import sentences, title
 
     content = findings.content
     screen.table(payload_table(findings.payload, findings.truth))
@@ -34,7 +34,7 @@ def show_findings(screen: Screen, findings: Findings) -> None:
     if content.validation is not None:
         screen.table(validation_table(content.validation, findings.arm.joint_names))
         text = sentences(content.validation.verdict, findings.arm.joint_names)
-        show_verdict(screen, content.validation.outcome, text)
+        show_verdict(screen, content.validation.outcome, title(content.validation.verdict), text)
     screen.remarks("note", findings.notes)
 
 

@@ -26,12 +26,10 @@ ToleranceOption = Annotated[
 ]
 
 
-def show_verdict(screen: Screen, outcome: Outcome, text: Sequence[str]) -> None:
+def show_verdict(screen: Screen, outcome: Outcome, title: str, text: Sequence[str]) -> None:
     """Print a verdict, one sentence per line."""
     from armload_identification.verdict.agreement import Outcome
-    from armload_identification.verdict.verdict_text import TITLES
 
-    title = TITLES[outcome]
     screen.result(f"verdict: {title if outcome is Outcome.RIGHT else title.upper()}")
     for sentence in text:
         screen.result(f"  {sentence}")

@@ -111,7 +111,7 @@ def test_a_validation_is_used(done):
     row = done[2]["near"]
     assert row["mass_kg"] == pytest.approx(9.81, abs=0.2)
     assert row["validation_outcome"] == "right"
-    assert row["verdict"] == "Right within the tolerance"
+    assert row["verdict"] == "Repeatable within the tolerance"
 
 
 @pytest.mark.parametrize(
