@@ -48,6 +48,7 @@ class RunSignals:
         usable: (K,) False in gaps.
         periodic: Whether the last sample is followed by the first.
         from_torque: Whether the drives reported torque instead of current.
+        row_s: Time between rows; further in a long run.
     """
 
     name: str
@@ -59,6 +60,7 @@ class RunSignals:
     usable: NDArray[np.bool_]
     periodic: bool
     from_torque: bool
+    row_s: float = Rows.row_s
 
     @classmethod
     def of_motion(cls, run: Motion, coupling: FloatArray, name: str) -> RunSignals:
@@ -82,6 +84,11 @@ class RunSignals:
         """(n,) greatest speeds, of means over the rows' windows: single samples are greater by their noise."""
         return np.asarray(np.abs(self.row_window().mean(self.velocity_rad_s)).max(axis=0, initial=0.0))
 
+    def with_close_rows(self) -> RunSignals:
+        """The same with at least a hundred rows of a period, for two runs that are compared phase by phase."""
+        length_s = len(self.usable) * self.interval_s
+        return replace(self, row_s=min(self.row_s, length_s / Rows.fewest)) if self.periodic else self
+
     def row_window(self, spacing: int = 1) -> RowWindow:
         """The run's usable rows.
 
@@ -89,8 +96,7 @@ class RunSignals:
             spacing: Keep every `spacing`-th row.
         """
         samples = len(self.usable)
-        length_s = samples * self.interval_s
-        row_s = max(min(Rows.row_s, length_s / Rows.fewest) if self.periodic else Rows.row_s, length_s / Rows.most)
+        row_s = max(self.row_s, samples * self.interval_s / Rows.most)
         step = max(round(row_s / self.interval_s), 1) * spacing
         half_s = HALF_S * min(row_s / Rows.row_s, 1.0)
         window = RowWindow.of(samples, self.interval_s, step, periodic=self.periodic, half_s=half_s)
@@ -287,7 +293,7 @@ def arm_rows(
         spacing: Keep every `spacing`-th row.
 
     Returns:
-        Rows 0.1 s times `spacing` apart, further in a long run, closer in a short period.
+        The run's rows, `spacing` times further apart.
     """
     moves = peak_rad_s > Rows.stands_rad_s
     scale = np.where(moves, peak_rad_s, 1.0)

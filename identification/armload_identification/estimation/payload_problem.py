@@ -99,7 +99,8 @@ def pair_problem(signal: LoadSignal, chain: Chain, coupling: FloatArray, arm: Kn
     base, peak = _layout([signal.loaded, signal.unloaded], chain, coupling, arm)
     runs = [replace(run, valid=signal.valid) for run in (signal.loaded, signal.unloaded)]
     signals = [
-        RunSignals.of_motion(run, coupling, name) for run, name in zip(runs, ("loaded", "unloaded"), strict=True)
+        RunSignals.of_motion(run, coupling, name).with_close_rows()
+        for run, name in zip(runs, ("loaded", "unloaded"), strict=True)
     ]
     rows = [
         arm_rows(run, chain, coupling, base, peak, loaded=loaded)
