@@ -35,7 +35,7 @@ def main() -> None:
         for run in (pair.unloaded, pair.loaded):
             print(hashlib.sha256(run.position_rad.tobytes()).hexdigest(), len(run.time_s))
         found = identify(pair.loaded, pair.unloaded, robot.chain, robot.drives.transmission)
-        print(f"{payload_result(found, 'test', robot.sha256).model.mass_kg:.4f} kg")
+        print(f"{payload_result(found, 'test', robot.sha256).model.mass_kg:.2f} kg")
     print(platform.machine(), file=sys.stderr)
 
 
