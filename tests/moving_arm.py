@@ -1,6 +1,6 @@
 """A short commissioning of the simulated prbt, without validation; a program, run on another processor.
 
-Prints the mass found, and digests of the recorded commands and positions, which are equal on all processors.
+Prints the mass found, and digests of the recorded positions, which are equal on all processors.
 """
 
 from __future__ import annotations

@@ -123,7 +123,7 @@ def identify(
         gain_drift: With a calibration: standard deviation of the drift that all gains have in common since then, such
             as 0.03; if not given, that between the calibration's sessions if it has three, else 0.01.
         reference: With a calibration: a run of the same day, of any motion, which measures that drift; if not given,
-            `unloaded` does.
+            `unloaded` does if `gain_drift` is stated.
         reference_mass_kg: Weighed mass of the tool on it; empty if not given.
 
     Returns:
@@ -165,7 +165,7 @@ def identify(
         gains = gains_to_compare_by(tool.mass_center, gains)
     run = recording_of(arm, loaded, "loaded")
     empty = None if unloaded is None else recording_of(arm, unloaded, "unloaded")
-    session = _session(arm, used, gain_drift, empty, reference, reference_mass_kg)
+    session = _session(arm, used, run, gain_drift, empty, reference, reference_mass_kg)
     empty_arm = used.known
     if session is not None and empty_arm is not None:
         gains, empty_arm = session.transmission(gains), session.arm(empty_arm)
@@ -229,6 +229,7 @@ def _explained(unnamed: str | None, session: SessionGains | None) -> Iterator[No
 def _session(
     arm: MeasuredArm,
     used: ArmInUse,
+    loaded: Recording,
     gain_drift: float | None,
     empty: Recording | None,
     reference: RunSource | None,
@@ -253,10 +254,12 @@ def _session(
             "carries it as `reference=`"
         )
     session = SessionGains.assumed(used.calibration, gain_drift)
-    shows = empty if reference is None else recording_of(arm, reference, "reference")
-    if shows is None:
-        return session
-    return session.measured(shows, used.calibration, arm.chain, arm.transmission, reference_mass_kg)
+    about = used.calibration, arm.chain, arm.transmission
+    if reference is not None:
+        return session.measured(recording_of(arm, reference, "reference"), *about, reference_mass_kg)
+    if empty is not None and gain_drift is not None:
+        return session.measured(empty, *about, None)
+    return session.within(loaded if empty is None else empty, *about, loaded=empty is None)
 
 
 def _scale_verified(used: ArmInUse) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +40,23 @@ def test_a_drift_is_outside_the_interval_unless_it_is_allowed_for(calibration, p
     allowed = SessionGains.assumed(calibration, 0.03)
     error, half_width = off(identified(calibration, pinocchio_arm, allowed), pinocchio_arm)
     assert error < half_width
+
+
+@pytest.mark.parametrize("factor", [1.0, DRIFT])
+def test_the_run_itself_says_how_large_it_can_be(calibration, pinocchio_arm, factor):
+    """Not more than the run leaves possible; a drift that the run shows is allowed for, and not corrected."""
+    arm = pinocchio_arm
+    prior = SessionGains.assumed(calibration, 0.03)
+    run = drifted(arm, True, 81)
+    run = replace(run, current_a=factor / DRIFT * run.current_a)
+    session = prior.within(run, calibration, arm.chain, arm.transmission, loaded=True)
+    assert session.log_factor == 0.0
+    assert (session.deviation < 0.006) == (factor == 1.0)
+    level, gains = calibration.level(arm.chain), calibration.transmission(arm.transmission)
+    found = identify(run, None, level, gains, arm=session.arm(calibration.known_arm(arm.chain)))
+    error, half_width = off(found, arm)
+    assert error < half_width
+    assert bool(re.search(r"by itself, the run says -[23]\.", session.note(1.0, 0.0))) == (factor == DRIFT)
 
 
 @pytest.mark.parametrize("tool", [False, True])
