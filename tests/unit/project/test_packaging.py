@@ -1,6 +1,7 @@
 """Pinned requirements and contents of the packages."""
 
 import importlib.util
+import re
 import subprocess
 import sys
 from importlib import resources
@@ -90,3 +91,12 @@ def test_robots_and_report_template_are_package_data():
         "armload_configs",
     ):
         assert resources.files(package).joinpath("py.typed").is_file()
+
+
+def test_pure_tests_import_nothing_that_is_not_in_the_wheel():
+    """They run with the sources away, where there are no benchmarks."""
+    tests = Path(__file__).parents[2]
+    pure = [file for file in tests.rglob("test_*.py") if "mark.pure" in file.read_text("utf-8")]
+    importing = [file.name for file in pure if re.search(r"^(from|import) benchmarks", file.read_text("utf-8"), re.M)]
+    assert len(pure) > 50
+    assert not importing

@@ -11,7 +11,6 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify
 from benchmarks.arms.modifications import MODIFICATIONS, ModifiedRun
 
-pytestmark = pytest.mark.pure
 PERIODS = 4
 
 
