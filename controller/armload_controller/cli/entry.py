@@ -8,6 +8,7 @@ from __future__ import annotations
 import gc
 import sys
 import warnings
+from collections.abc import Callable
 
 from armload_controller.cli.exit_status import ExitStatus
 
@@ -26,7 +27,7 @@ def main() -> None:
         from armload_identification.extras import missing_extra
         from armload_identification.identification_errors import IdentificationError
 
-        warnings.formatwarning = _in_one_line
+        warnings.formatwarning = _in_one_line()
         try:
             try:
                 app()
@@ -55,9 +56,18 @@ def main() -> None:
         sys.exit(ExitStatus.INTERRUPTED)
 
 
-def _in_one_line(message: Warning | str, *_where: object, **_more: object) -> str:
-    """A warning without its place in the program."""
-    return f"warning: {message}\n"
+def _in_one_line() -> Callable[..., str]:
+    """A format of warnings without their place in the program, where each text is shown once."""
+    shown: set[str] = set()
+
+    def line(message: Warning | str, *_where: object, **_more: object) -> str:
+        text = f"warning: {message}\n"
+        if text in shown:
+            return ""
+        shown.add(text)
+        return text
+
+    return line
 
 
 def _notes(error: Exception) -> list[str]:

@@ -6,7 +6,8 @@ repeats its job; a job that kills its worker three times becomes a row with the 
 
 Anyone who can connect to a scheduler can run programs as its user. A local cluster listens only on loopback, and
 accepts only connections with a key that is made for this run and that only this user can read, so that other users of
-the machine are refused. A scheduler on a network must use `tls://` with certificates, which Dask reads from its own
+the machine are refused; it serves no status pages, which would show them recordings' paths, or whatever the user's
+Dask configuration adds. A scheduler on a network must use `tls://` with certificates, which Dask reads from its own
 configuration; if that demands encryption, it applies to a local cluster, too.
 """
 
@@ -31,6 +32,8 @@ _CONFIGURATION: Final = {
     "distributed.scheduler.allowed-failures": 2,
     "distributed.worker.preload": ["armload_controller.fleet.worker_start"],
     "distributed.worker.profile.enabled": False,
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
     # By default each process monitors itself 50 times a second: with two workers 8 % of a core, with this 3 %.
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",

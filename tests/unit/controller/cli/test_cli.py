@@ -404,3 +404,15 @@ def test_errors_are_one_line_with_the_fix_and_no_traceback():
 
 def test_version():
     assert program("--version").stdout.startswith("armload 0.")
+
+
+def test_a_package_that_is_skipped_is_named_once(tmp_path, monkeypatch):
+    information = tmp_path / "thief-2.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: thief\nVersion: 2\n")
+    (information / "entry_points.txt").write_text("[armload.exports]\nkuka = thief:it\nlabel = thief:it\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    command = [*PROGRAM, "export", "er50", str(tmp_path / "none.toml"), "--format", "label"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60.0)
+    assert done.stderr.count("kuka of thief 2") == 1
+    assert "'label': no such format" in done.stderr

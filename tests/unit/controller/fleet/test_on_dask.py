@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+import urllib.error
+import urllib.request
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -121,7 +123,7 @@ def tls_of(folder):
 
 @pytest.fixture(scope="module")
 def local(tmp_path_factory):
-    """The address of a local cluster, what strangers get, and a row of its owner; collected as in `behind_tls`."""
+    """The address of a local cluster, what strangers get, its pages, and a row of its owner, as in `behind_tls`."""
     import distributed
 
     missing = str(tmp_path_factory.mktemp("local") / "none.mcap")
@@ -135,14 +137,24 @@ def local(tmp_path_factory):
                     refusals.append(None)
                 except (OSError, TypeError, RuntimeError, ValueError) as problem:
                     refusals.append(problem)
+        known = force._client.scheduler_info()
+        (worker,) = known["workers"].values()
+        pages = []
+        for server, page in ((known, "info/main/workers.html"), (known, "json/identity.json"), (worker, "health")):
+            try:
+                with urllib.request.urlopen(f"http://127.0.0.1:{server['services']['dashboard']}/{page}", timeout=3.0):
+                    pages.append(200)
+            except urllib.error.HTTPError as problem:
+                pages.append(problem.code)
         (row,) = force.rows([Job("key", "arm", "er50", {"loaded": missing}, "", "", None, None)])
-    return SimpleNamespace(address=address, refusals=refusals, row=row)
+    return SimpleNamespace(address=address, refusals=refusals, pages=pages, row=row)
 
 
 def test_another_user_of_the_machine_cannot_use_the_local_scheduler(local):
-    """Neither without a certificate nor with one of their own; the owner's jobs are done."""
+    """Neither without a certificate nor with one of their own, nor read its pages; the owner's jobs are done."""
     assert local.address.startswith("tls://127.0.0.1:")
     assert None not in local.refusals
+    assert set(local.pages) == {404}
     assert "none.mcap" in local.row["error"]
 
 
