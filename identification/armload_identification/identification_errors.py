@@ -43,6 +43,10 @@ class RecordingError(IdentificationError):
     """A recording that cannot be read or does not fit the arm."""
 
 
+class NamelessColumns(RecordingError):
+    """A table whose column names say nothing of positions."""
+
+
 class EstimationError(IdentificationError):
     """Data that do not determine the result."""
 

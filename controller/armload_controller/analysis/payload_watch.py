@@ -173,7 +173,7 @@ class PayloadWatch:
 
     def _usable(self, path: Path) -> Iterator[RowBlock]:
         """The blocks of a recording without implausible rows."""
-        options = ReadingOptions(self._robot.csv_columns, joint_names=tuple(self._robot.joint_names))
+        options = ReadingOptions(joint_names=tuple(self._robot.joint_names), log_columns=self._robot.csv_columns)
         garbage = GarbageFilter(path)
         with reading(path):
             for block in reader_of(path, options).blocks(ReadingAccount()):

@@ -49,9 +49,10 @@ def read_of(arm: MeasuredArm, source: Path | DataFrame, choice: RecordingChoice 
         CommissioningError: the recording is of another arm.
         RecordingError: the recording cannot be read, or has other joints.
     """
-    columns = choice.columns or arm.csv_columns
     names = () if choice.joints else arm.joint_names
-    options = ReadingOptions(columns, choice.effort, names, choice.episode, arm.position_limits_rad)
+    options = ReadingOptions(
+        choice.columns, choice.effort, names, choice.episode, arm.position_limits_rad, arm.csv_columns
+    )
     recording = read_recording(source, options, between_s=choice.between_s)
     return arm.own(chosen_joints(recording, choice.joints))
 

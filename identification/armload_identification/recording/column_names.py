@@ -18,7 +18,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final
 
-from armload_identification.identification_errors import RecordingError
+from armload_identification.identification_errors import NamelessColumns, RecordingError
 from armload_identification.recording.column_units import plain_text, unit_factor, units_of
 from armload_identification.recording.csv_columns import QUANTITIES_BY_KEY, CsvColumns
 from armload_identification.recording.joint_names import JointNames, words_of
@@ -138,7 +138,8 @@ class _Header:
         try:
             return self._recognised()
         except _OpenQuestion as question:
-            raise RecordingError(
+            nameless = not any(one.quantity == "position_rad" for one in (*self._of_arm, *self._of_others))
+            raise (NamelessColumns if nameless else RecordingError)(
                 f"{path}: {question}. Specify columns and units, such as {self._suggestion()}, or a [log] table in the "
                 "robot's file."
             ) from None

@@ -49,6 +49,11 @@ class CsvColumns:
     joint_names: tuple[str, ...] = ()
     nanoseconds: int | str | None = None
 
+    @property
+    def by_name(self) -> bool:
+        """Whether any column is given by the name that it has in the header."""
+        return any(isinstance(column, str) for columns in self.groups().values() for column in columns)
+
     def groups(self) -> dict[str, list[int | str]]:
         """The existing columns by the name of the quantity."""
         groups = {

@@ -72,7 +72,7 @@ def open_parquet(path: Path, start: bytes, options: ReadingOptions) -> Recording
 
 def open_csv(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
     """The reader of text tables: any other file without zero bytes."""
-    if not start or (b"\x00" in start and options.columns is None):
+    if not start or (b"\x00" in start and options.columns is None and options.log_columns is None):
         return None
     return CsvReader(path, options)
 

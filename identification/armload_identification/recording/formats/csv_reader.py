@@ -104,13 +104,15 @@ class _Layout:
         counts = [line.count(",") + 1 for line in lines]
         self.expected = int(np.bincount(counts).argmax()) if counts else len(header or ())
         self.names = header or [str(place) for place in range(self.expected)]
-        given = options.columns or (echoed_columns(lines) if header is None else None)
+        given = options.columns or options.log_columns or echoed_columns(lines)
         if given is None and header is None:
             raise RecordingError(
                 f"{path}: the table has no header line, so its columns are unknown. "
                 'Specify them: --columns "time=0 position=1-6 current=7-12", or a [log] table in the robot\'s file.'
             )
-        self.columns = given or columns_by_name(path, self.names, options.joint_names)
+        if given is None or header is not None:
+            given = options.columns_of(lambda: columns_by_name(path, self.names, options.joint_names))
+        self.columns = given
         groups = {name: _indices(path, name, wanted, header) for name, wanted in self.columns.groups().items()}
         needed = max(max(indices) for indices in groups.values()) + 1
         if lines and needed > self.expected:
@@ -118,7 +120,7 @@ class _Layout:
                 f"{path}: the rows have {self.expected} columns, but the column map refers to column {needed - 1}. "
                 "Correct the column numbers (starting at 0) or give the right file."
             )
-        if lines and options.columns is None and len(self.names) != self.expected:
+        if lines and self.columns.by_name and options.columns is None and len(self.names) != self.expected:
             raise RecordingError(
                 f"{path}: the header has {len(self.names)} columns, the rows have {self.expected}. Specify the columns "
                 f"by the numbers that they have in the rows, from 0, such as {self.columns.option(self.names)}."

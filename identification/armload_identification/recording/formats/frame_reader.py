@@ -52,7 +52,7 @@ class FrameReader:
             frame = frame.reset_index()  # type: ignore[attr-defined]
         keys = list(frame.columns)
         self._names = [key if isinstance(key, str) else ".".join(map(str, np.atleast_1d(key))) for key in keys]
-        self._columns = options.columns or columns_by_name(name, self._names, options.joint_names)
+        self._columns = options.columns_of(lambda: columns_by_name(name, self._names, options.joint_names))
         groups = self._columns.groups()
         scale = self._columns.scale
         self._table = {

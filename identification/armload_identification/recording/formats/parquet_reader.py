@@ -71,7 +71,7 @@ class ParquetReader:
         self._names = pq.ParquetFile(self._files[0]).schema_arrow
         self._require_episode()
         self._remarks: tuple[str, ...] = ()
-        self._columns = options.columns or self._recognised(info)
+        self._columns = options.columns_of(lambda: self._recognised(info))
 
     def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
         """See `RecordingReader`.
