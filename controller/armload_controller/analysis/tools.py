@@ -42,9 +42,9 @@ def add_tool(name: str, payload: Path) -> Path:
         The tool's file.
 
     Raises:
-        ConfigurationError: no such name is possible.
+        ConfigurationError: the name is not possible, or another payload has it.
         PayloadFileError: the file cannot be read, or mass or centre of mass is not determined.
-        ExportError: another payload is kept under this name, or the file cannot be written.
+        ExportError: the file cannot be written.
     """
     if not _NAME.fullmatch(name):
         raise ConfigurationError("command line", "NAME", name, "expected letters, digits, - and _, 64 at most")
@@ -55,7 +55,11 @@ def add_tool(name: str, payload: Path) -> Path:
         )
         raise PayloadFileError(str(payload), "determined", None, expected)
     path = tools_folder() / f"{name}.toml"
-    write_files({path.name: read_text(payload, PayloadFileError)}, path)
+    text = read_text(payload, PayloadFileError)
+    if path.exists() and read_text(path, PayloadFileError) != text:
+        expected = f"another payload has this name; choose another one, or remove {path}"
+        raise ConfigurationError("command line", "NAME", name, expected)
+    write_files({path.name: text}, path)
     return path
 
 

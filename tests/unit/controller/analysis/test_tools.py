@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armload_controller.analysis.tools import add_tool, tool_names, tool_payload, tools_folder
-from armload_controller.control_errors import ConfigurationError, ExportError
+from armload_controller.control_errors import ConfigurationError
 from armload_identification.files.payload_file import write_payload
 from armload_identification.identification_errors import PayloadFileError
 
@@ -32,7 +32,7 @@ def test_another_payload_under_a_name_is_refused(file, make_subject):
     add_tool("gripper", file)
     other = make_subject(undetermined=("ixx",)).payload
     write_payload(file, other)
-    with pytest.raises(ExportError, match=r"gripper\.toml: already exists with different content"):
+    with pytest.raises(ConfigurationError, match="another payload has this name; choose another one, or remove"):
         add_tool("gripper", file)
 
 
