@@ -1,6 +1,9 @@
-"""Programs with the signal handling of a shell's prompt, whatever signals this process ignores."""
+"""Programs with the signal handling of a shell's prompt, whatever signals this process ignores, or with priority."""
 
+import shutil
+import subprocess
 import sys
+from functools import cache
 
 _START = """
 import os, signal, sys
@@ -24,3 +27,13 @@ def as_started(command, ignored=()):
         ignored: Names of the ignored signals.
     """
     return [sys.executable, "-c", _START, ",".join(ignored), *map(str, command)]
+
+
+@cache
+def armload_before_others():
+    """The command of armload, with priority over the other programs of this machine if permitted."""
+    armload = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
+    first = ["chrt", "--rr", "1"]
+    if shutil.which("chrt") is None or subprocess.run([*first, "true"], capture_output=True, check=False).returncode:
+        return armload
+    return [*first, *armload]

@@ -6,10 +6,8 @@ an operator would do: the program refuses an uneven motion and continues with th
 """
 
 import re
-import shutil
 import signal
 import subprocess
-import sys
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib import resources
@@ -22,6 +20,7 @@ from armload_controller.config.robot import load_robot
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.files.payload_file import read_payload, write_payload
+from tests.started_programs import armload_before_others
 
 pytestmark = pytest.mark.vcan
 
@@ -31,11 +30,7 @@ PATIENT = {"heartbeat_s": "2.0", "max_missing_cycles": "100"}
 ATTEMPTS = 5
 BUS = ["--bus", f"socketcan:{CHANNEL}", "--cycle-hz", str(CYCLE_HZ)]
 TWO_BUSES = ["--bus", "socketcan:vcan0,vcan1", "--cycle-hz", str(CYCLE_HZ)]
-FIRST = ["chrt", "--rr", "1"]
-"""Run with priority over the other programs of this machine."""
-if shutil.which("chrt") is None or subprocess.run([*FIRST, "true"], capture_output=True, check=False).returncode:
-    FIRST = []
-ARMLOAD = [*FIRST, sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
+ARMLOAD = armload_before_others()
 
 
 @pytest.fixture

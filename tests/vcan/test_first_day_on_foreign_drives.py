@@ -5,36 +5,26 @@ first motion. That is interrupted by Ctrl-C, by a drive that loses its power, an
 carries torque afterwards, and the same command starts again. Build the drives first: `canopen-drives --prepare`.
 """
 
-import json
 import re
-import shutil
 import signal
-import socket
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 
-from armload_drivers.cia402.state_machine import POWERED, decode
 from benchmarks.arms.drafted_arm import drafted_urdf
+from tests.foreign_drives import DRIVES, ForeignDrives
+from tests.started_programs import armload_before_others
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "first-day.md"
-DRIVES = ROOT.parent / "shared" / "tools" / "canopen-drives"
 FIRST_NODE, TORQUE_LIMIT_PERMILLE = 3, 2500
 SIMULATED = {"1018:1": "0x41524D4C", "1018:2": "0x53494D01"}
 FILLED_IN = {"feedback": '"torque"', "max_torque_permille": str(TORQUE_LIMIT_PERMILLE), "has_brake": "true"}
 PATIENT = {"cycle_hz": "50.0", "heartbeat_s": "2.0", "max_missing_cycles": "100"}
 """Both sides share the one CPU of the guest."""
-ARMLOAD = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
-if (
-    shutil.which("chrt")
-    and not subprocess.run(["chrt", "--rr", "1", "true"], capture_output=True, check=False).returncode
-):
-    ARMLOAD = ["chrt", "--rr", "1", *ARMLOAD]
-
+ARMLOAD = armload_before_others()
 pytestmark = [
     pytest.mark.vcan,
     pytest.mark.skipif(not DRIVES.is_file(), reason="canopen-drives is not beside this checkout"),
@@ -42,46 +32,15 @@ pytestmark = [
 ]
 
 
-class ForeignDrives:
-    """Six foreign drives on vcan0, whose identity says that nothing real moves."""
-
-    def __init__(self, folder, torque_max_nm):
-        presets = [f"{entry}={value}" for entry, value in SIMULATED.items()]
-        for axis, torque_nm in enumerate(torque_max_nm):
-            presets.append(f"{FIRST_NODE + axis}:6076:0={round(1e6 * torque_nm / TORQUE_LIMIT_PERMILLE)}")
-        self._control, self._mine = str(folder / "control"), str(folder / "mine")
-        words = [word for preset in presets for word in ("--set", preset)]
-        nodes = f"{FIRST_NODE}-{FIRST_NODE + len(torque_max_nm) - 1}"
-        self.process = subprocess.Popen(
-            [DRIVES, "vcan0", "--nodes", nodes, "--control", self._control, *words], stdout=subprocess.PIPE, text=True
-        )
-        assert "orders:" in self.process.stdout.readline()
-
-    def order(self, text):
-        """Give an order; the answer."""
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as mine:
-            Path(self._mine).unlink(missing_ok=True)
-            mine.bind(self._mine)
-            mine.settimeout(5.0)
-            mine.sendto(text.encode(), self._control)
-            return mine.recv(65536).decode()
-
-    def powered(self):
-        """Nodes that carry torque."""
-        drives = json.loads(self.order("stats"))["drives"]
-        return [drive["node"] for drive in drives if decode(drive["statusword"]) in POWERED]
-
-    def close(self):
-        self.process.send_signal(signal.SIGTERM)
-        self.process.wait(10.0)
-        self.process.stdout.close()
-
-
 @pytest.fixture
 def drives(tmp_path):
+    """Six of them, whose identity says that nothing real moves."""
     (tmp_path / "arm.urdf").write_text(drafted_urdf())
-    torques = [float(text) for text in re.findall(r'effort="([^"]+)"', drafted_urdf())]
-    made = ForeignDrives(tmp_path, torques)
+    presets = [f"{entry}={value}" for entry, value in SIMULATED.items()]
+    torques_nm = [float(text) for text in re.findall(r'effort="([^"]+)"', drafted_urdf())]
+    for node, torque_nm in enumerate(torques_nm, FIRST_NODE):
+        presets.append(f"{node}:6076:0={round(1e6 * torque_nm / TORQUE_LIMIT_PERMILLE)}")
+    made = ForeignDrives(tmp_path, f"{FIRST_NODE}-{FIRST_NODE + len(torques_nm) - 1}", presets)
     try:
         yield made
     finally:
@@ -108,7 +67,12 @@ def follow(folder, beginning, *options, interrupt_after_s=None):
 
 def move_until(folder, drives, happens):
     """The page's first motion; `happens` is called with the program once all drives carry torque."""
-    words = [*ARMLOAD, *page_command("commission arm.toml --runs unloaded"), "--simulated-drives", "--yes"]
+    words = [
+        *ARMLOAD,
+        *page_command("commission arm.toml --runs unloaded"),
+        "--simulated-drives",
+        "--yes",
+    ]
     with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as program:
         until_s = time.monotonic() + 60.0
         while len(drives.powered()) < 6 and program.poll() is None and time.monotonic() < until_s:

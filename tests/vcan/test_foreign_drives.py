@@ -1,18 +1,12 @@
 """Against drives on another CANopen stack, with another's state machine: Lely's and ros2_canopen's fake slave.
 
-They are those of `../shared/tools/canopen-drives`; each motor is alone, without gravity. Their encoders fail inside
-their own loops, on order. Build them first: `../shared/tools/canopen-drives --prepare`.
+Their encoders fail inside their own loops, on order; see `tests/foreign_drives.py`.
 """
 
-import json
 import shutil
-import signal
-import socket
-import subprocess
 import time
 from contextlib import suppress
 from importlib import resources
-from pathlib import Path
 
 import can
 import numpy as np
@@ -21,66 +15,40 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.cia402.state_machine import POWERED, decode
 from armload_drivers.driver_errors import DriverError, LoopLost
 from armload_drivers.servos import JointCommand
+from tests.foreign_drives import DRIVES, ForeignDrives
 
-TOOLS = Path(__file__).resolve().parents[3] / "shared" / "tools"
 SPEED_RAD_S = 0.15
 NODE = 4
 COUNTS_PER_TURN = 1048576
 
 pytestmark = [
     pytest.mark.vcan,
-    pytest.mark.skipif(not (TOOLS / "canopen-drives").is_file(), reason="canopen-drives is not beside this checkout"),
+    pytest.mark.skipif(not DRIVES.is_file(), reason="canopen-drives is not beside this checkout"),
 ]
 
 
-class ForeignArm:
+class ForeignArm(ForeignDrives):
     """Six foreign drives on vcan0, and this master."""
 
     def __init__(self, folder, bus):
         for role in ("identification", "validation"):
             name = f"prbt_{role}.toml"
             (folder / name).write_text((resources.files("armload_configs") / name).read_text("utf-8"))
-        shutil.copy(TOOLS / "canopen" / "drive.eds", folder)
-        shutil.copy(TOOLS / "canopen" / "example-robot.toml", folder / "arm.toml")
+        shutil.copy(DRIVES.parent / "canopen" / "drive.eds", folder)
+        shutil.copy(DRIVES.parent / "canopen" / "example-robot.toml", folder / "arm.toml")
         robot = load_robot(folder / "arm.toml")
         self.settings = robot.drives.settings
         self.servos = CanopenServos(self.settings, bus, BcmSync(BroadcastManager("vcan0")))
-        self.control, self._mine = str(folder / "control"), str(folder / "mine")
         rated = [f"{d.node_id}:6076:0={round(d.rated_torque_nm * 1e3)}" for d in self.settings.drives]
-        words = [word for value in rated for word in ("--set", value)]
-        self.process = subprocess.Popen(
-            [TOOLS / "canopen-drives", "vcan0", "--nodes", "3-8", "--control", self.control, *words],
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert "orders:" in self.process.stdout.readline()
-
-    def order(self, text):
-        """Give an order; the answer."""
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as mine:
-            Path(self._mine).unlink(missing_ok=True)
-            mine.bind(self._mine)
-            mine.settimeout(5.0)
-            mine.sendto(text.encode(), self.control)
-            return mine.recv(65536).decode()
-
-    def stats(self):
-        """State of every drive by node."""
-        return {drive["node"]: drive for drive in json.loads(self.order("stats"))["drives"]}
+        super().__init__(folder, "3-8", rated)
 
     def move(self, seconds):
         """Move all joints at constant speed."""
         for _ in range(round(seconds / self.settings.cycle_s)):
             self.target_rad = self.target_rad + self.settings.cycle_s * SPEED_RAD_S
             self.servos.exchange(JointCommand(self.target_rad, np.zeros(6), np.zeros(6)))
-
-    def close(self):
-        self.process.send_signal(signal.SIGTERM)
-        self.process.wait(10.0)
-        self.process.stdout.close()
 
 
 @pytest.fixture
@@ -97,10 +65,6 @@ def arm(tmp_path):
             made.close()
 
 
-def powered(stats):
-    return [node for node, drive in stats.items() if decode(drive["statusword"]) in POWERED]
-
-
 @pytest.mark.parametrize("order", ["reverse", "freeze"])
 def test_a_foreign_drive_whose_loop_is_lost_carries_no_torque_at_exit(arm, order):
     arm.move(1.0)
@@ -110,14 +74,12 @@ def test_a_foreign_drive_whose_loop_is_lost_carries_no_torque_at_exit(arm, order
     with pytest.raises(LoopLost, match=f"node {NODE}"):
         arm.move(3.0)
     arm.servos.stop()
-    stats = arm.stats()
-    assert NODE not in powered(stats)
-    assert set(powered(stats)) == {3, 5, 6, 7, 8}, "the others hold with torque"
-    turns = (stats[NODE]["position"] - before) / COUNTS_PER_TURN
+    assert set(arm.powered()) == {3, 5, 6, 7, 8}, f"node {NODE} has none; the others hold with torque"
+    turns = (arm.stats()[NODE]["position"] - before) / COUNTS_PER_TURN
     # Less than 0.06 rad; while a busy machine delays this program, a joint goes on at the last commanded speed.
     assert abs(turns) * 2.0 * np.pi < 0.1 + SPEED_RAD_S * (time.monotonic() - began_s)
     arm.servos.disable()
-    assert powered(arm.stats()) == []
+    assert arm.powered() == []
 
 
 def test_a_foreign_drive_that_runs_away_in_its_fault_reaction_is_reset(arm):
@@ -130,4 +92,4 @@ def test_a_foreign_drive_that_runs_away_in_its_fault_reaction_is_reset(arm):
     with suppress(DriverError):
         arm.servos.stop()
     arm.servos.disable()
-    assert powered(arm.stats()) == []
+    assert arm.powered() == []

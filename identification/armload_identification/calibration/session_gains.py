@@ -131,11 +131,13 @@ class SessionGains:
         check_joints(run, chain.n)
         known, level = calibration.known_arm(chain), calibration.level(chain)
         require_effort(run, known.effort)
+        gains = calibration.transmission(transmission)
+        check_run(run, gains)
+        motion = motion_of(run, gains)
         found, information, prior = self.log_factor, 0.0, self.deviation**-2.0
         for _ in range(_STEPS):
-            gains = replace(self, log_factor=found).transmission(calibration.transmission(transmission))
-            check_run(run, gains)
-            problem = single_problem(motion_of(run, gains), level, gains.coupling, known)
+            now = motion.with_torque_times(np.exp(found) * np.eye(chain.n))
+            problem = single_problem(now, level, gains.coupling, known)
             posterior = solve(carried(problem), rough=True)
             pull, left = posterior.beside(posterior.groups[0].torque[0].predicted_nm[None])
             information = float(left[0, 0])
