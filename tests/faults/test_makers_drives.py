@@ -412,6 +412,10 @@ WRITTEN = {
     "mapping fixed with torque alone": own(
         changes=fixed_mapping(RPDO, (*TPDO[:2], 0x60770010)), reason=r'Set fixed_pdos = \{ .* \}, feedback = "torque"'
     ),
+    "mapping fixed with torque of another size alone": own(
+        changes=fixed_mapping(RPDO, (*TPDO[:2], 0x60770010)) | {"6077": {"DataType": "4"}},
+        reason=r"the mapping is fixed to .*can be used only if one PDO carries 6040",
+    ),
     "COB-IDs of node 1": own(changes=cob_ids("rw", "0x{base:X}+1"), expected=ways()),
     "COB-IDs fixed to node 1": own(
         changes=cob_ids("ro", "0x{base:X}+1"), reason=r"is 0x00000201, which is not this node's 0x00000202, and cannot"
