@@ -11,8 +11,9 @@ import numpy as np
 
 from armload_controller.analysis.arm_in_use import Calibration, arm_in_use
 from armload_controller.analysis.payload_events import PayloadEvent, PayloadEvents
+from armload_controller.analysis.stated_drift import NOTHING_STATED, StatedDrift
 from armload_controller.config.measured_arm import MeasuredArm
-from armload_controller.config.objects_or_paths import FilePath, arm_of
+from armload_controller.config.objects_or_paths import FilePath, RunSource, arm_of
 from armload_core.arrays import FloatArray
 from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.contact.force_watch import Force
@@ -30,6 +31,8 @@ from armload_identification.results.json_document import json_document
 
 SHOWN_S: Final = 3.0
 """Time in motion after which an estimate is shown."""
+NOTED_S: Final = 10.0
+"""Time in motion after which it is said what of a drift of the gains the motion leaves possible."""
 NEVER_LOOKED: Final = -2
 IDLE_LOOKS: Final = 10
 """Number of looks without new data after which a recording counts as finished."""
@@ -100,6 +103,14 @@ class WatchedMoment(PrintedResult):
         )
 
 
+def drift_note(moment: WatchedMoment) -> str | None:
+    """What is assumed of the drift of the gains, and what it means for the mass; None while that is not determined."""
+    found = moment.payload
+    if found is None or found.gains is None or not found.determined[0] or found.moving_s.max() < NOTED_S:
+        return None
+    return found.gains.note(found.mass_kg, found.drifted_kg)
+
+
 def _bus_fields(bus: HeardBus | None) -> dict[str, Any] | None:
     """The state of the source in a document."""
     if bus is None:
@@ -112,7 +123,7 @@ def _payload_fields(found: LivePayload | None) -> dict[str, Any]:
     """The estimate in a document; None in every field if there is no estimate."""
     if found is None:
         keys = ("mass_kg", "half_width_95_kg", "center_of_mass_m", "moving_s", "changes", "contact", "refused")
-        return dict.fromkeys(keys)
+        return dict.fromkeys((*keys, "gain_drift", "drifted_kg"))
     center = zip(found.values[1:], found.determined[1:], strict=True)
     return {
         "mass_kg": found.mass_kg,
@@ -122,6 +133,8 @@ def _payload_fields(found: LivePayload | None) -> dict[str, Any]:
         "changes": found.changes,
         "contact": found.contact,
         "refused": found.refused,
+        "gain_drift": None if found.gains is None else found.gains.deviation,
+        "drifted_kg": None if found.gains is None else found.drifted_kg,
     }
 
 
@@ -132,23 +145,33 @@ class PayloadWatch:
         robot: The arm.
         calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
         every_s: Time between the moments that are shown of a recording.
+        drift: What is stated of the drift of the gains since the calibration.
 
     Attributes:
-        calibration: The arm.
+        calibration: The arm, with gains as measured by a reference.
         effort: What it was calibrated with.
 
     Raises:
         EstimationError: the arm is not calibrated.
         CalibrationFileError: the calibration cannot be used.
         ModelError: it belongs to another arm.
+        RecordingError: the reference of the drift cannot be used.
     """
 
-    def __init__(self, robot: MeasuredArm, calibration: Calibration | None = None, every_s: float = 1.0) -> None:
+    def __init__(
+        self,
+        robot: MeasuredArm,
+        calibration: Calibration | None = None,
+        every_s: float = 1.0,
+        drift: StatedDrift = NOTHING_STATED,
+    ) -> None:
         used = arm_in_use(robot, calibration)
         found, _ = used.calibrated("identifying a payload during operation requires the arm's calibration")
+        session = drift.session(robot, used)
+        found = found if session is None else session.corrected(found)
         self._robot, self._every_s = robot, every_s
         self.calibration, self.effort = found, found.effort
-        self._watched = WatchedPayload(found, robot.chain, robot.transmission)
+        self._watched = WatchedPayload(found, robot.chain, robot.transmission, session)
         self._next_s: float | None = None
         self._last_s: float | None = None
         self._events = PayloadEvents(found, robot.joint_names)
@@ -252,6 +275,9 @@ def watch(
     *,
     calibration: Calibration | None = None,
     every_s: float = 1.0,
+    gain_drift: float | None = None,
+    reference: RunSource | None = None,
+    reference_mass_kg: float | None = None,
 ) -> Iterator[WatchedMoment]:
     """The payload of a calibrated arm along a recording of any motion: its mass over time, grasped, released.
 
@@ -260,6 +286,10 @@ def watch(
         recording: A recording of any format; one that still grows is read as far as it goes.
         calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
         every_s: Time between two moments.
+        gain_drift: Standard deviation of the drift that all gains have in common since the calibration, such as 0.03;
+            if not given, that between the calibration's sessions, else 1 %.
+        reference: A run of the same day and of any motion, which measures that drift.
+        reference_mass_kg: Mass of the weighed tool that the reference carries; None if it is empty.
 
     Returns:
         Moments, each with the estimate and the events since the previous one.
@@ -275,7 +305,8 @@ def watch(
         >>> 9 < last.payload.mass_kg < 11
         True
     """
-    return PayloadWatch(arm_of(robot), calibration, every_s).file(Path(recording))
+    drift = StatedDrift(gain_drift, reference, reference_mass_kg)
+    return PayloadWatch(arm_of(robot), calibration, every_s, drift).file(Path(recording))
 
 
 def follow(watch: PayloadWatch, path: Path, wait: Callable[[float], None], every_s: float) -> Iterator[WatchedMoment]:

@@ -13,11 +13,12 @@ from math import isfinite
 from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
+from armload_controller.analysis.stated_drift import StatedDrift
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import FilePath, RunSource, arm_of, payload_from, recording_of
 from armload_controller.config.robot_recordings import RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
-from armload_identification.calibration.session_gains import LARGEST, SessionGains
+from armload_identification.calibration.session_gains import SessionGains
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.extras import Extra, require_extra
 from armload_identification.identification_errors import (
@@ -165,7 +166,7 @@ def identify(
         gains = gains_to_compare_by(tool.mass_center, gains)
     run = recording_of(arm, loaded, "loaded")
     empty = None if unloaded is None else recording_of(arm, unloaded, "unloaded")
-    session = _session(arm, used, run, gain_drift, empty, reference, reference_mass_kg)
+    session = _session(arm, used, StatedDrift(gain_drift, reference, reference_mass_kg), run, empty)
     empty_arm = used.known
     if session is not None and empty_arm is not None:
         gains, empty_arm = session.transmission(gains), session.arm(empty_arm)
@@ -227,37 +228,14 @@ def _explained(unnamed: str | None, session: SessionGains | None) -> Iterator[No
 
 
 def _session(
-    arm: MeasuredArm,
-    used: ArmInUse,
-    loaded: Recording,
-    gain_drift: float | None,
-    empty: Recording | None,
-    reference: RunSource | None,
-    reference_mass_kg: float | None,
+    arm: MeasuredArm, used: ArmInUse, stated: StatedDrift, loaded: Recording, empty: Recording | None
 ) -> SessionGains | None:
-    """The drift of a calibrated arm's gains; None without a calibration."""
-    if used.calibration is None:
-        if gain_drift is not None or reference is not None:
-            raise EstimationError(
-                "a drift of the gains since a calibration, or a reference for it, requires the arm's calibration: "
-                "give that file as `calibration=`, or omit `gain_drift=` and `reference=`."
-            )
-        return None
-    if gain_drift is not None and not 0.0 < gain_drift <= LARGEST:
-        raise EstimationError(
-            f"gain_drift is {gain_drift:g}: expected a standard deviation above 0 and at most {LARGEST:g}, such as "
-            "0.03 for 3 %"
-        )
-    if reference_mass_kg is not None and (reference is None or not reference_mass_kg > 0.0):
-        raise EstimationError(
-            f"reference_mass_kg is {reference_mass_kg:g}: expected the tool's mass in kg, above 0, and the run that "
-            "carries it as `reference=`"
-        )
-    session = SessionGains.assumed(used.calibration, gain_drift)
+    """The drift of a calibrated arm's gains, as far as the runs leave it possible; None without a calibration."""
+    session = stated.session(arm, used)
+    if session is None or used.calibration is None or stated.reference is not None:
+        return session
     about = used.calibration, arm.chain, arm.transmission
-    if reference is not None:
-        return session.measured(recording_of(arm, reference, "reference"), *about, reference_mass_kg)
-    if empty is not None and gain_drift is not None:
+    if empty is not None and stated.gain_drift is not None:
         return session.measured(empty, *about, None)
     return session.within(loaded if empty is None else empty, *about, loaded=empty is None)
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from armload_controller.analysis.payload_watch import SHOWN_S, PayloadWatch, WatchedMoment
+from armload_controller.analysis.payload_watch import SHOWN_S, PayloadWatch, WatchedMoment, drift_note
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_identification.report.watch_report import WatchedEvent, WatchedJoint, WatchHistory, write_watch_report
 
@@ -30,6 +30,7 @@ class WatchDiary:
         self._rows: list[tuple[float, float, float, bool]] = []
         self._events: list[WatchedEvent] = []
         self._last_estimated: WatchedMoment | None = None
+        self._drift = ""
 
     def add(self, moment: WatchedMoment) -> None:
         """Add a moment."""
@@ -40,6 +41,7 @@ class WatchDiary:
         known = bool(found.moving_s.max() >= SHOWN_S)
         self._rows.append((moment.time_s, found.mass_kg, float(found.half_width_95[0]), known))
         self._last_estimated = moment
+        self._drift = drift_note(moment) or self._drift
 
     @property
     def empty(self) -> bool:
@@ -60,6 +62,7 @@ class WatchDiary:
             known=known > 0.0,
             events=tuple(self._events),
             joints=self._joints(),
+            drift=self._drift,
         )
 
     def write(self, path: Path) -> None:

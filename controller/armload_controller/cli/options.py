@@ -47,6 +47,26 @@ CalibrationOption = Annotated[
         "--calibration", help="Calibration file from `armload calibrate`; by default the one named in the robot's file."
     ),
 ]
+GainDriftOption = Annotated[
+    str | None,
+    typer.Option(
+        "--gain-drift",
+        metavar="SHARE",
+        help="With a calibrated arm: standard deviation of the drift of all gains together since the calibration, "
+        "such as 3%; if not given, that between the calibration's sessions, else 1%.",
+    ),
+]
+ReferenceOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--reference",
+        help="With a calibrated arm: a run of the same day and of any motion, empty or with a weighed tool, which "
+        "measures that drift.",
+    ),
+]
+ReferenceMassOption = Annotated[
+    float | None, typer.Option("--reference-mass", metavar="KG", help="Mass of the tool on the reference.")
+]
 MountedOption = Annotated[
     str | None,
     typer.Option(
@@ -84,6 +104,24 @@ def seconds_of(text: str, option: str, *, above_zero: bool = True) -> float:
     if above_zero and seconds == 0.0:
         raise typer.BadParameter(f"{text!r}: expected a time above zero, such as 10s", param_hint=option)
     return seconds
+
+
+def gain_drift_of(text: str | None) -> float | None:
+    """The share that --gain-drift states: 0.03 from '3%' or '0.03'; None if it is not given.
+
+    Raises:
+        BadParameter: not a share above zero.
+    """
+    if text is None:
+        return None
+    number, percent, rest = text.partition("%")
+    try:
+        share = float(number) * (0.01 if percent else 1.0)
+    except ValueError:
+        share = float("nan")
+    if rest.strip() or not share > 0.0:
+        raise typer.BadParameter(f"{text!r}: expected a share such as 3% or 0.03", param_hint="--gain-drift")
+    return share
 
 
 def bus_address(text: str, option: str) -> tuple[str, str]:

@@ -20,6 +20,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
+from armload_controller.analysis.stated_drift import NOTHING_STATED, StatedDrift
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_recordings import read_of
 from armload_controller.control_errors import CommissioningError
@@ -57,6 +58,7 @@ class CommissioningPlan:
         directory: Folder of the recordings.
         mass_kg: The payload's mass for the loaded recordings; None if it was not weighed.
         calibration: Calibration of the arm; None for the one that its file names, if any.
+        drift: What is stated of the drift of the gains since the calibration.
 
     Raises:
         ModelError: the mass is not positive.
@@ -65,6 +67,7 @@ class CommissioningPlan:
     directory: Path
     mass_kg: float | None = None
     calibration: Calibration | None = None
+    drift: StatedDrift = NOTHING_STATED
 
     def __post_init__(self) -> None:
         _ = self.known

@@ -107,6 +107,7 @@ def evaluate(
         calibration=plan.calibration,
         known=plan.known,
         tolerance=tolerance,
+        **vars(plan.drift),
     )
     truth = arm.simulation.payload(arm.simulation.payload_name) if arm.bus.in_virtual_time else None
     findings = replace(findings, truth=truth).with_validation_in_provenance()

@@ -44,6 +44,8 @@ calibration seem alike because the arm's links are fitted to them."""
 OF_REFERENCE: Final = 0.003
 """The same of a drift that a reference has measured: on 31 January the UR10e's empty run says -0.4 %, the loaded one
 -0.8 %, where the weighed payload shows none."""
+ONE_SIDED: Final = 1.645
+"""Standard deviations within which a value is with 95 %, on one side."""
 _STEPS: Final = 3
 """Linearisations: with 5 % of drift the second changes it by 0.1 %."""
 
@@ -115,9 +117,29 @@ class SessionGains:
         carried = (lambda arm: arm.problem) if loaded else _nothing
         found, deviation = self._found(run, calibration, chain, transmission, carried)
         beyond = max(abs(found - self.log_factor) - NORMAL_HALF_WIDTH * deviation, 0.0)
-        said = f"; by itself, the run says {100.0 * np.expm1(found):+.1f} %" if beyond > deviation else ""
+        return self._left(found, float(np.hypot(deviation, beyond)), beyond > deviation)
+
+    def beside(self, found: float, deviation: float) -> SessionGains:
+        """The same from what a motion with the gains of this session says of an error of the factor.
+
+        The interval is from zero, because the error is not corrected, to where the factor may be.
+
+        Args:
+            found: Its logarithm if nothing else is known of it.
+            deviation: Standard deviation of that.
+        """
+        if self.log_factor:
+            return self
+        whole = deviation**-2.0 + self.deviation**-2.0
+        found, deviation = found * deviation**-2.0 / whole, whole**-0.5
+        reach = max(NORMAL_HALF_WIDTH * deviation, abs(found) + ONE_SIDED * deviation)
+        return self._left(found, reach / NORMAL_HALF_WIDTH, abs(found) > 3.0 * deviation)
+
+    def _left(self, found: float, deviation: float, speaks: bool) -> SessionGains:
+        """With the part that a run leaves, and what the run says if it speaks against the calibration."""
+        said = f"; by itself, the run says {100.0 * np.expm1(found):+.1f} %" if speaks else ""
         left = f"{100.0 * self.deviation:.2g} % {self.origin}, of which this run leaves so much{said}"
-        return SessionGains(self.log_factor, float(np.hypot(deviation, beyond)), left)
+        return SessionGains(self.log_factor, deviation, left)
 
     def _found(
         self,
@@ -148,6 +170,10 @@ class SessionGains:
         """The gains of the session."""
         factor = float(np.exp(self.log_factor))
         return replace(calibrated, gain_nm_a=factor * calibrated.gain_nm_a, torque_gain=factor * calibrated.torque_gain)
+
+    def corrected(self, calibration: ArmCalibration) -> ArmCalibration:
+        """The calibration with the gains of the session."""
+        return replace(calibration, gain_nm_a=float(np.exp(self.log_factor)) * calibration.gain_nm_a)
 
     def note(self, mass_kg: float, considered_kg: float) -> str:
         """What is assumed of the drift, and what it means for the mass.

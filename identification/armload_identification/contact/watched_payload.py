@@ -17,6 +17,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.calibration.session_gains import SessionGains
 from armload_identification.contact.contact_levels import KEPT_S, OVER_S, PART_S, SETTLED_S, STATE_S
 from armload_identification.contact.force_watch import Force, ForceEvent, ForceEventKind, ForceWatch
 from armload_identification.model.chain import Chain
@@ -36,14 +37,21 @@ class WatchedPayload:
         calibration: The arm.
         chain: The configured arm.
         transmission: Nominal gains, and coupling.
+        session: Drift of the gains since the calibration, for the intervals; None to allow for none.
 
     Raises:
         ModelError: the calibration belongs to another arm.
     """
 
-    def __init__(self, calibration: ArmCalibration, chain: Chain, transmission: Transmission) -> None:
-        self._arm = calibration, chain, transmission
-        self._estimator, self._force = PayloadEstimator(*self._arm), ForceWatch(*self._arm)
+    def __init__(
+        self,
+        calibration: ArmCalibration,
+        chain: Chain,
+        transmission: Transmission,
+        session: SessionGains | None = None,
+    ) -> None:
+        self._arm, self._session = (calibration, chain, transmission), session
+        self._estimator, self._force = PayloadEstimator(*self._arm, session), ForceWatch(*self._arm)
         self._states: list[tuple[float, PayloadEstimator]] = []
         self._samples: list[Samples] = []
         self._held: LivePayload | None = None
@@ -108,7 +116,8 @@ class WatchedPayload:
         self._events += events
         if self._force.state is Force.FREE and (not self._states or now_s - self._states[-1][0] >= STATE_S):
             # states are used in turn, because each has the memory of a minute
-            kept = self._states.pop(0)[1] if len(self._states) * STATE_S > KEPT_S else PayloadEstimator(*self._arm)
+            full = len(self._states) * STATE_S > KEPT_S
+            kept = self._states.pop(0)[1] if full else PayloadEstimator(*self._arm, self._session)
             kept.become(self._estimator)
             self._states.append((now_s, kept))
 

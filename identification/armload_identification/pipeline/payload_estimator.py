@@ -7,7 +7,7 @@ feedback and its time stamps. `estimate` must not be called in the control loop,
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,12 @@ from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters, value_scale
+from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.estimator_constants import FLOOR_KG, FLOOR_SHARE, ROW_S, estimator_constants
 from armload_identification.signals.joint_torque import Transmission
+
+if TYPE_CHECKING:
+    from armload_identification.calibration.session_gains import SessionGains
 
 COLOUR: Final = 2.0
 """Ratio of an estimate's variance to that for rows as independent as their weights assume."""
@@ -60,6 +64,9 @@ class LivePayload:
         refused: Number of samples ignored: not finite, or not later than the previous one.
         covariance: (10, 10) of theta from the rows only, without the arm's errors.
         friction_covariance: (n, 2, 2) of each joint's change of Coulomb and of viscous friction, likewise.
+        gains: Drift of the gains since the calibration, as far as the motion leaves it possible; None if the intervals
+            do not allow for any.
+        drifted_kg: Change of the mass for one standard deviation of it.
     """
 
     time_s: float
@@ -76,6 +83,8 @@ class LivePayload:
     refused: int
     covariance: FloatArray
     friction_covariance: FloatArray
+    gains: SessionGains | None = None
+    drifted_kg: float = 0.0
 
     @property
     def mass_kg(self) -> float:
@@ -122,6 +131,7 @@ class PayloadEstimator:
         chain: The configured arm.
         transmission: Nominal gains, and coupling.
         memory_s: Time after which the weight of data has decreased to 37 %.
+        session: Drift of the gains since the calibration, for the intervals; its factor is not applied here.
 
     Attributes:
         calibration: The arm.
@@ -145,9 +155,15 @@ class PayloadEstimator:
     """
 
     def __init__(
-        self, calibration: ArmCalibration, chain: Chain, transmission: Transmission, *, memory_s: float = 60.0
+        self,
+        calibration: ArmCalibration,
+        chain: Chain,
+        transmission: Transmission,
+        session: SessionGains | None = None,
+        *,
+        memory_s: float = 60.0,
     ) -> None:
-        self.calibration = calibration
+        self.calibration, self._session = calibration, session
         with threadpool_limits(1, "blas"):  # for matrices this small several threads take 20 times as long
             constants = estimator_constants(calibration, chain, transmission, memory_s)
             self._chain = calibration.level(chain)
@@ -190,7 +206,7 @@ class PayloadEstimator:
         if mass > _WEIGHTLESS_KG:
             values, slope = (part[:4] for part in derived(InertialParameters(theta)))
         spread = COLOUR * covariance
-        shifts = self._shifts(theta)
+        shifts, gains = self._shifts(theta)
         variance = np.einsum("ij,jk,ik->i", slope, spread, slope) + np.sum((slope @ shifts.T) ** 2, axis=1)
         law = LOAD_LAW * float(np.mean(self.calibration.body.load_friction))
         variance[0] += FLOOR_KG**2 + (FLOOR_SHARE**2 + law**2) * mass**2
@@ -214,6 +230,8 @@ class PayloadEstimator:
             refused=int(status[kernels.ESTIMATOR_REFUSED]),
             covariance=spread,
             friction_covariance=COLOUR * self._friction_covariance()[:, :2, :2],
+            gains=gains,
+            drifted_kg=0.0 if gains is None or not len(shifts) else float(shifts[-1, 0]),
         )
 
     def _friction_covariance(self) -> FloatArray:
@@ -222,17 +240,29 @@ class PayloadEstimator:
         self._kernel.friction_into(covariance)
         return covariance
 
-    def _shifts(self, theta: FloatArray) -> FloatArray:
-        """(k, 10) change of theta for one standard deviation of each error of gains and body."""
-        n = self._chain.n
+    def _shifts(self, theta: FloatArray) -> tuple[FloatArray, SessionGains | None]:
+        """Effect of errors of gains and body on the payload, and what the rows leave of a drift of all gains.
+
+        Returns:
+            (k, 10) change of theta for one standard deviation of each, the last one for that drift; and the drift.
+        """
+        n, session = self._chain.n, self._session
         memory = np.empty((kernels.REMEMBERED_ROWS, 1 + 4 * n))
         rows = memory[: self._kernel.rows_into(memory)][::-_EVERY][::-1]
         if len(rows) < 2:
-            return np.zeros((0, 10))
+            return np.zeros((0, 10)), session
         q, dq, ddq, tau = (np.ascontiguousarray(part) for part in np.split(rows[:, 1:], 4, axis=1))
         faded = np.exp((rows[:, :1] - rows[-1, 0]) / (2.0 * self._memory_s))
         states = JointStates(q, dq, ddq)
         seen = KnownArmRows.of(self._chain, self._arm, states, theta, self._parameter[kernels.ESTIMATOR_NOISE] / faded)
         # The errors are independent combinations of the unknowns, whose few effects on the payload are combined.
         changes = self.calibration.torque_changes(self._chain, states, _EVERY * ROW_S, tau)
-        return self.calibration.independent_errors @ seen.shifts(changes, _EVERY)
+        errors, response = self.calibration.independent_errors, seen.shifts(changes, _EVERY)
+        if session is None:
+            return errors @ response, None
+        carried = payload_regressor(self._chain, q, dq, ddq) @ theta
+        # not the measured torque, whose noise is that of the residual
+        predicted = self.calibration.body.torque(self._chain, q, dq, ddq, carried)
+        (found, *seeming), information = seen.beside(predicted, np.stack([tau - predicted, *changes]), _EVERY)
+        session = session.beside(found, float(np.sqrt(COLOUR / information + np.sum((errors @ seeming) ** 2))))
+        return np.vstack([errors @ response, session.deviation * response[:n].sum(axis=0)]), session

@@ -77,6 +77,7 @@ class WatchHistory:
         known: (N,) True once the joints have moved enough for an estimate.
         events: Events in the order of time.
         joints: Joints at the end.
+        drift: What is assumed of the drift of the gains; empty if no mass was determined.
     """
 
     robot: str
@@ -89,6 +90,7 @@ class WatchHistory:
     known: NDArray[np.bool_]
     events: tuple[WatchedEvent, ...]
     joints: tuple[WatchedJoint, ...]
+    drift: str = ""
 
 
 def write_watch_report(path: Path, history: WatchHistory) -> None:

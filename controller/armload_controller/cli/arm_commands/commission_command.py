@@ -19,12 +19,16 @@ from armload_controller.cli.options import (
     BusOption,
     CalibrationOption,
     CycleOption,
+    GainDriftOption,
     LiveAddressOption,
     LiveOption,
     MountedOption,
+    ReferenceMassOption,
+    ReferenceOption,
     RobotArgument,
     SimulatedDrivesOption,
     YesOption,
+    gain_drift_of,
 )
 from armload_controller.cli.output.findings_output import require_not_wrong
 from armload_controller.cli.output.json_output import JsonOption
@@ -67,6 +71,9 @@ def commission(
         float | None, typer.Option(help="Mass of the payload, if it was weighed; it sets the scale of the gains.")
     ] = None,
     calibration: CalibrationOption = None,
+    gain_drift: GainDriftOption = None,
+    reference: ReferenceOption = None,
+    reference_mass_kg: ReferenceMassOption = None,
     mounted: MountedOption = None,
     yes: YesOption = False,
     live: LiveOption = False,
@@ -81,6 +88,7 @@ def commission(
     except SIGTERM.
     """
     from armload_controller.analysis.arm_in_use import arm_in_use
+    from armload_controller.analysis.stated_drift import StatedDrift
     from armload_controller.cli.keyboard import Keyboard
     from armload_controller.cli.output.findings_output import show_findings
     from armload_controller.cli.output.result_documents import half_document
@@ -100,10 +108,11 @@ def commission(
     arm = arm_on_bus(robot, bus, bitrate, cycle_hz)
     if mounted is not None:
         arm = arm.with_simulated_payload(mounted)
-    arm_in_use(arm, calibration)
+    drift = StatedDrift(gain_drift_of(gain_drift), reference, reference_mass_kg)
+    drift.session(arm, arm_in_use(arm, calibration))
     now = datetime.now(UTC)
     directory = output or Path("runs") / f"{arm.name}-{now:%Y%m%d-%H%M%S}"
-    plan = CommissioningPlan(directory, mass_kg, calibration)
+    plan = CommissioningPlan(directory, mass_kg, calibration, drift)
     halves = {Runs.BOTH: (Load.UNLOADED, Load.LOADED), Runs.UNLOADED: (Load.UNLOADED,), Runs.LOADED: (Load.LOADED,)}
     if any(missing_roles(directory, load) for load in halves[runs]):
         require_rules(arm, simulated_drives=simulated_drives, attended=attended())

@@ -14,7 +14,11 @@ from armload_controller.cli.options import (
     BitrateOption,
     BusOption,
     CalibrationOption,
+    GainDriftOption,
+    ReferenceMassOption,
+    ReferenceOption,
     RobotArgument,
+    gain_drift_of,
     seconds_of,
 )
 from armload_controller.cli.output.findings_output import ReportOption
@@ -71,6 +75,9 @@ def watch(
         bool, typer.Option("--follow", help="Continue to read a growing recording, until it is finished or Ctrl-C.")
     ] = False,
     every_s: Annotated[float, typer.Option(min=0.1, help="Time between two lines in s.")] = 1.0,
+    gain_drift: GainDriftOption = None,
+    reference: ReferenceOption = None,
+    reference_mass_kg: ReferenceMassOption = None,
     report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -80,6 +87,7 @@ def watch(
     (--rtde). --record saves the received data, --report draws them.
     """
     from armload_controller.analysis.payload_watch import PayloadWatch
+    from armload_controller.analysis.stated_drift import StatedDrift
     from armload_controller.cli.output.output_files import require_drawable
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
@@ -93,8 +101,9 @@ def watch(
         require_drawable(report)
     screen = Screen(as_json=as_json)
     arm = load_robot(robot)
-    calibrated = calibration is not None or arm.calibration_file is not None
-    payload = PayloadWatch(arm, calibration, every_s) if calibrated or record is None else None
+    drift = StatedDrift(gain_drift_of(gain_drift), reference, reference_mass_kg)
+    unused = (calibration, arm.calibration_file, gain_drift, reference, reference_mass_kg) == (None,) * 5
+    payload = None if unused and record is not None else PayloadWatch(arm, calibration, every_s, drift)
     if recording is not None and payload is not None:
         watched, moments = str(recording), _recording_moments(payload, recording, every_s, follow=follow)
     else:

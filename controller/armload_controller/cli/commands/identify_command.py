@@ -14,7 +14,11 @@ from armload_controller.cli.options import (
     BaseOption,
     CalibrationOption,
     FlangeOption,
+    GainDriftOption,
     LoadedOption,
+    ReferenceMassOption,
+    ReferenceOption,
+    gain_drift_of,
     seconds_of,
 )
 from armload_controller.cli.output.findings_output import (
@@ -88,26 +92,9 @@ def identify_payload(
             "what the tool carries, with the uncertainty of both.",
         ),
     ] = None,
-    gain_drift: Annotated[
-        str | None,
-        typer.Option(
-            "--gain-drift",
-            metavar="SHARE",
-            help="With a calibrated arm: standard deviation of the drift of all gains together since the calibration, "
-            "such as 3%; if not given, that between the calibration's sessions, else 1%.",
-        ),
-    ] = None,
-    reference: Annotated[
-        Path | None,
-        typer.Option(
-            "--reference",
-            help="With a calibrated arm: a run of the same day and of any motion, empty or with a weighed tool, which "
-            "measures that drift.",
-        ),
-    ] = None,
-    reference_mass_kg: Annotated[
-        float | None, typer.Option("--reference-mass", metavar="KG", help="Mass of the tool on the reference.")
-    ] = None,
+    gain_drift: GainDriftOption = None,
+    reference: ReferenceOption = None,
+    reference_mass_kg: ReferenceMassOption = None,
     tolerance: ToleranceOption = TOLERANCE,
     every: Annotated[
         str | None,
@@ -190,7 +177,7 @@ def identify_payload(
             calibration=calibration,
             known=known,
             minus=None if minus is None else tool_payload(minus),
-            gain_drift=None if gain_drift is None else _share(gain_drift, "--gain-drift"),
+            gain_drift=gain_drift_of(gain_drift),
             reference=None if reference is None else read_of(arm, reference, replace(choices[0], between_s=None)),
             reference_mass_kg=reference_mass_kg,
         )
@@ -215,18 +202,6 @@ def _number_or_range(text: str, option: str) -> float | tuple[float, float]:
     if len(ends) not in {1, 2}:
         raise typer.BadParameter(f"{text!r}: expected a number such as 2.1, or a range such as 1..3", param_hint=option)
     return ends[0] if len(ends) == 1 else (ends[0], ends[1])
-
-
-def _share(text: str, option: str) -> float:
-    """0.03 from '3%' or '0.03'."""
-    number, percent, rest = text.partition("%")
-    try:
-        share = float(number) * (0.01 if percent else 1.0)
-    except ValueError:
-        share = float("nan")
-    if rest.strip() or not share > 0.0:
-        raise typer.BadParameter(f"{text!r}: expected a share such as 3% or 0.03", param_hint=option)
-    return share
 
 
 def _known(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armload_controller.analysis.payload_watch import SHOWN_S, HeardBus, WatchedMoment
+from armload_controller.analysis.payload_watch import SHOWN_S, HeardBus, WatchedMoment, drift_note
 from armload_identification.contact.force_watch import Force
 
 if TYPE_CHECKING:
@@ -31,10 +31,15 @@ def shown_moments(screen: Screen, robot: str, joint_names: Sequence[str]) -> Ite
     Yields:
         A function to call with each moment.
     """
+    noted = set()
 
     def events(moment: WatchedMoment) -> None:
         for event in moment.events:
             screen.step(f"{event.time_s:10.1f} s  {event}")
+        note = drift_note(moment)
+        if note is not None and moment.payload is not None and moment.payload.changes not in noted:
+            noted.add(moment.payload.changes)
+            screen.step(note)
 
     if screen.as_json or not screen.console.is_terminal:
 

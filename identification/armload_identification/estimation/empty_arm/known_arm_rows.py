@@ -99,5 +99,22 @@ class KnownArmRows:
         pull = repeats * self.tall @ np.linalg.solve(self._information(repeats), payload)
         return np.asarray((doubts_nm * self.weight).reshape(len(doubts_nm), -1) @ pull * self.scale)
 
+    def beside(self, torque_nm: FloatArray, others_nm: FloatArray, repeats: float) -> tuple[FloatArray, float]:
+        """What the rows say of one further unknown, beside payload and friction.
+
+        Args:
+            torque_nm: (K, n) joint torque per unit of it.
+            others_nm: (k, K, n) torques.
+            repeats: How many times the rows are measured.
+
+        Returns:
+            (k,) estimate of the unknown from each of them, and its information.
+        """
+        column = (torque_nm * self.weight).ravel()
+        pull = self.tall @ np.linalg.solve(self._information(repeats), repeats * self.tall.T @ column)
+        alone = repeats * (column - pull)
+        information = float(alone @ column)
+        return (others_nm * self.weight).reshape(len(others_nm), -1) @ alone / information, information
+
     def _information(self, repeats: float) -> FloatArray:
         return np.asarray(np.eye(self.tall.shape[1]) + repeats * self.tall.T @ self.tall)

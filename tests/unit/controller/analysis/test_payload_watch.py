@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from io import StringIO
 from types import SimpleNamespace
@@ -10,7 +11,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from armload_controller.analysis.arm_in_use import ArmInUse
 from armload_controller.analysis.payload_watch import IDLE_LOOKS, HeardBus, PayloadWatch, WatchedMoment, follow
+from armload_controller.analysis.stated_drift import StatedDrift
+from armload_controller.analysis.watch_history import WatchDiary
 from armload_controller.cli.output.watch_output import moment_text, shown_moments
 from armload_controller.cli.screen import Screen
 from armload_identification.files.calibration_file import write_calibration
@@ -31,6 +35,9 @@ def robot(pinocchio_arm):
         chain=pinocchio_arm.chain,
         transmission=pinocchio_arm.transmission,
         csv_columns=None,
+        name="six",
+        description="an arm",
+        own=lambda run: run,
         joint_names=tuple(f"j{joint}" for joint in range(1, 7)),
         calibration_file=None,
     )
@@ -145,3 +152,46 @@ def test_on_a_terminal_there_is_one_table_and_events_above_it(robot, calibration
     bus = HeardBus(0, (0,) * 6, enabled=False, silent_s=1.0)
     assert "nothing received from the arm yet" in moment_text(WatchedMoment(0.0, None, bus=bus))
     assert repr(WatchedMoment(0.0, None, bus=bus)).splitlines()[1].split() == ["0.00", "not", "estimated", "free"]
+
+
+@pytest.mark.parametrize("measured", [False, True])
+def test_a_drift_of_the_gains_is_allowed_for_and_measured_by_a_reference(
+    robot, calibration_file, pinocchio_arm, tmp_path, measured
+):
+    """All currents of the day are 2 % higher; what is assumed is printed once, and stands in the report."""
+    arm = pinocchio_arm
+    trajectory = arm.trajectory(6, period_s=10.0)
+    loaded, empty = (arm.run(trajectory, load, seed=70 + load, with_phase=False) for load in (True, False))
+    reference = replace(empty, current_a=1.02 * empty.current_a) if measured else None
+    watching = PayloadWatch(robot, calibration_file, drift=StatedDrift(0.02, reference))
+    diary, screen = WatchDiary(robot, watching, "a run", "1"), Screen()
+    screen.console = Console(width=500, file=StringIO())
+    with shown_moments(screen, "six", robot.joint_names) as show:
+        for part in np.array_split(np.arange(loaded.size), 20):
+            watching.take(loaded.time_s[part], loaded.position_rad[part], 1.02 * loaded.current_a[part])
+            show(watching.moment())
+            diary.add(watching.moment())
+    found = watching.moment().payload
+    off, half = abs(found.mass_kg - arm.payload.mass_kg), found.half_width_95[0]
+    assert off < half
+    assert (off < 0.02 * arm.payload.mass_kg) == measured
+    (note,) = [line for line in screen.console.file.getvalue().splitlines() if "Drift of all gains" in line]
+    said = (
+        r"-[12]\.\d+ \+- .* %.* which is corrected" if measured else "2 % as stated.*each 1 % would change the mass by"
+    )
+    assert re.search(said, note)
+    assert re.search(said, diary.history().drift)
+    assert watching.moment().to_numbers()["gain_drift"] == found.gains.deviation
+
+
+@pytest.mark.parametrize(
+    ("stated", "message"),
+    [
+        (StatedDrift(0.5), "gain_drift is 0.5: expected .* at most 0.2"),
+        (StatedDrift(None, None, 1.2), "reference_mass_kg is 1.2"),
+        (StatedDrift(0.02), "requires the arm's calibration"),
+    ],
+)
+def test_a_drift_that_cannot_be_used_is_refused(robot, stated, message):
+    with pytest.raises(EstimationError, match=message):
+        stated.session(robot, ArmInUse(robot.chain, robot.transmission))

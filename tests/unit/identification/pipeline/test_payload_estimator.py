@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from armload_core import kernels
+from armload_identification.calibration.session_gains import SessionGains
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
@@ -400,7 +401,9 @@ def test_the_interval_counts_rows_twice_and_adds_the_arms_errors_and_the_law_of_
     # Only for the interval: as a constant of the estimator it would no longer fit the data.
     estimator.calibration = replace(calibration, body=replace(body, load_friction=body.load_friction + 0.2))
     rubbing = estimator.estimate()
-    beside = (rubbing.half_width_95[0] / NORMAL_HALF_WIDTH) ** 2 - np.sum(estimator._shifts(rubbing.theta)[:, 0] ** 2)
+    beside = (rubbing.half_width_95[0] / NORMAL_HALF_WIDTH) ** 2 - np.sum(
+        estimator._shifts(rubbing.theta)[0][:, 0] ** 2
+    )
     assert beside > (0.2 * LOAD_LAW * rubbing.mass_kg) ** 2
 
 
@@ -413,3 +416,24 @@ def test_reported_torque_is_used_with_its_gains_as_current_is(calibration, estim
     of_torque.update_all(time_s, position, np.ascontiguousarray(nominal.joint_torque(current)))
     estimator.update_all(time_s, position, current)
     np.testing.assert_allclose(of_torque.estimate().values, estimator.estimate().values, rtol=0.02)
+
+
+def test_a_drift_of_all_gains_is_part_of_the_interval_if_it_is_allowed_for(calibration, pinocchio_arm, streams):
+    factor = 1.02
+    arm, (time_s, position, current) = pinocchio_arm, streams[1]
+
+    def estimate(session, drift):
+        estimator = PayloadEstimator(calibration, arm.chain, arm.transmission, session)
+        estimator.update_all(time_s, position, drift * current)
+        return estimator.estimate()
+
+    allowed = SessionGains.assumed(calibration, 0.02)
+    strict, found, right = estimate(None, factor), estimate(allowed, factor), estimate(allowed, 1.0)
+    assert found.mass_kg == strict.mass_kg
+    assert strict.half_width_95[0] < abs(found.mass_kg - arm.payload.mass_kg) < found.half_width_95[0]
+    per_one = found.drifted_kg / found.gains.deviation
+    assert found.mass_kg - right.mass_kg == pytest.approx(np.log(factor) * per_one, rel=0.1)
+    # a motion whose gains are right leaves less of the drift possible than one that shows it
+    assert right.gains.deviation < 0.5 * allowed.deviation < found.gains.deviation
+    measured = replace(allowed, log_factor=1e-3)
+    assert estimate(measured, factor).gains is measured

@@ -11,6 +11,7 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError
 from armload_controller.session.commissioning import read_pair
 from armload_controller.session.folder_claim import claimed
+from armload_identification.identification_errors import EstimationError
 
 HOLDER = """
 import sys, time
@@ -99,3 +100,10 @@ def test_arguments_are_checked_before_the_arm_is_opened(armload, recorded_er50, 
     assert result.exit_code == 1
     assert problem in str(result.exception)
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("stated", [("--gain-drift", "3%"), ("--reference-mass", "1.2")])
+def test_a_drift_that_cannot_be_used_is_refused_before_anything_moves(armload, tmp_path, stated):
+    result = armload("commission", "er50", "--output", tmp_path / "run", *stated)
+    assert isinstance(result.exception, EstimationError)
+    assert not (tmp_path / "run").exists()
