@@ -5,6 +5,7 @@ Runs below `python -m tests.ethercat_drives er50`; CANopen's half runs beside it
 
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -22,13 +23,37 @@ from tests.lockstep_line import LockstepLine, VirtualFrames
 ROBOT = "er50"
 
 
+class Quiet:
+    """A simulation whose drives measure without noise.
+
+    Args:
+        simulation: The simulation with noise.
+    """
+
+    def __init__(self, simulation):
+        self._simulation = simulation
+
+    def __getattr__(self, name):
+        return getattr(self._simulation, name)
+
+    def plant_spec(self, *args, **kwargs):
+        spec = self._simulation.plant_spec(*args, **kwargs)
+        return replace(spec, joints=tuple(replace(joint, torque_noise_nm=0.0) for joint in spec.joints))
+
+
+def _twin(noisy):
+    """er50, simulated with or without noise."""
+    robot = load_robot(ROBOT)
+    return robot if noisy else replace(robot, simulation=Quiet(robot.simulation))
+
+
 @contextmanager
-def _ethercat_arm(robot, load):
+def _ethercat_arm(robot, load, twin):
     """Servos with the drives of with-ethercat, and er50's plant behind them."""
     arm = robot.drives.settings
-    payload = load_robot(ROBOT).simulation.payload_name if load is Load.LOADED else NO_PAYLOAD
+    payload = twin.payload_name if load is Load.LOADED else NO_PAYLOAD
     with (
-        LockstepLine(plant_behind(arm, payload)) as line,
+        LockstepLine(plant_behind(arm, payload, twin)) as line,
         closing(EthercatServos(arm, line, VirtualFrames())) as servos,
     ):
         yield servos
@@ -50,17 +75,16 @@ def _judged(findings):
     return values, findings.intervals, findings.verdict.title
 
 
-def _over_canopen(folder, periods):
+def _over_canopen(folder, periods, noisy):
     """The same arm on the virtual CAN bus."""
-    robot = shortened(load_robot(ROBOT), periods)
+    robot = shortened(_twin(noisy), periods)
     return _judged(_commissioned(robot, folder, lambda load: simulated_arm(robot, load)))
 
 
-def commissioned_twice(folder: Path, periods: int) -> Any:
+def commissioned_twice(folder: Path, periods: int, *, noisy: bool = True) -> Any:
     """Over EtherCAT, over CANopen: each values, intervals and the title of the verdict; and the true payload."""
-    robot = load_robot(str(write_robot(folder, periods)))
+    robot, twin = load_robot(str(write_robot(folder, periods))), _twin(noisy).simulation
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:
-        canopen = beside.submit(_over_canopen, folder / "canopen", periods)
-        ethercat = _judged(_commissioned(robot, folder / "ethercat", lambda load: _ethercat_arm(robot, load)))
-        twin = load_robot(ROBOT).simulation
+        canopen = beside.submit(_over_canopen, folder / "canopen", periods, noisy)
+        ethercat = _judged(_commissioned(robot, folder / "ethercat", lambda load: _ethercat_arm(robot, load, twin)))
         return ethercat, canopen.result(), twin.payload(twin.payload_name)

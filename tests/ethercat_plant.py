@@ -39,17 +39,17 @@ def write_robot(folder: Path, periods: int = 1, **changes: object) -> Path:
     return path
 
 
-def plant_behind(drives, payload):
-    """er50's plant with a payload, behind drives with these settings."""
+def plant_behind(drives, payload, twin):
+    """The plant of er50's simulation with a payload, behind drives with these settings."""
     loaded = payload != NO_PAYLOAD
-    twin = load_robot("er50")
-    plant = ArmPlant(twin.simulation.plant_spec(payload if loaded else None, run=int(loaded)))
+    plant = ArmPlant(twin.plant_spec(payload if loaded else None, run=int(loaded)))
     return PlantBehindDrives(plant, drives, drives.cycle_s)
 
 
 def _serve(path, payload, ready):
     """Answer until the drives end."""
-    link, plant = plant_link(), plant_behind(load_robot(str(path)).drives.settings, payload)
+    drives, twin = load_robot(str(path)).drives.settings, load_robot("er50").simulation
+    link, plant = plant_link(), plant_behind(drives, payload, twin)
     link.reply(*plant(link.receive()))
     ready.set()
     link.serve(plant)

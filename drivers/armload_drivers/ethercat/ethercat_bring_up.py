@@ -106,6 +106,7 @@ class EthercatBringUp(ArmBringUp):
         Raises:
             BusError: their mappings cannot be placed in frames, or a drive has placed other lengths.
         """
+        constants = [setup.constants() for setup in self.line_setups]  # a drive may show its frame's zeros afterwards
         lengths = self._line.map()
         for node, setup in zip(self.nodes, self.line_setups, strict=True):
             expected = setup.outputs.length, setup.inputs.length
@@ -118,8 +119,8 @@ class EthercatBringUp(ArmBringUp):
                 raise BusError(f"{node.settings.joint}: sync0 = true, but no drive of the line has a distributed clock")
         self._line.request(LineState.PREOP)
         self.restart(self.setups)
-        for node, setup in zip(self.nodes, self.line_setups, strict=True):
-            node.map(setup.outputs, setup.inputs, setup.constants())
+        for node, setup, constant in zip(self.nodes, self.line_setups, constants, strict=True):
+            node.map(setup.outputs, setup.inputs, constant)
         found = EthercatCycle(self.arm, self.nodes, units, line=self._line, clock=self._clock, worker=self._line.worker)
         found.read_states()
         return found

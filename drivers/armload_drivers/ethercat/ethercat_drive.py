@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from armload_drivers.cia402 import emergency
-from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings
 from armload_drivers.cia402.axis_course import AxisCourse
-from armload_drivers.cia402.process_data.process_image import effort_entry, offset_entry, target_entry
+from armload_drivers.cia402.process_data.process_image import feedback_entries, setpoint_entries
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cyclic.cyclic_drive import CyclicDrive
 from armload_drivers.driver_errors import DriveHung, DriveLeftOp, LoopLost, ServoError, ServoTimeout
@@ -57,7 +56,7 @@ class EthercatDrive(CyclicDrive):
         self.place = drive.node_id - 1
         self.status = _OP
         self._line, self._sdo = line, sdo
-        self._output = bytearray()
+        self._with_offset = drive.torque_offset
         self._input = b""
         self._same_cycles = 0
         self._changed_s = 0.0
@@ -71,24 +70,8 @@ class EthercatDrive(CyclicDrive):
             inputs: Its inputs.
             constants: Its outputs with the values of those that are not sent, and zeros elsewhere.
         """
-        drive = self.settings
-        self._output = bytearray(constants)
-        (word, self._word_at), (target, self._target_at) = map(
-            outputs.field, (od.CONTROLWORD, target_entry(drive.mode))
-        )
-        self._put_word, self._put_target = word.pack_into, target.pack_into
-        self._offset_at = -1
-        if drive.torque_offset:
-            offset, self._offset_at = outputs.field(offset_entry(drive))
-            self._put_offset = offset.pack_into
-        (status, self._status_at), (counts, self._counts_at), (effort, self._effort_at) = map(
-            inputs.field, (od.STATUSWORD, od.POSITION_ACTUAL, effort_entry(drive))
-        )
-        self._get_status, self._get_counts, self._get_effort = (
-            status.unpack_from,
-            counts.unpack_from,
-            effort.unpack_from,
-        )
+        self._pack = outputs.packer(setpoint_entries(self.settings), constants)
+        self._unpack = inputs.unpacker(feedback_entries(self.settings))
         self._line.on_emergency(self.place, self._take_emergency)
 
     def _take_emergency(self, code: int, register: int, manufacturer: bytes) -> None:
@@ -148,12 +131,9 @@ class EthercatDrive(CyclicDrive):
 
     def prepare(self, now_s: float) -> None:
         """Put the outputs of this cycle in the frame."""
-        output = self._output
-        self._put_word(output, self._word_at, self.controlword(now_s))
-        self._put_target(output, self._target_at, self.target_counts)
-        if self._offset_at >= 0:
-            self._put_offset(output, self._offset_at, self.offset_permille)
-        self._line.put(self.place, bytes(output))
+        word, target = self.controlword(now_s), self.target_counts
+        data = self._pack(word, target, self.offset_permille) if self._with_offset else self._pack(word, target)
+        self._line.put(self.place, data)
 
     def evaluate(self, now_s: float) -> None:
         """Process the inputs of a frame that is complete.
@@ -166,9 +146,7 @@ class EthercatDrive(CyclicDrive):
             self._input, self._changed_s, self._same_cycles = data, now_s, 0
         else:
             self._same_cycles = self._same_cycles + 1 if moved else 0
-        (word,) = self._get_status(data, self._status_at)
-        (counts,) = self._get_counts(data, self._counts_at)
-        (effort,) = self._get_effort(data, self._effort_at)
+        word, counts, effort = self._unpack(data)
         elapsed_s, self._evaluated_s = now_s - self._evaluated_s, now_s
         self._receive(word, counts, effort, self._sent_counts, now_s, elapsed_s)
         self._sent_counts = self.target_counts

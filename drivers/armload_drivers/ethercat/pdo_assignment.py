@@ -10,6 +10,7 @@ References:
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -39,9 +40,45 @@ class FramePart:
     offsets: dict[Entry, int]
     others: tuple[tuple[Entry, int], ...]
 
-    def field(self, entry: Entry) -> tuple[struct.Struct, int]:
-        """Format and offset of an object."""
-        return struct.Struct("<" + entry.type.code), self.offsets[entry]
+    def packer(self, entries: Sequence[Entry], constants: bytes) -> Callable[..., bytes]:
+        """All bytes, as a function of the values of some objects; the rest is that of `constants`."""
+        if self._in_order(entries) and not any(constants):
+            return self._form(entries).pack
+        data = bytearray(constants)
+        fields = [(struct.Struct("<" + entry.type.code).pack_into, self.offsets[entry]) for entry in entries]
+
+        def packed(*values: int) -> bytes:
+            for (pack_into, offset), value in zip(fields, values, strict=True):
+                pack_into(data, offset, value)
+            return bytes(data)
+
+        return packed
+
+    def unpacker(self, entries: Sequence[Entry]) -> Callable[[bytes], tuple[int, ...]]:
+        """The values of some objects, as a function of all bytes."""
+        if self._in_order(entries):
+            return self._form(entries).unpack
+        ordered = sorted(entries, key=self.offsets.__getitem__)
+        unpack, places = self._form(ordered).unpack, [ordered.index(entry) for entry in entries]
+
+        def unpacked(data: bytes) -> tuple[int, ...]:
+            values = unpack(data)
+            return tuple(values[place] for place in places)
+
+        return unpacked
+
+    def _in_order(self, entries: Sequence[Entry]) -> bool:
+        """Whether the objects follow one another as they are given."""
+        offsets = [self.offsets[entry] for entry in entries]
+        return offsets == sorted(offsets)
+
+    def _form(self, entries: Sequence[Entry]) -> struct.Struct:
+        """Format of objects in the order of their offsets; what is between them is skipped, or 0."""
+        codes, at = "<", 0
+        for entry in entries:
+            codes += f"{self.offsets[entry] - at}x{entry.type.code}"
+            at = self.offsets[entry] + entry.type.bits // 8
+        return struct.Struct(f"{codes}{self.length - at}x")
 
 
 def assign(sdo: SdoChannel, direction: FrameDirection, entries: list[Entry]) -> tuple[FramePart, dict[Entry, int]]:

@@ -15,6 +15,7 @@ import struct
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -111,8 +112,7 @@ class AxisUnits:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class RawAxes:
+class RawAxes(NamedTuple):
     """One value per axis in drive units.
 
     Attributes:
@@ -161,9 +161,7 @@ class ArmUnits:
         if len(kinds) != 1:
             raise CommandError("all drives of an arm must send the same kind of feedback, current or torque")
         self.feedback = kinds.pop()
-        self._takes_offset = np.array([drive.torque_offset for drive in arm.drives])
-        self._all_take_offset = bool(self._takes_offset.all())
-        self._zero = np.zeros(len(arm.drives))
+        self._without_offset = [axis for axis, drive in enumerate(arm.drives) if not drive.torque_offset]
         self._pack = struct.Struct(f"{len(arm.drives)}d").pack_into
         self._packed = array("d", bytes(8 * len(arm.drives)))
         self._seen = np.frombuffer(self._packed)
@@ -185,13 +183,13 @@ class ArmUnits:
         """
         counts = self._raw("target position", command.position_rad, self._counts_from_joint, _COUNTS_LIMIT)
         permille = self._raw("torque offset", command.torque_offset_nm, self._permille_from_joint, _PERMILLE_LIMIT)
-        if not self._all_take_offset and permille[~self._takes_offset].any():
-            without = [j for j, takes in zip(self._joints, self._takes_offset, strict=True) if not takes]
+        if any(map(permille.__getitem__, self._without_offset)):
+            without = [self._joints[axis] for axis in self._without_offset]
             raise CommandError(
                 f"the drives of {', '.join(without)} do not accept a torque offset (60B2); run without feed-forward or "
                 "exclude these joints"
             )
-        return RawAxes(counts.astype(np.int64).tolist(), permille.astype(np.int64).tolist())
+        return RawAxes(counts, permille)
 
     def measured(self, axis_position_rad: FloatArray, axis_torque_nm: FloatArray) -> RawAxes:
         """Values as drives report them: quantised and saturated.
@@ -204,28 +202,29 @@ class ArmUnits:
         effort = np.rint(axis_torque_nm * self._effort_per_nm).clip(-self._effort_limit, self._effort_limit)
         return RawAxes(counts.astype(np.int64).tolist(), effort.astype(np.int64).tolist())
 
-    def _raw(self, what: str, values: FloatArray, axis_from_joint: FloatArray, limit: int) -> FloatArray:
+    def _raw(self, what: str, values: FloatArray, axis_from_joint: FloatArray, limit: int) -> list[int]:
         """Values (n,) of all joints in the axes' units, rounded.
 
         Refuses a wrong number of values, values that are not finite, and values that the drives' objects cannot hold.
         """
         if values.shape != self._torque.shape:
             raise CommandError(f"{what}s of shape {values.shape} for {len(self._joints)} joints")
-        if not np.count_nonzero(values):  # usual for torque offsets; faster than any
-            return self._zero
-        joint = int(np.abs(values).argmax())  # argmax returns a NaN, if any
-        if not abs(values.item(joint)) < math.inf:
+        numbers = values.tolist()  # of six numbers Python is faster than NumPy
+        if not any(numbers):  # usual for torque offsets
+            return [0] * len(numbers)
+        if not all(map(math.isfinite, numbers)):
+            joint = [*map(math.isfinite, numbers)].index(False)
             raise CommandError(
-                f"{self._joints[joint]}: {what} {values[joint]} is not a finite number; nothing was sent"
+                f"{self._joints[joint]}: {what} {numbers[joint]} is not a finite number; nothing was sent"
             )
-        raw: FloatArray = np.rint(axis_from_joint.dot(values))
-        axis = int(np.abs(raw).argmax())
-        if not abs(raw.item(axis)) <= limit:
+        raw = axis_from_joint.dot(values).tolist()
+        if not -limit <= min(raw) <= max(raw) <= limit:
+            axis = int(np.abs(raw).argmax())
             raise CommandError(
                 f"{self._joints[axis]}: {what} is {raw[axis]:.0f} in drive units, outside +-{limit}. Either the "
                 "setpoint or the scaling in the configuration is wrong; nothing was sent"
             )
-        return raw
+        return list(map(round, raw))
 
     def joint_position_rad(self, counts: Sequence[int]) -> FloatArray:
         """(n,) joint positions from the drives' 6064."""

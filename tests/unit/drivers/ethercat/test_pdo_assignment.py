@@ -64,6 +64,9 @@ def test_a_mapping_that_is_right_already_is_not_written():
     drive = Drive(mapping(*WANTED), fixed={0x1600, 0x1C12})
     part, _ = assign(drive, FrameDirection.OUTPUTS, WANTED)
     assert part.length == 6
+    data = part.packer(WANTED, bytes(6))(0x1F, -2)
+    assert data == bytes([0x1F, 0, 0xFE, 0xFF, 0xFF, 0xFF])
+    assert part.unpacker(WANTED)(data) == (0x1F, -2)
 
 
 @pytest.mark.parametrize("fixed", [{0x1600}, {0x1600, 0x1C12}])
@@ -74,6 +77,10 @@ def test_a_fixed_mapping_is_used_if_it_contains_what_is_needed(fixed):
     assert part.length == 9
     assert part.offsets == {od.TARGET_POSITION: 2, od.CONTROLWORD: 7}
     assert [(other.mapping, offset) for other, offset in part.others] == [(MAX_TORQUE, 0), (MODE, 6)]
+    constants = bytes([0xB8, 0x0B, 0, 0, 0, 0, 8, 0, 0])
+    data = part.packer(WANTED, constants)(0x1F, -2)
+    assert data == bytes([0xB8, 0x0B, 0xFE, 0xFF, 0xFF, 0xFF, 8, 0x1F, 0])
+    assert part.unpacker(WANTED)(data) == (0x1F, -2)
 
 
 def test_a_fixed_mapping_that_lacks_something_is_refused_by_name():
