@@ -75,33 +75,35 @@ def small_run():
     return Run(0.01 * np.arange(ROWS), 2.0 * np.sin(angle), 6.0 * np.cos(angle), 20.0 * np.sin(angle), ARMS["xArm"])
 
 
-def write_bag(folder, plugin, compression=None):
+def write_bag(folder, plugin, compression=None, run=None):
     """A ROS 2 bag of joint states."""
-    store, run = get_typestore(Stores.ROS2_HUMBLE), small_run()
+    store, run = get_typestore(Stores.ROS2_HUMBLE), run or small_run()
     writer = Writer(folder, version=8, storage_plugin=plugin)
     if compression is not None:
         writer.set_compression(compression, CompressionFormat.ZSTD)
     with writer:
         connection = writer.add_connection("/joint_states", STATE, typestore=store)
-        for k in range(ROWS):
-            stamp = store.types["builtin_interfaces/msg/Time"](1_700_000_000, 10_000_000 * k)
+        for k, time_s in enumerate(run.time_s):
+            time_ns = round(1e9 * time_s)
+            stamp = store.types["builtin_interfaces/msg/Time"](1_700_000_000 + time_ns // 10**9, time_ns % 10**9)
             header = store.types["std_msgs/msg/Header"](stamp, "")
             values = (run.position_rad[k], run.velocity_rad_s[k], run.torque_nm[k])
             message = store.types[STATE](header, list(run.names), *values)
-            writer.write(connection, 10_000_000 * k, store.serialize_cdr(message, STATE))
+            writer.write(connection, time_ns, store.serialize_cdr(message, STATE))
     return folder
 
 
-def write_first_bag(path):
+def write_first_bag(path, run=None):
     """A ROS 1 bag of joint states."""
-    store, run = get_typestore(Stores.ROS1_NOETIC), small_run()
+    store, run = get_typestore(Stores.ROS1_NOETIC), run or small_run()
     with FirstWriter(path) as writer:
         connection = writer.add_connection("/joint_states", STATE, typestore=store)
-        for k in range(ROWS):
-            stamp = store.types["builtin_interfaces/msg/Time"](1_700_000_000, 10_000_000 * k)
+        for k, time_s in enumerate(run.time_s):
+            time_ns = round(1e9 * time_s)
+            stamp = store.types["builtin_interfaces/msg/Time"](1_700_000_000 + time_ns // 10**9, time_ns % 10**9)
             values = (run.position_rad[k], run.velocity_rad_s[k], run.torque_nm[k])
             message = store.types[STATE](store.types["std_msgs/msg/Header"](k, stamp, ""), list(run.names), *values)
-            writer.write(connection, 10_000_000 * k, store.serialize_ros1(message, STATE))
+            writer.write(connection, time_ns, store.serialize_ros1(message, STATE))
     return path
 
 

@@ -32,6 +32,7 @@ from armload_identification.signals.motion import Motion
 from armload_identification.signals.periods import fold
 from armload_identification.signals.reversals import REVERSAL, TURN_OVER, moving_weights
 from armload_identification.signals.row_window import HALF_S, RowWindow
+from armload_identification.signals.spline import Spline
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,8 +200,6 @@ def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
     Raises:
         RecordingError: too short, or without torque.
     """
-    from scipy.interpolate import make_interp_spline
-
     name = str(recording.source.path)
     effort = joint_torque(recording, transmission) @ transmission.coupling
     from_torque = recording.torque_nm is not None
@@ -213,7 +212,10 @@ def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
             f"{name}: {time_s[-1]:.1f} s long, expected {Rows.shortest_s:g} s or more. Record a whole excitation."
         )
     position, even = (_means(time_s, values, grid) for values in (recording.position_rad, effort))
-    motion = make_interp_spline(grid, low_pass(position, Rows.grid_s, Rows.motion_hz), k=Rows.degree)
+    # As many coefficients as samples: the spline passes through them.
+    ends, edge = Rows.degree + 1, (Rows.degree + 1) // 2
+    knots = np.concatenate([[grid[0]] * ends, grid[edge:-edge], [grid[-1]] * ends])
+    motion = Spline.fit(grid, low_pass(position, Rows.grid_s, Rows.motion_hz), knots, Rows.degree)
     after = np.clip(np.searchsorted(time_s, grid), 1, time_s.size - 1)
     return RunSignals(
         name=name,

@@ -22,15 +22,12 @@ References:
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterator
+from typing import Final
 
 import numpy as np
 
 from armload_core.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 _WIDEST_HALF_WINDOW: Final = 8
 """Bins on either side over which a spectrum is averaged: half the bin's number, from 1 to this.
@@ -69,15 +66,19 @@ class ResidualSpectrum:
         self._twice[0] = 1.0
         if bins == held.size and samples % 2 == 0:
             self._twice[-1] = 1.0
-        self._window = _window(bins)
+        self._in_window = _summed(np.ones(bins))
         left = (1.0 - np.minimum(leverage, 1.0)) ** 2
-        self._free = np.maximum(self._window @ left, 1e-12)
+        self._free = np.maximum(self._averaged(left), 1e-12)
         square = weight**2
         # A joint whose weights are all 0 has no residual either.
         gated = np.mean(square**2, axis=0) / np.maximum(np.mean(square, axis=0) ** 2, 1e-300)
-        self._level = gated * (self._window @ power) / self._free
+        self._level = gated * self._averaged(power) / self._free
         self._leverage = leverage
         self._expected = self._level * left
+
+    def _averaged(self, values: FloatArray) -> FloatArray:
+        """Moving average over frequency of (bins, n) values."""
+        return _summed(values) / self._in_window[:, None]
 
     def covariance(self) -> FloatArray:
         """(r, r) covariance of the coefficients of the basis."""
@@ -93,7 +94,7 @@ class ResidualSpectrum:
     def freedom(self, contrast: FloatArray) -> FloatArray:
         """(k,) Satterthwaite's degrees of freedom of these variances."""
         gain = np.abs(self._basis @ contrast.T) ** 2 * (self._twice[:, None] / self._free)[:, :, None]
-        share = (self._window.T @ gain.reshape(len(gain), -1)).reshape(gain.shape)
+        share = _summed(gain / self._in_window[:, None, None], transposed=True)
         spread = share * self._expected[:, :, None]
         # A bin of the periodogram has two degrees of freedom; the first and last have one.
         square = np.sum(spread**2 * (2.0 / self._twice)[:, None, None], axis=(0, 1))
@@ -119,25 +120,27 @@ class ResidualSpectrum:
         rows, columns = np.triu_indices(k)
         product = (turned[:, :, rows] * turned[:, :, columns].conj()).real
         gain = product * (self._twice[:, None] / self._free)[:, :, None]
-        share = (self._window.T @ gain.reshape(len(gain), -1)).reshape(gain.shape)
+        share = _summed(gain / self._in_window[:, None, None], transposed=True)
         spread = (share * self._expected[:, :, None]) ** 2 * (2.0 / self._twice)[:, None, None]
         # Off the diagonal every element counts twice.
         scatter = np.sum(spread * np.where(rows == columns, 1.0, 2.0))
         return float(np.clip(k * (k + 1) / max(float(scatter), 1e-300), 1.0, FREEST))
 
 
-@lru_cache(maxsize=32)
-def _window(bins: int) -> csr_array:
-    """(bins, bins) rows of a moving average over frequency, wider at higher frequencies, mirrored at zero.
+def _summed(values: FloatArray, *, transposed: bool = False) -> FloatArray:
+    """Sums of (bins, ...) values over a window about each bin; transposed: over the bins in whose windows each is."""
+    total = values.copy()
+    for bins, others in _windows(len(values)):
+        into, of = (others, bins) if transposed else (bins, others)
+        total[into] += values[of]
+    return total
 
-    Sparse: an aperiodic recording has half as many bins as rows, and the dense matrix grows with their square.
-    """
-    from scipy.sparse import csr_array
 
-    rows = np.arange(bins)
-    half = np.clip(rows // 2, 1, _WIDEST_HALF_WINDOW)
-    row, offset = np.meshgrid(rows, np.arange(-_WIDEST_HALF_WINDOW, _WIDEST_HALF_WINDOW + 1), indexing="ij")
-    column = np.abs(row + offset)
-    there = (np.abs(offset) <= half[:, None]) & (column < bins)
-    row, column = row[there], column[there]
-    return csr_array((1.0 / np.bincount(row)[row], (row, column)), shape=(bins, bins))
+def _windows(bins: int) -> Iterator[tuple[slice, slice]]:
+    """Bins, and others that are in their windows: wider at higher frequencies, mirrored at zero."""
+    for half in range(1, min(_WIDEST_HALF_WINDOW, bins // 2) + 1):
+        first = 2 * half if half > 1 else 1
+        yield slice(first, bins - half), slice(first + half, bins)
+        yield slice(first, bins), slice(first - half, bins - half)
+    if bins > 1:
+        yield from [(slice(1), slice(1, 2))] * 2

@@ -18,6 +18,7 @@ from armload_identification.model.regressor import PARAMETERS, body_regressor, r
 _STATES: Final = 200
 _SEED: Final = 20160606
 _BASE_TOLERANCE: Final = 1e-8
+_ALIKE: Final = 1.0 - 1e-6
 
 
 def base_columns(chain: Chain, coupling: FloatArray) -> NDArray[np.bool_]:
@@ -47,10 +48,15 @@ def base_columns(chain: Chain, coupling: FloatArray) -> NDArray[np.bool_]:
 
 def _independent(columns: FloatArray, *, unit: bool = True) -> NDArray[np.intp]:
     """Indices of a maximal well-conditioned set of independent columns."""
-    from scipy.linalg import qr
-
     length = np.sqrt(np.sum(columns**2, axis=0)) if unit else np.ones(columns.shape[1])
-    scaled = columns / np.where(length > 0.0, length, 1.0)
-    triangle, order = qr(scaled, mode="r", pivoting=True)
-    diagonal = np.abs(np.diag(triangle))
-    return np.asarray(order[: int(np.count_nonzero(diagonal > _BASE_TOLERANCE * max(diagonal[0], 1.0)))])
+    left = columns / np.where(length > 0.0, length, 1.0)
+    # As by a QR factorisation with pivots: the most independent column, of equal ones the first, whatever the rounding.
+    chosen: list[int] = []
+    while len(chosen) < len(length):
+        rest = np.sqrt(np.sum(left**2, axis=0))
+        best = int(np.argmax(rest > _ALIKE * rest.max()))
+        if rest[best] <= _BASE_TOLERANCE:
+            break
+        chosen.append(best)
+        left -= np.outer(left[:, best] / rest[best], left[:, best] / rest[best] @ left)
+    return np.array(chosen, dtype=np.intp)

@@ -32,6 +32,8 @@ from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
 
 SHORT_ROWS: Final = FIRST_WINDOW
 """Most rows of a recording that is kept unchanged."""
+MOST_POSITIONS: Final = 2**27
+"""Most positions in a file, before its rows are averaged: six hours of six joints at 1 kHz."""
 _NO_OPTIONS: Final = ReadingOptions()
 
 
@@ -180,6 +182,13 @@ def _usable_rows(
 
 
 def _blocks(reader: RecordingReader, account: ReadingAccount, path: Path) -> Iterator[RowBlock]:
-    """The reader's blocks."""
+    """The reader's blocks, up to a length that no recording of an arm has, but a small compressed file may."""
+    positions = 0
     with reading(path):
-        yield from reader.blocks(account)
+        for block in reader.blocks(account):
+            positions += block.position_rad.size
+            if positions > MOST_POSITIONS:
+                raise RecordingError(
+                    f"{path}: more than {MOST_POSITIONS // block.n:,} rows of {block.n} joints. Split the recording."
+                )
+            yield block

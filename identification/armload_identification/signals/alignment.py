@@ -8,7 +8,6 @@ runs are aligned by position.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,9 +15,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.signals.repetition import fast_length
 from armload_identification.signals.signal_constants import RunAlignment, SplineFit
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
+from armload_identification.signals.spline import Spline
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +29,7 @@ class MeasuredMotion:
         fit_rad: (n,) RMS of the samples about the spline.
     """
 
-    spline: BSpline
+    spline: Spline
     start_s: float
     duration_s: float
     fit_rad: FloatArray
@@ -51,18 +48,15 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
     Raises:
         RecordingError: too short for a spline.
     """
-    from scipy.interpolate import make_lsq_spline
-
     elapsed = time_s - time_s[0]
     interval_s = float(np.median(np.diff(elapsed)))
     spacing_s = min(SplineFit.coarsest_s, elapsed[-1] / SplineFit.fewest_pieces)
-    best: tuple[float, BSpline, FloatArray] | None = None
+    best: tuple[float, Spline, FloatArray] | None = None
     while spacing_s > 0.0:
         knots = _knots(elapsed, spacing_s)
         coefficients = knots.size - SplineFit.degree - 1
         if coefficients * SplineFit.samples_per_coefficient < elapsed.size:
-            # By normal equations: QR takes time with the square of the rows, and differs by 1e-12 rad/s.
-            spline = make_lsq_spline(elapsed, position_rad, knots, k=SplineFit.degree, method="norm-eq")
+            spline = Spline.fit(elapsed, position_rad, knots, SplineFit.degree)
             misfit = np.mean((position_rad - spline(elapsed)) ** 2, axis=0)
             # The sum of logarithms prevents joints with a large stroke from dominating.
             logarithms = np.log(misfit + SplineFit.negligible_rad**2)
@@ -112,13 +106,12 @@ def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
     length = fast_length(2 * grid.size)
     speeds = []
     for motion in (first, second):
-        speed = motion.spline.derivative()(np.minimum(grid, motion.duration_s))
+        speed = motion.spline(np.minimum(grid, motion.duration_s), 1)
         speed[grid > motion.duration_s] = 0.0
         speeds.append(np.fft.rfft(speed, length, axis=0))
     correlation = np.fft.irfft(np.sum(np.conj(speeds[0]) * speeds[1], axis=1), length)
     lag = int(np.argmax(correlation))
     shift_s = (lag - length if lag > grid.size else lag) * step_s
-    speed_of_second = second.spline.derivative()
     for _ in range(RunAlignment.steps):
         common = grid[(grid <= first.duration_s) & (grid + shift_s >= 0.0) & (grid + shift_s <= second.duration_s)]
         if common.size * step_s < RunAlignment.shortest_s:
@@ -126,7 +119,7 @@ def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
                 "the loaded and the unloaded run have no common motion. Record the same excitation in both runs."
             )
         ahead = first.spline(common) - second.spline(common + shift_s)
-        speed = speed_of_second(common + shift_s)
+        speed = second.spline(common + shift_s, 1)
         alike = np.abs(ahead).max(axis=1) < RunAlignment.elsewhere_rad
         if np.count_nonzero(alike) > RunAlignment.same_share * alike.size:
             ahead, speed = ahead[alike], speed[alike]

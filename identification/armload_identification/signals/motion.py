@@ -267,7 +267,7 @@ class TimedRun:
                 "Record it again, or select a part without gaps."
             )
         elapsed = start_s + np.arange(int((end_s - start_s) / interval_s), dtype=np.float64) * interval_s
-        velocity = self.path.spline.derivative()(elapsed)
+        velocity = self.path.spline(elapsed, 1)
         speed = np.abs(velocity).max(axis=1)
         moving = np.flatnonzero(speed > Standstill.share_of_peak_speed * speed.max())
         rows = slice(moving[0], moving[-1] + 1)

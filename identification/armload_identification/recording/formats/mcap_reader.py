@@ -17,10 +17,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, Final
 
-import lz4.frame
 import numpy as np
 import orjson
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd
@@ -28,6 +26,7 @@ from mcap.records import Attachment, Channel, Chunk, DataEnd
 from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.formats.unpacking import require_bounded, unpacked
 from armload_identification.recording.read_boundary import MOST_BYTES
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.row_block import RowBlock
@@ -41,10 +40,6 @@ _MOST_BYTES: Final = 2**26
 """Most bytes of a record, and of an uncompressed chunk: the recorder's have 1 MB at most."""
 _RECORD: Final = struct.Struct("<BQ")
 """Header of every record: its kind and length."""
-_CHUNK_START: Final = struct.Struct("<QQQII")
-"""Start of a chunk: two times, its size, its checksum, and the length of the compression's name."""
-_FRAME_BYTES: Final = 18
-"""Longest header of a zstd frame."""
 _CHANNEL_ID: Final = struct.Struct("<H")
 _MESSAGE_HEADER: Final = 22
 """Bytes before a message's data: channel, sequence number and two times."""
@@ -252,11 +247,11 @@ class _MessageTable:
         return None, end
 
 
-def require_bounded(path: Path) -> None:
+def require_small_chunks(path: Path) -> None:
     """Raise if a record or a chunk of any program's MCAP file would take more memory than a reader may hold.
 
     Args:
-        path: The file; only the beginnings of its records are read.
+        path: The file.
 
     Raises:
         ValueError: naming the size.
@@ -267,13 +262,11 @@ def require_bounded(path: Path) -> None:
         while at + _RECORD.size <= size:
             file.seek(at)
             opcode, length = _RECORD.unpack(file.read(_RECORD.size))
-            sizes = [length]
-            if opcode == Opcode.CHUNK and len(start := file.read(_CHUNK_START.size)) == _CHUNK_START.size:
-                _, _, stated, _, name = _CHUNK_START.unpack(start)
-                compression, frame = file.read(min(name, _FRAME_BYTES)), file.read(8 + _FRAME_BYTES)[8:]
-                sizes += [stated, zstandard.frame_content_size(frame) if compression == b"zstd" else 0]
-            if max(sizes) > MOST_BYTES:
-                raise ValueError(f"a record or chunk of {max(sizes)} bytes, at most {MOST_BYTES} are possible")
+            if length > MOST_BYTES:
+                raise ValueError(f"a record of {length} bytes, at most {MOST_BYTES} are possible")
+            if opcode == Opcode.CHUNK:
+                chunk = Chunk.read(_stream(file.read(length)))
+                require_bounded(BytesIO(chunk.data), chunk.compression)
             at += _RECORD.size + length
             if opcode == Opcode.FOOTER:
                 return
@@ -336,21 +329,12 @@ def _unpacked(content: bytes) -> bytes:
     size = chunk.uncompressed_size
     if size > _MOST_BYTES:
         raise ValueError(f"a chunk of {size} bytes, at most {_MOST_BYTES} are possible")
-    if chunk.compression == "zstd":
-        if zstandard.frame_content_size(chunk.data) not in {-1, size}:
-            raise ValueError("a chunk does not have its stated size")
-        records = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
-    elif chunk.compression == "lz4":
-        records = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
-    elif chunk.compression == "":
-        records = chunk.data
-    else:
-        raise ValueError(f"a chunk is compressed with {chunk.compression!r}, which is not supported")
+    records = b"".join(unpacked(BytesIO(chunk.data), chunk.compression, size))
     if len(records) != size:
         raise ValueError("a chunk does not have its stated size")
     if chunk.uncompressed_crc not in {0, zlib.crc32(records)}:
         raise ValueError("the checksum of a chunk is wrong")
-    return bytes(records)
+    return records
 
 
 def _stream(content: bytes) -> ReadDataStream:

@@ -8,18 +8,20 @@ used, and messages without all of its joints are skipped.
 
 from __future__ import annotations
 
+import os
 import re
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cache
+from io import BytesIO
 from itertools import accumulate
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
-import zstandard
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -27,7 +29,8 @@ from rosbags.typesys.store import Typestore
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.formats.mcap_reader import require_bounded
+from armload_identification.recording.formats.mcap_reader import require_small_chunks
+from armload_identification.recording.formats.unpacking import require_bounded, unpacked
 from armload_identification.recording.joint_names import JointNames
 from armload_identification.recording.read_boundary import MOST_BYTES
 from armload_identification.recording.reader import ReadingAccount
@@ -38,6 +41,10 @@ from armload_identification.storage.regular_file import hash_of_files, read_whol
 STORAGE_SUFFIXES: Final = (".db3", ".mcap")
 METADATA: Final = "metadata.yaml"
 _DEEPEST: Final = 50
+_ZSTD: Final = b"\x28\xb5\x2f\xfd"
+_LARGEST_RATIO: Final = 64
+"""Of a file's size when it is unpacked to its size, above `MOST_BYTES`; bags of joint states have less than 10."""
+_LONGEST_FIRST_LINE: Final = 64
 _BLOCK_ROWS: Final = 2**9
 _LEARNT_FROM: Final = 400
 """Messages of each topic from which joints and time stamps are chosen."""
@@ -48,17 +55,24 @@ _TYPES: Final = (
     "control_msgs/msg/DynamicJointState",
     "control_msgs/msg/JointTrajectoryControllerState",
 )
-_CONTROL_MESSAGES: Final = {
-    "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
-    "control_msgs/msg/DynamicJointState": (
-        "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] interface_values\n"
+_DEFINITIONS: Final = {
+    "builtin_interfaces/msg/Time": "int32 sec\nuint32 nanosec\n",
+    "builtin_interfaces/msg/Duration": "int32 sec\nuint32 nanosec\n",
+    "std_msgs/msg/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+    "trajectory_msgs/msg/JointTrajectoryPoint": (
+        "float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\nfloat64[] effort\n"
+        "builtin_interfaces/Duration time_from_start\n"
     ),
-    "control_msgs/msg/JointTrajectoryControllerState": (
+    "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
+    _TYPES[0]: "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
+    _TYPES[1]: "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] interface_values\n",
+    _TYPES[2]: (
         "std_msgs/Header header\nstring[] joint_names\ntrajectory_msgs/JointTrajectoryPoint desired\n"
         "trajectory_msgs/JointTrajectoryPoint actual\ntrajectory_msgs/JointTrajectoryPoint error\n"
     ),
 }
-"""Definitions of ROS 2 Humble, whose SQLite bags do not contain the definitions of their messages."""
+"""Definitions of ROS 2 Humble, whose SQLite bags do not contain the definitions of their messages; only those needed,
+because all of them take half as long as NumPy to load."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +114,7 @@ class RosReader:
     def __init__(self, path: Path, options: ReadingOptions) -> None:
         self._path, self._options = path, options
         self._bag = _bag_of(path)
-        for file in _files_of(self._bag):
-            if file.suffix == ".mcap":
-                require_bounded(file)
-            elif file.suffix == ".db3":
-                _require_small_messages(file)
-        with self._opened() as reader:
+        with self._opened(checked=False) as reader:
             self._choice = self._chosen(reader)
 
     def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
@@ -199,28 +208,78 @@ class RosReader:
                 yield when_ns, None
 
     @contextmanager
-    def _opened(self) -> Iterator[AnyReader]:
+    def _opened(self, *, checked: bool = True) -> Iterator[AnyReader]:
         """Open the bag."""
-        defined = any(file.suffix == ".mcap" for file in _files_of(self._bag))
-        with AnyReader([self._bag], default_typestore=None if defined else _humble()) as reader:
-            yield reader
+        with _with_plain_files(self._bag) as bag:
+            files = _files_of(bag)
+            for file in () if checked else files:
+                if file.suffix in _REQUIRE_BOUNDED:
+                    _REQUIRE_BOUNDED[file.suffix](file)
+            defined = any(file.suffix == ".mcap" for file in files)
+            with AnyReader([bag], default_typestore=None if defined else _humble()) as reader:
+                yield reader
+
+
+@contextmanager
+def _with_plain_files(bag: Path) -> Iterator[Path]:
+    """The bag, or a copy whose files are unpacked if they are compressed as a whole."""
+    packed = [file for file in _files_of(bag) if bag.is_dir() and _start_of(file, len(_ZSTD)) == _ZSTD]
+    if not packed:
+        yield bag
+        return
+    with TemporaryDirectory() as name:
+        for file in packed:
+            most = max(MOST_BYTES, _LARGEST_RATIO * file.stat().st_size)
+            with file.open("rb") as source, Path(name, file.name.removesuffix(".zstd")).open("wb") as target:
+                target.writelines(unpacked(source, "zstd", most))
+        metadata = read_whole(bag / METADATA).replace(b".zstd", b"")
+        Path(name, METADATA).write_bytes(re.sub(rb"(compression_mode:).*", rb"\1 ''", metadata))
+        yield Path(name)
+
+
+def _start_of(file: Path, size: int) -> bytes:
+    with file.open("rb") as stream:
+        return stream.read(size)
 
 
 def _require_small_messages(path: Path) -> None:
     """Raise if a message of an SQLite bag, unpacked if it is compressed, takes more memory than a reader may hold."""
     with closing(sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True)) as bag:
         (largest,) = bag.execute("SELECT max(length(data)) FROM messages").fetchone()
-        packed = bag.execute("SELECT substr(data, 1, 18) FROM messages WHERE substr(data, 1, 4) = x'28b52ffd'")
-        largest = max([largest or 0, *(zstandard.frame_content_size(start) for (start,) in packed)])
-    if largest > MOST_BYTES:
-        raise ValueError(f"a message of {largest} bytes, at most {MOST_BYTES} are possible")
+        if largest is not None and largest > MOST_BYTES:
+            raise ValueError(f"a message of {largest} bytes, at most {MOST_BYTES} are possible")
+        for (data,) in bag.execute("SELECT data FROM messages WHERE substr(data, 1, 4) = ?", (_ZSTD,)):
+            require_bounded(BytesIO(data), "zstd")
+
+
+def _require_small_chunks(path: Path) -> None:
+    """Raise if a chunk of a ROS 1 bag takes more memory than a reader may hold."""
+    with path.open("rb") as bag:
+        bag.readline(_LONGEST_FIRST_LINE)
+        while len(size := bag.read(4)) == 4:
+            header = bag.read(min(int.from_bytes(size, "little"), MOST_BYTES))
+            length = int.from_bytes(bag.read(4), "little")
+            compression = re.search(rb"compression=([a-z0-9]+)", header)
+            if compression is None:
+                bag.seek(length, os.SEEK_CUR)
+            elif length > MOST_BYTES:
+                raise ValueError(f"a chunk of {length} bytes, at most {MOST_BYTES} are possible")
+            else:
+                require_bounded(BytesIO(bag.read(length)), compression[1].decode())
+
+
+_REQUIRE_BOUNDED: Final = {
+    ".mcap": require_small_chunks,
+    ".db3": _require_small_messages,
+    ".bag": _require_small_chunks,
+}
 
 
 @cache
 def _humble() -> Typestore:
-    """Types for SQLite bags, which have no definitions; MCAP and ROS 1 do. Their import takes half of numpy's time."""
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, definition in _CONTROL_MESSAGES.items():
+    """Types for SQLite bags, which may have no definitions; MCAP and ROS 1 do."""
+    store = get_typestore(Stores.EMPTY)
+    for name, definition in _DEFINITIONS.items():
         store.register(get_types_from_msg(definition, name))
     return store
 

@@ -8,7 +8,8 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from armload_identification.estimation.problem import Noise
-from armload_identification.estimation.uncertainty import derived, quantify
+from armload_identification.estimation.residual_spectrum import FREEST
+from armload_identification.estimation.uncertainty import derived, quantify, student_half_width
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
 from armload_identification.model.regressor import payload_regressor
 from tests.payload_rows import exactly, payload_of
@@ -68,6 +69,11 @@ def test_95_percent_intervals_cover(regressor, pinocchio_arm, periods, memory_s)
     assert share.min() >= 0.85, share
     if memory_s is not None:
         assert np.mean(textbook) < 0.8
+
+
+def test_half_widths_are_the_quantiles_of_students_distribution():
+    freedom = np.array([[1.0, 1.01, 1.5, 2.0], [2.7, 10.0, FREEST, np.inf]])
+    np.testing.assert_allclose(student_half_width(freedom), student.ppf(0.975, freedom), rtol=1e-7)
 
 
 def test_the_quantile_is_students_with_the_freedom_that_the_variances_scatter_by(regressor, pinocchio_arm):

@@ -33,6 +33,17 @@ from armload_identification.verdict.recording_checks.sanity import check_run
 pytestmark = pytest.mark.pure
 
 COLUMNS = ReadingOptions(CsvColumns(0, tuple(range(1, 7)), None, tuple(range(7, 13))))
+
+
+def test_a_file_of_more_rows_than_any_recording_is_refused(tmp_path, monkeypatch):
+    """87 MB of Parquet were 60 million rows, which took 16 s."""
+    monkeypatch.setattr("armload_identification.recording.file_reading.MOST_POSITIONS", 30_000)
+    position = np.sin(0.001 * np.arange(10_001)[:, None] + np.arange(3))
+    np.savez_compressed(tmp_path / "a.npz", time_s=0.01 * np.arange(10_001), position_rad=position, torque_nm=position)
+    with pytest.raises(RecordingError, match=r"a\.npz: more than 10,000 rows of 3 joints"):
+        read_recording(tmp_path / "a.npz")
+
+
 EVERYTHING, NOTHING = 10**9, 100
 """Rows up to which a recording is not reduced."""
 

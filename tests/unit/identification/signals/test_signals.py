@@ -251,8 +251,8 @@ def test_a_spline_through_irregular_samples_gives_the_derivatives(pinocchio_arm)
     motion = fit_motion(t, np.round(state.position_rad, 4))
     inner = (t > 0.5) & (t < t[-1] - 0.5)
     elapsed = t - t[0]
-    speed = motion.spline.derivative()(elapsed)[inner]
-    acceleration = motion.spline.derivative(2)(elapsed)[inner]
+    speed = motion.spline(elapsed, 1)[inner]
+    acceleration = motion.spline(elapsed, 2)[inner]
     assert np.abs(speed - state.velocity_rad_s[inner]).max() < 2e-3
     assert np.sqrt(np.mean((acceleration - state.acceleration_rad_s2[inner]) ** 2)) < 5e-3
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import builtins
+import bz2
 import sqlite3
+import struct
+import tracemalloc
 from contextlib import closing
 
 import numpy as np
@@ -14,7 +17,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.file_reading import read_recording
-from armload_identification.recording.formats.ros_reader import _CONTROL_MESSAGES
+from armload_identification.recording.formats.ros_reader import _DEFINITIONS
 from armload_identification.recording.read_boundary import MOST_BYTES
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 
@@ -32,8 +35,9 @@ STATE = "sensor_msgs/msg/JointState"
 @pytest.fixture(scope="module")
 def store():
     store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, definition in _CONTROL_MESSAGES.items():
-        store.register(get_types_from_msg(definition, name))
+    for name, definition in _DEFINITIONS.items():
+        if name not in store.fielddefs:
+            store.register(get_types_from_msg(definition, name))
     return store
 
 
@@ -113,13 +117,73 @@ def test_every_storage_gives_the_same(bag, state, plugin, compression):
         assert_read(read_recording(path))
 
 
-def test_a_message_that_unpacks_to_more_than_the_budget_is_refused_before(bag, state):
-    """3 GB of zeros are 90 kB; each of 60 such messages took 3 GB of memory."""
-    path = bag(states(state), StoragePlugin.SQLITE3, CompressionMode.MESSAGE)
-    (file,) = path.glob("*.db3")
-    packed = zstandard.ZstdCompressor().compress(bytes(MOST_BYTES + 1))
+def bomb(compress):
+    """A part in two pieces, the first of which is small; 3 GB of zeros are 90 kB."""
+    return compress(bytes(1000)) + 17 * compress(bytes(MOST_BYTES // 16))
+
+
+def zstd_bomb():
+    return bomb(zstandard.ZstdCompressor(write_content_size=False).compress)
+
+
+def in_a_message(folder):
+    (file,) = folder.glob("*.db3")
     with closing(sqlite3.connect(file)) as database:
-        database.execute("UPDATE messages SET data = ? WHERE id = 50", (packed,))
+        database.execute("UPDATE messages SET data = ? WHERE id = 50", (zstd_bomb(),))
+        database.commit()
+    return folder
+
+
+def in_a_file(folder):
+    (file,) = folder.glob("*.db3.zstd")
+    file.write_bytes(zstd_bomb())
+    return folder
+
+
+def in_a_chunk(folder):
+    packed = zstd_bomb()
+    chunk = struct.pack("<QQQII", 0, 0, 1000, 0, 4) + b"zstd" + struct.pack("<Q", len(packed)) + packed
+    header = struct.pack("<I", 4) + b"ros2" + struct.pack("<I", 0)
+    records = [struct.pack("<BQ", kind, len(content)) + content for kind, content in ((1, header), (6, chunk))]
+    (folder / "chunk.mcap").write_bytes(b"\x89MCAP0\r\n" + b"".join(records))
+    return folder / "chunk.mcap"
+
+
+def in_a_chunk_of_ros_1(folder):
+    packed, fields = bomb(bz2.compress), [b"op=\x05", b"compression=bz2", b"size=\xe8\x03\x00\x00"]
+    header = b"".join(struct.pack("<I", len(field)) + field for field in fields)
+    record = b"".join(struct.pack("<I", len(part)) + part for part in (header, packed))
+    (folder / "first.bag").write_bytes(b"#ROSBAG V2.0\n" + record)
+    return folder / "first.bag"
+
+
+@pytest.mark.parametrize(
+    ("compression", "placed"),
+    [
+        (CompressionMode.MESSAGE, in_a_message),
+        (CompressionMode.FILE, in_a_file),
+        (CompressionMode.FILE, in_a_chunk),
+        (CompressionMode.FILE, in_a_chunk_of_ros_1),
+    ],
+)
+def test_what_unpacks_to_more_than_the_budget_is_refused_before(bag, state, tmp_path, monkeypatch, compression, placed):
+    """60 such messages took 3 GB of memory each, and a file all of the disk."""
+    path = placed(bag(states(state), StoragePlugin.SQLITE3, compression))
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+    tracemalloc.start()
+    with pytest.raises(RecordingError, match=f"{path.name}: damaged, a compressed part has more than {MOST_BYTES}"):
+        read_recording(path)
+    assert tracemalloc.get_traced_memory()[1] < 20e6
+    tracemalloc.stop()
+    assert not list((tmp_path / "temporary").iterdir())
+
+
+def test_a_message_that_is_larger_than_the_budget_is_refused(bag, state):
+    path = bag(states(state), StoragePlugin.SQLITE3)
+    (file,) = path.glob("*.db3")
+    with closing(sqlite3.connect(file)) as database:
+        database.execute("UPDATE messages SET data = zeroblob(?) WHERE id = 50", (MOST_BYTES + 1,))
         database.commit()
     with pytest.raises(RecordingError, match=f"a message of {MOST_BYTES + 1} bytes, at most"):
         read_recording(path)
