@@ -117,7 +117,8 @@ def shipped_motion(
         role: Name of the excitation in the robot's file.
     """
     excitation = robot.excitations[role]
-    streaming = Streaming(robot.drives.settings, robot.limits.motion, keep_every)
+    slow = robot.motion_constraints.reduced_speed
+    streaming = Streaming(robot.drives.settings, robot.limits.motion, keep_every, slow)
     return Motion(excitation.trajectory, streaming, robot.n, periods or excitation.periods)
 
 

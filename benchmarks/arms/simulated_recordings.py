@@ -15,6 +15,8 @@ from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import Recording, RecordingSource
 from benchmarks.arms.steady_state import SteadyPeriod
 
+_PAUSE_S = 5.0
+
 
 @dataclass(frozen=True, eq=False)
 class DriveScales:
@@ -96,7 +98,7 @@ def record(
     gain_error: FloatArray,
     noise_scale: float = 1.0,
 ) -> Recording:
-    """A run of whole periods.
+    """A run of whole periods, after the slow round if it was streamed.
 
     Args:
         period: The steady motion.
@@ -109,20 +111,26 @@ def record(
     Returns:
         The recording, as it would be read from a file.
     """
-    n, samples = scales.n, period.samples * periods
-    steady_nm = np.tile(period.axis_torque_nm[:, :n] / (1.0 + gain_error), (periods, 1))
-    current_a, torque_nm = scales.reported_effort(steady_nm, period.sample_s, rng, noise_scale)
-    position = scales.reported_position(period.axis_position_rad[:, :n])
-    time_s = np.arange(samples, dtype=np.float64) * np.float64(period.sample_s)
+    n, slow = scales.n, len(period.slow_torque_nm)
+
+    def rows(slowly: FloatArray, steady: FloatArray) -> FloatArray:
+        return np.vstack([slowly[:, :n].reshape(-1, n), np.tile(steady[:, :n], (periods, 1))])
+
+    axis_nm = rows(period.slow_torque_nm, period.axis_torque_nm) / (1.0 + gain_error)
+    current_a, torque_nm = scales.reported_effort(axis_nm, period.sample_s, rng, noise_scale)
+    samples = len(axis_nm)
+    # Between both the drives are off.
+    time_s = np.asarray(np.arange(samples) * period.sample_s + np.where(np.arange(samples) < slow, 0.0, _PAUSE_S))
+    phase_s = (np.arange(samples) - slow + 1) * period.sample_s
     # Nothing is read back from a file, so a unique name serves as the hash.
     name = f"seeded {rng.integers(2**62):x}"
     return Recording(
         time_s=time_s,
-        position_rad=np.tile(position, (periods, 1)),
+        position_rad=scales.reported_position(rows(period.slow_position_rad, period.axis_position_rad)),
         velocity_rad_s=None,
         current_a=current_a,
         torque_nm=torque_nm,
-        phase_s=time_s + period.sample_s,
+        phase_s=np.where(phase_s > 0.0, phase_s, np.nan),
         excitation=Excitation(period.trajectory, periods),
         source=RecordingSource(Path(name), name, "mcap", samples, 0, {}),
     )

@@ -33,7 +33,16 @@ from armload_identification.estimation.arm_terms import (
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.estimation_constants import Priors
 from armload_identification.estimation.prior_knowledge import Prior
-from armload_identification.estimation.problem import DIFFERENCE_AND_MEAN, EMPTY, Group, Known, Noise, Problem, RunRows
+from armload_identification.estimation.problem import (
+    DIFFERENCE,
+    DIFFERENCE_AND_MEAN,
+    EMPTY,
+    Group,
+    Known,
+    Noise,
+    Problem,
+    RunRows,
+)
 from armload_identification.estimation.terms import Term
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.chain import Chain
@@ -87,7 +96,9 @@ class PayloadProblem:
         return replace(self, problem=replace(self.problem, groups=groups))
 
 
-def pair_problem(signal: LoadSignal, chain: Chain, coupling: FloatArray, arm: KnownArm | None) -> PayloadProblem:
+def pair_problem(
+    signal: LoadSignal, chain: Chain, coupling: FloatArray, arm: KnownArm | None, slow: LoadSignal | None = None
+) -> PayloadProblem:
     """A payload from two runs of one motion; without a calibration the gains are held.
 
     Args:
@@ -95,6 +106,7 @@ def pair_problem(signal: LoadSignal, chain: Chain, coupling: FloatArray, arm: Kn
         chain: The arm, with the tilt of its calibration.
         coupling: (n, n) C of its motors.
         arm: The calibrated arm; None if unknown.
+        slow: The same runs' slow rounds.
     """
     base, peak = _layout([signal.loaded, signal.unloaded], chain, coupling, arm)
     runs = [replace(run, valid=signal.valid) for run in (signal.loaded, signal.unloaded)]
@@ -111,11 +123,27 @@ def pair_problem(signal: LoadSignal, chain: Chain, coupling: FloatArray, arm: Kn
     # of the mean of both runs' rows, by the scatter of their samples alone
     sampled_nm = 0.5 * signal.averaged_noise_nm * float(np.sqrt(np.sum(window.weight**2)))
     noise = Noise.unknown(effort_level(rows), np.sqrt(sampled_nm**2 @ coupling**2))
+    groups = [group] if slow is None else [group, _slow_group(slow, chain, coupling, base)]
     if arm is not None:
-        problem = Problem(_known_arm(rows, chain, arm, peak), [group], noise, coupling, [arm.known])
+        problem = Problem(_known_arm(rows, chain, arm, peak), groups, noise, coupling, [arm.known])
         return PayloadProblem(problem, base, peak, signal.interval_s)
-    problem = Problem(_unknown_arm(rows, chain, base, peak), [group], noise, coupling)
+    problem = Problem(_unknown_arm(rows, chain, base, peak), groups, noise, coupling)
     return PayloadProblem(problem, base, peak, signal.interval_s).with_gains(np.zeros((chain.n, chain.n)))
+
+
+def _slow_group(signal: LoadSignal, chain: Chain, coupling: FloatArray, base: NDArray[np.bool_]) -> Group:
+    """The slow rounds of two runs, with friction changes and noise of their own.
+
+    Only their difference: the laws of friction do not describe so low speeds well.
+    """
+    runs = [replace(run, valid=signal.valid) for run in (signal.loaded, signal.unloaded)]
+    signals = [RunSignals.of_motion(run, coupling, "slow round") for run in runs]
+    peak = np.max([run.peak_rad_s for run in signals], axis=0)
+    loaded, unloaded = (
+        arm_rows(run, chain, coupling, base, peak, loaded=carries, spacing=2)
+        for run, carries in zip(signals, (True, False), strict=True)
+    )
+    return Group((RunRows(loaded, PAYLOAD), RunRows(unloaded)), DIFFERENCE, len(DIFFERENCE_AND_MEAN))
 
 
 def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownArm) -> PayloadProblem:

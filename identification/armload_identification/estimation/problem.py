@@ -22,6 +22,8 @@ EMPTY: Final = ""
 ALONE: Final = np.eye(1)
 DIFFERENCE_AND_MEAN: Final = np.array([[1.0, -1.0], [0.5, 0.5]])
 """Rows of two runs of one motion: the first without what both have in common."""
+DIFFERENCE: Final = DIFFERENCE_AND_MEAN[:1]
+"""The first of these rows alone, for runs whose common friction no law describes well enough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,20 +45,27 @@ class Group:
 
     Attributes:
         runs: These runs.
-        mix: (g, g) the combinations of their rows that are fitted, each with a noise of its own.
+        mix: (c, g) the combinations of their rows that are fitted, each with a noise of its own.
+        first_noise: Number of the first combination's noise; groups with the same number share their noises.
     """
 
     runs: tuple[RunRows, ...]
     mix: FloatArray = field(default_factory=lambda: ALONE)
+    first_noise: int = 0
+
+    @property
+    def noises(self) -> slice:
+        """Numbers of its combinations' noises."""
+        return slice(self.first_noise, self.first_noise + len(self.mix))
 
     @cached_property
     def effort_nm(self) -> FloatArray:
-        """(g, N, n) combinations of the measured torque."""
+        """(c, N, n) combinations of the measured torque."""
         return self.mixed(np.stack([run.rows.effort_nm for run in self.runs]))
 
     @cached_property
     def weight(self) -> FloatArray:
-        """(g, N, n) weight of a row, the least of its runs'; what the runs have in common leaves a difference."""
+        """(c, N, n) weight of a row, the least of its runs'; what the runs have in common leaves a difference."""
         alone, repeated = (
             np.min([getattr(run.rows, name) for run in self.runs], axis=0) for name in ("weight", "repeated")
         )
@@ -68,7 +77,7 @@ class Group:
         return self.runs[0].rows.time_s
 
     def mixed(self, values: FloatArray) -> FloatArray:
-        """(g, N, ...) combinations of the runs' values.
+        """(c, N, ...) combinations of the runs' values.
 
         Args:
             values: (g, N, ...).

@@ -373,7 +373,7 @@ class Posterior:
             group: Its index.
         """
         state = self.groups[group]
-        return np.asarray(_relative(state, self.noise_nm[: len(state.residual_nm)]).max(axis=0))
+        return np.asarray(_relative(state, self.noise_nm).max(axis=0))
 
     def change_without(self, group: int) -> FloatArray:
         """(s,) change of the shared unknowns without a group, by one step from the solution.
@@ -387,7 +387,7 @@ class Posterior:
         return change
 
     def without_axis(self, axis: int) -> tuple[FloatArray, FloatArray]:
-        """The shared unknowns of a single group without the rows of an axis, by one step from the solution.
+        """The shared unknowns without the rows of an axis, by one step from the solution.
 
         Args:
             axis: Its number.
@@ -395,19 +395,22 @@ class Posterior:
         Returns:
             (s,) unknowns, and (s, s) their covariance if rows are as independent as assumed.
         """
-        shared, own = self._free.size, self._own_precision(0)
-        information = np.diag(np.concatenate([np.zeros(shared), own]))
-        information[:shared, :shared] += self.known
-        gradient = np.zeros(len(information))
-        for rows in self.weighted_rows(0):
-            if rows.axis == axis:
-                gradient[rows.place] -= rows.rows.T @ rows.target
-            else:
-                information[np.ix_(rows.place, rows.place)] += rows.rows.T @ rows.rows
-        covariance = _solved(information, np.eye(len(information)))
+        shared = self._free.size
+        information, gradient = self.known, np.zeros(shared)
+        for index in range(len(self.groups)):
+            whole = np.diag(np.concatenate([np.zeros(shared), self._own_precision(index)]))
+            pull = np.zeros(len(whole))
+            for rows in self.weighted_rows(index):
+                if rows.axis == axis:
+                    pull[rows.place] -= rows.rows.T @ rows.target
+                else:
+                    whole[np.ix_(rows.place, rows.place)] += rows.rows.T @ rows.rows
+            part = _eliminate(whole, pull, shared, ())
+            information, gradient = information + part.information, gradient + part.gradient
+        covariance = _solved(information, np.eye(shared))
         values = self.x[: self.problem.shared_size].copy()
-        values[self._free] += (covariance @ gradient)[:shared]
-        return values, self._whole(covariance[:shared, :shared])
+        values[self._free] += covariance @ gradient
+        return values, self._whole(covariance)
 
     @cached_property
     def _free(self) -> NDArray[np.intp]:
@@ -483,7 +486,7 @@ class _Solver:
             place = np.concatenate([np.arange(self._shared)[problem.place(*term)] for term in known.terms])
             self._known_precision[np.ix_(place, place)] += known.precision
             self._known_target[place] += known.target
-        combinations = max(len(group.mix) for group in problem.groups)
+        combinations = max(group.noises.stop for group in problem.groups)
         noise = problem.noise
         self._noise = np.tile(noise.start_nm, (combinations, 1))
         self._residual = self._noise.copy()
@@ -533,20 +536,20 @@ class _Solver:
     def weigh(self, *, rough: bool) -> None:
         """Update noise, its autocorrelation, blows, and the weights of groups; with `rough`, priors as shares."""
         noise = self._problem.noise
-        weighted = [state.weighted_nm for state in self._groups]
-        for combination in range(len(self._noise)):
+        weighted = [(state, state.weighted_nm) for state in self._groups]
+        for number in range(len(self._noise)):
             parts = [
-                (state, part[combination])
-                for state, part in zip(self._groups, weighted, strict=True)
-                if len(part) > combination
+                (state, state.group.weight[number - state.group.first_noise], part[number - state.group.first_noise])
+                for state, part in weighted
+                if state.group.first_noise <= number < state.group.noises.stop
             ]
             for axis in range(self._noise.shape[1]):
-                self._weigh_axis(combination, axis, parts)
+                self._weigh_axis(number, axis, parts)
         if noise.robust:
             for state in self._groups:
-                size = np.abs(state.weighted_nm) / self._noise[: len(state.residual_nm), None]
+                size = np.abs(state.weighted_nm) / self._noise[state.group.noises, None]
                 state.struck = struck_samples(size.max(axis=0), state.group.time_s) if not rough else state.struck
-                relative = _relative(state, self._noise[: len(state.residual_nm)])
+                relative = _relative(state, self._noise)
                 state.trust = 1.0 / max(float(relative.max()) / Solver.deviates, 1.0) ** 2
         if rough:
             self._pool()
@@ -576,16 +579,18 @@ class _Solver:
     def _absorb(self, eliminated: Sequence[Eliminated]) -> None:
         """Count the independent rows of every combination and axis that the unknowns absorb."""
         self._absorbed = np.zeros_like(self._noise)
-        for part, covariance in zip(eliminated, self._covariances, strict=True):
+        for state, part, covariance in zip(self._groups, eliminated, self._covariances, strict=True):
             for axis in part.axes:
                 share = float(np.sum(axis.information * covariance[np.ix_(axis.place, axis.place)]))
-                self._absorbed[axis.combination, axis.axis] += share
+                self._absorbed[state.group.first_noise + axis.combination, axis.axis] += share
 
-    def _weigh_axis(self, combination: int, axis: int, parts: Sequence[tuple[GroupState, FloatArray]]) -> None:
-        """Update noise and autocorrelation of an axis."""
+    def _weigh_axis(
+        self, combination: int, axis: int, parts: Sequence[tuple[GroupState, FloatArray, FloatArray]]
+    ) -> None:
+        """Update a noise and its autocorrelation of an axis, from groups with (N, n) weights and residuals."""
         noise = self._problem.noise
-        values = np.concatenate([part[~state.struck, axis] for state, part in parts])
-        speed = np.concatenate([state.group.weight[combination, ~state.struck, axis] for state, _ in parts])
+        values = np.concatenate([part[~state.struck, axis] for state, _, part in parts])
+        speed = np.concatenate([weight[~state.struck, axis] for state, weight, _ in parts])
         moving = values[speed > Solver.moving]
         if moving.size < Solver.fewest_rows:
             return
@@ -595,7 +600,7 @@ class _Solver:
         found /= np.sqrt(max(1.0 - self._absorbed[combination, axis] / rows, Solver.least_left))
         self._noise[combination, axis] = np.clip(found, noise.least_nm[axis], noise.greatest_nm[axis])
         if noise.correlation is None:
-            self._correlation[combination, axis] = _integrated([part[:, axis] for _, part in parts], bound)
+            self._correlation[combination, axis] = _integrated([part[:, axis] for _, _, part in parts], bound)
 
     def posterior(self, steps: int) -> Posterior:
         """The posterior at the present unknowns."""
@@ -691,9 +696,9 @@ class _Solver:
 
 def _row_weights(state: GroupState, noise_nm: FloatArray, correlation: FloatArray, *, robust: bool) -> FloatArray:
     """(g, N, n) weight of every row: root of its inverse variance."""
-    size = len(state.residual_nm)
-    noise = noise_nm[:size, None]
-    weight = state.group.weight * (np.sqrt(state.trust) / (noise * np.sqrt(correlation[:size, None])))
+    noises = state.group.noises
+    noise = noise_nm[noises, None]
+    weight = state.group.weight * (np.sqrt(state.trust) / (noise * np.sqrt(correlation[noises, None])))
     if robust:
         outlying = np.maximum(np.abs(state.weighted_nm) / (Solver.huber * noise), 1.0)
         weight = weight / np.sqrt(outlying)
@@ -777,5 +782,6 @@ def _integrated(parts: Sequence[FloatArray], bound: float) -> float:
 
 
 def _relative(state: GroupState, noise_nm: FloatArray) -> FloatArray:
-    """(g, n) RMS over the rows, relative to the noise."""
-    return np.asarray(np.sqrt(np.mean((state.weighted_nm[:, ~state.struck] / noise_nm[:, None]) ** 2, axis=1)))
+    """(c, n) RMS over the rows, relative to the noise."""
+    relative = state.weighted_nm[:, ~state.struck] / noise_nm[state.group.noises, None]
+    return np.asarray(np.sqrt(np.mean(relative**2, axis=1)))

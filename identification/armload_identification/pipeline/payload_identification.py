@@ -34,7 +34,7 @@ from armload_identification.pipeline.operator_notes import misfit_notes, notes_o
 from armload_identification.pipeline.weighed_mass import CONTRADICTS, note_on_mass
 from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.load_signal import load_signal
+from armload_identification.signals.load_signal import load_signal, slow_round_signal
 from armload_identification.verdict.recording_checks.column_mistakes import looks_wrong, refuse_wrong_columns
 from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
 from armload_identification.verdict.recording_checks.joint_scales import joint_scales
@@ -143,7 +143,8 @@ def _by_difference(
     if looks_wrong(signal, body if arm is None else None):
         require_right_columns()
     gains = transmission.gains(from_torque=loaded.torque_nm is not None)
-    problem = pair_problem(signal, chain, transmission.coupling, arm)
+    slow = slow_round_signal(loaded, unloaded, transmission) if signal.periodic else None
+    problem = pair_problem(signal, chain, transmission.coupling, arm, slow)
     errors = gains.errors if arm is None else arm.errors
     # At half of the greatest speed: a short run cannot tell Coulomb friction from the rest.
     friction_nm = np.abs(ArmFriction.of(body.model, signal.unloaded.states.velocity_rad_s).torque_nm)

@@ -153,6 +153,23 @@ def load_signal(loaded: Recording, unloaded: Recording, transmission: Transmissi
     return _by_position(loaded, unloaded, transmission)
 
 
+def slow_round_signal(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal | None:
+    """The same of what two runs recorded before their periods, the slow round; None if it is not the same motion."""
+    before = [_before_periods(run) for run in (loaded, unloaded)]
+    try:
+        return _by_position(before[0], before[1], transmission) if all(run.size for run in before) else None
+    except RecordingError:
+        return None
+
+
+def _before_periods(run: Recording) -> Recording:
+    """The longest part without an interruption before a run's first phase; no rows if there is none."""
+    first = 0 if run.phase_s is None else int(np.argmax(np.isfinite(run.phase_s)))
+    edges = [0, *(np.flatnonzero(np.diff(run.time_s[:first]) > RunAlignment.shortest_s) + 1), first]
+    longest = int(np.argmax(np.diff(edges)))
+    return replace(run.rows(slice(edges[longest], edges[longest + 1])), phase_s=None, excitation=None)
+
+
 def without_body(motion: Motion, body_nm: FloatArray) -> LoadSignal:
     """Torque of a loaded run minus (K, n) N m of the empty arm with friction, with the noise of one run."""
     nothing = np.zeros(motion.n)
