@@ -438,10 +438,12 @@ class ArmCalibration:
 
     @cached_property
     def independent_errors(self) -> FloatArray:
-        """(k, p) change of the unknowns for one standard deviation of each independent error."""
+        """(p, p) change of the unknowns for one standard deviation of each independent error.
+
+        The symmetric root: any computer finds the same, as payload files that are compared refer to these errors.
+        """
         values, vectors = np.linalg.eigh(self.covariance)
-        kept = values > 0.0
-        return np.asarray((vectors[:, kept] * np.sqrt(values[kept])).T)
+        return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
 
     def require_arm(self, chain: Chain, coupling: FloatArray) -> None:
         """Raise unless the calibration belongs to an arm.

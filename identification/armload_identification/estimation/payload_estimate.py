@@ -216,8 +216,8 @@ class PayloadEstimate:
         contrast[:, place], of_gains = seen_slope, seen_slope @ self.gain_slope
         contrast[:, gains] = of_gains
         covariance, freedom = self.posterior.joint_spread(contrast)
-        apart = self.considered + self.considered_gains @ self.gain_slope.T
-        shifts = np.vstack([self.shifts, apart]) @ seen_slope.T
+        shifts = self.shifts @ seen_slope.T
+        apart = seen_slope @ (self.considered + self.considered_gains @ self.gain_slope.T).T
         unseen = np.vstack([self.considered_gains, self.uneven_gains])
         unit = unknown_deviation(mass_kg)
         directions = ((slope * self.scale) @ self.blind) / unit[:, None]
@@ -230,6 +230,7 @@ class PayloadEstimate:
             gain_nm_a=gain,
             gain_slope=of_gains,
             gain_covariance=self.posterior.covariance[gains, gains] + unseen.T @ unseen,
+            calibration_slope=apart if len(self.considered) > gain.size else apart[:, :0],
         )
 
     def without(self, axis: int) -> tuple[FloatArray, FloatArray, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Final
 
 import numpy as np
@@ -38,6 +39,7 @@ class CovarianceTable(Table):
     mass_center: NumberRows
     degrees_of_freedom: Annotated[float, Field(gt=0)]
     gains: _GainsTable | None = None
+    calibration_slope: NumberRows | None = None
 
     @model_validator(mode="after")
     def _covariances_of_one_gain_per_axis(self) -> CovarianceTable:
@@ -47,6 +49,8 @@ class CovarianceTable(Table):
             n = self.gains.gain_nm_a.size
             require_shapes("gains", self.gains, {"slope": (4, n), "covariance": (n, n)})
             require_covariance("gains.covariance", self.gains.covariance)
+        if self.calibration_slope is not None:
+            require_shape("calibration_slope", self.calibration_slope, (4, self.calibration_slope.shape[1]))
         return self
 
     def covariance(self) -> MassCenterCovariance:
@@ -54,18 +58,23 @@ class CovarianceTable(Table):
         measured, freedom, gains = self.mass_center, self.degrees_of_freedom, self.gains
         if gains is None:
             return MassCenterCovariance.of_measured(measured, freedom)
-        return MassCenterCovariance(measured, freedom, gains.gain_nm_a, gains.slope, gains.covariance)
+        known = MassCenterCovariance(measured, freedom, gains.gain_nm_a, gains.slope, gains.covariance)
+        return known if self.calibration_slope is None else replace(known, calibration_slope=self.calibration_slope)
 
 
 def covariance_lines(known: MassCenterCovariance | None) -> list[str]:
     """The lines of `[covariance]`; none without a covariance."""
     if known is None:
         return []
+    slope = [[float(f"{value:.3e}") for value in row] for row in known.calibration_slope]
+    calibration = {"calibration_slope": np.array(slope)} if known.calibration_slope.size else {}
     lines = [
         "# Of [mass, cx, cy, cz] in kg and m, without the share of the drive gains, which results obtained with the",
         "# same gains have in common. slope: change of the four per change of the logarithm of each gain; covariance:",
-        "# of these logarithms.",
-        *toml_text.table("covariance", {"mass_center": known.measured, "degrees_of_freedom": known.freedom}),
+        "# of these logarithms. calibration_slope: change per standard deviation of each other error of a calibration.",
+        *toml_text.table(
+            "covariance", {"mass_center": known.measured, "degrees_of_freedom": known.freedom, **calibration}
+        ),
     ]
     if known.gain_nm_a.size:
         gains = {"gain_nm_a": known.gain_nm_a, "slope": known.gain_slope, "covariance": known.gain_covariance}

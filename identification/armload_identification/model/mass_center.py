@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -15,17 +15,19 @@ _NORMAL_95: Final = 1.959964
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MassCenterCovariance:
-    """Covariance of [mass, cx, cy, cz] in kg and m, with the drive gains' share kept separately.
+    """Covariance of [mass, cx, cy, cz] in kg and m, with the drive gains' and the calibration's shares kept separately.
 
-    Two results obtained with the same gains share the gains' error. In a comparison only the difference of its effects
-    on the two matters, which requires the slopes.
+    Two results obtained with the same gains, or with the same calibration, share its errors. In a comparison only the
+    difference of their effects on the two matters, which requires the slopes.
 
     Attributes:
-        measured: (4, 4) covariance without the gains' share.
+        measured: (4, 4) covariance without these shares.
         freedom: Degrees of freedom of `measured`; inf if it is known exactly.
         gain_nm_a: (n,) gains by which currents, or reported torques, were multiplied; empty without any.
         gain_slope: (4, n) change of the four per change of the logarithm of each gain.
         gain_covariance: (n, n) of the logarithms of the gains.
+        calibration_slope: (4, k) change of the four per standard deviation of each independent error of a calibration,
+            beyond what its gains explain; k = 0 without one.
     """
 
     measured: FloatArray
@@ -33,6 +35,7 @@ class MassCenterCovariance:
     gain_nm_a: FloatArray
     gain_slope: FloatArray
     gain_covariance: FloatArray
+    calibration_slope: FloatArray = field(default_factory=lambda: np.zeros((4, 0)))
 
     @classmethod
     def of_measured(cls, measured: FloatArray, freedom: float) -> MassCenterCovariance:
@@ -57,9 +60,26 @@ class MassCenterCovariance:
         return cls.of_measured(np.diag(np.where(known, deviation, unknown_deviation(mass_kg)) ** 2), np.inf)
 
     @property
-    def from_gains(self) -> FloatArray:
-        """(4, 4) the gains' share."""
-        return np.asarray(self.gain_slope @ self.gain_covariance @ self.gain_slope.T)
+    def held(self) -> FloatArray:
+        """(4, 4) the share of gains and calibration."""
+        gains = self.gain_slope @ self.gain_covariance @ self.gain_slope.T
+        return np.asarray(gains + self.calibration_slope @ self.calibration_slope.T)
+
+    @property
+    def total(self) -> FloatArray:
+        """(4, 4) everything."""
+        return np.asarray(self.measured + self.held)
+
+    def minus(self, other: MassCenterCovariance) -> MassCenterCovariance:
+        """Covariance of the difference; its freedom is that of the less certain one, which is at most that of both."""
+        measured, freedom = self.measured + other.measured, min(self.freedom, other.freedom)
+        if not self.same_gains_as(other):
+            return replace(self, measured=measured + other.held, freedom=freedom)
+        gains = max((self.gain_covariance, other.gain_covariance), key=np.trace)
+        one, two = self.calibration_slope, other.calibration_slope
+        calibration = one - two if one.shape == two.shape else np.hstack([one, two])
+        slope = self.gain_slope - other.gain_slope
+        return MassCenterCovariance(measured, freedom, self.gain_nm_a, slope, gains, calibration)
 
     def same_gains_as(self, other: MassCenterCovariance) -> bool:
         """Whether both were obtained with the same gains."""

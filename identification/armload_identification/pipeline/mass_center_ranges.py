@@ -87,7 +87,7 @@ def _which(there: NDArray[np.bool_]) -> list[int]:
 def _without_ranges(found: Identification, limits: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(4,) mass and centre of mass and (4, 4) their covariance, scaled to the 95 % intervals."""
     mean = found.uncertainty.values[:4].copy()
-    covariance = found.mass_center.measured + found.mass_center.from_gains
+    covariance = found.mass_center.total
     deviation = found.uncertainty.half_width_95[:4] / NORMAL_HALF_WIDTH
     blind = np.isinf(deviation)
     wider = np.where(blind, 1.0, deviation / np.sqrt(np.diag(covariance)))

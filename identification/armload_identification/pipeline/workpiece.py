@@ -2,10 +2,11 @@
 
     theta_w = theta_whole - theta_tool,   cov(m, m c) = cov_whole + cov_tool
 
-for mass and first moments, which are linear in theta; drive gains that both were identified with count once, with the
-difference of the slopes. Mass and centre of mass of the workpiece follow to first order. Its inertia about its own
-centre of mass is the difference of two much greater ones, whose covariances payload files do not contain: it is not
-determined, and the model has the nearest possible one.
+for mass and first moments, which are linear in theta. Drive gains and a calibration that both were identified with
+count once, with the difference of the slopes; drifts since the calibration, which differ from day to day, count twice.
+Mass and centre of mass of the workpiece follow to first order. Its inertia about its own centre of mass is the
+difference of two much greater ones, whose covariances payload files do not contain: it is not determined, and the model
+has the nearest possible one.
 
 An unloaded run that both have in common makes the intervals wider than necessary, not narrower.
 """
@@ -44,8 +45,13 @@ class Workpiece:
     half_width_95: FloatArray
 
     @staticmethod
-    def of(whole: PayloadResult, tool: PayloadResult) -> Workpiece:
+    def of(whole: PayloadResult, tool: PayloadResult, gain_drift: float = 0.0) -> Workpiece:
         """The whole minus the tool, both identified on the same arm.
+
+        Args:
+            whole: The tool with what it carries.
+            tool: The tool.
+            gain_drift: Standard deviation of the drift that all gains have in common on a day: each has its own.
 
         Raises:
             EstimationError: the difference has no mass.
@@ -59,8 +65,10 @@ class Workpiece:
             )
         center = theta[1:4] / theta[0]
         parts = [_expressed(result, _back(theta[0], center)) for result in (whole, tool)]
-        covariance = _difference(*parts)
-        total = covariance.measured + covariance.from_gains
+        drifted = gain_drift * np.stack([part.gain_slope.sum(axis=1) for part in parts])
+        covariance = parts[0].minus(parts[1])
+        covariance = replace(covariance, measured=covariance.measured + drifted.T @ drifted)
+        total = covariance.total
         half_width = student_half_width(_freedom(parts, total)) * np.sqrt(np.diag(total))
         return Workpiece(_possible(theta, center), covariance, half_width)
 
@@ -93,17 +101,12 @@ def _expressed(result: PayloadResult, back: FloatArray) -> MassCenterCovariance:
     there = body.mass_kg * np.eye(4)
     there[0, 0], there[1:, 0] = 1.0, body.center_of_mass_m
     turn = back @ there
-    return replace(known, measured=turn @ known.measured @ turn.T, gain_slope=turn @ known.gain_slope)
-
-
-def _difference(whole: MassCenterCovariance, tool: MassCenterCovariance) -> MassCenterCovariance:
-    """Covariance of the difference; its freedom is that of the less certain one, which is at most that of both."""
-    freedom = min(whole.freedom, tool.freedom)
-    if whole.same_gains_as(tool):
-        gains = max((whole.gain_covariance, tool.gain_covariance), key=np.trace)
-        slope = whole.gain_slope - tool.gain_slope
-        return MassCenterCovariance(whole.measured + tool.measured, freedom, whole.gain_nm_a, slope, gains)
-    return replace(whole, measured=whole.measured + tool.measured + tool.from_gains, freedom=freedom)
+    return replace(
+        known,
+        measured=turn @ known.measured @ turn.T,
+        gain_slope=turn @ known.gain_slope,
+        calibration_slope=turn @ known.calibration_slope,
+    )
 
 
 def _freedom(parts: list[MassCenterCovariance], total: FloatArray) -> FloatArray:

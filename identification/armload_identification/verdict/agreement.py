@@ -2,8 +2,8 @@
 
     d = [m, c]_measured - [m, c]_judged,        C = C_measured + C_judged + C_gains + diag(5 g, 1 mm, 1 mm, 1 mm)^2
 
-If both were obtained with the same gains, C_gains contains only the difference of the effects of a gain's error on the
-two. With nu degrees of freedom the payload differs if
+If both were obtained with the same gains or calibration, C_gains contains only the difference of the effects of its
+errors on the two. With nu degrees of freedom the payload differs if
 
     (d^T C^-1 d / 4) (nu - 3) / nu > F_0.99(4, nu - 3)
 
@@ -131,7 +131,7 @@ class LengthNeeded:
 def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agreement:
     """Outcome and statistics of a payload judged by an independent measurement of it."""
     difference = measured.values - judged.values
-    gains = _gain_covariance(judged.covariance, measured.covariance)
+    gains = _held(judged.covariance, measured.covariance)
     covariance, freedom = _difference_covariance(judged.covariance, measured.covariance, gains)
     statistic = _f_statistic(difference, covariance, freedom)
     critical = _critical_and_detectable(freedom)[0]
@@ -169,7 +169,7 @@ def length_needed(judged: Known, measured: Known, tolerance: Tolerance) -> Lengt
     from scipy.optimize import brentq
 
     tolerance_kg = tolerance.mass_share * judged.parameters.mass_kg
-    gains = _gain_covariance(judged.covariance, measured.covariance)
+    gains = _held(judged.covariance, measured.covariance)
 
     def excess(log_factor: float, of_gains: FloatArray) -> float:
         """Relative excess over its tolerance of the worse of the two noticeable errors."""
@@ -186,13 +186,9 @@ def length_needed(judged: Known, measured: Known, tolerance: Tolerance) -> Lengt
     return LengthNeeded(float(np.exp(log_factor)), gains_limit=False)
 
 
-def _gain_covariance(one: MassCenterCovariance, other: MassCenterCovariance) -> FloatArray:
-    """(4, 4) the gains' share of the covariance of the difference."""
-    if not one.same_gains_as(other):
-        return one.from_gains + other.from_gains
-    unshared = one.gain_slope - other.gain_slope
-    covariance = max((one.gain_covariance, other.gain_covariance), key=np.trace)
-    return np.asarray(unshared @ covariance @ unshared.T)
+def _held(one: MassCenterCovariance, other: MassCenterCovariance) -> FloatArray:
+    """(4, 4) the share of gains and calibration in the covariance of the difference."""
+    return np.asarray(one.minus(other).total - one.measured - other.measured)
 
 
 def _difference_covariance(

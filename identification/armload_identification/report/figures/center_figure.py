@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from armload_identification.model.payload import PayloadResult
-from armload_identification.report.numerals import NO_BREAK, numeral
+from armload_identification.numerals import NO_BREAK, numeral
 from armload_identification.report.parameters import half_widths
 
 FLANGE_MM: Final = 63.0
@@ -57,8 +57,7 @@ def _correlation(payload: PayloadResult, one: int, other: int) -> float:
     """Correlation of two coordinates; 0 if unknown."""
     if payload.mass_center is None:
         return 0.0
-    known = payload.mass_center
-    covariance = (known.measured + known.from_gains)[1:, 1:]
+    covariance = payload.mass_center.total[1:, 1:]
     size = float(np.sqrt(covariance[one, one] * covariance[other, other]))
     return float(np.clip(covariance[one, other] / size, -0.999, 0.999)) if size > 0.0 else 0.0
 

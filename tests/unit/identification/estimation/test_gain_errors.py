@@ -216,7 +216,7 @@ def test_held_at_the_gains_that_were_found_the_payload_is_the_same(found):
         np.testing.assert_allclose(same.mass_center.gain_slope[:, axis], change, rtol=0.2, atol=0.025)
     for each in (share, same.mass_center):
         np.testing.assert_allclose(each.gain_slope.sum(axis=1), [PAYLOAD.mass_kg, 0, 0, 0], atol=0.02)
-    whole = share.measured + share.from_gains
+    whole = share.total
     assert one.uncertainty.half_width_95[0] == pytest.approx(1.96 * np.sqrt(whole[0, 0]), rel=0.1)
 
 

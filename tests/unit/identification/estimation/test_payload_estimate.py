@@ -92,7 +92,7 @@ def test_gains_stand_apart_as_slopes(regressor, pinocchio_arm, torque, deviation
     np.testing.assert_array_equal(known.gain_nm_a, pinocchio_arm.transmission.gain_nm_a)
     # All gains together scale the torque: the mass changes and the centre of mass does not.
     np.testing.assert_allclose(known.gain_slope.sum(axis=1), [found.theta[0], 0, 0, 0], atol=2e-3)
-    whole = known.measured + known.from_gains
+    whole = known.total
     variance, _ = found.spread(slope_at(found.theta))
     # The slopes are those of independent rows, the covariance is that of the residual: up to 19 % wider here.
     np.testing.assert_allclose(np.sqrt(np.diag(whole)), np.sqrt(variance), rtol=0.25)

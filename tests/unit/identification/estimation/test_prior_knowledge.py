@@ -196,7 +196,7 @@ def test_a_range_that_the_data_contradict_is_refused(plain, given, message):
 
 def test_ranges_that_the_data_contradict_together_are_refused(plain):
     mean, width = plain.uncertainty.values[:4], plain.uncertainty.half_width_95[:4]
-    covariance = plain.mass_center.measured + plain.mass_center.from_gains
+    covariance = plain.mass_center.total
     deviation = np.sqrt(np.diag(covariance))
     rarest = np.linalg.eigh(covariance / np.outer(deviation, deviation))[1][:, 0]
     near, far = mean + 0.9 * np.sign(rarest) * width, mean + 3.0 * np.sign(rarest) * width

@@ -212,7 +212,7 @@ def test_a_broken_covariance_is_refused(payload, old, new, message):
 def test_intervals_and_covariance_agree(payload):
     """With equal degrees of freedom, the covariance's intervals are those in the file."""
     half_width = 0.5 * np.diff(payload.interval_95[:4], axis=1)[:, 0]
-    deviation = np.sqrt(np.diag(payload.mass_center.measured + payload.mass_center.from_gains))
+    deviation = np.sqrt(np.diag(payload.mass_center.total))
     assert ((half_width / deviation > 1.9) & (half_width / deviation < 2.6)).all()
 
 

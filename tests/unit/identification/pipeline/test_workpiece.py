@@ -57,10 +57,37 @@ def test_an_error_of_gains_that_both_share_counts_once():
         return {"gain_nm_a": np.ones(1), "gain_slope": slope, "gain_covariance": np.array([[0.02**2]])}
 
     shared = Workpiece.of(result(BOTH, gains=scaled(BOTH)), result(TOOL, gains=scaled(TOOL)))
-    np.testing.assert_allclose(np.sqrt(np.diag(shared.mass_center.from_gains)), [0.02 * 0.5, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(np.sqrt(np.diag(shared.mass_center.held)), [0.02 * 0.5, 0, 0, 0], atol=1e-12)
     others = scaled(TOOL) | {"gain_nm_a": np.full(1, 2.0)}
     apart = Workpiece.of(result(BOTH, gains=scaled(BOTH)), result(TOOL, gains=others))
     assert apart.half_width_95[0] > 4 * shared.half_width_95[0]
+
+
+def test_an_error_of_the_calibration_that_both_share_counts_once():
+    """Two errors, of which the first affects both masses alike and the second only the whole."""
+    gains = {"gain_nm_a": np.ones(1), "gain_slope": np.zeros((4, 1)), "gain_covariance": np.eye(1)}
+    of_whole, of_tool = np.zeros((2, 4, 2))
+    of_whole[0], of_tool[0] = (0.03, 0.01), (0.03, 0.0)
+    whole = result(BOTH, gains=gains | {"calibration_slope": of_whole})
+    shared = Workpiece.of(whole, result(TOOL, gains=gains | {"calibration_slope": of_tool}))
+    np.testing.assert_allclose(np.sqrt(shared.mass_center.held[0, 0]), 0.01, rtol=1e-9)
+    other = gains | {"gain_nm_a": np.full(1, 2.0), "calibration_slope": of_tool}
+    apart = Workpiece.of(whole, result(TOOL, gains=other)).mass_center.total[0, 0]
+    np.testing.assert_allclose(apart, 2 * 0.004**2 + 2 * 0.03**2 + 0.01**2, rtol=1e-9)
+
+
+def test_a_drift_of_the_day_counts_for_each():
+    """Gains that are 1 % off on one day need not be on the other: 3.5 and 3 kg are each off by their own 1 %."""
+    slope = np.zeros((4, 1))
+
+    def exact(body):
+        slope[0] = body.mass_kg
+        return result(
+            body, gains={"gain_nm_a": np.ones(1), "gain_slope": slope.copy(), "gain_covariance": 0 * np.eye(1)}
+        )
+
+    found = Workpiece.of(exact(BOTH), exact(TOOL), 0.01).mass_center
+    np.testing.assert_allclose(found.total[0, 0], 2 * 0.004**2 + 0.035**2 + 0.03**2, rtol=1e-9)
 
 
 def test_few_degrees_of_freedom_widen_the_interval():

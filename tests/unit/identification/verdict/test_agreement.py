@@ -184,7 +184,7 @@ def test_a_payload_moves_with_its_gains():
     np.testing.assert_allclose(now.values - was.values, slope[:, 0] * np.log(1.02), atol=1e-12)
     np.testing.assert_allclose(now.parameters.inertia_about_com, was.parameters.inertia_about_com, atol=1e-12)
     assert now.covariance.same_gains_as(by_gains(TRUE, gain, slope).covariance)
-    np.testing.assert_allclose(now.covariance.from_gains, 1e-6 * slope @ slope.T)
+    np.testing.assert_allclose(now.covariance.held, 1e-6 * slope @ slope.T)
     with pytest.raises(ModelError, match="gains of 0 axes"):
         with_gains(known(TRUE), gain, covariance)
 
