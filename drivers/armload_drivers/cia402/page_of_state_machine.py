@@ -1,4 +1,4 @@
-"""The power state machine as a Mermaid diagram, drawn from the tables that both sides run on.
+"""The power state machine as a table in Markdown, from the tables that both sides run on.
 
 `drivers/README.md` shows it, and a test compares the two.
 """
@@ -8,15 +8,13 @@ from __future__ import annotations
 from armload_drivers.cia402.state_machine import FAULT_RESET_BIT, POWERED, TRANSITIONS, Command, State, Transition
 
 
-def mermaid() -> str:
-    """The diagram: every state with its statusword, every transition with its number and trigger."""
-    lines = ["stateDiagram-v2", "    classDef powered stroke-width:4px"]
+def table() -> str:
+    """Every state with its statusword, whether it carries torque, and every transition from it with its trigger."""
+    lines = ["| state | 6041 | torque | transitions |", "|---|---|---|---|"]
     for state in State:
-        lines.append(f"    {state.name} : {state.title}<br/>6041 & 0x{state.mask:02X} = 0x{state.bits:02X}")
-    lines.append("    [*] --> NOT_READY_TO_SWITCH_ON : 0 power on")
-    lines.append("    [*] --> FAULT_REACTION_ACTIVE : 13 fault, from any state")
-    lines += [f"    {t.source.name} --> {t.target.name} : {_label(t)}" for t in TRANSITIONS]
-    lines += [f"    class {state.name} powered" for state in State if state in POWERED]
+        out = "<br>".join(f"{_label(t)}: {t.target.title}" for t in TRANSITIONS if t.source is state)
+        word = f"`& 0x{state.mask:02X} = 0x{state.bits:02X}`"
+        lines.append(f"| {state.title} | {word} | {'yes' if state in POWERED else ''} | {out} |")
     return "\n".join(lines)
 
 
