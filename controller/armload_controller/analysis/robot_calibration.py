@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
-from os import PathLike
 
 from armload_controller.config.measured_arm import MeasuredArm
-from armload_controller.config.objects_or_paths import FilePath, arm_of
+from armload_controller.config.objects_or_paths import FilePath, arm_of, several_runs
 from armload_controller.config.robot_runs import ArmRuns, read_runs
 from armload_identification.calibration.calibrate_arm import calibrate_arm
 from armload_identification.calibration.calibration_result import ArmCalibration
@@ -21,7 +20,7 @@ _PARTS = 100
 
 def calibrate(
     robot: MeasuredArm | FilePath,
-    runs: FilePath | Sequence[Recording | FilePath],
+    runs: Recording | FilePath | Sequence[Recording | FilePath],
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> CalibratedArm:
@@ -56,8 +55,7 @@ def calibrate(
             return None
         return lambda done, total: progress(first + _PARTS * done // total, 2 * _PARTS)
 
-    given = [runs] if isinstance(runs, str | PathLike) else runs
-    result = calibrate_from_runs(arm, read_runs(arm, given, half(0)), half(_PARTS))
+    result = calibrate_from_runs(arm, read_runs(arm, several_runs(runs), half(0)), half(_PARTS))
     return CalibratedArm(arm.description, tuple(arm.joint_names), result, version("armload"))
 
 

@@ -7,9 +7,8 @@ from os import PathLike
 from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import Calibration, calibration_from
-from armload_controller.config.objects_or_paths import FilePath, payload_from
+from armload_controller.config.objects_or_paths import PayloadSource, payload_from, require_type
 from armload_identification.identification_errors import PayloadFileError
-from armload_identification.model.payload import PayloadResult
 from armload_identification.results.payload_comparison import PayloadComparison
 from armload_identification.verdict import cad_comparison
 from armload_identification.verdict.agreement import compare_known
@@ -18,8 +17,8 @@ from armload_identification.verdict.tolerance import Tolerance
 
 
 def compare(
-    payload: PayloadResult | FilePath,
-    cad: PayloadResult | FilePath,
+    payload: PayloadSource,
+    cad: PayloadSource,
     *,
     calibration: Calibration | None = None,
     tolerance: Tolerance | None = None,
@@ -41,6 +40,7 @@ def compare(
         >>> armload.compare(payload, "runs/today/payload.toml").outcome.value
         'right'
     """
+    require_type("tolerance", tolerance, Tolerance)
     estimate, truth = payload_from(payload, "payload"), payload_from(cad, "cad")
     judged, corrected = known_payload(estimate), None
     if calibration is not None:

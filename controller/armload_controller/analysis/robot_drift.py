@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
-from os import PathLike
 
 from armload_controller.analysis.arm_in_use import Calibration, arm_in_use
 from armload_controller.config.measured_arm import MeasuredArm
-from armload_controller.config.objects_or_paths import FilePath, arm_of, recording_of
+from armload_controller.config.objects_or_paths import FilePath, arm_of, recording_of, several_runs
 from armload_controller.config.robot_runs import UNLOADED, listed_runs
 from armload_controller.control_errors import CommissioningError
 from armload_identification.calibration.run_health import RunHealth, run_health
@@ -20,7 +19,7 @@ from armload_identification.results.arm_history import ArmHistory
 
 def drift(
     robot: MeasuredArm | FilePath,
-    runs: FilePath | Sequence[Recording | FilePath],
+    runs: Recording | FilePath | Sequence[Recording | FilePath],
     *,
     calibration: Calibration | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -47,7 +46,7 @@ def drift(
     arm = arm_of(robot)
     used = arm_in_use(arm, calibration)
     known, _ = used.calibrated("comparing runs requires the arm's calibration")
-    rows, from_table = listed_runs([runs] if isinstance(runs, str | PathLike) else runs)
+    rows, from_table = listed_runs(several_runs(runs))
     health: list[RunHealth] = []
     left_out: list[tuple[str, str]] = []
     for done, (given, row) in enumerate(rows, 1):

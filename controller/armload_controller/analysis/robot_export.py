@@ -10,7 +10,7 @@ from os import PathLike
 from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import Calibration, arm_in_use, calibration_of
-from armload_controller.config.objects_or_paths import FilePath, payload_from, robot_of
+from armload_controller.config.objects_or_paths import FilePath, PayloadSource, payload_from, robot_of
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ExportError
 from armload_controller.export.export_files import write_files
@@ -18,7 +18,7 @@ from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.format_registry import DEFAULT_LICENCE, LOAD_DATA, OF_AN_ARM, ExportFormat, exporter
 from armload_identification.files.calibration_file import is_calibration
 from armload_identification.files.payload_file import format_payload
-from armload_identification.model.payload import PARAMETER_NAMES, PayloadResult
+from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.result_table import PrintedResult, ResultTable
 
 
@@ -46,7 +46,7 @@ class Exported(PrintedResult):
 
 def export(
     robot: Robot | FilePath,
-    payload: PayloadResult | FilePath,
+    payload: PayloadSource,
     export_format: ExportFormat | str,
     output: FilePath = ".",
     *,

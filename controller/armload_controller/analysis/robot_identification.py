@@ -10,12 +10,21 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import version
 from math import isfinite
+from os import PathLike
 from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
 from armload_controller.analysis.stated_drift import StatedDrift
 from armload_controller.config.measured_arm import MeasuredArm
-from armload_controller.config.objects_or_paths import FilePath, RunSource, arm_of, payload_from, recording_of
+from armload_controller.config.objects_or_paths import (
+    FilePath,
+    PayloadSource,
+    RunSource,
+    arm_of,
+    payload_from,
+    recording_of,
+    require_type,
+)
 from armload_controller.config.robot_recordings import RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
 from armload_identification.calibration.session_gains import SessionGains
@@ -104,7 +113,7 @@ def identify(
     calibration: Calibration | None = None,
     known: KnownPayload | None = None,
     tolerance: Tolerance | None = None,
-    minus: PayloadResult | FilePath | None = None,
+    minus: PayloadSource | None = None,
     gain_drift: float | None = None,
     reference: RunSource | None = None,
     reference_mass_kg: float | None = None,
@@ -153,6 +162,7 @@ def identify(
         >>> result.report("report.html")
     """
     require_extra(Extra.IDENTIFY, "identifying a payload")
+    require_type("known", known, KnownPayload)
     if minus is not None and validation is not None:
         raise EstimationError(
             "a validation judges the whole load, not what is left without the tool: identify the whole with the "
@@ -160,7 +170,7 @@ def identify(
         )
     arm = arm_of(robot)
     used = arm_in_use(arm, calibration)
-    tool = None if minus is None else payload_of(minus, arm, "the tool to subtract")
+    tool = None if minus is None else payload_of(minus, arm, "minus")
     gains = used.transmission
     if tool is not None and used.known is None:  # the same gains, so that their error affects both alike
         gains = gains_to_compare_by(tool.mass_center, gains)
@@ -188,7 +198,8 @@ def identify(
             f"The workpiece alone: the whole, {payload.model.mass_kg:.4g} kg, minus the tool, {tool.model.mass_kg:.4g} "
             "kg. Its intervals contain the uncertainty of both; its inertia is not determined."
         )
-        payload = Workpiece.of(payload, tool).result(payload)
+        drift = 0.0 if session is None else session.deviation
+        payload = Workpiece.of(payload, tool, drift).result(payload)
     if used.calibration is not None:
         (file,) = used.calibration_sha256
         notes.append(
@@ -292,7 +303,7 @@ def identify_over_time(
 
 def validate(
     robot: MeasuredArm | FilePath,
-    payload: PayloadResult | FilePath,
+    payload: PayloadSource,
     loaded: RunSource,
     unloaded: RunSource,
     *,
@@ -370,6 +381,7 @@ def _validated(
     findings: Findings, arm: MeasuredArm, used: ArmInUse, pair: RunPair, tolerance: Tolerance | None
 ) -> Findings:
     """The findings with the verdict of a pair of runs."""
+    require_type("tolerance", tolerance, Tolerance)
     loaded, unloaded = (recording_of(arm, run, "validation") for run in pair)
     judged = payload_validation.validate(
         loaded, unloaded, used.chain, used.transmission, findings.payload, tolerance, arm=used.known
@@ -396,10 +408,10 @@ def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:
     )
 
 
-def payload_of(payload: PayloadResult | FilePath, arm: MeasuredArm, argument: str = "payload") -> PayloadResult:
+def payload_of(payload: PayloadSource, arm: MeasuredArm, argument: str = "payload") -> PayloadResult:
     """A payload of an arm, in the flange frame; `argument` is its name in messages if it is not a file."""
     result = payload_from(payload, argument)
-    source = argument if result is payload else str(payload)
+    source = str(payload) if isinstance(payload, str | PathLike) else argument
     problem = another_arms(result, arm.chain, arm.name)
     if problem is not None:
         raise PayloadFileError(source, "provenance.robot", result.provenance.robot, problem)

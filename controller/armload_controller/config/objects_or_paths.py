@@ -5,9 +5,10 @@ The tables of a robot's file are imported only where a robot is read or expected
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from armload_controller.config.chain_from_urdf import UrdfArm, read_urdf_arm
 from armload_controller.config.measured_arm import MeasuredArm
@@ -20,10 +21,13 @@ from armload_identification.recording.recording import Recording
 
 if TYPE_CHECKING:
     from armload_controller.config.robot import Robot
+    from armload_identification.results.findings import Findings
 
 FilePath = str | PathLike[str]
 RunSource = Recording | FilePath | DataFrame
 """A recording, the path of its file, or a data frame."""
+PayloadSource: TypeAlias = "PayloadResult | Findings | FilePath"
+"""A payload, a result that contains it, or the path of its file."""
 
 
 def wrong_type(argument: str, value: object, expected: str) -> TypeError:
@@ -34,7 +38,30 @@ def wrong_type(argument: str, value: object, expected: str) -> TypeError:
         value: What was given.
         expected: What it may be.
     """
-    return TypeError(f"`{argument}=` is {value!r:.80}, a {type(value).__name__}: expected {expected}.")
+    return TypeError(f"`{argument}=` is {value!r:.80} ({type(value).__name__}): expected {expected}.")
+
+
+def require_type(argument: str, value: object, kind: type) -> None:
+    """Raise unless an optional argument is None or of its one type.
+
+    Raises:
+        TypeError: it is something else.
+    """
+    if value is not None and not isinstance(value, kind):
+        raise wrong_type(argument, value, f"armload.{kind.__name__}")
+
+
+def several_runs(runs: Recording | FilePath | Sequence[Recording | FilePath]) -> Sequence[Recording | FilePath]:
+    """Recordings, or one of them, or a table of runs, as a list.
+
+    Raises:
+        TypeError: it is something else.
+    """
+    if isinstance(runs, Recording | str | PathLike):
+        return [runs]
+    if isinstance(runs, Sequence):
+        return runs
+    raise wrong_type("runs", runs, "recordings, their paths, or the path of a table of runs")
 
 
 def arm_of(robot: MeasuredArm | FilePath) -> MeasuredArm:
@@ -90,19 +117,21 @@ def recording_of(arm: MeasuredArm, run: RunSource, argument: str) -> Recording:
     raise wrong_type(argument, run, expected)
 
 
-def payload_from(payload: PayloadResult | FilePath, argument: str) -> PayloadResult:
+def payload_from(payload: PayloadSource, argument: str) -> PayloadResult:
     """A payload, with its intervals.
 
     Args:
-        payload: The payload or the path of its file.
+        payload: The payload, a result that contains it, or the path of its file.
         argument: Name of the argument, for messages.
 
     Raises:
         PayloadFileError: the file cannot be read.
         TypeError: it is something else.
     """
-    if isinstance(payload, PayloadResult):
-        return payload
     if isinstance(payload, str | PathLike):
         return read_payload(payload)
-    raise wrong_type(argument, payload, "a payload (read_payload, or `payload` of a result) or the path of its file")
+    found = getattr(payload, "payload", payload)
+    if isinstance(found, PayloadResult):
+        return found
+    expected = "a payload (read_payload), a result that contains it (identify), or the path of its file"
+    raise wrong_type(argument, payload, expected)

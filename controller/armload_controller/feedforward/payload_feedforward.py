@@ -18,7 +18,7 @@ from armload_identification.model.regressor import feedforward_model
 
 if TYPE_CHECKING:
     from armload_controller.config.measured_arm import MeasuredArm
-    from armload_identification.model.payload import PayloadResult
+    from armload_controller.config.objects_or_paths import PayloadSource
 
 NOTHING = InertialParameters(np.zeros(10))
 """The empty flange."""
@@ -36,7 +36,7 @@ class PayloadFeedforward(kernels.PayloadTorque):
 
     Args:
         robot: The arm, n joints: its chain, a robot or a `UrdfArm`; or a name or path, from which it is read.
-        payload: The payload, in the flange frame; or the path of its file.
+        payload: The payload, in the flange frame; the result of an identification, or the path of its file.
 
     References:
         Chen 2016, eq. (2).
@@ -55,7 +55,7 @@ class PayloadFeedforward(kernels.PayloadTorque):
     def __init__(
         self,
         robot: Chain | MeasuredArm | str | PathLike[str],
-        payload: InertialParameters | PayloadResult | str | PathLike[str],
+        payload: InertialParameters | PayloadSource,
     ) -> None:
         if isinstance(robot, Chain):
             chain = robot
@@ -63,20 +63,16 @@ class PayloadFeedforward(kernels.PayloadTorque):
             from armload_controller.config.objects_or_paths import arm_of
 
             chain = arm_of(robot).chain
-        if not isinstance(payload, InertialParameters):
-            from armload_controller.config.objects_or_paths import payload_from
+        super().__init__(feedforward_model(chain, _body(payload).theta), np.zeros(chain.n))
 
-            payload = payload_from(payload, "payload").model
-        super().__init__(feedforward_model(chain, payload.theta), np.zeros(chain.n))
-
-    def set_payload(self, payload: InertialParameters, transition_s: float, cycle_s: float) -> None:
+    def set_payload(self, payload: InertialParameters | PayloadSource, transition_s: float, cycle_s: float) -> None:
         """Change the payload while running, without a step in torque: after a grasp or a release.
 
         From the next call the parameters move to the new ones, with zero rate at both ends. Torque is linear in them,
         and every intermediate body is physically possible. A second change continues from the present values.
 
         Args:
-            payload: The new payload, in the flange frame; `armload.NOTHING` for an empty flange.
+            payload: The new payload, as at first; `armload.NOTHING` for an empty flange.
             transition_s: Duration of the change; 0 for immediately.
             cycle_s: Time between two calls of `torque_nm`.
 
@@ -85,4 +81,13 @@ class PayloadFeedforward(kernels.PayloadTorque):
         """
         if not (transition_s >= 0.0 and cycle_s > 0.0):
             raise ValueError(f"transition_s = {transition_s} and cycle_s = {cycle_s}: expected >= 0 and > 0")
-        self.change_parameters(payload.theta, max(1, round(transition_s / cycle_s)))
+        self.change_parameters(_body(payload).theta, max(1, round(transition_s / cycle_s)))
+
+
+def _body(payload: InertialParameters | PayloadSource) -> InertialParameters:
+    """The body of a payload, or of its file."""
+    if isinstance(payload, InertialParameters):
+        return payload
+    from armload_controller.config.objects_or_paths import payload_from
+
+    return payload_from(payload, "payload").model

@@ -16,7 +16,7 @@ from armload_controller.fleet.job_listing import JobListing, list_jobs
 from armload_controller.fleet.job_table import read_job_table
 from armload_controller.fleet.recording_row import Row, RowOutcome
 from armload_controller.fleet.row_store import RowStore
-from armload_identification.report.numerals import counted
+from armload_identification.numerals import counted
 
 DoJobs = Callable[[Iterable[Job]], Iterator[Row]]
 """Runs jobs and yields a row for each, in any order: `Workforce.rows`, or `map(run_job, jobs)` in this process."""

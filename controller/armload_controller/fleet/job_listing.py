@@ -13,7 +13,7 @@ from armload_controller.fleet.job import Job, job_key
 from armload_controller.fleet.job_table import RECORDINGS, TableEntry
 from armload_controller.fleet.remote_files import RemoteFile, is_url, matches, with_stars
 from armload_controller.fleet.robot_dependencies import RobotFiles
-from armload_identification.report.numerals import counted
+from armload_identification.numerals import counted
 
 _LOADED = RECORDINGS[0]
 

@@ -10,11 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.mass_center import MassCenterCovariance
+from armload_identification.numerals import decimals_for
+from armload_identification.result_table import PrintedResult, ResultTable
 
 TENSOR_ELEMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 """The six elements of an inertia tensor, in their order in files and results."""
 
 PARAMETER_NAMES = ("mass", "cx", "cy", "cz", *TENSOR_ELEMENTS)
+UNITS = ("kg", *["m"] * 3, *["kg m2"] * 6)
+NOT_DETERMINED = "not determined"
 """The ten values in their order in files and results: mass, centre of mass, tensor elements."""
 
 SMALLEST_MARGIN = 1e-6
@@ -203,9 +207,9 @@ class Provenance:
     validation_sha256: dict[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class PayloadResult:
-    """Result of an identification: the content of a payload file.
+@dataclass(frozen=True, eq=False, repr=False, slots=True)
+class PayloadResult(PrintedResult):
+    """Result of an identification: the content of a payload file; printed as a table.
 
     The ten values, their flags and intervals are in the order of `PARAMETER_NAMES`: mass, centre of mass, and
     the inertia's tensor elements about the CENTRE OF MASS.
@@ -243,6 +247,18 @@ class PayloadResult:
     def feedforward_ready(self) -> bool:
         """Whether mass and centre of mass are determined, which a feed-forward requires."""
         return bool(np.all(self.determined[:4]))
+
+    def table(self) -> ResultTable:
+        """The ten values, with as many digits as the interval justifies, and no number for undetermined values."""
+        rows = []
+        for name, value, known, ends, unit in zip(
+            PARAMETER_NAMES, self.values, self.determined, self.interval_95, UNITS, strict=True
+        ):
+            digits = decimals_for((ends[1] - ends[0]) / 2, value)
+            interval = " to ".join(f"{end:.{digits}f}" for end in ends) if known else ""
+            rows.append((name, f"{value:.{digits}f}" if known else NOT_DETERMINED, interval, unit))
+        title = f"Payload in the {self.frame} frame, inertia about its centre of mass"
+        return ResultTable(title, ("parameter", "estimate", "95 % interval", "unit"), rows, (0, 3))
 
 
 def value_scale(mass_kg: float) -> FloatArray:

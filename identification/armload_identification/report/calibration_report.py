@@ -13,10 +13,10 @@ from markupsafe import Markup
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ReportError
+from armload_identification.numerals import NO_BREAK, decimals_for, numeral
 from armload_identification.recording.reading_options import Effort
 from armload_identification.report.figures.calibration_figures import drift_figure, gains_figure
 from armload_identification.report.figures.joint_figures import COLORS
-from armload_identification.report.numerals import NO_BREAK, decimals_for, numeral
 from armload_identification.report.page import rendered, write_page
 
 _TEMPLATE: Final = "calibration.html.j2"

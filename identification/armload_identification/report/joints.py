@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.numerals import Numeral, align, common_decimals, numeral
+from armload_identification.numerals import Numeral, align, common_decimals, numeral
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.signal_constants import Smoothing
 from armload_identification.verdict.recording_checks.joint_scales import JointScales

@@ -9,7 +9,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from armload_identification.identification_errors import ReportError
-from armload_identification.report.numerals import MINUS, NO_BREAK
+from armload_identification.numerals import MINUS, NO_BREAK
 from armload_identification.storage.replace_file import replace_file
 
 _IN_BACKTICKS = re.compile(r"`([^`\n]+)`")

@@ -14,8 +14,8 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import derived
 from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters, PayloadResult, value_scale
+from armload_identification.numerals import NO_BREAK, Numeral, align, decimals_for, numeral
 from armload_identification.pipeline.identification_result import Identification
-from armload_identification.report.numerals import NO_BREAK, Numeral, align, decimals_for, numeral
 from armload_identification.verdict.joint_words import listed
 
 _KG_M2: Final = f"kg{NO_BREAK}m²"

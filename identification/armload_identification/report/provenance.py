@@ -9,9 +9,9 @@ from typing import Final
 
 from armload_identification.excitation.excitation_file import parse_excitation
 from armload_identification.model.payload import Provenance
+from armload_identification.numerals import NO_BREAK, counted, numeral
 from armload_identification.recording.recording import RecordingSource
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT, LATENESS_ATTACHMENT, WAY_ROUND_ATTACHMENT
-from armload_identification.report.numerals import NO_BREAK, counted, numeral
 from armload_identification.signals.load_signal import LoadSignal
 
 _LOADS: Final = ("loaded", "unloaded")

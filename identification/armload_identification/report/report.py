@@ -20,13 +20,13 @@ from armload_identification.model.payload import (
     SMALLEST_MARGIN,
     PayloadResult,
 )
+from armload_identification.numerals import NO_BREAK, numeral, scientific
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import FLANGE_MM, center_views
 from armload_identification.report.joints import JointRow, joint_rows
 from armload_identification.report.next_steps import next_steps
-from armload_identification.report.numerals import NO_BREAK, numeral, scientific
 from armload_identification.report.page import rendered, write_page
 from armload_identification.report.parameters import (
     compared_rows,

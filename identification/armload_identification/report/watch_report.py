@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.numerals import numeral
 from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, VERMILION
 from armload_identification.report.figures.svg import inline_svg
-from armload_identification.report.numerals import numeral
 from armload_identification.report.page import rendered, write_page
 
 _TEMPLATE: Final = "watch.html.j2"

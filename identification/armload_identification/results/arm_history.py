@@ -11,9 +11,9 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.extras import Extra, require_extra
+from armload_identification.numerals import counted
 from armload_identification.pipeline.arm_drift import Monitored
 from armload_identification.report.compared_runs import ComparedRuns
-from armload_identification.report.numerals import counted
 from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.json_document import json_document
 

@@ -17,7 +17,6 @@ from armload_identification.report.verdict_box import VerdictBox, verdict_box
 from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.findings_document import findings_document
 from armload_identification.results.json_document import json_document
-from armload_identification.results.payload_text import value_texts
 from armload_identification.verdict.agreement import Outcome
 
 
@@ -143,8 +142,9 @@ class Findings(PrintedResult):
         return json_document("payload", fields)
 
     def table(self) -> ResultTable:
-        """Values, intervals and verdict."""
-        rows = [(text.name, text.estimate, text.interval, text.unit) for text in value_texts(self.payload)]
+        """Values, intervals, verdict and notes."""
+        notes = (f"note: {note}" for note in self.notes)
         title = f"Payload of {self.arm.name} in the {self.payload.frame} frame, inertia about its centre of mass"
-        headings = ("parameter", "estimate", "95 % interval", "unit")
-        return ResultTable(title, headings, rows, (0, 3), (f"{self.verdict.title}. {self.verdict.text}",))
+        return replace(
+            self.payload.table(), title=title, sentences=(f"{self.verdict.title}. {self.verdict.text}", *notes)
+        )

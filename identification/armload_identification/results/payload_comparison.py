@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from armload_identification.model.payload import PARAMETER_NAMES
+from armload_identification.model.payload import NOT_DETERMINED, PARAMETER_NAMES, UNITS
 from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.findings_document import agreement_fields, numbers
 from armload_identification.results.json_document import json_document
-from armload_identification.results.payload_text import NOT_DETERMINED, UNITS
 from armload_identification.verdict.agreement import Agreement, Known, Outcome
 from armload_identification.verdict.cad_comparison import RelativeErrors
 from armload_identification.verdict.verdict_text import TITLES, agreement_sentences

@@ -59,7 +59,7 @@ def identify_command(
     from armload_controller.fleet.recording_row import RowOutcome
     from armload_controller.fleet.workforce import Workforce
     from armload_identification.extras import Extra, require_extra
-    from armload_identification.report.numerals import counted
+    from armload_identification.numerals import counted
 
     require_extra(Extra.FLEET, "armload fleet")
     screen = Screen(as_json=as_json)
@@ -148,7 +148,7 @@ def report_command(
     from importlib.metadata import version
 
     from armload_identification.extras import Extra, require_extra
-    from armload_identification.report.numerals import counted
+    from armload_identification.numerals import counted
 
     require_extra(Extra.FLEET, "armload fleet")
     from armload_controller.cli.output.fleet_output import fleet_report_document, suspicion_lines

@@ -37,6 +37,9 @@ def show_command(
             metavar="[OTHER]", help="A second recording, to check whether the two fit as loaded and unloaded run."
         ),
     ] = None,
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="Arm whose joint names and [log] apply: a robot, TOML or URDF.")
+    ] = None,
     columns: ColumnsOption = None,
     effort: EffortOption = Effort.TORQUE,
     between: BetweenOption = None,
@@ -47,6 +50,7 @@ def show_command(
     """Show joints, rate, gaps, range and motion of a recording, and what is missing to identify a payload."""
     from armload_controller.cli.output.recording_output import joint_table, pair_text, recording_document, survey_text
     from armload_controller.cli.screen import Screen
+    from armload_controller.config.objects_or_paths import arm_of
     from armload_controller.config.robot_recordings import chosen_joints
     from armload_identification.pipeline.recording_survey import pair_problem, survey
     from armload_identification.recording.file_reading import read_recording
@@ -54,11 +58,13 @@ def show_command(
 
     files = [path for path in (file, other) if path is not None]
     choices = recording_choices(columns, effort, between, joints, episode, count=len(files))
+    of_arm = None if robot is None else arm_of(robot)
+    names, log = ((), None) if of_arm is None else (of_arm.joint_names, of_arm.csv_columns)
     runs = [
         chosen_joints(
             read_recording(
                 path,
-                ReadingOptions(choice.columns, choice.effort, episode=choice.episode),
+                ReadingOptions(choice.columns, choice.effort, names, choice.episode, log_columns=log),
                 between_s=choice.between_s,
                 with_effort=False,
             ),

@@ -10,7 +10,7 @@ from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
 from armload_identification.many_arms.arm_runs import IN_FUTURE
 from armload_identification.many_arms.fleet_review import AbsentArm, ArmReview, FleetReview, Suspicion
-from armload_identification.report.numerals import counted
+from armload_identification.numerals import counted
 from armload_identification.results.json_document import json_document
 
 _MOST_LINES = 10

@@ -8,8 +8,8 @@ from typing import Any
 from rich.table import Table
 
 from armload_controller.cli.console_text import right
+from armload_identification.numerals import counted
 from armload_identification.pipeline.recording_survey import RecordingSurvey
-from armload_identification.report.numerals import counted
 from armload_identification.results.findings_document import numbers
 from armload_identification.results.json_document import json_document
 

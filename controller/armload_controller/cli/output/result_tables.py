@@ -12,7 +12,6 @@ from armload_identification.estimation.uncertainty import CONFIDENCE
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
-from armload_identification.results.payload_text import value_texts
 
 
 def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> Table:
@@ -21,19 +20,20 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
     For a parameter that is not determined, the table states this instead of a number. Below, in simulation, how many
     true values lie in their intervals, and how many are expected to.
     """
+    values = payload.table()
     table = Table(
         Column("parameter", no_wrap=True),
         *right("estimate", "95 % interval", no_wrap=True),
         "unit",
         *(() if truth is None else right("truth", "error")),
-        title=f"Payload in the {payload.frame} frame, inertia about its centre of mass",
+        title=values.title,
         title_justify="left",
         caption=None if truth is None else _held(payload, truth),
         caption_justify="left",
     )
     true_values = None if truth is None else truth.values
-    for i, text in enumerate(value_texts(payload)):
-        row = [text.name, text.estimate, text.interval, text.unit]
+    for i, cells in enumerate(values.rows):
+        row = list(cells)
         if true_values is not None:
             error = _error(i, payload.values[i], true_values[i]) if payload.determined[i] else ""
             row += [f"{true_values[i]:z.4f}", error]

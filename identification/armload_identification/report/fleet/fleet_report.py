@@ -12,8 +12,8 @@ from markupsafe import Markup
 
 from armload_identification.many_arms.arm_runs import UNITS, Kind
 from armload_identification.many_arms.fleet_review import ABSENT, ArmReview, FigureReview, FleetReview
+from armload_identification.numerals import NO_BREAK, common_decimals, decimals_for, numeral
 from armload_identification.report.fleet.fleet_figures import chart_figure, strip
-from armload_identification.report.numerals import NO_BREAK, common_decimals, decimals_for, numeral
 from armload_identification.report.page import rendered, write_page
 
 MOST_SUSPICIOUS: Final = 10

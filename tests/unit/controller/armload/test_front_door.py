@@ -156,7 +156,7 @@ def folder(recorded_er50):
     return recorded_er50 / "runs" / "today"
 
 
-def test_objects_are_taken_in_the_place_of_paths(folder, tmp_path):
+def test_objects_are_taken_in_the_place_of_paths(folder, tmp_path, found):
     robot, payload = armload.load_robot("er50"), armload.read_payload(folder / "payload.toml")
     runs = [folder / f"{load}_identification.mcap" for load in ("unloaded", "loaded")]
     arm = armload.calibrate(robot, [armload.read_recording(run, robot) for run in runs])
@@ -177,6 +177,12 @@ def test_objects_are_taken_in_the_place_of_paths(folder, tmp_path):
         for given in (("er50", folder / "payload.toml"), (robot, payload), (robot.chain, payload.model))
     ]
     assert np.ptp(torques, axis=0).max() == 0.0
+    feedforward = armload.PayloadFeedforward(robot, armload.NOTHING)
+    feedforward.set_payload(found, 0.0, 0.001)
+    expected = armload.PayloadFeedforward(robot, found).torque_nm(joints, 0 * joints, 0 * joints)
+    np.testing.assert_array_equal(feedforward.torque_nm(joints, 0 * joints, 0 * joints), expected)
+    assert armload.export(robot, found, "urdf", tmp_path / "b.urdf").files
+    assert armload.compare(found, found.payload).outcome is Outcome.RIGHT
 
 
 @pytest.mark.parametrize(
@@ -190,11 +196,15 @@ def test_objects_are_taken_in_the_place_of_paths(folder, tmp_path):
         (lambda: armload.PayloadFeedforward("er50", 5), "payload"),
         (lambda: armload.PayloadFeedforward(5, 5), "robot"),
         (lambda: armload.drift([], "a.mcap"), "robot"),
+        (lambda: armload.calibrate("er50", 5), "runs"),
+        (lambda: armload.identify("er50", "a.mcap", known=5), "known"),
+        (lambda: armload.identify("er50", "a.mcap", minus=5), "minus"),
+        (lambda: armload.compare("a.toml", "b.toml", tolerance=5), "tolerance"),
         (lambda: armload.commission(armload, "out"), "robot"),
     ],
 )
 def test_an_argument_of_another_type_gets_a_sentence(call, argument):
-    with pytest.raises(TypeError, match=rf"^`{argument}=` is .*, an? \w+: expected an? .+\.$"):
+    with pytest.raises(TypeError, match=rf"^`{argument}=` is .* \(\w+\): expected .+\.$"):
         call()
 
 

@@ -15,6 +15,7 @@ import pytest
 from armload_identification.identification_errors import IdentificationError, ReportError
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
+from armload_identification.numerals import align, decimals_for, numeral, scientific
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.pipeline.payload_validation import judge, validate
 from armload_identification.recording.run_format import LATENESS_ATTACHMENT
@@ -22,7 +23,6 @@ from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import center_views
 from armload_identification.report.figures.joint_figures import thin_out, torque_figure
 from armload_identification.report.next_steps import next_steps
-from armload_identification.report.numerals import align, decimals_for, numeral, scientific
 from armload_identification.report.page import _typeset
 from armload_identification.report.parameters import headline, parameter_rows
 from armload_identification.report.provenance import file_rows

@@ -57,6 +57,15 @@ def test_a_log_is_described(armload, tmp_path):
     assert facts["missing"] == []
 
 
+def test_a_table_without_a_header_is_read_by_the_log_of_the_arm(armload, tmp_path):
+    values = np.zeros((500, 24))
+    values[:, 0] = 0.008 * np.arange(500)
+    values[:, 1:7] = np.sin(values[:, :1] + np.arange(6))
+    np.savetxt(tmp_path / "log.csv", values, delimiter=",")
+    assert armload("recordings", "show", str(tmp_path / "log.csv")).exit_code == 1
+    assert re.search(r"joints +6, ", shown(armload, "--robot", "ur10e", tmp_path / "log.csv"))
+
+
 def test_what_is_missing_is_said(armload, tmp_path):
     path = write_log(tmp_path / "log.csv", effort="x")
     (facts,) = document(armload, path)["recordings"]

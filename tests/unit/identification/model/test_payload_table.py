@@ -1,10 +1,9 @@
-"""A payload's values as text."""
+"""A payload printed as a table."""
 
 import numpy as np
 import pytest
 
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
-from armload_identification.results.payload_text import value_texts
 
 pytestmark = pytest.mark.pure
 
@@ -21,4 +20,5 @@ def test_the_mass_has_the_decimals_of_two_digits_of_its_interval(half_width_kg, 
     payload = PayloadResult(
         "flange", body, np.ones(10, dtype=bool), interval, np.ones(6), np.ones(6), Provenance("test", "", {})
     )
-    assert value_texts(payload)[0].estimate == estimate
+    assert payload.table().rows[0][1] == estimate
+    assert str(payload).splitlines()[2].split() == ["mass", estimate, *payload.table().rows[0][2].split(), "kg"]
