@@ -1,16 +1,17 @@
 """Thresholds for a robot controller's collision detection: deviations of the torque that are ordinary.
 
-    threshold_j = 3.89 sigma_j + 1.5 (Fc_j + mu_j max|tau_j|) + 0.2 max M_jj ddq_max
+    threshold_j = t sigma_j + 1.5 (Fc_j + mu_j max|tau_j|) + 0.2 max M_jj ddq_max
 
 sigma is the noise of torque averaged over 20 ms: the calibration's residual, a mean over a third of a second, as white
 noise. The second part is friction of a joint that stops, starts or reverses, under the greatest torque of links and
-payload in any position within the joints' limits. 3.89 standard deviations are exceeded by 0.01 % of a normal variable.
-The third part is for an abrupt stop, whose acceleration and torque are not simultaneous: the share of the inertial
-torque that `contact_levels.JERK` states, at the configured acceleration limit.
+payload in any position within the joints' limits. t is exceeded by 0.01 % of a variable of Student with 2 / V degrees
+of freedom, V being the relative variance of the runs' residual variances: the noise of the next run is only known as
+well as runs are alike. The third part is for an abrupt stop, whose acceleration and torque are not simultaneous: the
+share of the inertial torque that `contact_levels.JERK` states, at the configured acceleration limit.
 
-A UR10e, empty and with 2.8 kg, calibrated with half of its runs: of 16,707 rows of the other half, one exceeds them on
-joint 2 and two on joint 3; the other way round none of 13,899. Without the third part, 0.02 to 0.05 % of the rows do on
-joints 2 and 3, all in abrupt stops at the end of runs and in one stutter of its controller.
+A UR10e, empty and with 2.8 kg, calibrated with half of its runs: of 12,867 and 12,251 rows of the other half none
+exceeds them; with t of a normal variable one does. Without the third part, 0.02 to 0.04 % of the rows do on joints 2
+and 3, all in abrupt stops at the end of runs and in one stutter of its controller.
 """
 
 from __future__ import annotations
@@ -18,16 +19,20 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from scipy.stats import t as student
 
 from armload_controller.control_errors import ExportError
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.text_format import bracketed, comment, printable, provenance
 from armload_core.arrays import FloatArray
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.contact_levels import JERK, STOPPING
 from armload_identification.model.regressor import payload_torque
 from armload_identification.signals.row_window import HALF_S
 
-_SIGMAS: Final = 3.89
+_BEYOND: Final = 1e-4
+_FEW_RUNS: Final = 0.2
+"""V where there are fewer than three runs; 0.11 and 0.13 on the UR10e."""
 _SAMPLE_S: Final = 0.02
 _POSITIONS: Final = 1000
 _SEED: Final = 1
@@ -47,7 +52,7 @@ def export_thresholds(subject: ExportSubject) -> dict[str, str]:
             "--calibration FILE of `armload calibrate`",
         )
     body = calibration.body
-    noise_nm = calibration.known_arm(subject.chain).noise_nm * np.sqrt(2.0 * HALF_S / _SAMPLE_S)
+    noise_nm = _sigmas(calibration) * calibration.known_arm(subject.chain).noise_nm * np.sqrt(2.0 * HALF_S / _SAMPLE_S)
     holding_nm, inertia_kg_m2 = _greatest(subject)
     friction_nm = STOPPING * (body.coulomb_nm + body.load_friction * holding_nm)
     abrupt_nm = JERK * inertia_kg_m2 * subject.limits.acceleration_max_rad_s2
@@ -66,12 +71,19 @@ def export_thresholds(subject: ExportSubject) -> dict[str, str]:
     names = ", ".join(f'"{printable(name)}"' for name in subject.joint_names)
     lines += [
         f"joints = [{names}]",
-        f"threshold_nm = {bracketed(_SIGMAS * noise_nm + friction_nm + abrupt_nm)}",
-        f"noise_nm = {bracketed(_SIGMAS * noise_nm)}",
+        f"threshold_nm = {bracketed(noise_nm + friction_nm + abrupt_nm)}",
+        f"noise_nm = {bracketed(noise_nm)}",
         f"friction_nm = {bracketed(friction_nm)}",
         f"abrupt_nm = {bracketed(abrupt_nm)}",
     ]
     return {f"{subject.identifier}_thresholds.toml": "\n".join(lines) + "\n"}
+
+
+def _sigmas(calibration: ArmCalibration) -> float:
+    """The quantile t."""
+    power = np.array([run.residual_rms_nm for run in calibration.runs]) ** 2
+    scatter = _FEW_RUNS if len(power) < 3 else float(np.mean(power.var(axis=0, ddof=1) / power.mean(axis=0) ** 2))
+    return float(student.ppf(1.0 - 0.5 * _BEYOND, 2.0 / scatter))
 
 
 def _greatest(subject: ExportSubject) -> tuple[FloatArray, FloatArray]:

@@ -1,6 +1,6 @@
 """Whether something acts on the arm that payload and friction of the last minute do not explain.
 
-    z = mean over a window of (e - H x)
+    z = mean over a window of (e - H x), minus what the bounded friction of joints that stop may be
     S = H P H' + noise + what joints that stop, and a changing acceleration, make uncertain
     z' S^-1 z > bound
 
@@ -19,10 +19,12 @@ from armload_core.arrays import FloatArray
 from armload_identification.contact.arm_memory import Known
 from armload_identification.contact.contact_levels import (
     AHEAD_S,
+    BOUNDED,
     COLOUR_S,
     JERK,
     QUIET_RAD_S2,
     TAIL_SIGMAS,
+    UNBOUNDED,
     WHITE_S,
     WINDOWS_S,
 )
@@ -90,6 +92,8 @@ def acting(rows: ForceRows, since: int, known: Known, noise: Noise, inertia_kg_m
         noise: The residual's noise.
         inertia_kg_m2: (n,) inertia about each joint.
     """
+    first = int(np.searchsorted(rows.time_s, rows.time_s[since] - WINDOWS_S[-1] - AHEAD_S))
+    rows, since = rows.part(slice(first, None)), since - first
     count, n = rows.size - since, rows.residual_nm.shape[1]
     best, joints = np.zeros(count), np.zeros((count, n))
     left = rows.residual_nm - rows.columns @ known.value
@@ -105,7 +109,8 @@ def acting(rows: ForceRows, since: int, known: Known, noise: Noise, inertia_kg_m
         doubt = _greatest(rows.doubt_nm, earlier, ends)
         changed = _greatest(rows.acceleration_rad_s2, starts, ends) + _greatest(-rows.acceleration_rad_s2, starts, ends)
         jerk = JERK * inertia_kg_m2 * np.maximum(changed - QUIET_RAD_S2, 0.0)
-        own = noise.of_mean(window_s) + doubt**2 + jerk**2
+        z = np.sign(z) * np.maximum(np.abs(z) - BOUNDED * doubt, 0.0)
+        own = noise.of_mean(window_s) + (UNBOUNDED * doubt) ** 2 + jerk**2
         S = H @ known.covariance @ np.swapaxes(H, 1, 2) + own[:, :, None] * np.eye(n)
         statistic = np.einsum("ki,ki->k", z, np.linalg.solve(S, z[:, :, None])[:, :, 0])
         filled = number[:, 0] * 0.02 >= LEAST_FILLED * window_s

@@ -2,14 +2,17 @@
 
 import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from armload_controller.control_errors import ExportError
 from armload_controller.export.thresholds import export_thresholds
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque
+from armload_identification.signals.row_window import HALF_S
 
 
 def thresholds_of(subject):
@@ -41,6 +44,21 @@ def test_noise_is_that_of_the_calibration(calibrated):
         thresholds_of(replace(calibrated, calibration=each))[0] for each in (calibrated.calibration, noisier)
     )
     np.testing.assert_allclose(twice["noise_nm"], 2.0 * np.array(once["noise_nm"]), rtol=1e-6)
+
+
+def test_noise_that_differs_between_runs_is_known_less(calibrated):
+    """Of few runs it is not known how much it differs."""
+    arm, n = calibrated.calibration, calibrated.chain.n
+
+    def noise(*sizes):
+        runs = tuple(SimpleNamespace(residual_rms_nm=np.full(n, size)) for size in sizes)
+        return thresholds_of(replace(calibrated, calibration=replace(arm, runs=runs)))[0]["noise_nm"][0]
+
+    alike = noise(1.0, 1.0 + 1e-4, 1.0 - 1e-4)
+    assert noise(1.0, 1.15, 0.85) > 1.2 * alike
+    assert noise(1.0) > 1.2 * alike
+    sigma = arm.known_arm(calibrated.chain).noise_nm[0] * np.sqrt(2.0 * HALF_S / 0.02)
+    assert alike / sigma == pytest.approx(norm.isf(0.5e-4), rel=1e-3)
 
 
 def test_an_arm_that_is_not_calibrated_has_none(make_subject):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from armload_identification.contact.contact_levels import LOOKS_S, OVER_S
+from armload_identification.contact import force_watch
+from armload_identification.contact.contact_levels import LOOKS_S, OVER_S, SUSPECT
 from armload_identification.contact.force_watch import Force, ForceEventKind
 from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.pipeline.payload_estimator import PayloadEstimator
@@ -97,3 +98,11 @@ def test_a_second_push_is_noticed_after_the_first(moved):
     current = moved.pushed(FORCE_N, BEGIN_S, END_S) + moved.pushed(-FORCE_N, 12.5, 13.0) - moved.empty
     kinds = [event.kind for event in watched(moved, 15.0, current).take_events()]
     assert kinds == [ACTING, PUSH, OVER] * 2
+
+
+@pytest.mark.parametrize("more", [-1.0, 1.0])
+def test_a_payload_that_is_evident_over_seconds_is_noticed_where_no_window_shows_it(moved, monkeypatch, more):
+    monkeypatch.setattr(force_watch, "payload_evidence", lambda *_: SUSPECT + more)
+    events = watched(moved, 8.0, moved.empty).take_events()
+    assert [event.kind for event in events[:1]] == ([ACTING] if more > 0.0 else [])
+    assert all(event.joints.any() for event in events)
