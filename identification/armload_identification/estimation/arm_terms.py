@@ -145,7 +145,7 @@ def arm_terms(
     priors: dict[str, tuple[FloatArray, FloatArray, str]] = {
         GAIN: (zero, np.full(n, Priors.gain), "catalogue values of torque constants"),
         LINKS: (np.zeros(int(np.count_nonzero(base))), np.tile(_body(mass, reach), n)[base], wide),
-        ROTORS: (zero, rotors, "a rotor that alone would explain the torque"),
+        ROTORS: (Priors.rotor * rotors, rotors, "a rotor that alone would explain the torque"),
         LOAD_FRICTION: (
             np.full(n, Priors.load_friction),
             np.full(n, Priors.load_friction),

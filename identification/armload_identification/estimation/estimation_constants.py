@@ -143,6 +143,14 @@ class Priors:
         up to 0.08 %, centres by up to 6.5 mm, intervals by -1 to +0 %.
     """
 
+    rotor: Final = 0.25
+    """[1] Mean of a rotor's inertia, as a share of the rotor that alone would explain the torque: where the fit starts.
+
+    Origin: physics: a rotor is not negative, and links have the larger share. From 0, the paper's motion of one harmonic
+        ends with a rotor of -31 instead of 36 kg m2 on joint 1, and c_z 10 instead of 6 mm off.
+    Factor of two: twice: nothing; half: on the paper's motion, as from 0.
+    """
+
     wide: Final = 10.0
     """[1] Standard deviation of other parameters, in multiples of the value that alone would explain a joint's
     torque.

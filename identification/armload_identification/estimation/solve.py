@@ -150,6 +150,7 @@ class Posterior:
         x: All unknowns.
         information: (s, s) inverse covariance of the shared unknowns if the rows are as independent as assumed.
         known: (f, f) the share of the shared unknowns' priors in that, of the f that are not known exactly.
+        pull: (f,) gradient of these priors.
         noise_nm: (g, n) standard deviation of a row, by the number of its combination.
         residual_nm: (g, n) RMS residual of moving rows, outliers clipped; less than the noise by what the unknowns
             absorbed.
@@ -165,6 +166,7 @@ class Posterior:
     x: FloatArray
     information: FloatArray
     known: FloatArray
+    pull: FloatArray
     noise_nm: FloatArray
     residual_nm: FloatArray
     correlation: FloatArray
@@ -389,21 +391,24 @@ class Posterior:
     def without_axis(self, axis: int) -> tuple[FloatArray, FloatArray]:
         """The shared unknowns without the rows of an axis, by one step from the solution.
 
+        All gradients count: a direction that only this axis shows is 10^5 times as free without it, and so is what the
+        solution still lacks there.
+
         Args:
             axis: Its number.
 
         Returns:
             (s,) unknowns, and (s, s) their covariance if rows are as independent as assumed.
         """
-        shared = self._free.size
-        information, gradient = self.known, np.zeros(shared)
+        shared, mean = self._free.size, self.problem.prior()[0]
+        information, gradient = self.known, self.pull
         for index in range(len(self.groups)):
-            whole = np.diag(np.concatenate([np.zeros(shared), self._own_precision(index)]))
-            pull = np.zeros(len(whole))
+            own, precision = self.problem.own(index), self._own_precision(index)
+            whole = np.diag(np.concatenate([np.zeros(shared), precision]))
+            pull = np.concatenate([np.zeros(shared), precision * (mean - self.x)[own][self.problem.free[own]]])
             for rows in self.weighted_rows(index):
-                if rows.axis == axis:
-                    pull[rows.place] -= rows.rows.T @ rows.target
-                else:
+                if rows.axis != axis:
+                    pull[rows.place] += rows.rows.T @ rows.target
                     whole[np.ix_(rows.place, rows.place)] += rows.rows.T @ rows.rows
             part = _eliminate(whole, pull, shared, ())
             information, gradient = information + part.information, gradient + part.gradient
@@ -604,7 +609,7 @@ class _Solver:
 
     def posterior(self, steps: int) -> Posterior:
         """The posterior at the present unknowns."""
-        known, _ = self._prior_equations()
+        known, pull = self._prior_equations()
         parts = tuple(self._eliminated(index) for index in range(len(self._groups)))
         information = known + np.sum([part.information for part in parts], axis=0)
         return Posterior(
@@ -612,6 +617,7 @@ class _Solver:
             x=self._x,
             information=information,
             known=known,
+            pull=pull,
             noise_nm=self._noise,
             residual_nm=self._residual,
             correlation=self._correlation,

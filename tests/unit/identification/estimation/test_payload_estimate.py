@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from armload_identification.estimation.arm_terms import GAIN
+from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.payload_estimate import estimate_of
 from armload_identification.estimation.payload_problem import single_problem
 from armload_identification.estimation.problem import Noise
@@ -133,6 +134,18 @@ def test_without_an_axis_it_is_the_fit_without_its_rows(regressor, torque, pinoc
     np.testing.assert_allclose(theta, again.theta, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(covariance, again.posterior.bread[place, place], rtol=1e-4, atol=1e-12)
     assert rank == again.rank == 10
+
+
+def test_without_an_axis_it_does_not_matter_how_far_the_fit_had_settled(regressor, torque, pinocchio_arm, monkeypatch):
+    """A direction that one axis shows a million times better than the others: what is left of the step is not small."""
+    monkeypatch.setattr(Solver, "steps", 2)
+    quiet = torque * np.where(np.arange(6) == 2, 1.0, 1e-3) + 0.02 * (regressor @ pinocchio_arm.payload.theta) ** 2
+    found = payload_of(regressor * np.where(np.arange(6) == 2, 1.0, 1e-3)[:, None], quiet)
+    parts = [rows for rows in found.posterior.weighted_rows(0) if rows.axis != 2]
+    rows, target = np.vstack([part.rows for part in parts]), np.concatenate([part.target for part in parts])
+    again = found.theta + np.linalg.lstsq(rows, target)[0]
+    assert np.abs(again - found.theta).max() > 0.1
+    np.testing.assert_allclose(found.without(2)[0], again, rtol=1e-4, atol=1e-6)
 
 
 def test_a_payload_that_only_one_axis_shows_is_blind_without_it(regressor, torque, pinocchio_arm):
