@@ -144,10 +144,11 @@ class Priors:
     """
 
     rotor: Final = 0.25
-    """[1] Mean of a rotor's inertia, as a share of the rotor that alone would explain the torque: where the fit starts.
+    """[1] Mean of a rotor's inertia, as a share of the rotor that alone would explain the torque: where a fit
+    starts.
 
-    Origin: physics: a rotor is not negative, and links have the larger share. From 0, the paper's motion of one harmonic
-        ends with a rotor of -31 instead of 36 kg m2 on joint 1, and c_z 10 instead of 6 mm off.
+    Origin: physics: a rotor is not negative, and links have the larger share. From 0, the paper's motion of one
+        harmonic ends with a rotor of -31 instead of 36 kg m2 on joint 1, and c_z 10 instead of 6 mm off.
     Factor of two: twice: nothing; half: on the paper's motion, as from 0.
     """
 
