@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final, TypeVar
 
-from armload_controller.cli.printable_text import as_options
+from armload_controller.cli.argument_names import as_options
 
 Ask = Callable[[str], str]
 """Shows a question, returns the answer."""

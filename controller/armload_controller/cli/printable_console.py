@@ -13,7 +13,8 @@ from typing import IO, Any, ClassVar, TextIO, cast
 from rich.console import Console
 from rich.text import Text
 
-from armload_controller.cli.printable_text import as_options, printable
+from armload_controller.cli.argument_names import as_options
+from armload_identification.storage.control_characters import printable
 
 
 class OutlivingStream:

@@ -31,8 +31,8 @@ from armload_controller.cli.console_text import fitted
 from armload_controller.cli.keyboard import HINT, Keyboard
 from armload_controller.cli.output.json_output import print_document
 from armload_controller.cli.printable_console import PrintableConsole, accepts_output
-from armload_controller.cli.printable_text import printable
 from armload_controller.control_errors import CommissioningError
+from armload_identification.storage.control_characters import printable
 
 if TYPE_CHECKING:
     from armload_identification.result_table import ResultTable

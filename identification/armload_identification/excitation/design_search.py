@@ -149,7 +149,8 @@ class Search:
         samples = _SAMPLES_PER_HARMONIC * harmonics
         times_s = np.arange(samples) * (self._reference_s / samples)
         frequency_hz = 1.0 / self._reference_s
-        self._basis = [fourier_basis(frequency_hz, harmonics, times_s, order) for order in range(_ORDERS)]
+        basis = [fourier_basis(frequency_hz, harmonics, times_s, order) for order in range(_ORDERS)]
+        self._basis = np.stack(basis)
         omega = 2.0 * np.pi * frequency_hz * np.arange(1, harmonics + 1)
         joints = envelope.joints
         half = 0.5 * (joints.position_max_rad - joints.position_min_rad)
@@ -172,7 +173,7 @@ class Search:
 
     def _optimised_start(self, rng: np.random.Generator) -> Attempt:
         x = self._best_random_motion(rng)
-        multipliers = np.zeros((len(self._basis[0]), self._envelope.rows))
+        multipliers = np.zeros((self._basis.shape[1], self._envelope.rows))
         reserve = np.zeros(self._envelope.rows)
         penalty = _FIRST_PENALTY
         history: list[float] = []
@@ -245,18 +246,17 @@ class Search:
         value = np.log(cost) + (np.sum(active**2) - np.sum(multipliers**2)) / (2.0 * penalty)
         total = self._envelope.slope(active, states)
         total[:3] += slope / cost
-        faster = np.exp(x[-1])
-        by_coefficient = sum(faster**order * total[order].T @ self._basis[order] for order in range(_ORDERS))
-        by_frequency = sum(order * np.sum(total[order] * states[order]) for order in range(1, _ORDERS))
+        orders = np.arange(_ORDERS)
+        by_coefficient = np.tensordot(total * np.exp(orders * x[-1])[:, None, None], self._basis, ((0, 1), (0, 1)))
+        by_frequency = orders @ np.einsum("kij,kij->k", total, states)
         return float(value), np.append((by_coefficient * self._scale).ravel(), by_frequency), cost
 
     def _states(self, x: FloatArray) -> FloatArray:
         """(4, N, n) position, velocity, acceleration and jerk on the grid."""
         coefficients = (x[:-1].reshape(self._scale.shape) * self._scale).T
-        faster = np.exp(x[-1])
-        states = np.stack([faster**order * (b @ coefficients) for order, b in enumerate(self._basis)])
+        states = np.exp(np.arange(_ORDERS) * x[-1])[:, None, None] * (self._basis @ coefficients)
         states[0] += self._middle
-        return states
+        return np.asarray(states)
 
     def _trajectory(self, x: FloatArray) -> FourierTrajectory:
         coefficients = x[:-1].reshape(self._scale.shape) * self._scale
@@ -270,7 +270,7 @@ class Search:
 
     def _cost(self, criterion: Criterion, trajectory: FourierTrajectory, measured_s: float) -> float:
         """A criterion of a trajectory for a given measuring time."""
-        samples = len(self._basis[0])
+        samples = self._basis.shape[1]
         state = trajectory.evaluate(np.arange(samples) * (trajectory.period_s / samples))
         return criterion.cost(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2, measured_s)
 

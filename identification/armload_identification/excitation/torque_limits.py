@@ -201,10 +201,11 @@ class TorqueLimits:
 
     def _torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """(N, cases n) torque of links, rotors and payload, with its sign."""
-        still = np.zeros_like(q)
-        motions = ((dq, ddq), (still, still))
-        torques = (model.torque(q, *motion) for model in self._models for motion in motions)
-        return np.concatenate([torque @ self._mixing for torque in torques], axis=1)
+        both = np.zeros((3, 2, *q.shape))
+        both[0], both[1, 0], both[2, 0] = q, dq, ddq
+        motions = both.reshape(3, -1, q.shape[1])
+        torques = [(model.torque(*motions) @ self._mixing).reshape(2, *q.shape) for model in self._models]
+        return np.concatenate([part for torque in torques for part in torque], axis=1)
 
     def _sizes(self, joints: FloatArray) -> FloatArray:
         """Greatest magnitudes at the motors' axes (or joints) for given magnitudes (..., n) at the joints."""

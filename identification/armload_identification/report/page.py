@@ -10,6 +10,7 @@ from markupsafe import Markup, escape
 
 from armload_identification.identification_errors import ReportError
 from armload_identification.numerals import MINUS, NO_BREAK
+from armload_identification.storage.control_characters import printable
 from armload_identification.storage.replace_file import replace_file
 
 _IN_BACKTICKS = re.compile(r"`([^`\n]+)`")
@@ -39,7 +40,7 @@ def _typeset(value: object) -> object:
     """Text with the signs of a printed page, and `words` in backticks as code; anything else unchanged."""
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
-    parts = _IN_BACKTICKS.split(value)  # every second one is code
+    parts = _IN_BACKTICKS.split(printable(value))  # every second one is code
     parts[::2] = (_PERCENT.sub(f"{NO_BREAK}%", _NEGATIVE.sub(MINUS, part.replace("+-", "±"))) for part in parts[::2])
     if len(parts) == 1:
         return parts[0]

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from armload_controller.cli.argument_names import as_options
 from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_drawable
-from armload_controller.cli.printable_text import as_options
 
 if TYPE_CHECKING:
     from armload_controller.analysis.robot_excitation import DesignedMotion

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from armload_controller.cli.printable_text import as_options, printable
+from armload_controller.cli.argument_names import as_options
+from armload_identification.storage.control_characters import printable
 
 JsonOption = Annotated[
     bool,

@@ -10,6 +10,8 @@ from xml.etree import ElementTree
 import matplotlib.style
 from matplotlib.figure import Figure
 
+from armload_identification.storage.control_characters import printable
+
 _NAMESPACE: Final = re.compile(r"^\{[^}]*\}")
 _NEEDLESS_DIGITS: Final = re.compile(r"(?<=\.\d\d)\d+")
 """Digits below a hundredth of a point: invisible, but a third of the page."""
@@ -30,14 +32,14 @@ def inline_svg(figure: Figure, name: str, title: str) -> str:
     written = io.BytesIO()
     with matplotlib.style.context(_TEXT_STAYS_TEXT):
         figure.savefig(written, format="svg", metadata={"Date": None})
-    root = ElementTree.fromstring(written.getvalue())
+    root = ElementTree.fromstring(printable(written.getvalue().decode()))
     _clean(root, name)
     for attribute in ("width", "height", "version"):
         root.attrib.pop(attribute, None)
     root.set("role", "img")
     root.set("aria-labelledby", f"{name}-title")
     label = ElementTree.Element("title", {"id": f"{name}-title"})
-    label.text = title
+    label.text = printable(title)
     root.insert(0, label)
     return ElementTree.tostring(root, encoding="unicode")
 

@@ -14,8 +14,8 @@ from rich.table import Table
 
 from armload_controller.cli.output.json_output import print_document
 from armload_controller.cli.printable_console import PrintableConsole
-from armload_controller.cli.printable_text import printable
 from armload_controller.cli.screen import Screen
+from armload_identification.storage.control_characters import printable
 
 HOSTILE = "joint\x1b[2J\x9b31m\x07\r\x00 [red]ä[/] \u202eexe\udc80\t|"
 READABLE = r"joint\u001b[2J\u009b31m\u0007\u000d\u0000 [red]ä[/] \u202eexe\udc80" + "\t|"

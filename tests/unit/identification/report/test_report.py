@@ -11,6 +11,9 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from markupsafe import escape
 
 from armload_identification.identification_errors import IdentificationError, ReportError
 from armload_identification.model.mass_center import MassCenterCovariance
@@ -123,7 +126,7 @@ def without_curves(monkeypatch):
 @pytest.fixture(scope="module")
 def full_text(clear, validation, pinocchio_arm):
     """A simulated commissioning with names that must be escaped in HTML."""
-    names = ("<b>base</b>", "a & b", '"elbow"', "wrist_1", "$\\frac$", "手首")
+    names = ("<b>base</b>", "a & b", '"elbow"', "wrist_1", "$\\frac$", "手首\x1b[2J\u202e")
     about = subject(
         clear,
         robot="<script>alert(1)</script>",
@@ -445,9 +448,22 @@ def test_foreign_text_stays_text(full, full_text):
         "a & b",
         '"elbow"',
         "$\\frac$",
-        "手首",
+        "手首\\u001b[2J\\u202e",
     ):
         assert text in full.text
+    assert not {"\x1b", "\u202e"} & set(full_text)
+
+
+@given(
+    st.lists(
+        st.sampled_from(["<i>", "-->", "<!--", "]]>", "&lt;", "`", '"', "'", "\n", "\0", "\x1b[2J", "\u202e", "é"])
+    )
+)
+def test_no_text_becomes_an_element_or_a_control_character(pieces):
+    page = Page(f"<p>{escape(_typeset(''.join(pieces)))}</p>")
+    assert set(page.tags) <= {"p", "code"}
+    assert not {"\0", "\x1b", "\u202e"} & set(page.text)
+    assert page.text.count("<i>") == pieces.count("<i>")
 
 
 def test_the_page_needs_nothing_but_itself(full, full_text, bare_text):

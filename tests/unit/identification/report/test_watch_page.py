@@ -1,4 +1,7 @@
-"""The page of a watch: no empty figure, no minus sign before zero."""
+"""The page of a watch: no empty figure, no minus sign before zero, names stay names."""
+
+from dataclasses import replace
+from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -44,3 +47,35 @@ def test_intervals_are_drawn_by_the_size_of_the_arm(monkeypatch, size, carried):
     widths = size * np.array([np.nan, 2.0, 0.12, 0.05, 0.06])
     watch_svg(history_of(np.full(5, carried * size), widths, [False, True, True, True, True]), "mass", "a title")
     np.testing.assert_array_equal(np.isfinite(drawn[0]), [False, False, True, True, True])
+
+
+HOSTILE = "<script>alert(1)</script>\"'>--><!--&]]>\x1b[2J\x00\u202e\u2028\ufffe`<i>`"
+"""Quotes, ends of elements and comments, control characters, a turn of the direction, and code."""
+
+
+def parts_of(page):
+    """Elements with the names of their attributes, and the whole text of a page."""
+    parser, found, texts = HTMLParser(), [], []
+    parser.handle_starttag = lambda tag, attributes: found.append((tag, *(name for name, _ in attributes)))
+    parser.handle_comment = lambda text: found.append(("comment",))
+    parser.handle_data = texts.append
+    parser.feed(page)
+    return found, "".join(texts)
+
+
+def test_names_stay_names_on_a_page_and_in_its_figure(tmp_path):
+    """A control character in a name ended a report with a figure in a traceback."""
+    plain = replace(history_of([1.0, 1.1], [0.1, 0.1], [True, True]), robot="a `b`", description="c `d`")
+    named = replace(plain, robot=HOSTILE, description=HOSTILE, watched=HOSTILE, armload_version=HOSTILE)
+    named = replace(named, joints=tuple(replace(joint, name=HOSTILE) for joint in plain.joints))
+    pages = []
+    for number, history in enumerate((plain, named)):
+        write_watch_report(tmp_path / f"{number}.html", history)
+        pages.append((tmp_path / f"{number}.html").read_text("utf-8"))
+    (usual, _), (elements, text) = map(parts_of, pages)
+    assert [one for one in elements if one != ("code",)] == [one for one in usual if one != ("code",)]
+    assert "<script>alert(1)</script>" in text
+    assert "\\u001b[2J\\u0000\\u202e\\u2028\\ufffe" in text
+    assert not {"\x1b", "\x00", "\u202e", "\u2028", "\ufffe"} & set(pages[1])
+    figure = watch_svg(plain, HOSTILE.replace("<i>", ""), HOSTILE)
+    assert {"script", "i"}.isdisjoint(tag for tag, *_ in parts_of(figure)[0])
