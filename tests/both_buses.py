@@ -23,28 +23,13 @@ from tests.lockstep_line import LockstepLine, VirtualFrames
 ROBOT = "er50"
 
 
-class Quiet:
-    """A simulation whose drives measure without noise.
-
-    Args:
-        simulation: The simulation with noise.
-    """
-
-    def __init__(self, simulation):
-        self._simulation = simulation
-
-    def __getattr__(self, name):
-        return getattr(self._simulation, name)
-
-    def plant_spec(self, *args, **kwargs):
-        spec = self._simulation.plant_spec(*args, **kwargs)
-        return replace(spec, joints=tuple(replace(joint, torque_noise_nm=0.0) for joint in spec.joints))
-
-
 def _twin(noisy):
     """er50, simulated with or without noise."""
     robot = load_robot(ROBOT)
-    return robot if noisy else replace(robot, simulation=Quiet(robot.simulation))
+    if noisy:
+        return robot
+    joints = [joint.model_copy(update={"torque_noise_nm": 0.0}) for joint in robot.tables.joints]
+    return replace(robot, tables=robot.tables.model_copy(update={"joints": joints}))
 
 
 @contextmanager
@@ -77,8 +62,8 @@ def _judged(findings):
 
 def _over_canopen(folder, periods, noisy):
     """The same arm on the virtual CAN bus."""
-    robot = shortened(_twin(noisy), periods)
-    return _judged(_commissioned(robot, folder, lambda load: simulated_arm(robot, load)))
+    robot, twin = shortened(load_robot(ROBOT), periods), _twin(noisy)
+    return _judged(_commissioned(robot, folder, lambda load: simulated_arm(twin, load)))
 
 
 def commissioned_twice(folder: Path, periods: int, *, noisy: bool = True) -> Any:

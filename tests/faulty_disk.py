@@ -69,7 +69,7 @@ class FaultyDisk:
                 return super().write(data)
 
         def open_(file, mode="r", *rest, **more):
-            if not set(mode) & set("wxa") or isinstance(file, int):
+            if not set(mode) & set("wxa") or isinstance(file, int) or Path(file).is_dir():  # a file without a name
                 return opened(file, mode, *rest, **more)
             disk.step("open", file)
             if "b" not in mode:

@@ -12,7 +12,6 @@ from armload_controller.config.robot_source import RobotSource
 from armload_controller.config.tables.body_tables import PayloadTable
 from armload_core.arrays import FloatArray
 from armload_drivers.simulation.plant_spec import PayloadChange, PlantSpec, PlantVariant, RigidBody
-from armload_identification.files.payload_file import read_payload
 from armload_identification.model.payload import InertialParameters
 
 NO_PAYLOAD = "none"
@@ -76,6 +75,8 @@ class RobotSimulation:
         if name in payloads:
             return payloads[name].rigid_body()
         if name.endswith(PAYLOAD_FILE):
+            from armload_identification.files.payload_file import read_payload
+
             body = read_payload(Path(name)).model
             return RigidBody(body.mass_kg, body.center_of_mass_m, body.inertia_about_com)
         expected = f"expected one of {', '.join(sorted(payloads))}, {NO_PAYLOAD}, or the path of a payload file (.toml)"

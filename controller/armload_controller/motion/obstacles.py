@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
-from armload_identification.excitation.geometry.collision_meshes import Meshes
 from armload_identification.excitation.geometry.workspace import Workspace
+
+if TYPE_CHECKING:
+    from armload_identification.excitation.geometry.collision_meshes import Meshes
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_rows import sideways, tilt_axes
 from armload_identification.estimation.arm_terms import (
     ARM_TERMS,
     COULOMB,
@@ -26,8 +25,8 @@ from armload_identification.estimation.arm_terms import (
     Layout,
     known_arm_terms,
 )
+from armload_identification.estimation.base_tilt import sideways, tilt_axes
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.problem import EMPTY, Known
 from armload_identification.estimation.terms import Term
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
@@ -40,6 +39,9 @@ from armload_identification.model.regressor import body_regressor, rotor_columns
 from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
+
+if TYPE_CHECKING:
+    from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 
 DETERMINED_WITHIN: Final = 0.05
 """A gain is determined if the half width of its 95 % interval is at most this share of it."""
@@ -366,7 +368,9 @@ class ArmCalibration:
         return np.asarray(np.sqrt((axis_nm * self.gain_nm_a / self.nominal) ** 2 @ to_joint**2))
 
     def _body_fit(self) -> BodyFit:
-        """The body with its standard deviations."""
+        """The body with its standard deviations; an estimator in a loop does not load what makes one."""
+        from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
+
         links = int(np.count_nonzero(self.body.base))
         return BodyFit(
             model=self.body,

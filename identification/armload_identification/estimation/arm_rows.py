@@ -12,13 +12,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.base_tilt import sideways
 from armload_identification.estimation.estimation_constants import Rows
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.chain import Chain
@@ -347,35 +348,6 @@ def _through(
         parts.append(through.reshape(len(samples), 2, *shape))
     both = np.concatenate(parts)
     return both[:, 0], both[:, 1]
-
-
-def tilt_axes(gravity_m_s2: FloatArray) -> FloatArray:
-    """Two directions perpendicular to gravity, in which it tilts if the base is not level.
-
-    Args:
-        gravity_m_s2: (3,) gravity in the base frame.
-
-    Returns:
-        (2, 3) orthogonal unit vectors.
-    """
-    down = gravity_m_s2 / np.sqrt(np.sum(gravity_m_s2**2))
-    other = np.eye(3)[0] if abs(down[0]) < Rows.tilted else np.eye(3)[1]
-    first = np.cross(down, other)
-    first /= np.sqrt(np.sum(first**2))
-    return np.stack([first, np.cross(down, first)])
-
-
-@lru_cache(maxsize=8)
-def sideways(chain: Chain) -> tuple[Chain, ...]:
-    """The arm with gravity along each tilt axis only: the effect of one rad of tilt.
-
-    Args:
-        chain: The arm.
-    """
-    size = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
-    return tuple(
-        Chain(chain.placement, chain.axis, chain.flange, size * axis) for axis in tilt_axes(chain.gravity_m_s2)
-    )
 
 
 def base_links(base: NDArray[np.bool_], n: int) -> NDArray[np.bool_]:

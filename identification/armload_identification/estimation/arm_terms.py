@@ -17,17 +17,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_rows import ArmRows
 from armload_identification.estimation.estimation_constants import Priors
 from armload_identification.estimation.terms import Joint, Law, Load, Motor, Scope, Shared, Term, Values
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS
+
+if TYPE_CHECKING:
+    from armload_identification.estimation.arm_rows import ArmRows
 
 CHANGES: Final = 3
 """Changes of a run's friction per joint: Coulomb, viscous, offset."""

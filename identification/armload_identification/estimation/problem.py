@@ -8,14 +8,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_rows import ArmRows
 from armload_identification.estimation.terms import Placed, Scope, Term, TorqueModel
+
+if TYPE_CHECKING:
+    from armload_identification.estimation.arm_rows import ArmRows
 
 EMPTY: Final = ""
 """Mounting of a run without a payload."""

@@ -12,13 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_rows import ArmRows
+
+if TYPE_CHECKING:
+    from armload_identification.estimation.arm_rows import ArmRows
 
 
 class Scope(StrEnum):

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field, PlainValidator, field_validator, model_validator
 
 from armload_controller.config.tables.table_types import NonNegative, PoseTable, Positive, Vector3
-from armload_identification.excitation.geometry.collision_meshes import Meshes
 from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
 from armload_identification.storage.strict_toml import BadValue, Table
+
+if TYPE_CHECKING:
+    from armload_identification.excitation.geometry.collision_meshes import Meshes
 
 _LinkName = int | Literal["tool"]
 
@@ -160,6 +162,8 @@ class WorkspaceTable(Table):
         """
         if self.urdf is None:
             return None
+        from armload_identification.excitation.geometry.collision_meshes import Meshes
+
         touching = tuple((a, b) for a, b in self.urdf_touching)
         return Meshes(folder / self.urdf, chain, joint_names, self.keep_m, touching)
 

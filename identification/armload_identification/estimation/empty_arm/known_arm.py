@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.problem import Known
 from armload_identification.estimation.terms import Term
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.reading_options import Effort
+
+if TYPE_CHECKING:
+    from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 
 TorqueDoubts = Callable[[JointStates, float, FloatArray], FloatArray]
 """Of K states, the time between them (s) and the (K, n) measured torque (N m): (k, K, n), the change of measured minus

@@ -14,7 +14,8 @@ from armload_identification.calibration import mounting_mistakes, run_contradict
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.calibration.run_health import run_health
 from armload_identification.estimation import solve as solve_module
-from armload_identification.estimation.arm_rows import run_signals, tilt_axes
+from armload_identification.estimation.arm_rows import run_signals
+from armload_identification.estimation.base_tilt import tilt_axes
 from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.identification_errors import EstimationError, ModelError, RecordingError
 from armload_identification.model.chain import Chain
