@@ -49,12 +49,12 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.recording.reading_options import Effort
-from armload_identification.recording.recording import Recording, check_joints
+from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
-from armload_identification.verdict.recording_checks.sanity import check_run
+from armload_identification.verdict.recording_checks.usable_runs import require_usable
 
 WEIGHED_WITHIN: Final = 1e-3
 """Relative standard deviation of a weighed mass, and of a completely known payload."""
@@ -237,8 +237,7 @@ class _Calibration:
         """Add a run, or record why it cannot be used."""
         name = self._name(run)
         try:
-            check_joints(run.recording, self._chain.n)
-            check_run(run.recording, self._transmission)
+            require_usable([run.recording], self._chain.n, self._transmission)
             signals = run_signals(run.recording, self._transmission)
             if not signals.has_rows:
                 raise RecordingError(

@@ -39,12 +39,11 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.recording.reading_options import Effort
-from armload_identification.recording.recording import Recording, check_joints
+from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
-from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
-from armload_identification.verdict.recording_checks.sanity import check_run
+from armload_identification.verdict.recording_checks.usable_runs import require_usable
 
 _GAIN: Final = 0.10
 """Prior standard deviation of a gain's change."""
@@ -137,9 +136,7 @@ def run_health(
         EstimationError: a run in which no joint moves.
     """
     calibration.require_arm(chain, transmission.coupling)
-    check_joints(recording, chain.n)
-    require_effort(recording, calibration.effort)
-    check_run(recording, transmission)
+    require_usable([recording], chain.n, transmission, calibration.effort)
     with threadpool_limits(1):
         if calibration.effort is Effort.CURRENT:
             transmission = replace(transmission, gain_nm_a=calibration.nominal)

@@ -28,11 +28,10 @@ from armload_identification.estimation.problem import Group, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.model.chain import Chain
-from armload_identification.recording.recording import Recording, check_joints
+from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import motion_of
-from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
-from armload_identification.verdict.recording_checks.sanity import check_run
+from armload_identification.verdict.recording_checks.usable_runs import require_usable
 
 ASSUMED: Final = 0.01
 """Standard deviation where a calibration has fewer than three sessions."""
@@ -150,11 +149,9 @@ class SessionGains:
         carried: Callable[[PayloadProblem], Problem],
     ) -> tuple[float, float]:
         """The logarithm of the factor from a run and the prior, and its standard deviation."""
-        check_joints(run, chain.n)
         known, level = calibration.known_arm(chain), calibration.level(chain)
-        require_effort(run, known.effort)
         gains = calibration.transmission(transmission)
-        check_run(run, gains)
+        require_usable([run], chain.n, gains, known.effort)
         motion = motion_of(run, gains)
         found, information, prior = self.log_factor, 0.0, self.deviation**-2.0
         for _ in range(_STEPS):

@@ -22,13 +22,12 @@ from armload_identification.model.regressor import PARAMETERS, payload_regressor
 from armload_identification.pipeline.estimator_constants import FLOOR_KG, FLOOR_SHARE
 from armload_identification.pipeline.identification_result import Identification, completed, single_signal
 from armload_identification.pipeline.operator_notes import notes_on
-from armload_identification.recording.recording import Recording, check_joints
+from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import Motion, motion_of, motion_over_time
-from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
 from armload_identification.verdict.recording_checks.motion_quality import MotionQuality
 from armload_identification.verdict.recording_checks.nothing_mounted import refuse_nothing
-from armload_identification.verdict.recording_checks.sanity import check_run
+from armload_identification.verdict.recording_checks.usable_runs import require_usable
 
 SHORTEST_WINDOW_S: Final = 2.0
 _LASTING: Final = 0.5
@@ -71,7 +70,6 @@ def identify_alone(
         EstimationError: a motion that does not determine the payload's mass, naming the missing motion; NothingMounted
             if it proves that there is no payload.
     """
-    check_run(loaded, transmission)
     motion = motion_of(loaded, transmission)
     problem = single_problem(motion, chain, transmission.coupling, arm)
     return _on_known_arm(problem, motion, loaded, chain, transmission, arm, prior)
@@ -99,14 +97,12 @@ def identify_windows(
     Raises:
         RecordingError: a recording that does not fit the arm, is invalid, or is shorter than a window.
     """
-    check_joints(loaded, chain.n)
-    require_effort(loaded, arm.effort)
+    require_usable([loaded], chain.n, transmission, arm.effort)
     if loaded.average is not None:
         raise RecordingError(
             f"{loaded.source.path}: a run of this length along an excitation is reduced to its average period while it "
             "is read, which has no windows. Select a part of it."
         )
-    check_run(loaded, transmission)
     with threadpool_limits(1):
         motion = motion_over_time(loaded, transmission)
         problem = single_problem(motion, chain, transmission.coupling, arm)

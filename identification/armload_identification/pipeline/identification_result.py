@@ -120,7 +120,7 @@ def completed(
     physical = make_physical(plain)
     regressor = payload_regressor(chain, *signal.states)
     payload_nm = regressor @ plain.theta
-    friction_nm = _friction(plain, signal, chain, payload_nm)
+    friction_nm = added_friction(plain, signal, chain)
     predicted_nm = regressor @ physical.parameters.theta + friction_nm
     used = transmission.gains(from_torque=runs[0].torque_nm is not None).value
     if gains is not None:
@@ -144,10 +144,11 @@ def completed(
     )
 
 
-def _friction(plain: PayloadEstimate, signal: LoadSignal, chain: Chain, payload_nm: FloatArray) -> FloatArray:
-    """(K, n) friction of the loaded run beyond that of the arm that was subtracted."""
+def added_friction(plain: PayloadEstimate, signal: LoadSignal, chain: Chain) -> FloatArray:
+    """(K, n) friction of the loaded run beyond that of the arm that was subtracted, at the samples of a signal."""
     body, velocity = plain.body(0), signal.states.velocity_rad_s
     direction = smooth_sign(velocity, body.reversal_speed_rad_s)
+    payload_nm = payload_regressor(chain, *signal.states) @ plain.theta
     of_load = body.added_friction(body.link_torque(chain, *signal.states), payload_nm, velocity)
     coulomb, viscous, offset = plain.friction(0) - plain.friction(plain.runs - 1)
     return np.asarray(of_load + direction * coulomb + velocity * viscous + offset)

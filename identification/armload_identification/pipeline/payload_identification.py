@@ -7,14 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache
 from typing import Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from armload_core.arrays import FloatArray
-from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import fit_body
 from armload_identification.estimation.gain_errors import GainFit, fit_gains
@@ -25,21 +22,23 @@ from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PayloadResult, Provenance
-from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.any_motion import identify_alone
 from armload_identification.pipeline.constant_payload import change_notes
-from armload_identification.pipeline.identification_result import Identification, completed, pair_signal
+from armload_identification.pipeline.identification_result import (
+    Identification,
+    added_friction,
+    completed,
+    pair_signal,
+)
 from armload_identification.pipeline.mass_center_ranges import within_ranges
 from armload_identification.pipeline.operator_notes import misfit_notes, notes_on
 from armload_identification.pipeline.weighed_mass import CONTRADICTS, note_on_mass
-from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
+from armload_identification.recording.recording import Recording, hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal, slow_round_signal
-from armload_identification.verdict.recording_checks.column_mistakes import looks_wrong, refuse_wrong_columns
-from armload_identification.verdict.recording_checks.effort_mismatch import require_effort
-from armload_identification.verdict.recording_checks.joint_scales import joint_scales
-from armload_identification.verdict.recording_checks.nothing_mounted import refuse_nothing
-from armload_identification.verdict.recording_checks.sanity import check_pair, check_scales, require_consistent
+from armload_identification.verdict.recording_checks.column_mistakes import RunColumns
+from armload_identification.verdict.recording_checks.contradictions import FittedPair, refuse_contradictions
+from armload_identification.verdict.recording_checks.usable_runs import require_usable
 
 FLANGE: Final = "flange"
 
@@ -113,10 +112,7 @@ def _by_prior(
 ) -> Callable[[Prior | None], Identification]:
     """`identify` as a function of the prior; what does not depend on it is computed once."""
     runs = (loaded,) if unloaded is None else (loaded, unloaded)
-    for run in runs:
-        check_joints(run, chain.n)
-        if arm is not None:
-            require_effort(run, arm.effort)
+    require_usable(runs, chain.n, transmission, None if arm is None else arm.effort)
     if unloaded is not None:
         return _by_difference(loaded, unloaded, chain, transmission, arm)
     if arm is None:
@@ -132,22 +128,15 @@ def _by_difference(
     loaded: Recording, unloaded: Recording, chain: Chain, transmission: Transmission, arm: KnownArm | None
 ) -> Callable[[Prior | None], Identification]:
     """The payload of a pair as a function of the prior."""
-    check_pair(loaded, unloaded, transmission)
     signal = load_signal(loaded, unloaded, transmission)
     body = fit_body([signal.empty_arm], chain, transmission.coupling) if arm is None else arm.fit
-
-    @cache
-    def require_right_columns() -> None:
-        refuse_wrong_columns(signal, loaded, unloaded, chain, transmission.coupling)
-
-    if looks_wrong(signal, body if arm is None else None):
-        require_right_columns()
+    columns = RunColumns(signal, (loaded, unloaded), chain, transmission.coupling)
+    if not columns.look_right(body if arm is None else None):
+        columns.require_right()
     gains = transmission.gains(from_torque=loaded.torque_nm is not None)
     slow = slow_round_signal(loaded, unloaded, transmission) if signal.periodic else None
     problem = pair_problem(signal, chain, transmission.coupling, arm, slow)
     errors = gains.errors if arm is None else arm.errors
-    # At half of the greatest speed: a short run cannot tell Coulomb friction from the rest.
-    friction_nm = np.abs(ArmFriction.of(body.model, signal.unloaded.states.velocity_rad_s).torque_nm)
 
     def identified(prior: Prior | None) -> Identification:
         fitted: GainFit | None = None
@@ -156,32 +145,15 @@ def _by_difference(
         else:
             posterior = solve(problem.knowing(prior), rough=True)
         plain = estimate_of(posterior, problem, chain, prior, errors, gears=fitted is not None)
-        refuse_nothing(plain, payload_regressor(chain, *signal.states), signal.unloaded.torque_nm)
-        try:
-            require_consistent(plain, fitted, signal, chain, friction_nm)
-        except EstimationError:
-            # The cause may be a mistake in the columns, of which that error would be only a consequence.
-            require_right_columns()
-            raise
-        result = completed(
-            plain, fitted, pair_signal(plain, signal, chain, transmission), chain, transmission, loaded, unloaded
-        )
-        if result.uncertainty.determined[0]:
-            _require_plausible_scales(result, chain, friction_nm)
+        adjusted = pair_signal(plain, signal, chain, transmission)
+        added_nm = added_friction(plain, adjusted, chain)
+        refuse_contradictions(FittedPair(plain, fitted, signal, adjusted, added_nm, chain, body), columns)
+        result = completed(plain, fitted, adjusted, chain, transmission, loaded, unloaded)
         if misfit_notes(result):
-            require_right_columns()
+            columns.require_right()
         return result.with_notes(*notes_on(result, (loaded, unloaded), transmission, arm, None if arm else body))
 
     return identified
-
-
-def _require_plausible_scales(found: Identification, chain: Chain, friction_nm: FloatArray) -> None:
-    """Raise if the payload's torque on a joint is many times that of the payload, or opposite to it."""
-    signal = found.signal
-    payload_nm = payload_regressor(chain, *signal.states) @ found.plain.theta
-    size_nm = np.sqrt(np.mean(payload_nm[signal.valid] ** 2, axis=0))
-    scales = joint_scales(signal, payload_nm, found.friction_nm)
-    check_scales(scales, size_nm, friction_nm, signal.loaded.moves)
 
 
 def payload_result(

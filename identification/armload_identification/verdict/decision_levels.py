@@ -514,7 +514,7 @@ class EnoughMotion:
 
 
 class RunLevels:
-    """Faults of one recording (`sanity`)."""
+    """Faults of one recording (`usable_runs`)."""
 
     evident_travel_rad: Final = 0.05
     """[rad] Travel from which a joint's torque must change; also the distance from start to end of a closed motion.
@@ -580,7 +580,7 @@ class RunLevels:
 
 
 class JointContradiction:
-    """A joint against all others (`sanity`)."""
+    """A joint against all others (`contradictions`)."""
 
     unexplained: Final = 0.1
     """[1] Share of a joint's power that a sound fit leaves unexplained at most.

@@ -5,7 +5,7 @@ A mean over T is its own anti-aliasing filter: its response has zeros at the mul
 torque pass through the same filter. The means do not overlap, so that white noise stays white.
 
 To bound memory there are at most `MOST_MEANS` means, 22 minutes at 10 ms; beyond that, pairs of means are merged.
-`verdict.sanity` refuses means that are too long for the motion.
+`verdict.recording_checks` refuses means that are too long for the motion.
 """
 
 from __future__ import annotations

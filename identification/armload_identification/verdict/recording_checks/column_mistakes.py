@@ -21,6 +21,7 @@ load, where friction decides.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from typing import Final
 
@@ -76,49 +77,65 @@ class _Exchange:
     """Which of their columns: positions, currents or torques, or all."""
 
 
-def looks_wrong(signal: LoadSignal, arm: BodyFit | None) -> bool:
-    """Whether a pair gives cause to search for mistakes in its columns; `arm` is None if it was calibrated."""
-    moves = signal.unloaded.moves
-    if (moves & (_loaded_over_unloaded(signal) < ArmFit.loaded_over_unloaded)).any():
-        return True
-    if arm is None:
-        return False
-    speed = np.mean(np.abs(signal.unloaded.states.velocity_rad_s), axis=0)
-    friction = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed
-    loud = moves & (arm.torque_rms_nm > signal.averaged_noise_nm)
-    unexplained = arm.residual_rms_nm > ArmFit.residual_share * arm.torque_rms_nm
-    driven = friction < -ArmFit.driven_share * arm.torque_rms_nm
-    return bool((loud & (unexplained | driven)).any())
+class RunColumns:
+    """The columns of a pair of runs; what they contain is searched once."""
 
+    def __init__(
+        self, signal: LoadSignal, runs: tuple[Recording, Recording], chain: Chain, coupling: FloatArray
+    ) -> None:
+        """Take the torque difference of a loaded and an unloaded run; `coupling` is (n, n) C of the motors."""
+        self._signal, self._chain, self._coupling = signal, chain, coupling
+        self._paths = tuple(str(run.source.path) for run in runs)
 
-def refuse_wrong_columns(
-    signal: LoadSignal, loaded: Recording, unloaded: Recording, chain: Chain, coupling: FloatArray
-) -> None:
-    """Refuse a pair that only another sign or order of columns can explain; `coupling` is (n, n) C of the motors.
+    def look_right(self, arm: BodyFit | None) -> bool:
+        """Whether there is no cause to search for mistakes; `arm` is None if it was calibrated."""
+        signal = self._signal
+        moves = signal.unloaded.moves
+        if (moves & (_loaded_over_unloaded(signal) < ArmFit.loaded_over_unloaded)).any():
+            return False
+        if arm is None:
+            return True
+        speed = np.mean(np.abs(signal.unloaded.states.velocity_rad_s), axis=0)
+        friction = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed
+        loud = moves & (arm.torque_rms_nm > signal.averaged_noise_nm)
+        unexplained = arm.residual_rms_nm > ArmFit.residual_share * arm.torque_rms_nm
+        driven = friction < -ArmFit.driven_share * arm.torque_rms_nm
+        return not bool((loud & (unexplained | driven)).any())
 
-    Raises:
-        RecordingError: naming file, joint and remedy.
-    """
-    both_files = f"{loaded.source.path} and {unloaded.source.path}"
-    found = [set(flipped_signs(run, chain, coupling)) for run in (signal.loaded, signal.unloaded)]
-    both = found[0] & found[1]
-    # The sign of one run only, against the other run's evidence, shows in their comparison.
-    opposed = set(map(int, np.flatnonzero(_loaded_over_unloaded(signal) < 0.0)))
-    for joints, files in (
-        (both, both_files),
-        ((found[0] - both) & opposed, str(loaded.source.path)),
-        ((found[1] - both) & opposed, str(unloaded.source.path)),
-    ):
-        if joints:
-            raise RecordingError(f"{files}: {_flipped_text(sorted(joints))}")
-    one, other = (exchanged_columns(run, chain, coupling) for run in (signal.loaded, signal.unloaded))
-    exchange = one or other
-    # Both runs are of the same motion, so that positions are exchanged in both or in none.
-    only_one = one != other and exchange is not None and exchange.what == _TORQUES
-    files = str((loaded if one else unloaded).source.path) if only_one else both_files
-    if exchange is not None:
+    def require_right(self) -> None:
+        """Refuse a pair that only another sign or order of columns can explain.
+
+        Raises:
+            RecordingError: naming file, joint and remedy.
+        """
+        if self._mistake:
+            raise RecordingError(self._mistake)
+
+    @cached_property
+    def _mistake(self) -> str:
+        """What is wrong, and its remedy; empty if nothing is."""
+        both_files = " and ".join(self._paths)
+        runs = self._signal.loaded, self._signal.unloaded
+        found = [set(flipped_signs(run, self._chain, self._coupling)) for run in runs]
+        both = found[0] & found[1]
+        # The sign of one run only, against the other run's evidence, shows in their comparison.
+        opposed = set(map(int, np.flatnonzero(_loaded_over_unloaded(self._signal) < 0.0)))
+        for joints, files in (
+            (both, both_files),
+            ((found[0] - both) & opposed, self._paths[0]),
+            ((found[1] - both) & opposed, self._paths[1]),
+        ):
+            if joints:
+                return f"{files}: {_flipped_text(sorted(joints))}"
+        one, other = (exchanged_columns(run, self._chain, self._coupling) for run in runs)
+        exchange = one or other
+        if exchange is None:
+            return ""
+        # Both runs are of the same motion, so that positions are exchanged in both or in none.
+        only_one = one != other and exchange.what == _TORQUES
+        files = self._paths[0 if one else 1] if only_one else both_files
         names = named_joints([str(joint + 1) for joint in exchange.joints])
-        raise RecordingError(
+        return (
             f"{files}: {exchange.what} of {names} are exchanged: links and friction of the arm explain the "
             "torque only in the other order. Correct the joint order in the configuration or the log."
         )

@@ -28,7 +28,7 @@ from armload_identification.recording.row_block import RowBlock, joined
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT, MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER, motion_of
-from armload_identification.verdict.recording_checks.sanity import check_run
+from armload_identification.verdict.recording_checks.usable_runs import require_sound
 
 pytestmark = pytest.mark.pure
 
@@ -256,7 +256,7 @@ def test_means_that_are_too_long_for_the_motion_are_refused(pinocchio_arm):
     with pytest.raises(
         RecordingError, match=r"0\.8 h .* means over 100 ms, .* 2 %.* with `between_s=`, such as its first 600 s"
     ):
-        check_run(run, pinocchio_arm.transmission)
+        require_sound(run, pinocchio_arm.transmission)
 
 
 def test_a_saturated_joint_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_path):
@@ -270,8 +270,10 @@ def test_a_saturated_joint_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_p
     path = write_mcap(tmp_path / "clipped.mcap", replace(run, current_a=current))
     for short_rows in (EVERYTHING, NOTHING):
         with pytest.raises(RecordingError, match="joint 2 stays at its maximum"):
-            check_run(read_recording(path, short_rows=short_rows), pinocchio_arm.transmission)
-    check_run(read_recording(write_mcap(tmp_path / "clean.mcap", run), short_rows=NOTHING), pinocchio_arm.transmission)
+            require_sound(read_recording(path, short_rows=short_rows), pinocchio_arm.transmission)
+    require_sound(
+        read_recording(write_mcap(tmp_path / "clean.mcap", run), short_rows=NOTHING), pinocchio_arm.transmission
+    )
 
 
 def test_a_stuck_current_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_path):
@@ -283,7 +285,7 @@ def test_a_stuck_current_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_pat
     path = write_mcap(tmp_path / "stuck.mcap", replace(run, current_a=current))
     for short_rows in (EVERYTHING, NOTHING):
         with pytest.raises(RecordingError, match=rf"stuck.mcap: joint 5 moves back and forth .* for {half} samples"):
-            check_run(read_recording(path, short_rows=short_rows), pinocchio_arm.transmission)
+            require_sound(read_recording(path, short_rows=short_rows), pinocchio_arm.transmission)
 
 
 def test_repetitions_are_counted_across_blocks():

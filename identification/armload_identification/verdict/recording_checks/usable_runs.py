@@ -1,0 +1,222 @@
+"""The first gate: whether recordings can be used. Every check raises for one mistake and names its remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.reading_options import Effort
+from armload_identification.recording.recording import Recording, check_joints
+from armload_identification.recording.reduction.place_in_period import whole_periods
+from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
+from armload_identification.signals.joint_torque import Transmission, joint_torque, reported_effort
+from armload_identification.verdict.decision_levels import Correlations, RunLevels
+from armload_identification.verdict.joint_words import numbered_joints
+from armload_identification.verdict.recording_checks.effort_mismatch import require_effort, require_same_effort
+
+
+def require_usable(runs: Sequence[Recording], n: int, transmission: Transmission, effort: Effort | None = None) -> None:
+    """Raise for recordings that cannot be used.
+
+    Args:
+        runs: A run, or a loaded and an unloaded one.
+        n: Number of joints of the arm.
+        transmission: Gains, and coupling.
+        effort: The quantity that the arm was calibrated with; None if it was not calibrated.
+
+    Raises:
+        RecordingError: another arm's recording, or one with another quantity than the calibration's; two runs that are
+            mixed up; a velocity that is not the position's, or a torque column that is constant, stuck for a part of
+            the run, saturated, or of the wrong sign.
+    """
+    for run in runs:
+        check_joints(run, n)
+        if effort is not None:
+            require_effort(run, effort)
+    if len(runs) == 2:
+        for check in PAIR_CHECKS:
+            check(runs[0], runs[1])
+    for run in runs:
+        require_sound(run, transmission)
+
+
+def require_sound(run: Recording, transmission: Transmission) -> None:
+    """Raise for a run of which one of `RUN_CHECKS` finds a column wrong."""
+    seen = _Run(run, joint_torque(run, transmission))
+    for check in RUN_CHECKS:
+        check(seen)
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """A run as its checks see it, with (N, n) joint torque."""
+
+    recording: Recording
+    torque_nm: FloatArray
+
+    @cached_property
+    def moves(self) -> NDArray[np.bool_]:
+        """(n,) True for joints that evidently move."""
+        return np.asarray(np.ptp(self.recording.position_rad, axis=0) > RunLevels.evident_travel_rad)
+
+    @cached_property
+    def repeats(self) -> RepeatedValues:
+        """How long the effort stays the same."""
+        run = self.recording
+        return repeated_values(reported_effort(run), run.position_rad) if run.repeats is None else run.repeats
+
+
+def _refuse_the_same_file(loaded: Recording, unloaded: Recording) -> None:
+    if loaded.source.sha256 == unloaded.source.sha256:
+        raise RecordingError(
+            f"{loaded.source.path} and {unloaded.source.path} are the same recording. "
+            "Give one run with and one run without the payload."
+        )
+
+
+def _refuse_exchanged_labels(loaded: Recording, unloaded: Recording) -> None:
+    labels = (loaded.source.run().get("load"), unloaded.source.run().get("load"))
+    if labels[0] == "unloaded" != labels[1] or labels[1] == "loaded":
+        raise RecordingError(
+            f"{loaded.source.path} was recorded as '{labels[0]}' and {unloaded.source.path} as '{labels[1]}'. "
+            "Exchange the two files."
+        )
+
+
+def _refuse_long_means(seen: _Run) -> None:
+    """Raise for a run so long that its means attenuate the motion: at f, by (pi f T)^2 / 6 of the amplitude."""
+    run = seen.recording
+    if run.repeats is None or run.average is not None:
+        return
+    mean_s = float(np.median(np.diff(run.time_s)))
+    velocity = np.diff(run.position_rad, axis=0) / mean_s
+    change = np.mean(np.diff(velocity, axis=0) ** 2)
+    lost = float(change / max(float(np.mean(velocity**2)), np.finfo(float).tiny)) / 24.0
+    if lost > RunLevels.lost_to_means:
+        hours = (run.time_s[-1] - run.time_s[0]) / 3600.0
+        raise RecordingError(
+            f"{run.source.path}: {hours:.1f} h without a known excitation were reduced to means over "
+            f"{1e3 * mean_s:.0f} ms, which reduces the motion's amplitude by about {100.0 * lost:.0f} %. Select a part "
+            "of it with `between_s=`, such as its first 600 s."
+        )
+
+
+def _refuse_velocity(seen: _Run) -> None:
+    """Raise for a velocity that is not the derivative of the position, or is so in degrees.
+
+    It is integrated over parts of the run and compared with the change of position, which noise hardly affects.
+    """
+    run = seen.recording
+    if run.velocity_rad_s is None or run.average is not None:
+        return
+    velocity = np.nan_to_num(run.velocity_rad_s)
+    step_s = np.diff(run.time_s)[:, None]
+    whole = step_s < RunLevels.gap * np.median(step_s)
+    steps = np.diff(run.position_rad, axis=0), 0.5 * (velocity[1:] + velocity[:-1]) * step_s
+    starts = np.arange(0, len(step_s), max(len(step_s) // RunLevels.velocity_parts, 1))
+    change, expected = (np.add.reduceat(whole * step, starts, axis=0) for step in steps)
+    change, expected = change - change.mean(axis=0), expected - expected.mean(axis=0)
+    size = np.sqrt(np.sum(change**2, axis=0) * np.sum(expected**2, axis=0))
+    moves = seen.moves & (size > 0.0)
+    strange = moves & (np.sum(change * expected, axis=0) < Correlations.derivative * size)
+    if strange.any():
+        raise RecordingError(
+            f"{run.source.path}: the velocity of {numbered_joints(strange)} is not the derivative "
+            "of its position. Columns of position and velocity are exchanged, in another joint order, or of "
+            "another sign: correct the column map."
+        )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        times = np.sum(change**2, axis=0) / np.sum(change * expected, axis=0)
+    follows = moves & (np.sum(change * expected, axis=0) > Correlations.same * size)
+    for what, factor in (("positions", 180.0 / np.pi), ("velocities", np.pi / 180.0)):
+        degrees = follows & (np.abs(np.log(np.where(follows, times, 1.0) / factor)) < RunLevels.degree_within)
+        if degrees.any():
+            joint = int(np.flatnonzero(degrees)[0])
+            raise RecordingError(
+                f"{run.source.path}: joint {joint + 1} moves {times[joint]:.3g} times as fast as its velocity "
+                f"indicates. Its {what} look like degrees: convert them to radians."
+            )
+
+
+def _refuse_constant(seen: _Run) -> None:
+    """Raise for a joint that moves while its torque does not change at all."""
+    measured = reported_effort(seen.recording)
+    still = np.flatnonzero(seen.moves & (np.ptp(measured, axis=0) == 0.0))
+    if still.size:
+        raise RecordingError(
+            f"{seen.recording.source.path}: joint {still[0] + 1} moves, but its current or torque is constant at "
+            f"{measured[0, still[0]]:g}. Check the mapping of its 6077 or 6078, or the column map."
+        )
+
+
+def _refuse_saturation(seen: _Run) -> None:
+    """Raise for a run in which a moving joint's torque stays at its greatest value, longer than at any other."""
+    run, repeats = seen.recording, seen.repeats
+    by_chance = np.maximum(RunLevels.saturated_repeats, RunLevels.saturated_over_others * repeats.elsewhere)
+    stays = repeats.at_bound >= by_chance
+    for joint in np.flatnonzero(seen.moves & stays):
+        raise RecordingError(
+            f"{run.source.path}: joint {joint + 1} stays at its maximum of {repeats.bound[joint]:.4g} for "
+            f"{repeats.at_bound[joint] + 1:.0f} samples in a row: the drive or the measurement is saturated, so the "
+            "true torque is unknown. Record a slower run, or raise the drive's current limit."
+        )
+
+
+def _refuse_stuck(seen: _Run) -> None:
+    """Raise for a run in which a joint moves back and forth while its torque stays the same: friction would change."""
+    run, repeats = seen.recording, seen.repeats
+    range_rad = np.ptp(run.position_rad, axis=0)
+    stuck = seen.moves & (
+        repeats.turned_rad > np.maximum(RunLevels.evident_travel_rad, RunLevels.stuck_share * range_rad)
+    )
+    for joint in np.flatnonzero(stuck):
+        raise RecordingError(
+            f"{run.source.path}: joint {joint + 1} moves back and forth by {repeats.turned_rad[joint]:.2g} rad, but "
+            f"its current or torque stays at {repeats.turned_at[joint]:.4g} for {repeats.turned_for[joint]:.0f} "
+            "samples in a row: an old value was recorded repeatedly. Record the run again, or select a part without it "
+            "with `between_s=`."
+        )
+
+
+def _refuse_fed_energy(seen: _Run) -> None:
+    """Raise for motors that absorb energy over a run that ends where it began: friction dissipates it.
+
+    Only their sum counts: a single joint can receive any amount of energy from the others over a cycle.
+    """
+    run, rows = seen.recording, _closed_part(seen.recording)
+    torque, step = seen.torque_nm[rows], np.diff(run.position_rad[rows], axis=0)
+    work = 0.5 * (torque[1:] + torque[:-1]) * step
+    if seen.moves.any() and work.sum() < RunLevels.fed_energy * np.abs(work).sum():
+        raise RecordingError(
+            f"{run.source.path}: the motors of {numbered_joints(seen.moves & (work.sum(axis=0) < 0.0))} absorb energy "
+            "overall, although friction should dissipate it. The sign of the current or torque is flipped: correct it "
+            "in the configuration or the log."
+        )
+
+
+def _closed_part(run: Recording) -> NDArray[np.intp]:
+    """Rows of a closed motion: whole periods, else the entire run; none if it does not end where it began."""
+    if run.phase_s is not None and run.excitation is not None:
+        inside = np.flatnonzero(np.isfinite(run.phase_s))
+        length_s = whole_periods(run) * run.excitation.trajectory.period_s
+        return inside[run.phase_s[inside] <= run.phase_s[inside[:1]] + length_s] if length_s else inside[:0]
+    if (np.abs(run.position_rad[-1] - run.position_rad[0]) < RunLevels.evident_travel_rad).all():
+        return np.arange(run.time_s.size)
+    return np.empty(0, dtype=np.intp)
+
+
+PAIR_CHECKS = (_refuse_the_same_file, _refuse_exchanged_labels, require_same_effort)
+RUN_CHECKS = (
+    _refuse_long_means,
+    _refuse_velocity,
+    _refuse_constant,
+    _refuse_saturation,
+    _refuse_stuck,
+    _refuse_fed_energy,
+)
