@@ -132,8 +132,8 @@ def run_health(
 
     Raises:
         ModelError: the calibration belongs to another arm.
-        RecordingError: a run that does not fit the arm, is too short or invalid.
-        EstimationError: a run in which no joint moves.
+        RecordingError: a run that does not fit the arm, is too short, without motion or invalid.
+        EstimationError: a run in which no joint moves long enough.
     """
     calibration.require_arm(chain, transmission.coupling)
     require_usable([recording], chain.n, transmission, calibration.effort)

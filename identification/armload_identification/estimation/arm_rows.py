@@ -26,14 +26,10 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import PARAMETERS, body_regressor, payload_regressor
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.place_in_period import phases_per_period, whole_periods
-from armload_identification.signals.filters import low_pass
-from armload_identification.signals.joint_torque import Transmission, joint_torque
-from armload_identification.signals.motion import Motion
-from armload_identification.signals.periods import fold
+from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.motion import Motion, motion_of
 from armload_identification.signals.reversals import REVERSAL, TURN_OVER, moving_weights
 from armload_identification.signals.row_window import HALF_S, RowWindow
-from armload_identification.signals.spline import Spline
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,73 +192,20 @@ def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
         transmission: Nominal gains, and coupling.
 
     Returns:
-        The average period of a run with whole periods, else the entire run.
+        The average period of a run with whole periods, else the part in which the arm moves.
 
     Raises:
         RecordingError: too short, or without torque.
     """
-    name = str(recording.source.path)
-    effort = joint_torque(recording, transmission) @ transmission.coupling
-    from_torque = recording.torque_nm is not None
-    if whole_periods(recording):
-        return _folded(recording, effort, name, from_torque)
-    time_s = recording.time_s - recording.time_s[0]
-    grid = np.arange(int(time_s[-1] / Rows.grid_s), dtype=np.float64) * Rows.grid_s
-    if grid.size * Rows.grid_s < Rows.shortest_s:
+    name, motion = str(recording.source.path), motion_of(recording, transmission)
+    length_s = len(motion.time_s) * motion.interval_s
+    if not motion.periodic and length_s < Rows.shortest_s:
         raise RecordingError(
-            f"{name}: {time_s[-1]:.1f} s long, expected {Rows.shortest_s:g} s or more. Record a whole excitation."
+            f"{name}: {length_s:.1f} s of motion, expected {Rows.shortest_s:g} s or more. Record a whole excitation."
         )
-    position, even = (_means(time_s, values, grid) for values in (recording.position_rad, effort))
-    # As many coefficients as samples: the spline passes through them.
-    ends, edge = Rows.degree + 1, (Rows.degree + 1) // 2
-    knots = np.concatenate([[grid[0]] * ends, grid[edge:-edge], [grid[-1]] * ends])
-    motion = Spline.fit(grid, low_pass(position, Rows.grid_s, Rows.motion_hz), knots, Rows.degree)
-    after = np.clip(np.searchsorted(time_s, grid), 1, time_s.size - 1)
-    return RunSignals(
-        name=name,
-        interval_s=Rows.grid_s,
-        position_rad=motion(grid),
-        velocity_rad_s=motion(grid, 1),
-        acceleration_rad_s2=motion(grid, 2),
-        effort_nm=even,
-        usable=time_s[after] - time_s[after - 1] <= Rows.hole_s,
-        periodic=False,
-        from_torque=from_torque,
-    )
-
-
-def _means(time_s: FloatArray, values: FloatArray, grid_s: FloatArray) -> FloatArray:
-    """(K, n) means over `Rows.grid_s` about each time of the grid, of straight lines between the samples.
-
-    Without means, noise of faster recordings would be aliased: at 1 kHz white noise on the rows was 3 times as large,
-    and a tone at 99 Hz appeared unattenuated at 1 Hz.
-    """
-    edges = np.clip(np.append(grid_s, grid_s[-1] + Rows.grid_s) - 0.5 * Rows.grid_s, 0.0, time_s[-1])
-    step = np.diff(time_s)[:, None]
-    integral = np.vstack([np.zeros_like(values[:1]), np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0)])
-    before = np.clip(np.searchsorted(time_s, edges, side="right") - 1, 0, time_s.size - 2)
-    since = (edges - time_s[before])[:, None]
-    slope = np.diff(values, axis=0)[before] / step[before]
-    until = integral[before] + since * (values[before] + 0.5 * since * slope)
-    return np.asarray(np.diff(until, axis=0) / np.diff(edges)[:, None])
-
-
-def _folded(recording: Recording, effort: FloatArray, name: str, from_torque: bool) -> RunSignals:
-    """The average period."""
-    run = fold(recording, effort, phases_per_period(recording))
-    interval_s = run.period_s / len(run.torque_nm)
-    motion = run.motion.evaluate(np.arange(len(run.torque_nm)) * interval_s)
-    return RunSignals(
-        name=name,
-        interval_s=interval_s,
-        position_rad=motion.position_rad,
-        velocity_rad_s=motion.velocity_rad_s,
-        acceleration_rad_s2=motion.acceleration_rad_s2,
-        effort_nm=run.torque_nm,
-        usable=_without_holes(run.valid, interval_s),
-        periodic=True,
-        from_torque=from_torque,
-    )
+    signals = RunSignals.of_motion(motion, transmission.coupling, name)
+    usable = signals.usable & (motion.interval_s <= Rows.hole_s)
+    return replace(signals, usable=usable, from_torque=recording.torque_nm is not None)
 
 
 def _without_holes(valid: NDArray[np.bool_], interval_s: float) -> NDArray[np.bool_]:

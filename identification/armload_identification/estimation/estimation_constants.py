@@ -14,27 +14,6 @@ from typing import Final
 class Rows:
     """One run as equations (`arm_rows`)."""
 
-    grid_s: Final = 0.01
-    """[s] Interval of the grid on which a run of any motion is resampled.
-
-    Origin: physics: a tenth of the shortest motion that is used, and the cycle of slow drives.
-    Factor of two: either way: nothing.
-    """
-
-    motion_hz: Final = 10.0
-    """[Hz] Low-pass of measured positions: above it they contain hardly anything but noise.
-
-    Origin: measured: 5 and 20 Hz change the gains of the UR10e by 0.03 %.
-    Factor of two: either way: nothing.
-    """
-
-    degree: Final = 5
-    """[1] Degree of the spline through the positions: its acceleration has a continuous derivative.
-
-    Origin: mathematics.
-    Factor of two: either way: nothing.
-    """
-
     model_parts: Final = 8.0
     """[1] The model's samples in half a row's window.
 

@@ -592,5 +592,5 @@ def test_a_joint_that_stands_still_in_a_run_has_no_health(result, runs, pinocchi
     assert np.isnan(still.residual[0])
     assert np.isfinite(still.gain_change[1:]).all()
     frozen = replace(run, position_rad=np.tile(position[0], (len(position), 1)) + 1e-9 * run.position_rad)
-    with pytest.raises(EstimationError, match="no joint moves"):
+    with pytest.raises(RecordingError, match="no joint moves"):
         run_health(frozen, result, pinocchio_arm.chain, nominal, name="run")
