@@ -23,6 +23,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.model.payload import InertialParameters
 from armload_identification.storage.toml_text import array, number, text
 
+SLOW_RAD_S: Final = 1.0
+"""Greatest speed of a joint of which none is given: a slow industrial arm's."""
 FULL_SPEED_AFTER_S: Final = 0.5
 JERK_PER_ACCELERATION: Final = 100.0
 NOISE_SHARE: Final = 0.005
@@ -178,14 +180,24 @@ def _joint(file: DraftedFile, arm: ArmDraft, joint: int, *, has_body: bool) -> N
     file.add("[[joints]]", f"name = {text(arm.joint_names[joint])}")
     file.value("position_min_rad", lower, where, endless)
     file.value("position_max_rad", upper, where, endless)
-    file.value("velocity_max_rad_s", speed, where)
+    if np.isnan(speed):
+        speed = SLOW_RAD_S
+        file.value("velocity_max_rad_s", speed, where, "assumed: slow; with the data sheet's, motions are shorter")
+        file.unchecked.append(f"{arm.joint_names[joint]}: a greatest speed of {speed:g} rad/s")
+    else:
+        file.value("velocity_max_rad_s", speed, where)
     acceleration = speed / FULL_SPEED_AFTER_S
     file.value("acceleration_max_rad_s2", acceleration, where, f"assumed: full speed after {FULL_SPEED_AFTER_S:g} s")
     file.value("jerk_max_rad_s3", JERK_PER_ACCELERATION * acceleration, where, "assumed")
     file.value("torque_max_nm", torque, where)
     if not has_body:
         file.add(f"arm_torque_share = {BODY_SHARE}  # assumed: fraction of its torque that the arm itself requires")
-    file.value("torque_noise_nm", NOISE_SHARE * torque, where, "assumed: one raw sample at 100 Hz")
+    file.value(
+        "torque_noise_nm",
+        NOISE_SHARE * torque,
+        where,
+        f"assumed: {100 * NOISE_SHARE:g} % of torque_max_nm; one raw sample at 100 Hz",
+    )
     if joint == 0:
         file.unchecked.append(
             f"accelerations (full speed after {FULL_SPEED_AFTER_S:g} s), jerks and the noise of the torque"

@@ -44,4 +44,4 @@ class DraftedFile:
         if np.isnan(value):
             self.holes.append(place)
             return HOLE
-        return number(value)
+        return number(float(f"{value:.12g}"))

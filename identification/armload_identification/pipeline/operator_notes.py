@@ -199,7 +199,7 @@ def _on_result(found: Identification) -> list[str]:
             "for a compact body and is marked as not determined."
         )
     if physical.changed and physical.plain_margin <= 0.0:
-        notes.append("The plain estimate is physically impossible; the nearest possible one is reported.")
+        notes.append("The best fit is physically impossible; the nearest possible body is reported.")
     if not uncertainty.determined[:4].any():
         notes.append(
             "Not even the mass is determined: the motion is too small or too slow, the runs are too short, or the "

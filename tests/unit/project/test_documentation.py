@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from armload_identification.files.payload_file import parse_payload
+from armload_identification.identification_errors import PayloadFileError
+
 ROOT = Path(__file__).resolve().parents[3]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
@@ -31,6 +34,15 @@ def test_the_code_of_a_page_runs(page, tmp_path):
     run = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     assert bool(run.stdout) == bool(program)
+
+
+def test_the_payload_by_hand_is_the_smallest_that_is_read():
+    (text,) = blocks(DOCS / "feed-forward-in-a-loop.md", "toml")
+    assert parse_payload(text).feedforward_ready
+    lines = text.splitlines()
+    for line in filter(None, lines):
+        with pytest.raises(PayloadFileError):
+            parse_payload("\n".join(each for each in lines if each is not line))
 
 
 COMMANDS = [

@@ -44,8 +44,14 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
 def validation_table(validation: Validation, joint_names: Sequence[str]) -> Table:
     """Residual in the motion's band, and ratio of measured to predicted torque, per joint."""
     headings = right("measured N m", "residual N m", "share", "measured / predicted")
-    title = "The payload's torque in the motion's band, friction predicted"
-    table = Table("joint", *headings, title=title, title_justify="left")
+    table = Table(
+        "joint",
+        *headings,
+        title="The payload's torque (RMS, low-pass filtered), friction predicted",
+        title_justify="left",
+        caption="share: what the prediction leaves; measured / predicted: 1 where payload and gain are right",
+        caption_justify="left",
+    )
     scales = validation.verdict.of_payload
     for i, name in enumerate(joint_names):
         measured, left = validation.torque_in_band_nm[i], validation.left_in_band_nm[i]
@@ -60,12 +66,12 @@ def validation_table(validation: Validation, joint_names: Sequence[str]) -> Tabl
 
 
 def possibility(identification: Identification) -> str:
-    """Whether the plain estimate was physically possible, and if not the body reported instead."""
+    """Whether the best fit was physically possible, and if not the body reported instead."""
     if identification.physical.changed:
         plain = identification.plain_parameters
         return (
-            f"plain estimate: {plain.mass_kg:.4g} kg, physically impossible; "
-            f"reported: the nearest possible body, {identification.parameters.mass_kg:.4g} kg"
+            f"the best fit, {plain.mass_kg:.4g} kg, is not physically possible; reported: the nearest possible body, "
+            f"{identification.parameters.mass_kg:.4g} kg"
         )
     return "the estimate is physically possible"
 

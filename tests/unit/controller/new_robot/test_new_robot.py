@@ -154,18 +154,17 @@ def test_the_floor_is_at_the_root_of_an_arm_that_begins_above_it(tmp_path):
 def test_what_is_not_given_is_a_hole_with_its_place(drafted):
     text = URDF.replace('velocity="2" effort="80"', 'velocity="0"', 1)
     _, file, path = drafted(text)
-    assert file.holes == [
-        f"joints[1].{key}"
-        for key in (
-            "velocity_max_rad_s",
-            "acceleration_max_rad_s2",
-            "jerk_max_rad_s3",
-            "torque_max_nm",
-            "torque_noise_nm",
-        )
-    ]
-    with pytest.raises(ConfigurationError, match=r"joints\[1\].velocity_max_rad_s is 'FILL IN': expected a number"):
+    assert file.holes == ["joints[1].torque_max_nm", "joints[1].torque_noise_nm"]
+    with pytest.raises(ConfigurationError, match=r"joints\[1\].torque_max_nm is 'FILL IN': expected a number"):
         load_robot(str(path))
+
+
+def test_a_speed_that_is_not_given_is_slow_and_listed(drafted):
+    _, file, path = drafted(URDF.replace('velocity="2"', 'velocity="0"', 1))
+    assert not file.holes
+    limits = load_robot(str(path)).limits.motion
+    assert [limits.velocity_max_rad_s[0], limits.acceleration_max_rad_s2[0]] == [1.0, 2.0]
+    assert "j1: a greatest speed of 1 rad/s" in file.unchecked
 
 
 def test_friction_that_is_not_given_or_is_most_of_the_torque_is_assumed_and_listed(drafted):
