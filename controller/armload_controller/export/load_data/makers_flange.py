@@ -115,10 +115,11 @@ def _require_makers(subject: ExportSubject, rotation: FloatArray) -> None:
     )
     raise ExportError(
         subject.payload_file,
-        f"the last joint's axis, out of the arm, is ({', '.join(f'{c:.4g}' for c in np.round(own, 9) + 0.0)}) in the "
-        f"flange frame of {subject.robot}'s configuration{turned}; the controller's flange has it along z, (0, 0, 1), "
-        "so the centre of mass would be written along wrong axes. Give `flange_rpy_rad=`, roll, pitch and yaw; "
-        f"{remedy}",
+        f"the last joint's axis, out of the arm, is {_vector(own)}{'' if known else f' or {_vector(-own)}'} in the "
+        f"flange frame of {subject.robot}'s configuration{turned}"
+        f"{'' if known else ', whose kinematics do not tell which'}; the controller's flange has it along z, "
+        "(0, 0, 1), so the centre of mass would be written along wrong axes. Give `flange_rpy_rad=`, roll, pitch and "
+        f"yaw; {remedy}",
     )
 
 
@@ -142,6 +143,11 @@ def _turn_of_values(turn: FloatArray) -> FloatArray:
 def angles_text(rpy: tuple[float, float, float] | FloatArray) -> str:
     """Roll, pitch and yaw as on a command line."""
     return " ".join(f"{angle + 0.0:.6g}" for angle in np.round(rpy, 6))
+
+
+def _vector(values: FloatArray) -> str:
+    """(0, 0, 1)."""
+    return f"({', '.join(f'{value:.4g}' for value in np.round(values, 9) + 0.0)})"
 
 
 def _axis_name(direction: FloatArray) -> str:

@@ -61,6 +61,13 @@ def test_wrong_axes_are_refused_and_turned_ones_written(right, export_format):
     assert "-1.5708 0 -1.5708 (x along -y)" in str(no.value)
 
 
+def test_a_direction_that_the_kinematics_do_not_tell_is_said(make_subject):
+    """A flange in the er50's wrist, which is 0.1 m behind its own."""
+    frame = pose_from_xyz_rpy((0, 0, -0.1), (0, 0, 0)) @ np.linalg.inv(pose_from_xyz_rpy((0, 0, 0), EE_LINK_TO_TOOL0))
+    with pytest.raises(ExportError, match=r"is \(1, 0, 0\) or \(-1, 0, 0\) in the flange frame .* do not tell which"):
+        export_ur(reflanged(make_subject("er50"), frame))
+
+
 def test_only_quarter_turns_about_z_are_offered(right):
     frame = pose_from_xyz_rpy((0, 0, 0), (0.0, np.pi / 2, 0.0))
     with pytest.raises(ExportError) as refusal:
