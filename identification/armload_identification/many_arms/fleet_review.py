@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from enum import StrEnum
 from itertools import pairwise
@@ -41,6 +41,8 @@ FIRST_RUNS: Final = 7
 """Runs whose median is the centre of a chart."""
 MOST_RUNS: Final = 100
 """Most runs in a chart; older ones are omitted."""
+FEWEST_STEPS: Final = 50
+"""Pairs of successive runs, of all arms of a model, from which their scatter replaces a greater stated deviation."""
 LATEST_RUNS: Final = 5
 """Number of runs whose median is compared with the twins'."""
 TWINS_LEAST: Final = 3
@@ -223,6 +225,10 @@ class _Series:
         values, noise = np.array([run.figures[quantity] for run in shown]).T
         return cls(tuple(run.recorded for run in shown), values, noise)
 
+    def with_noise_times(self, share: float) -> _Series:
+        """The same with a share of the noise."""
+        return replace(self, noise=share * self.noise)
+
     def latest(self, usual: float) -> tuple[float, float]:
         """Level of the latest runs, and its standard deviation from noise and the usual spread between runs."""
         part = slice(-LATEST_RUNS, None)
@@ -230,6 +236,19 @@ class _Series:
         count = self.values[part].size
         ratio = _MEDIAN_OVER_MEAN if count > 2 else 1.0
         return float(np.median(self.values[part])), width * ratio / float(np.sqrt(count))
+
+
+@dataclass(frozen=True)
+class _Usual:
+    """A quantity of a model's arms from run to run.
+
+    Attributes:
+        beyond: Standard deviation beyond what the runs state.
+        share: What of the stated deviation they show, at most 1: errors that all runs of an arm share do not scatter.
+    """
+
+    beyond: float
+    share: float
 
 
 def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
@@ -257,6 +276,10 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
         for arm, of_arm in by_arm.items()
     }
     usual = _usual_spread(series)
+    series = {
+        arm: {quantity: one.with_noise_times(usual[arm[1], quantity].share) for quantity, one in of_arm.items()}
+        for arm, of_arm in series.items()
+    }
     compared = _against_twins(series, usual)
     charts = sum(len(of_arm) for of_arm in series.values())
     arms = []
@@ -264,7 +287,7 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
         figures, found = {}, _silence(of_arm)
         for quantity, one in series[arm].items():
             twins = compared.get((arm, quantity))
-            figures[quantity] = _figure(quantity, one, usual[arm[1], quantity], charts, twins)
+            figures[quantity] = _figure(quantity, one, usual[arm[1], quantity].beyond, charts, twins)
             found += _changes_and_outliers(figures[quantity])
             if twins is not None and twins.suspicion is not None:
                 found.append(twins.suspicion)
@@ -305,8 +328,8 @@ def _is_absent(runs: Sequence[ArmRun], latest: datetime) -> bool:
     return latest - runs[-1].recorded > max(ABSENT, ABSENT_INTERVALS * max(intervals, default=timedelta()))
 
 
-def _usual_spread(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> dict[tuple[str, Quantity], float]:
-    """Standard deviation between runs of one arm beyond their noise, by model and quantity, from successive runs."""
+def _usual_spread(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> dict[tuple[str, Quantity], _Usual]:
+    """What is usual between runs of one arm, by model and quantity, from successive runs."""
     steps: defaultdict[tuple[str, Quantity], list[FloatArray]] = defaultdict(list)
     for (_, model), quantity, one in _all_series(series):
         noise = np.hypot(one.noise[1:], one.noise[:-1])
@@ -314,10 +337,13 @@ def _usual_spread(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> dict[t
     usual = {}
     for place, found in steps.items():
         difference, noise = np.hstack(found)
-        variance = 0.0
+        variance, share = 0.0, 1.0
         if difference.size:
             variance = float(deviation_by_median(difference[:, None])[0]) ** 2 - float(np.median(noise)) ** 2
-        usual[place] = max(float(np.sqrt(max(0.5 * variance, 0.0))), _LEAST_SPREAD)
+        if np.count_nonzero(noise) >= FEWEST_STEPS:
+            in_noise = difference[noise > 0.0] / noise[noise > 0.0]
+            share = min(float(deviation_by_median(in_noise[:, None])[0]), 1.0)
+        usual[place] = _Usual(max(float(np.sqrt(max(0.5 * variance, 0.0))), _LEAST_SPREAD), max(share, _LEAST_SPREAD))
     return usual
 
 
@@ -361,13 +387,13 @@ def _changes_and_outliers(figure: FigureReview) -> list[Suspicion]:
 
 
 def _against_twins(
-    series: Mapping[ArmKey, Mapping[Quantity, _Series]], usual: Mapping[tuple[str, Quantity], float]
+    series: Mapping[ArmKey, Mapping[Quantity, _Series]], usual: Mapping[tuple[str, Quantity], _Usual]
 ) -> dict[tuple[ArmKey, Quantity], Twins]:
     """Each arm's quantities compared with those of its twins."""
     groups: defaultdict[tuple[str, Quantity], list[tuple[str, float, float]]] = defaultdict(list)
     for (arm, model), quantity, one in _all_series(series):
         if quantity.of or quantity.kind not in PER_PAYLOAD:  # payloads without a name may be different ones
-            groups[model, quantity].append((arm, *one.latest(usual[model, quantity])))
+            groups[model, quantity].append((arm, *one.latest(usual[model, quantity].beyond)))
     compared = {place: arms for place, arms in groups.items() if len(arms) > TWINS_LEAST}
     tests = max(sum(len(arms) for arms in compared.values()), 1)
     found: dict[tuple[ArmKey, Quantity], Twins] = {}

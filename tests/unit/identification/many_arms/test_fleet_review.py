@@ -51,6 +51,15 @@ def page_of(review, acknowledged=None):
     return render_fleet_report(review, "1.2", known, needing)
 
 
+def test_what_all_runs_of_an_arm_share_does_not_hide_a_change(monkeypatch):
+    """Stated deviations that are mostly of nominal gains; successive runs show what scatters."""
+    monkeypatch.setitem(NOISE, GAINS[1], 0.023)
+    (found,) = (arm for arm in review_fleet(fleet(cell04=[(GAINS[1], 7, 99, 0.03)])).arms if arm.suspicions)
+    assert (found.arm, found.suspicions[0].cause, found.suspicions[0].quantity) == ("cell04", Anomaly.CHANGE, GAINS[1])
+    few = [run for run in fleet(cell04=[(GAINS[1], 7, 99, 0.03)]) if run.arm in {"cell03", "cell04"}]
+    assert not any(arm.suspicions for arm in review_fleet(few).arms), "two arms are too few to replace it"
+
+
 @pytest.fixture(scope="module")
 def review():
     """One arm with each fault, the most serious first."""
