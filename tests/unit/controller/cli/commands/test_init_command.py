@@ -70,7 +70,7 @@ def test_holes_are_listed_and_no_excitation_is_designed(armload, urdf, tmp_path)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["arm.urdf", "four.toml"]
     checked = armload("drives", "check", out)
     assert isinstance(checked.exception, ConfigurationError)
-    assert "joints[1].velocity_max_rad_s is 'FILL IN'" in str(checked.exception)
+    assert "joints[1].torque_max_nm is 'FILL IN'" in str(checked.exception)
     twin = armload("init", urdf(), "--simulated", "--output", tmp_path / "twin.toml")
     assert "--payload-kg is missing: required: the payload of the simulated arm" in str(twin.exception)
     for limit in ('lower="-1" upper="1"', 'lower="0" upper="0" velocity="2" effort="120"'):
