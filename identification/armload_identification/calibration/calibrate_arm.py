@@ -39,9 +39,10 @@ from armload_identification.estimation.arm_terms import (
     effort_level,
 )
 from armload_identification.estimation.estimation_constants import Solver
+from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
 from armload_identification.estimation.problem import Group, Known, Noise, Problem, RunRows
-from armload_identification.estimation.solve import Posterior, solve
+from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, IdentificationError, RecordingError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel

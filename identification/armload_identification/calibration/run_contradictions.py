@@ -25,8 +25,9 @@ from armload_identification.estimation.arm_terms import (
     own_friction,
     payload_term,
 )
+from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import EMPTY, Group, Noise, Problem, RunRows
-from armload_identification.estimation.solve import Posterior, solve
+from armload_identification.estimation.solve import solve
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS
 

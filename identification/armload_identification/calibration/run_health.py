@@ -30,8 +30,9 @@ from armload_identification.estimation.arm_terms import (
 )
 from armload_identification.estimation.empty_arm.known_arm_rows import payload_scale
 from armload_identification.estimation.estimation_constants import Solver
+from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import EMPTY, Group, Noise, Problem, RunRows
-from armload_identification.estimation.solve import Posterior, clipped_rms, solve
+from armload_identification.estimation.solve import clipped_rms, solve
 from armload_identification.estimation.terms import Scope, Term
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError

@@ -23,8 +23,9 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows
 from armload_identification.estimation.arm_terms import FRICTION_CHANGE, effort_level
 from armload_identification.estimation.payload_problem import PayloadProblem
+from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
-from armload_identification.estimation.solve import Posterior, solve
+from armload_identification.estimation.solve import solve
 from armload_identification.estimation.terms import Joint, Scope, Term
 from armload_identification.model.chain import Chain
 from armload_identification.signals.motion import PeriodDeviation

@@ -24,9 +24,10 @@ from armload_identification.estimation.arm_terms import (
 )
 from armload_identification.estimation.estimation_constants import Payloads
 from armload_identification.estimation.payload_problem import PayloadProblem
+from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.sampled_torque import sampling_doubt
-from armload_identification.estimation.solve import Posterior, solve
+from armload_identification.estimation.solve import solve
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance, unknown_deviation

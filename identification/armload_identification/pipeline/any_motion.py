@@ -12,8 +12,9 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.payload_estimate import estimate_of
 from armload_identification.estimation.payload_problem import PayloadProblem, single_problem
+from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.prior_knowledge import Prior
-from armload_identification.estimation.solve import Posterior, solve
+from armload_identification.estimation.solve import solve
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain

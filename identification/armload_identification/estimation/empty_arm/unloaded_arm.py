@@ -37,8 +37,9 @@ from armload_identification.estimation.arm_terms import (
     effort_level,
 )
 from armload_identification.estimation.estimation_constants import Priors
+from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
-from armload_identification.estimation.solve import Posterior, solve
+from armload_identification.estimation.solve import solve
 from armload_identification.estimation.terms import Joint, Scope, Term
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel
