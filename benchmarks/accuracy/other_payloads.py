@@ -17,7 +17,7 @@ from scipy.stats import norm
 
 from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_simulation import HARSH_GAIN_ERROR
-from armload_identification.estimation.uncertainty import derived
+from armload_identification.model.payload import derived
 from benchmarks.arms.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid
 from benchmarks.arms.setups import Twin, setup_of, shipped_motion
 from benchmarks.arms.trials import Setup, Trial, run_trials

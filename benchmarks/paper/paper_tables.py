@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.uncertainty import derived
-from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
+from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, derived
 from benchmarks.arms.trials import Trial
 from benchmarks.paper import published
 from benchmarks.results.bound import paper_deviation, paper_values

@@ -16,8 +16,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_drivers.simulation.mujoco_plant import NOISE_CYCLE_S
-from armload_identification.estimation.uncertainty import derived
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.identification_result import Identification
 from benchmarks.arms.trials import Setup, identified

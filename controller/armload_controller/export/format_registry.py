@@ -48,8 +48,6 @@ LOAD_DATA: Final = frozenset(
 """Formats of robot controllers, in the flange frame of the robot's maker."""
 OF_AN_ARM: Final = frozenset({ExportFormat.URDF, ExportFormat.MJCF})
 """Formats of a calibrated arm."""
-DEFAULT_LICENCE: Final = "Apache-2.0"
-"""SPDX identifier of generated source code, armload's own licence."""
 
 Exporter = Callable[["ExportSubject"], Mapping[str, str | bytes]]
 """Returns contents by file name, texts in ASCII, without writing files."""

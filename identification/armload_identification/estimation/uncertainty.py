@@ -11,7 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.model.payload import DETERMINED_SHARE, PARAMETER_NAMES, InertialParameters, value_scale
+from armload_identification.model.payload import (
+    DETERMINED_SHARE,
+    PARAMETER_NAMES,
+    InertialParameters,
+    derived,
+    value_scale,
+)
 
 if TYPE_CHECKING:
     from armload_identification.estimation.payload_estimate import PayloadEstimate
@@ -104,34 +110,3 @@ def quantify(found: PayloadEstimate, parameters: InertialParameters) -> Uncertai
         determined=width <= DETERMINED_SHARE * value_scale(abs(parameters.mass_kg)),
         covariance=found.covariance,
     )
-
-
-def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:
-    """Mass, centre of mass and inertia about it, and their derivatives by theta.
-
-        c = s / m,    I_com = I - (s^T s 1 - s s^T) / m
-
-    Args:
-        parameters: Where they are evaluated.
-
-    Returns:
-        (10,) quantities in the order of `PARAMETER_NAMES`, and (10, 10) derivatives by theta.
-    """
-    mass, first = parameters.mass_kg, parameters.theta[1:4]
-    slope = np.zeros((10, 10))
-    slope[0, 0] = 1.0
-    slope[1:4, 0] = -first / mass**2
-    slope[1:4, 1:4] = np.eye(3) / mass
-    slope[4:, 4:] = np.eye(6)
-    steiner = np.zeros((6, 3))
-    for row in range(3):
-        for other in range(3):
-            if other != row:
-                steiner[row, other] = -2.0 * first[other]
-    for row, (one, two) in enumerate(((0, 1), (0, 2), (1, 2)), start=3):
-        steiner[row, one] = first[two]
-        steiner[row, two] = first[one]
-    slope[4:, 1:4] = steiner / mass
-    # Euler's theorem: the Steiner part is of degree two in s, so its value is half of s times its gradient.
-    slope[4:, 0] = -0.5 * steiner @ first / mass**2
-    return parameters.values, slope

@@ -279,3 +279,34 @@ def tensor_elements(tensor: FloatArray) -> FloatArray:
 
 PSEUDO_INERTIA_BASIS = np.array([InertialParameters(row).pseudo_inertia for row in np.eye(10)])
 """(10, 4, 4) pseudo-inertia of one unit of each parameter: J(theta) = sum_i theta_i BASIS_i."""
+
+
+def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:
+    """Mass, centre of mass and inertia about it, and their derivatives by theta.
+
+        c = s / m,    I_com = I - (s^T s 1 - s s^T) / m
+
+    Args:
+        parameters: Where they are evaluated.
+
+    Returns:
+        (10,) quantities in the order of `PARAMETER_NAMES`, and (10, 10) derivatives by theta.
+    """
+    mass, first = parameters.mass_kg, parameters.theta[1:4]
+    slope = np.zeros((10, 10))
+    slope[0, 0] = 1.0
+    slope[1:4, 0] = -first / mass**2
+    slope[1:4, 1:4] = np.eye(3) / mass
+    slope[4:, 4:] = np.eye(6)
+    steiner = np.zeros((6, 3))
+    for row in range(3):
+        for other in range(3):
+            if other != row:
+                steiner[row, other] = -2.0 * first[other]
+    for row, (one, two) in enumerate(((0, 1), (0, 2), (1, 2)), start=3):
+        steiner[row, one] = first[two]
+        steiner[row, two] = first[one]
+    slope[4:, 1:4] = steiner / mass
+    # Euler's theorem: the Steiner part is of degree two in s, so its value is half of s times its gradient.
+    slope[4:, 0] = -0.5 * steiner @ first / mass**2
+    return parameters.values, slope

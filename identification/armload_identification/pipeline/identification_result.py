@@ -14,11 +14,11 @@ from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_estimate import PayloadEstimate
 from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
 from armload_identification.estimation.servo_sag import on_one_motion
-from armload_identification.estimation.uncertainty import Uncertainty, derived, quantify
+from armload_identification.estimation.uncertainty import Uncertainty, quantify
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.recording.recording import Recording, RecordingSource
 from armload_identification.signals.joint_torque import Transmission

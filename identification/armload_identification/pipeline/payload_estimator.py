@@ -18,14 +18,11 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.empty_arm.known_arm_rows import KnownArmRows
 from armload_identification.estimation.physical_consistency import nearest_possible
-from armload_identification.estimation.uncertainty import (
-    NORMAL_HALF_WIDTH,
-    derived,
-)
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
-from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters, value_scale
+from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters, derived, value_scale
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.estimator_constants import FLOOR_KG, FLOOR_SHARE, ROW_S, estimator_constants
 from armload_identification.signals.joint_torque import Transmission

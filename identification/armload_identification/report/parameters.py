@@ -12,8 +12,13 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.uncertainty import derived
-from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters, PayloadResult, value_scale
+from armload_identification.model.payload import (
+    DETERMINED_SHARE,
+    InertialParameters,
+    PayloadResult,
+    derived,
+    value_scale,
+)
 from armload_identification.numerals import NO_BREAK, Numeral, align, decimals_for, numeral
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.verdict.joint_words import listed

@@ -8,11 +8,10 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.payload_estimate import PayloadEstimate
-from armload_identification.estimation.uncertainty import derived
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance
-from armload_identification.model.payload import InertialParameters, PayloadResult
+from armload_identification.model.payload import InertialParameters, PayloadResult, derived
 from armload_identification.verdict.agreement import Agreement, Known, LengthNeeded, Outcome
 from armload_identification.verdict.decision_levels import ArmFit
 from armload_identification.verdict.recording_checks.joint_scales import JointScales

@@ -13,8 +13,7 @@ from armload_identification.estimation.payload_estimate import estimate_of
 from armload_identification.estimation.payload_problem import single_problem
 from armload_identification.estimation.problem import Noise
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.uncertainty import derived
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.signals.motion import motion_over_time
 from tests.payload_rows import payload_of
