@@ -214,19 +214,24 @@ class _Header:
         joints = list(chosen["position_rad"].places)
         scale = {"time_s": self._time_factor} | {name: series.factors[0] or 1.0 for name, series in chosen.items()}
         groups = {
-            name: [self._names[series.places[joint]] for joint in joints if joint in series.places]
+            name: [self._called(series.places[joint]) for joint in joints if joint in series.places]
             for name, series in chosen.items()
         }
         return CsvColumns(
-            self._names[self._time or 0],
+            self._called(self._time or 0),
             groups["position_rad"],
             groups.get("velocity_rad_s"),
             groups.get("current_a"),
             groups.get("torque_nm"),
             {name: factor for name, factor in scale.items() if factor != 1.0},
             tuple(joint for joint in joints if isinstance(joint, str)),
-            None if self._nanoseconds is None else self._names[self._nanoseconds],
+            None if self._nanoseconds is None else self._called(self._nanoseconds),
         )
+
+    def _called(self, place: int) -> int | str:
+        """A column's name, or its number if others have that name too."""
+        name = self._names[place]
+        return name if self._names.count(name) == 1 else place
 
     def _require_arm(self, positions: _Series, *, by_arm: bool) -> None:
         """Raise if the joints of the positions may not be those of the arm."""

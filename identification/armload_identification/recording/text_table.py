@@ -18,8 +18,8 @@ from armload_identification.recording.csv_columns import CsvColumns
 
 _SEPARATORS: Final = (";", "\t", ",", " ")
 _OPENING_LINES: Final = 64
-_HEADER_LINES: Final = 2
-"""Lines above the numbers that are joined: names and units."""
+_HEADER_LINES: Final = 3
+"""Lines above the numbers that are joined: names and units, or the levels of pandas' names and that of its index."""
 _STAMP: Final = re.compile(r"([-+\d.eE]+)\s*([a-zA-Zµ]+)")
 _ECHO_FIELDS: Final = 3
 """Fields before the joints' names in a message that `ros2 topic echo --csv` printed: seconds, nanoseconds, frame."""

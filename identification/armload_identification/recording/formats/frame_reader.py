@@ -72,14 +72,14 @@ class FrameReader:
             yield RowBlock.of_columns({name: table[first : first + _BLOCK_ROWS] for name, table in self._table.items()})
 
     def _numbers(self, frame: DataFrame, keys: Sequence[Any], column: int | str) -> FloatArray:
-        """(N,) numbers of a column; of dates, seconds since 1970."""
+        """(N,) numbers of a column; of durations seconds, of dates seconds since 1970."""
         place = column if isinstance(column, int) else self._names.index(column) if column in self._names else -1
         if not 0 <= place < len(keys):
             raise RecordingError(f"{self._name}: no column {column}; there are {', '.join(self._names)}.")
         array = np.asarray(frame[keys[place]])
         try:
-            if array.dtype.kind == "M":
-                return 1e-9 * array.astype("datetime64[ns]").astype(np.float64)
+            if array.dtype.kind in "mM":
+                return 1e-9 * array.astype(f"{array.dtype.kind}8[ns]").astype(np.float64)
             return array.astype(np.float64)
         except (TypeError, ValueError) as error:
             raise RecordingError(f"{self._name}: column {self._names[place]} has no numbers: {error}.") from error

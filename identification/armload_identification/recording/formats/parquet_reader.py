@@ -47,6 +47,8 @@ _NORMALISED: Final = 100.0
 """End of the range of a joint that LeRobot records in percent."""
 _SLACK_RAD: Final = 0.1
 """How far a position may be beyond a limit."""
+_SECONDS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Of the units of times in Arrow."""
 _BLOCK_ROWS: Final = 2**13
 
 
@@ -213,7 +215,9 @@ def _holds_lists(kind: Any) -> bool:
 
 
 def _numbers(column: Any) -> FloatArray:
-    """(N, k) numbers of a column, k above 1 for lists; NaN for missing numbers."""
+    """(N, k) numbers of a column, k above 1 for lists, of times in s; NaN for missing numbers."""
+    if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
+        return _SECONDS[column.type.unit] * _numbers(column.cast(pa.int64()))
     if not _holds_lists(column.type):
         return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False)).reshape(-1, 1)
     flat = column.flatten().cast(pa.float64()).to_numpy(zero_copy_only=False)

@@ -120,3 +120,20 @@ def test_small_angles_in_degrees_betray_themselves_by_the_velocity(tmp_path):
     path = write_csv(tmp_path / "log.csv", [",".join(f"{x:.6f}" for x in row) for row in table])
     with pytest.raises(RecordingError, match="positions look like degrees"):
         read_recording(path, COLUMNS)
+
+
+def test_the_levels_of_pandas_names_are_joined_and_the_index_is_the_time(tmp_path):
+    """DataFrame.to_csv with columns of two levels and a named index: three lines, the last one with its name only."""
+    head = ",position,position,effort,effort\n,shoulder,elbow,shoulder,elbow\ntime,,,,\n"
+    (tmp_path / "log.csv").write_text(head + "\n".join(f"{0.01 * k},{0.01 * k},{0.02 * k},2,3" for k in range(90)))
+    read = read_recording(tmp_path / "log.csv", ReadingOptions(joint_names=("shoulder", "elbow")))
+    np.testing.assert_allclose(read.position_rad[:, 1], 0.02 * np.arange(90))
+    np.testing.assert_allclose(read.torque_nm, np.tile([2.0, 3.0], (90, 1)))
+
+
+def test_an_advised_option_tells_columns_of_one_name_apart(tmp_path):
+    """It took the positions once more as torques."""
+    rows = "\n".join(f"{0.01 * k},{0.01 * k},{0.02 * k},2,3" for k in range(90))
+    (tmp_path / "log.csv").write_text("time,shoulder,elbow,shoulder,elbow\n" + rows)
+    with pytest.raises(RecordingError, match=r'--columns "time=0 position=1-2 torque=3-4"'):
+        read_recording(tmp_path / "log.csv", ReadingOptions(joint_names=("shoulder", "elbow")))

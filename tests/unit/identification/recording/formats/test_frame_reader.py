@@ -65,3 +65,12 @@ def test_an_index_of_dates_is_the_time():
     index = pandas.DatetimeIndex(np.datetime64("2026-01-02") + (1e9 * TIME_S).astype("timedelta64[ns]"), name="stamp")
     read = armload.read_recording(pandas.DataFrame({k: v for k, v in TABLE.items() if k != "time [ms]"}, index=index))
     np.testing.assert_allclose(np.diff(read.time_s), np.diff(TIME_S), atol=1e-6)
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_durations_are_seconds(unit):
+    """As polars' columns of durations; their numbers were taken as they are."""
+    per_s = {"ms": 1e3, "us": 1e6, "ns": 1e9}[unit]
+    elapsed = np.round(per_s * TIME_S).astype(np.int64).astype(f"timedelta64[{unit}]")
+    read = armload.read_recording(Frame({"t": elapsed, **{k: v for k, v in TABLE.items() if k != "time [ms]"}}))
+    np.testing.assert_allclose(read.time_s, TIME_S, atol=1e-9)

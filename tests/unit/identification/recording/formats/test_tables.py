@@ -99,6 +99,15 @@ def test_a_parquet_table_with_a_column_for_each_joint(tmp_path):
         read_recording(path)
 
 
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+@pytest.mark.parametrize("kind", [pa.duration, lambda unit: pa.timestamp(unit, "UTC")], ids=["duration", "timestamp"])
+def test_times_of_a_parquet_table_may_be_dates_and_durations(tmp_path, kind, unit):
+    """As pandas and polars write them; they were refused as damaged."""
+    ticks = np.round(TIME * {"ms": 1e3, "us": 1e6, "ns": 1e9}[unit]).astype(np.int64)
+    pq.write_table(pa.table({**columns(), "t": pa.array(ticks).cast(kind(unit))}), tmp_path / "run.parquet")
+    assert_read(read_recording(tmp_path / "run.parquet"))
+
+
 def lerobot(folder, episodes=1, names=NAMES):
     (folder / "meta").mkdir(parents=True)
     (folder / "data" / "chunk-000").mkdir(parents=True)
