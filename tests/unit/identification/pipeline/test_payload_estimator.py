@@ -13,7 +13,9 @@ from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.payload_estimator import COLOUR, LOAD_LAW, PayloadEstimator
+from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.reading_options import Effort
+from armload_identification.recording.recording import Recording
 from armload_identification.verdict.recording_checks.friction_validity import FAR, standard_deviations
 
 pytestmark = pytest.mark.pure
@@ -57,6 +59,21 @@ def test_the_payload_is_found_sample_by_sample(estimator, streams, pinocchio_arm
     body = found.possible_body()
     assert body.is_physical
     np.testing.assert_allclose(body.theta[:4], found.theta[:4], atol=0.02)
+
+
+def test_without_forgetting_it_is_the_batch_solve_of_the_same_run(calibration, streams, pinocchio_arm):
+    """The same terms and priors in another form: rows of half the time and two thirds of the window."""
+    chain, time_s, position, current = pinocchio_arm.chain, *streams[1]
+    estimator = PayloadEstimator(calibration, chain, pinocchio_arm.transmission, memory_s=1e9)
+    for k in range(len(time_s)):
+        estimator.update(time_s[k], position[k], current[k])
+    found = estimator.estimate()
+    run = Recording.from_arrays(time_s, position, current_a=current)
+    gains = calibration.transmission(pinocchio_arm.transmission)
+    batch = identify(run, None, calibration.level(chain), gains, arm=calibration.known_arm(chain))
+    half_width = batch.uncertainty.half_width_95[:4]
+    assert (np.abs(batch.plain_parameters.values[:4] - found.values) < 0.1 * half_width).all()
+    np.testing.assert_allclose(found.half_width_95, half_width, rtol=0.25)
 
 
 def test_twenty_samples_per_second_are_enough(estimator, streams, pinocchio_arm):
