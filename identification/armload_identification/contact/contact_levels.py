@@ -45,7 +45,7 @@ BOUNDED: Final = 0.33
 that stop give false events; twice: pushes against slow joints are noticed later."""
 UNBOUNDED: Final = 0.47
 """Share of it that is a standard deviation there. The same costs; 1, and nothing subtracted: 60 N are noticed within
-0.25 s in 72 % instead of 93 % while one joint moves."""
+0.25 s in 58 % instead of 76 % while one joint moves."""
 SLOW: Final = 2.5
 """Speed below which it is, in reversal speeds."""
 AHEAD_S: Final = 0.1
