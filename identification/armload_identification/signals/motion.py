@@ -26,6 +26,7 @@ from armload_identification.signals.alignment import MeasuredMotion, fit_motion
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.periods import fold
+from armload_identification.signals.repetition import fast_part
 from armload_identification.signals.reversals import moving_joints
 from armload_identification.signals.signal_constants import LowPass, Standstill
 
@@ -270,7 +271,8 @@ class TimedRun:
         velocity = self.path.spline(elapsed, 1)
         speed = np.abs(velocity).max(axis=1)
         moving = np.flatnonzero(speed > Standstill.share_of_peak_speed * speed.max())
-        rows = slice(moving[0], moving[-1] + 1)
+        count = int(moving[-1] + 1 - moving[0])
+        rows = slice(moving[0], moving[0] + (fast_part(count) if count >= LowPass.fast_from else count))
         return Grid(elapsed[rows], interval_s, low_pass_cutoff(velocity[rows], interval_s))
 
     def sampled(self, grid: Grid) -> Motion:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from armload_core.arrays import FloatArray
@@ -59,5 +61,14 @@ def fast_length(least: int) -> int:
     Args:
         least: Smallest length, above 0.
     """
-    smooth = (3**a * 5**b for a in range(12) for b in range(9))
-    return int(min(part << (-(-least // part) - 1).bit_length() for part in smooth))
+    return int(min(part << (-(-least // part) - 1).bit_length() for part in _smooth()))
+
+
+def fast_part(most: int) -> int:
+    """The greatest length up to `most`, above 0, of which a Fourier transform is fast."""
+    return int(max(part << (most // part).bit_length() - 1 for part in _smooth() if part <= most))
+
+
+def _smooth() -> Iterator[int]:
+    """Products of threes and fives."""
+    return (3**a * 5**b for a in range(12) for b in range(9))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.fft import next_fast_len
 
-from armload_identification.signals.repetition import fast_length, repeated_after
+from armload_identification.signals.repetition import fast_length, fast_part, repeated_after
 
 pytestmark = pytest.mark.pure
 
@@ -64,3 +64,10 @@ def test_a_length_is_fast_and_the_next(least):
     assert rest == 1
     assert least <= found <= 1.07 * least + 1
     assert found == next_fast_len(least, real=True)
+
+
+@pytest.mark.parametrize("most", [1, 7, 2003, 16384, 74999, 300_007])
+def test_the_part_of_a_run_with_fast_transforms_is_nearly_all_of_it(most):
+    found = fast_part(most)
+    assert fast_length(found) == found <= most < fast_length(found + 1)
+    assert found > 0.97 * most or most < 10
