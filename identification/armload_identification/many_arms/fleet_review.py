@@ -225,10 +225,6 @@ class _Series:
         values, noise = np.array([run.figures[quantity] for run in shown]).T
         return cls(tuple(run.recorded for run in shown), values, noise)
 
-    def with_noise_times(self, share: float) -> _Series:
-        """The same with a share of the noise."""
-        return replace(self, noise=share * self.noise)
-
     def latest(self, usual: float) -> tuple[float, float]:
         """Level of the latest runs, and its standard deviation from noise and the usual spread between runs."""
         part = slice(-LATEST_RUNS, None)
@@ -277,7 +273,9 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
     }
     usual = _usual_spread(series)
     series = {
-        arm: {quantity: one.with_noise_times(usual[arm[1], quantity].share) for quantity, one in of_arm.items()}
+        arm: {
+            quantity: replace(one, noise=usual[arm[1], quantity].share * one.noise) for quantity, one in of_arm.items()
+        }
         for arm, of_arm in series.items()
     }
     compared = _against_twins(series, usual)
