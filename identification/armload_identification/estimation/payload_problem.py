@@ -123,7 +123,8 @@ def pair_problem(
     # of the mean of both runs' rows, by the scatter of their samples alone
     sampled_nm = 0.5 * signal.averaged_noise_nm * float(np.sqrt(np.sum(window.weight**2)))
     noise = Noise.unknown(effort_level(rows), np.sqrt(sampled_nm**2 @ coupling**2))
-    groups = [group] if slow is None else [group, _slow_group(slow, chain, coupling, base)]
+    slow_rounds = [] if slow is None else [_slow_group(slow, chain, coupling, base)]
+    groups = [group, *(one for one in slow_rounds if one.time_s.size)]  # a short one may have no row
     if arm is not None:
         problem = Problem(_known_arm(rows, chain, arm, peak), groups, noise, coupling, [arm.known])
         return PayloadProblem(problem, base, peak, signal.interval_s)
