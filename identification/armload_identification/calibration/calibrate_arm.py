@@ -11,6 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
+from armload_identification.calibration.calibration_constants import Calibrating, Contradiction
 from armload_identification.calibration.calibration_result import (
     ArmCalibration,
     CalibratedPayload,
@@ -19,7 +20,7 @@ from armload_identification.calibration.calibration_result import (
 )
 from armload_identification.calibration.mounting_mistakes import Turn, most_steps, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
-from armload_identification.calibration.run_contradictions import CONTRADICTS, ArmKnowledge, explain
+from armload_identification.calibration.run_contradictions import ArmKnowledge, explain
 from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows, base_links, run_signals
 from armload_identification.estimation.arm_terms import (
     CHANGES,
@@ -59,25 +60,9 @@ from armload_identification.verdict.recording_checks.usable_runs import require_
 
 WEIGHED_WITHIN: Final = 1e-3
 """Relative standard deviation of a weighed mass, and of a completely known payload."""
-_UNMOVED_RAD_S: Final = 1e-3
 HALVES: Final = 1.25
 """Factor on the standard deviations of a calibration: what no term describes differs between motions. Halves of the
 UR10e's data differ by an rms z of 1.24 without it."""
-_DISAGREES: Final = 4.0
-"""Threshold in standard deviations of a weighed mass that contradicts all other data."""
-_SUSPECT: Final = 2.0
-"""Residual of a joint, relative to the noise of all runs, from which a fit without the run is tried."""
-_QUIETER: Final = 2.0
-"""A run that increases a joint's noise in all runs by this factor contradicts them, even if the fit is a
-compromise."""
-_DOUBTFUL: Final = 0.12
-"""Share of a joint's torque on other motions from which its error causes a warning."""
-_FAR: Final = 5.0
-"""Change of friction, in standard deviations, that causes a warning."""
-_ROWS_PER_UNKNOWN: Final = 3
-"""Least number of rows of moving joints per unknown: with fewer, any arm would fit."""
-_TRIED_RUNS: Final = 4
-_TRIED_SPACING: Final = 3
 
 Progress = Callable[[int, int], None]
 
@@ -211,10 +196,11 @@ class _Calibration:
             worst = int(np.argmax(deviates))
             rows, least = self._rows_and_least([index for index in range(len(deviates)) if index != worst])
             # The rest of a short pair fits whatever it is, so that nothing contradicts it.
-            if deviates[worst] < _SUSPECT or rows < least:
+            if deviates[worst] < Calibrating.suspect or rows < least:
                 break
             without = self._fit(worst)
-            if deviates[worst] < CONTRADICTS and (fit.noise_nm / without.noise_nm).max() < _QUIETER:
+            quieter = (fit.noise_nm / without.noise_nm).max() >= Calibrating.quieter
+            if deviates[worst] < Contradiction.contradicts and not quieter:
                 break
             self._leave_out(worst, without)
             fit = without
@@ -298,8 +284,8 @@ class _Calibration:
         if rows < least:
             raise EstimationError(
                 f"the runs are too short to calibrate the arm: {rows} independent rows of joints in motion for "
-                f"{least // _ROWS_PER_UNKNOWN} unknowns, at least {least} are required. Use longer excitations, "
-                "or more runs."
+                f"{least // Calibrating.rows_per_unknown} unknowns, at least {least} are required. Use longer "
+                "excitations, or more runs."
             )
 
     def _rows_and_least(self, runs: Sequence[int]) -> tuple[int, int]:
@@ -307,21 +293,19 @@ class _Calibration:
         rows = sum(int(np.count_nonzero(self._rows[index].weight > Solver.moving)) for index in runs)
         payloads = PARAMETERS * len({self._used[index].mounting for index in runs} - {""})
         arm = Layout(self._chain.n, int(np.count_nonzero(self._base)))
-        return rows, _ROWS_PER_UNKNOWN * (arm.size + payloads + CHANGES * arm.n * len(runs))
+        return rows, Calibrating.rows_per_unknown * (arm.size + payloads + CHANGES * arm.n * len(runs))
 
     def _refuse_other_mounting(self) -> None:
         """Raise if the runs show another mounting or an inverted joint."""
         # Loaded runs first: the sign of their payload's weight is known.
-        order = sorted(range(len(self._used)), key=lambda index: not self._used[index].mounting)[:_TRIED_RUNS]
-        moves = self._peak > _UNMOVED_RAD_S
+        order = sorted(range(len(self._used)), key=lambda index: not self._used[index].mounting)
+        tried = [(self._signals[index], self._used[index].mounting) for index in order[: Calibrating.tried_runs]]
+        moves = self._peak > Calibrating.unmoved_rad_s
 
         def shares(chain: Chain, turned: Turn) -> FloatArray:
             rows = [
-                (
-                    self._rows_of(turned(self._signals[index]), self._used[index].mounting, chain, _TRIED_SPACING),
-                    self._used[index].mounting,
-                )
-                for index in order
+                (self._rows_of(turned(run), mounting, chain, Calibrating.tried_spacing), mounting)
+                for run, mounting in tried
             ]
             fit = self._fitted(rows, chain, rough=True)
             # A joint at rest has no explained torque, and its sign does not matter.
@@ -355,7 +339,7 @@ class _Calibration:
                 continue
             others_kg = (found / spread - payload.mass_kg / scale) / information
             deviation = HALVES / np.sqrt(information)
-            if abs(payload.mass_kg - others_kg) > _DISAGREES * float(np.hypot(deviation, np.sqrt(scale))):
+            if abs(payload.mass_kg - others_kg) > Calibrating.disagrees * float(np.hypot(deviation, np.sqrt(scale))):
                 warnings.append(
                     f"mounting '{name}': {payload.mass_kg:.3f} kg was entered, all other data give {others_kg:.3f} +- "
                     f"{2.0 * deviation:.3f} kg ({100.0 * (payload.mass_kg / others_kg - 1.0):+.1f} %). Weigh it "
@@ -370,7 +354,7 @@ class _Calibration:
             change = np.abs(fit.own_value(FRICTION_CHANGE, index) / fit.change_deviation)
             far = change.reshape(CHANGES, -1)[:2].max(axis=0)
             joint = int(np.argmax(far))
-            if far[joint] > _FAR:
+            if far[joint] > Calibrating.far:
                 warnings.append(
                     f"{self._name(used)}: the friction of joint {joint + 1} is {far[joint]:.0f} standard deviations "
                     "from that of the other runs: a cold gear, or a different gain on that day."
@@ -381,7 +365,7 @@ class _Calibration:
         """Joints whose torque on other motions is uncertain."""
         level = found.level(self._chain)
         share = np.max([doubtful_share(found, level, run) for run in self._signals], axis=0)
-        doubtful = np.flatnonzero((share > _DOUBTFUL) & (self._peak > _UNMOVED_RAD_S))
+        doubtful = np.flatnonzero((share > Calibrating.doubtful) & (self._peak > Calibrating.unmoved_rad_s))
         if not doubtful.size:
             return []
         joints = named_joints([f"{joint + 1} ({100.0 * share[joint]:.0f} %)" for joint in doubtful])
@@ -407,7 +391,7 @@ class _Calibration:
             offset_nm=zero,
             load_friction=fit.value(LOAD_FRICTION),
             torque_delay_s=float(fit.value(DELAY)[0]),
-            reversal_speed_rad_s=TURN_OVER * np.where(self._peak > _UNMOVED_RAD_S, self._peak, 1.0),
+            reversal_speed_rad_s=TURN_OVER * np.where(self._peak > Calibrating.unmoved_rad_s, self._peak, 1.0),
             coupling=self._transmission.coupling,
         )
         effort = Effort.TORQUE if self._signals[0].from_torque else Effort.CURRENT
@@ -462,7 +446,7 @@ class _Calibration:
     def _undetermined(self, fit: Posterior) -> list[str]:
         """Quantities that no run determines."""
         warnings = []
-        still = self._peak <= _UNMOVED_RAD_S
+        still = self._peak <= Calibrating.unmoved_rad_s
         if still.any():
             warnings.append(f"no run moves {numbered_joints(still)}: gain and friction are as assumed.")
         if not any(name in fit.problem.mountings for name in self._weighed):

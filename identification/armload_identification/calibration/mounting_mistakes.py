@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.calibration.calibration_constants import OtherMounting
 from armload_identification.calibration.run_contradictions import directions
 from armload_identification.estimation.arm_rows import RunSignals
 from armload_identification.identification_errors import EstimationError
@@ -24,15 +25,8 @@ Turn = Callable[[RunSignals], RunSignals]
 ResidualShares = Callable[[Chain, Turn], FloatArray]
 """Logarithms of the moving joints' shares of residual in torque, for another chain and with all runs changed."""
 
-_LITTLE: Final = 0.025
-"""Greatest geometric mean of the moving joints' residual shares of an arm that is mounted as configured. The UR10e has
-0.017 as mounted, and 0.035 or more with any other mounting."""
-_MUCH: Final = 0.2
-"""Residual share of one moving joint from which a joint may be inverted, which causes 0.28 or more."""
 _WHOLE: Final = "position and effort"
 _TURNED: Final = {_WHOLE: (True, True), "position": (True, False), "effort": (False, True)}
-_BETTER: Final = 0.3
-"""Least reduction of the logarithm of the joints' noise for another mounting to be accepted."""
 _PER_MOUNTING: Final = 2
 """Steps of progress; an inverted joint is one."""
 
@@ -67,7 +61,7 @@ def refuse_other_mounting(
     """
     as_configured = shares(chain, lambda run: run)
     entered = float(as_configured.mean())
-    if entered < np.log(_LITTLE):
+    if entered < np.log(OtherMounting.little):
         return
     found = {}
     for how, gravity in directions(chain.gravity_m_s2).items():
@@ -75,10 +69,10 @@ def refuse_other_mounting(
         found[how] = float(shares(hung, lambda run: run).mean())
         advance(_PER_MOUNTING)
     best = min(found, key=lambda how: found[how])
-    if found[best] >= np.log(_LITTLE) and as_configured.max() > np.log(_MUCH):
-        most = min(entered - _BETTER, found[best])
+    if found[best] >= np.log(OtherMounting.little) and as_configured.max() > np.log(OtherMounting.much):
+        most = min(entered - OtherMounting.better, found[best])
         _refuse_turned_joint(partial(shares, chain), coupling, moves, entered, most, advance)
-    if found[best] < entered - _BETTER:
+    if found[best] < entered - OtherMounting.better:
         raise EstimationError(
             f"the arm is not mounted as in its configuration: the residual is {np.exp(entered - found[best]):.1f} "
             f"times smaller if it is mounted {best}. Correct gravity_m_s2 in the robot's configuration."

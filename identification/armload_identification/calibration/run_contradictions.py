@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.calibration.calibration_constants import Contradiction
 from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows
 from armload_identification.estimation.arm_terms import (
     ARM_TERMS,
@@ -31,26 +32,8 @@ from armload_identification.estimation.solve import solve
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS
 
-CONTRADICTS: Final = 4.0
-"""Residual of a joint, relative to the noise of all runs, from which a run contradicts the others."""
-_EXPLAINED: Final = 0.4
-"""A mistake explains a run if correcting it leaves at most this share of the residual."""
-_BETTER: Final = 0.7
-"""A mistake is preferred to another payload if its residual is at most this share of the payload's."""
-_SAME_SCALE: Final = 0.03
-_AS_IT_IS: Final = 0.3
-_LEAST_SCALE: Final = 0.01
-_SCALINGS: Final = 3
-_STIFF: Final = 0.01
 _ZERO: Final = 1e-12
-_LIGHT_KG: Final = 0.05
-_LIGHT_SHARE: Final = 0.02
 _GRAMS: Final = 1000.0
-_ROUGHLY: Final = 0.3
-_SAME_MASS: Final = 0.05
-_APART: Final = 4.0
-"""Standard deviations from which two masses, or two centres of mass, are not the same."""
-_WIDE: Final = 100.0
 _ANY: Final = "payload"
 
 
@@ -111,9 +94,9 @@ def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | 
     # mistake explains much more.
     payload, *others = [(float(trial.off.max()), text) for trial, text in _mistakes(arm, run, mounting, mass_kg)]
     best, text = min(others, key=lambda pair: pair[0])
-    if payload[0] < best / _BETTER:
+    if payload[0] < best / Contradiction.better:
         best, text = payload
-    if best < max(_EXPLAINED * float(off[worst]), CONTRADICTS):
+    if best < max(Contradiction.explained * float(off[worst]), Contradiction.contradicts):
         return f"{start}; it fits if {text}"
     return f"{start}, and no simple mistake explains this: a different arm, or damaged signals"
 
@@ -143,7 +126,7 @@ def _trial(
     if mounting in fit.problem.mountings and not free:
         terms.append(payload_term(fit.value(PAYLOAD, mounting), np.zeros(PARAMETERS), "the other runs"))
     else:
-        terms.append(payload_term(np.zeros(PARAMETERS), np.full(PARAMETERS, _WIDE), "any payload"))
+        terms.append(payload_term(np.zeros(PARAMETERS), np.full(PARAMETERS, Contradiction.wide), "any payload"))
     terms.append(own_friction(drift * fit.change_deviation, "as between the other runs"))
     found = solve(
         Problem(
@@ -163,7 +146,7 @@ def _trial(
 def _as_said(arm: ArmKnowledge, run: RunSignals, mass_kg: float) -> _Trial:
     """The run with the best-fitting payload, scaled to the stated mass."""
     trial = _trial(arm, run, arm.chain, "", free=True)
-    theta = trial.theta * mass_kg / max(float(trial.theta[0]), _LIGHT_KG)
+    theta = trial.theta * mass_kg / max(float(trial.theta[0]), Contradiction.light_kg)
     torque = trial.rows.payload @ (theta - trial.theta) @ arm.coupling
     predicted = trial.predicted_nm + np.exp(arm.fit.value(GAIN)) * torque
     left = (trial.rows.effort_nm - predicted) * trial.rows.weight / arm.fit.noise_nm[0]
@@ -225,24 +208,30 @@ class _Carried:
 def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhere: _Carried | None) -> str:
     """The run's payload, compared with the stated one and with that of other runs of its mounting."""
     found_kg = float(found.theta[0])
-    if mass_kg is not None and found_kg > _LIGHT_KG and abs(np.log(mass_kg / (_GRAMS * found_kg))) < _ROUGHLY:
+    if (
+        mass_kg is not None
+        and found_kg > Contradiction.light_kg
+        and abs(np.log(mass_kg / (_GRAMS * found_kg))) < Contradiction.roughly
+    ):
         return f"it carries {found_kg:.3f} kg, not {mass_kg:g} kg: mass_kg was entered in grams"
-    if found_kg < _LIGHT_KG + _LIGHT_SHARE * (mass_kg or 0.0):
+    if found_kg < Contradiction.light_kg + Contradiction.light_share * (mass_kg or 0.0):
         return "it carries nothing"
     if elsewhere is None:
         said = f"{mass_kg:.3f} kg" if mass_kg is not None else "nothing"
         return f"it carries {found_kg:.3f} kg, not {said}"
     elsewhere_kg = float(elsewhere.theta[0])
-    if abs(found_kg - elsewhere_kg) < _SAME_MASS * elsewhere_kg:
+    if abs(found_kg - elsewhere_kg) < Contradiction.same_mass * elsewhere_kg:
         (here_m, of_here), (there_m, of_there) = found.center_m(), elsewhere.center_m()
         apart = here_m - there_m
-        if apart @ np.linalg.solve(of_here + of_there, apart) > _APART**2:
+        if apart @ np.linalg.solve(of_here + of_there, apart) > Contradiction.apart**2:
             return (
                 "its payload is mounted differently, with the centre of mass "
                 f"{1e3 * float(np.sqrt(apart @ apart)):.0f} mm from where it is in the other runs of "
                 f"'{mounting}': give it a mounting name of its own"
             )
-        if abs(found_kg - elsewhere_kg) < _APART * np.sqrt(found.covariance[0, 0] + elsewhere.covariance[0, 0]):
+        if abs(found_kg - elsewhere_kg) < Contradiction.apart * np.sqrt(
+            found.covariance[0, 0] + elsewhere.covariance[0, 0]
+        ):
             return (
                 f"the inertia of its payload differs from that in the other runs of '{mounting}': give it a mounting "
                 "name of its own"
@@ -254,19 +243,21 @@ def _scaled(arm: ArmKnowledge, run: RunSignals, mounting: str) -> tuple[_Trial, 
     """Axes that report a multiple of their effort."""
     share = np.ones(arm.chain.n)
     # Freely varying friction would absorb part of a wrong scale.
-    trial = _trial(arm, run, arm.chain, mounting, drift=_STIFF)
-    for _ in range(_SCALINGS):
+    trial = _trial(arm, run, arm.chain, mounting, drift=Contradiction.stiff)
+    for _ in range(Contradiction.scalings):
         square = trial.rows.weight**2
         now = np.sum(square * trial.rows.effort_nm * trial.predicted_nm, axis=0)
         now = now / np.maximum(np.sum(square * trial.predicted_nm**2, axis=0), _ZERO)
-        share = share * np.where((trial.off >= CONTRADICTS) | (share != 1.0), now, 1.0)
-        share = np.where(np.abs(share) > _LEAST_SCALE, share, _LEAST_SCALE)
-        trial = _trial(arm, replace(run, effort_nm=run.effort_nm / share), arm.chain, mounting, drift=_STIFF)
+        share = share * np.where((trial.off >= Contradiction.contradicts) | (share != 1.0), now, 1.0)
+        share = np.where(np.abs(share) > Contradiction.least_scale, share, Contradiction.least_scale)
+        trial = _trial(
+            arm, replace(run, effort_nm=run.effort_nm / share), arm.chain, mounting, drift=Contradiction.stiff
+        )
     trial = _trial(arm, replace(run, effort_nm=run.effort_nm / share), arm.chain, mounting)
     parts = [
         f"the sign of joint {j + 1}'s effort is flipped"
-        if abs(share[j] + 1.0) < _AS_IT_IS
+        if abs(share[j] + 1.0) < Contradiction.as_it_is
         else f"joint {j + 1} reports {share[j]:.2f} times its effort (another gear ratio or torque constant)"
-        for j in np.flatnonzero(np.abs(share - 1.0) > _SAME_SCALE)
+        for j in np.flatnonzero(np.abs(share - 1.0) > Contradiction.same_scale)
     ]
     return trial, " and ".join(parts) or "nothing is changed"

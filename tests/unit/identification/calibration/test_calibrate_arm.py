@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from armload_identification.calibration import calibrate_arm as calibrate_module
-from armload_identification.calibration import mounting_mistakes, run_contradictions
+from armload_identification.calibration import run_contradictions
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.calibration.calibration_constants import OtherMounting
 from armload_identification.calibration.run_health import run_health
 from armload_identification.estimation import solve as solve_module
 from armload_identification.estimation.arm_rows import run_signals
@@ -453,7 +454,7 @@ def test_without_a_weighed_mass_the_scale_is_the_priors(runs, pinocchio_arm, nom
 
 def test_a_joint_that_never_moves_keeps_its_gain_and_is_named(pinocchio_arm, nominal, weighed, monkeypatch):
     rough = []
-    monkeypatch.setattr(mounting_mistakes, "_LITTLE", 0.01)
+    monkeypatch.setattr(OtherMounting, "little", 0.01)
 
     def counted(*given, **how):
         rough.append(how.get("rough", False))

@@ -1,0 +1,205 @@
+"""Every number that the calibration has chosen, with its origin and what it costs to be wrong.
+
+A class is a concern, an attribute a constant, as in `estimation_constants`. Factors of two were tried with the tests of
+a calibration and with both days of the UR10e: "nothing" is no failing test. Numbers that stay in their modules are
+numerical tolerances, counts of steps, or parts of a public signature.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+
+class Calibrating:
+    """All runs of an arm (`calibrate_arm`)."""
+
+    unmoved_rad_s: Final = 1e-3
+    """[rad/s] Greatest speed of a joint that moves in no run.
+
+    Origin: prior, not measured: above the noise of encoders.
+    Factor of two: either way: nothing.
+    """
+
+    disagrees: Final = 4.0
+    """[1] Standard deviations between a weighed mass and all other data that cause a warning.
+
+    Origin: mathematics: one correct mass of 16,000 is beyond it.
+    Factor of two: either way: nothing.
+    """
+
+    suspect: Final = 2.0
+    """[1] Residual of a joint, relative to the noise of all runs, from which a fit without the run is tried.
+
+    Origin: prior, not measured: a fit costs time.
+    Factor of two: twice: 2 tests fail; half: nothing.
+    """
+
+    quieter: Final = 2.0
+    """[1] A run that increases a joint's noise in all runs by this factor contradicts them, even if the fit is a
+    compromise.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    doubtful: Final = 0.12
+    """[1] Share of a joint's torque on other motions from which its error causes a warning.
+
+    Origin: prior, not measured.
+    Factor of two: twice: 1 test fails; half: 1 test fails.
+    """
+
+    far: Final = 5.0
+    """[1] Change of friction, in standard deviations, that causes a warning.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    rows_per_unknown: Final = 3
+    """[1] Least number of rows of moving joints per unknown: with fewer, any arm would fit.
+
+    Origin: prior, not measured.
+    Factor of two: twice: 1 test fails; half: nothing.
+    """
+
+    tried_runs: Final = 4
+    """[1] Most runs with which other mountings are tried.
+
+    Origin: cost: the time of a calibration.
+    Factor of two: either way: nothing.
+    """
+
+    tried_spacing: Final = 3
+    """[1] Every how many rows of them.
+
+    Origin: cost: the time of a calibration.
+    Factor of two: either way: nothing.
+    """
+
+
+class Contradiction:
+    """A run that contradicts the others, and what explains it (`run_contradictions`)."""
+
+    contradicts: Final = 4.0
+    """[1] Residual of a joint, relative to the noise of all runs, from which a run contradicts the others.
+
+    Origin: prior, not measured: the UR10e's runs, of any day, deviate by less than 2.
+    Factor of two: either way: nothing.
+    """
+
+    explained: Final = 0.4
+    """[1] A mistake explains a run if correcting it leaves at most this share of the residual.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    better: Final = 0.7
+    """[1] A mistake is preferred to another payload if its residual is at most this share of the payload's.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    same_scale: Final = 0.03
+    """[1] Deviation of an axis's effort from its own torque from which a mistake names it.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    as_it_is: Final = 0.3
+    """[1] Distance of a factor from -1 within which the sign of an effort is flipped, and nothing else.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    least_scale: Final = 0.01
+    """[1] Least factor on an effort, which keeps its correction finite.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    scalings: Final = 3
+    """[1] Times that factors on efforts are found one from the other.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    stiff: Final = 0.01
+    """[1] Change of friction while these are sought, relative to the usual one: it would absorb part of a factor.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    light_kg: Final = 0.05
+    """[kg] Mass below which a run carries nothing.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    light_share: Final = 0.02
+    """[1] The same as a share of the stated mass, in addition.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    roughly: Final = 0.3
+    """[1] Logarithm within which a stated mass is the found one in grams.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    same_mass: Final = 0.05
+    """[1] Relative difference of two masses below which only their mounting or inertia can differ.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
+
+    apart: Final = 4.0
+    """[1] Standard deviations from which two masses, or two centres of mass, are not the same.
+
+    Origin: mathematics: as `Calibrating.disagrees`.
+    Factor of two: either way: nothing.
+    """
+
+    wide: Final = 100.0
+    """[kg, kg m, kg m2] Prior standard deviation of a payload of which nothing is known.
+
+    Origin: physics: no arm of this size carries as much.
+    Factor of two: either way: nothing.
+    """
+
+
+class OtherMounting:
+    """An arm that is mounted or turned in another way than configured (`mounting_mistakes`)."""
+
+    little: Final = 0.025
+    """[1] Greatest geometric mean of the moving joints' residual shares of an arm that is mounted as configured.
+
+    Origin: measured: the UR10e has 0.017 as mounted, and 0.035 or more with any other mounting.
+    Factor of two: either way: nothing.
+    """
+
+    much: Final = 0.2
+    """[1] Residual share of one moving joint from which a joint may be inverted.
+
+    Origin: measured on the UR10e: an inverted joint causes 0.28 or more.
+    Factor of two: either way: nothing.
+    """
+
+    better: Final = 0.3
+    """[1] Least reduction of the logarithm of the joints' noise for another mounting to be accepted.
+
+    Origin: prior, not measured.
+    Factor of two: either way: nothing.
+    """
