@@ -30,7 +30,7 @@ from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.arm_access import simulated_arm
-from armload_controller.session.run_session import Load, run_leg
+from armload_controller.session.run_session import SessionLoad, run_leg
 from armload_identification.excitation.excitation_file import format_excitation, write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.files.calibration_file import read_calibration
@@ -107,7 +107,7 @@ def prepared(folder):
     run = json.dumps({"robot": "prbt", "load": "unloaded", "cycle_hz": 50})
     attached = {"excitation.toml": format_excitation(longer), "run.json": run}
     robot = load_robot(str(folder / "prbt.toml"))
-    with simulated_arm(robot, Load.UNLOADED) as servos, Recorder(folder / "empty.mcap", attached) as kept:
+    with simulated_arm(robot, SessionLoad.UNLOADED) as servos, Recorder(folder / "empty.mcap", attached) as kept:
         servos.connect()
         gate = TorqueGate(robot.limits.torque_max_nm, 0.02)
         cycle = Cycle(servos, robot.limits.motion, gate, MotionControl(), [kept])

@@ -15,7 +15,7 @@ from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_simulation import NO_PAYLOAD
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, read_pair, record_half
-from armload_controller.session.run_session import Load, no_operator
+from armload_controller.session.run_session import SessionLoad, no_operator
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
 from tests.ethercat_plant import plant_behind, shortened, write_robot
 from tests.lockstep_line import LockstepLine, VirtualFrames
@@ -36,7 +36,7 @@ def _twin(noisy):
 def _ethercat_arm(robot, load, twin):
     """Servos with the drives of with-ethercat, and er50's plant behind them."""
     arm = robot.drives.settings
-    payload = twin.payload_name if load is Load.LOADED else NO_PAYLOAD
+    payload = twin.payload_name if load is SessionLoad.LOADED else NO_PAYLOAD
     with (
         LockstepLine(plant_behind(arm, payload, twin)) as line,
         closing(EthercatServos(arm, line, VirtualFrames())) as servos,
@@ -47,7 +47,7 @@ def _ethercat_arm(robot, load, twin):
 def _commissioned(robot, folder, open_servos):
     """Findings of all four runs."""
     folder.mkdir()
-    for load in Load:
+    for load in SessionLoad:
         record_half(robot, load, open_servos, no_operator(), CommissioningPlan(folder))
     first, second = (read_pair(robot, folder, role) for role in ROLES)
     return identify(robot, first.loaded, first.unloaded, validation=(second.loaded, second.unloaded))

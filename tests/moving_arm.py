@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from armload_controller.config.robot import load_robot
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import CommissioningPlan, read_pair, record_half, recording_path
-from armload_controller.session.run_session import Load, no_operator
+from armload_controller.session.run_session import SessionLoad, no_operator
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from tests.short_commissioning import write_short_robot
 
@@ -26,7 +26,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         robot = load_robot(str(write_short_robot(folder)))
-        for load in Load:
+        for load in SessionLoad:
             recording_path(folder, load, "validation").touch()  # as if it had been recorded before
             record_half(
                 robot, load, lambda which: simulated_arm(robot, which), no_operator(), CommissioningPlan(folder)

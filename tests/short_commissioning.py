@@ -10,12 +10,12 @@ import numpy as np
 
 from armload_controller.config.robot import load_robot
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, record_half, recording_path
-from armload_controller.session.run_session import Load, no_operator
+from armload_controller.session.run_session import SessionLoad, no_operator
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 
 MIDDLE_RAD = np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0])
-RECORDINGS = {recording_path(Path(), load, role).name for load in Load for role in ROLES}
+RECORDINGS = {recording_path(Path(), load, role).name for load in SessionLoad for role in ROLES}
 
 
 def least_robot():
@@ -28,7 +28,7 @@ def least_robot():
     return replace(load_robot("prbt"), excitations=excitations)
 
 
-def record(robot, folder, make_servos, loads=tuple(Load)):
+def record(robot, folder, make_servos, loads=tuple(SessionLoad)):
     """Record the runs of a commissioning that are still missing.
 
     Args:

@@ -29,7 +29,7 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.verdict.agreement import Agreement, Known, Outcome, compare_known
+from armload_identification.verdict.agreement import Agreement, KnownMassCenter, Outcome, compare_known
 from armload_identification.verdict.tolerance import Tolerance
 from benchmarks.accuracy.real_currents import MASS_KG, Pair, absent, measured_pairs
 from benchmarks.arms.bodies import ER50_PAYLOADS
@@ -67,8 +67,8 @@ class Commissioning:
         measured: Payload from the validation pair.
     """
 
-    judged: Known
-    measured: Known
+    judged: KnownMassCenter
+    measured: KnownMassCenter
 
 
 def run(tally: Tally, pool: Executor, census: Census) -> None:
@@ -125,7 +125,7 @@ def _halves(pair: Pair, half: int, chain: Chain, transmission: Transmission) -> 
     return Commissioning(judged, _half(pair, 1 - half, chain, gains))
 
 
-def _half(pair: Pair, half: int, chain: Chain, transmission: Transmission) -> Known:
+def _half(pair: Pair, half: int, chain: Chain, transmission: Transmission) -> KnownMassCenter:
     """Payload from the first or the second half of a pair."""
     loaded, unloaded = (
         run.rows((run.time_s >= middle_s) == bool(half))
@@ -133,7 +133,7 @@ def _half(pair: Pair, half: int, chain: Chain, transmission: Transmission) -> Kn
         for middle_s in (0.5 * (run.time_s[0] + run.time_s[-1]),)
     )
     result = identify(loaded, unloaded, chain, transmission)
-    return Known(result.parameters, result.mass_center)
+    return KnownMassCenter(result.parameters, result.mass_center)
 
 
 def commissionings(
@@ -174,7 +174,7 @@ def _some(setups: Sequence[Setup], seeds: Sequence[int]) -> list[Commissioning]:
     return made
 
 
-def _known(setup: Setup, seed: int, arm: str, transmission: Transmission) -> Known:
+def _known(setup: Setup, seed: int, arm: str, transmission: Transmission) -> KnownMassCenter:
     """One pair; the drives are the same in both pairs of a seed."""
     gain_error = setup.gain_spread * replace(setup, name=arm).rng(seed).uniform(-1.0, 1.0, setup.scales.n)
     rng = setup.rng(seed)
@@ -183,7 +183,7 @@ def _known(setup: Setup, seed: int, arm: str, transmission: Transmission) -> Kno
         record(period, setup.scales, setup.periods, rng, gain_error) for period in (setup.loaded, setup.unloaded)
     )
     result = identify(loaded, unloaded, setup.chain, transmission)
-    return Known(result.parameters, result.mass_center)
+    return KnownMassCenter(result.parameters, result.mass_center)
 
 
 def _judged(tally: Tally, name: str, made: Sequence[Commissioning]) -> None:
@@ -261,7 +261,9 @@ def _shipped(robot: Robot) -> list[RigidBody]:
     return bodies
 
 
-def judge(judged: Known, measured: Known, factor: float = 1.0, shift_m: ArrayLike = (0.0, 0.0, 0.0)) -> Agreement:
+def judge(
+    judged: KnownMassCenter, measured: KnownMassCenter, factor: float = 1.0, shift_m: ArrayLike = (0.0, 0.0, 0.0)
+) -> Agreement:
     """The verdict on the identified payload with changed mass and centre of mass.
 
     Args:

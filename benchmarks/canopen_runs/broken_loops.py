@@ -28,7 +28,7 @@ from armload_controller.cycle.plugins import CyclePlugin, CycleStep
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.motion_control import MotionControl
-from armload_controller.session.run_session import Load, feedback_truth, torque_window
+from armload_controller.session.run_session import SessionLoad, feedback_truth, torque_window
 from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_drivers.canopen.canopen_servos import CanopenServos
@@ -262,7 +262,7 @@ def moved(robot: Robot, path: CheckedPath, leg: str, servos: JointServos, plugin
     monitors: list[CyclePlugin] = [
         FollowingMonitor(robot.limits.motion, robot.bus.max_missing_cycles),
         feedback_truth(robot, cycle_s),
-        torque_window(robot, Load.LOADED, cycle_s),
+        torque_window(robot, SessionLoad.LOADED, cycle_s),
     ]
     gate = TorqueGate(robot.limits.added_torque_max_nm, cycle_s)
     cycle = Cycle(servos, robot.limits.motion, gate, MotionControl(), [*monitors, *plugins])

@@ -28,7 +28,7 @@ from armload_controller.cycle.feedback_truth import IDLE_RAD
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.checked_path import check_path
-from armload_controller.session.run_session import Load, feedback_truth, no_operator, run_session, torque_window
+from armload_controller.session.run_session import SessionLoad, feedback_truth, no_operator, run_session, torque_window
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
@@ -101,7 +101,7 @@ def run() -> None:
 def _found(pool: Executor) -> dict[tuple[str, Twin], tuple[list[str], float, float]]:
     """Stopped runs, computing time and the greatest chance of an idling alarm in a run, by arm and plant."""
     kinds = list(product(ROBOTS, (Twin.NORMATIVE, Twin.HARSH)))
-    jobs = {kind: [pool.submit(_half, *kind, load) for load in Load] for kind in kinds}
+    jobs = {kind: [pool.submit(_half, *kind, load) for load in SessionLoad] for kind in kinds}
     return {
         kind: (
             [stop for job in halves for stop in job.result()[0]],
@@ -112,11 +112,11 @@ def _found(pool: Executor) -> dict[tuple[str, Twin], tuple[list[str], float, flo
     }
 
 
-def _half(name: str, twin: Twin, load: Load) -> tuple[list[str], float, float]:
+def _half(name: str, twin: Twin, load: SessionLoad) -> tuple[list[str], float, float]:
     """Stopped runs of one half with any seed, the computing time in s, and the chance of an idling alarm."""
     begun_s = time.process_time()
     robot = load_robot(name)
-    payload = robot.simulation.plant_spec(robot.simulation.payload_name).payload if load is Load.LOADED else None
+    payload = robot.simulation.plant_spec(robot.simulation.payload_name).payload if load is SessionLoad.LOADED else None
     excitations = {role: Excitation(found.trajectory, 1) for role, found in robot.excitations.items()}
     spec = twin_spec(robot, twin, payload)
     motions, plant, stops = moved(robot, load, replace(spec, seed=seed_of(0, load)), excitations)
@@ -163,13 +163,13 @@ def _chance_of_a_stretch(position: FloatArray, zero: FloatArray) -> float:
     return total
 
 
-def seed_of(seed: int, load: Load) -> int:
+def seed_of(seed: int, load: SessionLoad) -> int:
     """The plant's seed in one half of a commissioning."""
-    return 1000 * seed + (load is Load.LOADED)
+    return 1000 * seed + (load is SessionLoad.LOADED)
 
 
 def moved(
-    robot: Robot, load: Load, spec: PlantSpec, excitations: dict[str, Excitation]
+    robot: Robot, load: SessionLoad, spec: PlantSpec, excitations: dict[str, Excitation]
 ) -> tuple[list[Motion], RememberingPlant, list[str]]:
     """Run one half with all its monitors.
 
@@ -186,7 +186,7 @@ def moved(
     motions, stops = [], []
 
     @contextmanager
-    def opened(load: Load) -> Iterator[JointServos]:
+    def opened(load: SessionLoad) -> Iterator[JointServos]:
         servos = FakeServos(robot.drives.settings, plant)
         try:
             yield servos
@@ -226,7 +226,7 @@ def replayed(robot: Robot, plant: RememberingPlant, motions: list[Motion], seed:
     ]
 
 
-def judge(robot: Robot, load: Load, motion: Motion, feedbacks: list[JointFeedback]) -> None:
+def judge(robot: Robot, load: SessionLoad, motion: Motion, feedbacks: list[JointFeedback]) -> None:
     """Run the monitors of torque on a recorded run.
 
     Raises:

@@ -27,7 +27,7 @@ from armload_controller.motion.checked_path import check_path
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import CommissioningPlan, read_pair, record_half
 from armload_controller.session.feedforward_comparison import ComparisonRuns
-from armload_controller.session.run_session import Load, no_operator, run_session
+from armload_controller.session.run_session import SessionLoad, no_operator, run_session
 from armload_drivers.servos import JointServos
 from armload_identification.calibration.calibrate_arm import MountedRun
 from armload_identification.excitation.design import optimal_excitation
@@ -59,7 +59,7 @@ def run() -> None:
 def _identify(robot: Robot) -> tuple[PayloadResult, BodyModel]:
     """The payload identified by a commissioning, and the body from its empty half."""
     with tempfile.TemporaryDirectory() as folder:
-        for load in Load:
+        for load in SessionLoad:
             record_half(
                 robot, load, lambda which: simulated_arm(robot, which), no_operator(), CommissioningPlan(Path(folder))
             )
@@ -87,14 +87,14 @@ def _compare(robot: Robot, identified: PayloadResult, body: BodyModel, label: st
     path = check_path(excitation, robot.motion_constraints, cycle_s, file=robot.file, key=label)
     runs = ComparisonRuns(robot, path, held_torque(body))
 
-    def open_servos(load: Load) -> AbstractContextManager[JointServos]:
+    def open_servos(load: SessionLoad) -> AbstractContextManager[JointServos]:
         return simulated_arm(robot, load)
 
-    with run_session(robot, Load.UNLOADED, open_servos, no_operator()) as session:
+    with run_session(robot, SessionLoad.UNLOADED, open_servos, no_operator()) as session:
         empty = runs.plain(session, "empty")
     truth = robot.simulation.payload(robot.simulation.payload_name)
     known = replace(identified, model=truth, determined=np.ones(10, dtype=np.bool_))
-    with run_session(robot, Load.LOADED, open_servos, no_operator()) as session:
+    with run_session(robot, SessionLoad.LOADED, open_servos, no_operator()) as session:
         without = runs.plain(session, "loaded")
         first, tried = runs.with_feedforward(session, identified, IDENTIFIED, None)
         fed = {IDENTIFIED: first, TRUE: runs.with_feedforward(session, known, TRUE, tried)[0]}

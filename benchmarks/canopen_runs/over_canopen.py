@@ -10,7 +10,7 @@ from pathlib import Path
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import CommissioningPlan, read_pair, record_half
-from armload_controller.session.run_session import Load, no_operator
+from armload_controller.session.run_session import SessionLoad, no_operator
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_identification import identify
@@ -28,19 +28,19 @@ def commissioned(pool: Executor, robot_name: str, transmission: Transmission, se
     """
     with tempfile.TemporaryDirectory() as directory:
         # The loaded half reads the unloaded one's slow round: one after the other.
-        for load in (Load.UNLOADED, Load.LOADED):
+        for load in (SessionLoad.UNLOADED, SessionLoad.LOADED):
             pool.submit(_record, robot_name, load, directory, seed).result()
         robot = load_robot(robot_name)
         runs = read_pair(robot, Path(directory), "identification")
         return identify(runs.loaded, runs.unloaded, robot.chain, transmission)
 
 
-def _record(robot_name: str, load: Load, directory: str, seed: int) -> None:
+def _record(robot_name: str, load: SessionLoad, directory: str, seed: int) -> None:
     """One half; the validation run, which is not needed here, is a single period."""
     robot = load_robot(robot_name)
     short = Excitation(robot.excitations["validation"].trajectory, 1)
     simulation = robot.simulation_table
-    noisy = simulation.model_copy(update={"seed": simulation.seed + len(Load) * seed})
+    noisy = simulation.model_copy(update={"seed": simulation.seed + len(SessionLoad) * seed})
     robot = replace(robot, excitations=robot.excitations | {"validation": short}).with_tables(simulation=noisy)
     record_half(
         robot, load, lambda which: simulated_arm(robot, which), no_operator(), CommissioningPlan(Path(directory))

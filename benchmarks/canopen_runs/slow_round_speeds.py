@@ -16,7 +16,7 @@ from armload_controller.config.robot import Robot, load_robot
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.phase import Segment
-from armload_controller.session.run_session import Load, ServosFactory, no_operator, run_session
+from armload_controller.session.run_session import ServosFactory, SessionLoad, no_operator, run_session
 from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointServos
 from armload_drivers.simulation.fake_servos import FakeServos
@@ -69,7 +69,7 @@ def _print_speeds(robot: Robot, tool_m: float) -> None:
         path = _path(robot, role, points)
         places = Places()
         spec = twin_spec(robot, Twin.NORMATIVE, robot.simulation.plant_spec(robot.simulation.payload_name).payload)
-        with run_session(robot, Load.LOADED, _opener(robot, spec), no_operator()) as session:
+        with run_session(robot, SessionLoad.LOADED, _opener(robot, spec), no_operator()) as session:
             session.run(path, role, plugins=[places])
         over = round(MEASURED_OVER_S / cycle_s)
         sent, measured = (
@@ -94,7 +94,7 @@ def _opener(robot: Robot, spec: PlantSpec) -> ServosFactory:
     """Opens fakes on a plant."""
 
     @contextmanager
-    def opened(load: Load) -> Iterator[JointServos]:
+    def opened(load: SessionLoad) -> Iterator[JointServos]:
         servos = FakeServos(robot.drives.settings, ArmPlant(spec))
         try:
             yield servos

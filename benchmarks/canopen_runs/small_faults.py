@@ -20,7 +20,7 @@ from armload_controller.control_errors import ControlError
 from armload_controller.cycle.feedback_truth import TorqueMissing, TorqueReversed
 from armload_controller.cycle.monitors import TorqueError, measured_torque
 from armload_controller.cycle.plugins import CycleStep
-from armload_controller.session.run_session import Load
+from armload_controller.session.run_session import SessionLoad
 from armload_drivers.servos import JointFeedback
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
@@ -126,7 +126,7 @@ def run() -> None:
     faults = [(NONE, PLACES[0]), *product(list(POSITION_FAULTS)[1:], PLACES)]
     cases = [Case(robot, *fault, joint) for robot, fault, joint in product(ROBOTS, faults, range(6))]
     with workers() as pool:
-        torques = [pool.submit(torque_faults, robot, load) for robot, load in product(ROBOTS, Load)]
+        torques = [pool.submit(torque_faults, robot, load) for robot, load in product(ROBOTS, SessionLoad)]
         found = dict(zip(cases, pool.map(position_fault, cases), strict=True))
         print(_HEAD)
         for robot in ROBOTS:
@@ -143,7 +143,7 @@ def run() -> None:
                 ]
             )
         print(_TORQUES)
-        for (robot, load), job in zip(product(ROBOTS, Load), torques, strict=True):
+        for (robot, load), job in zip(product(ROBOTS, SessionLoad), torques, strict=True):
             print(f"### {robot}, {load}\n")
             _print_table(job.result())
 
@@ -172,10 +172,10 @@ def position_fault(case: Case) -> str:
     return f"{servos.stopped_s - occurrence.at_s:.2f} s, {apart}" if message else f"no, {apart}"
 
 
-def torque_faults(name: str, load: Load) -> list[tuple[str, list[str]]]:
+def torque_faults(name: str, load: SessionLoad) -> list[tuple[str, list[str]]]:
     """A row per fault of a torque, a cell per joint."""
     robot = load_robot(name)
-    payload = robot.simulation.plant_spec(robot.simulation.payload_name).payload if load is Load.LOADED else None
+    payload = robot.simulation.plant_spec(robot.simulation.payload_name).payload if load is SessionLoad.LOADED else None
     one = {"identification": Excitation(robot.excitations["identification"].trajectory, 1)}
     (motion,), _, stops = moved_half(robot, load, twin_spec(robot, Twin.NORMATIVE, payload), one)
     if stops:
@@ -186,7 +186,7 @@ def torque_faults(name: str, load: Load) -> list[tuple[str, list[str]]]:
     ]
 
 
-def _torque_fault(robot: Robot, load: Load, motion: Motion, joint: int, factor: float, zero: float) -> str:
+def _torque_fault(robot: Robot, load: SessionLoad, motion: Motion, joint: int, factor: float, zero: float) -> str:
     """What the monitors say of a falsified torque."""
 
     def falsified(feedback: JointFeedback) -> JointFeedback:

@@ -19,9 +19,9 @@ from armload_controller.analysis.watch_history import WatchDiary
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.config.robot_runs import read_runs
 from armload_controller.session.bus_watch import BusWatch, recorder_of
-from armload_controller.session.run_session import Load
+from armload_controller.session.run_session import SessionLoad
 from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle
-from armload_drivers.simulation.plant_spec import PayloadChange
+from armload_drivers.simulation.plant_spec import ScheduledPayload
 from armload_identification.calibration.calibrate_arm import WeighedPayload
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.report.watch_report import watch_svg
@@ -42,7 +42,7 @@ def draw(folder: Path) -> None:
     robot = load_robot(ROBOT).with_bus(None, None, None, CYCLE_HZ)
     calibration = _calibration(robot, folder)
     body = robot.simulation.mounted(robot.simulation.payload_name)
-    changes = (PayloadChange(MOUNTED_S, body), PayloadChange(DROPPED_S, None))
+    changes = (ScheduledPayload(MOUNTED_S, body), ScheduledPayload(DROPPED_S, None))
     cycles = overheard_shift(robot, None, 7, WATCHED_S, changes)
     watching = PayloadWatch(robot, calibration)
     diary = WatchDiary(robot, watching, "a simulated bus", "")
@@ -60,7 +60,9 @@ def draw(folder: Path) -> None:
 def _calibration(robot: Robot, folder: Path) -> Path:
     """Calibration of the arm from its bus traffic."""
     paths = []
-    for seed, (load, payload) in enumerate(((Load.UNLOADED, None), (Load.LOADED, robot.simulation.payload_name)), 1):
+    for seed, (load, payload) in enumerate(
+        ((SessionLoad.UNLOADED, None), (SessionLoad.LOADED, robot.simulation.payload_name)), 1
+    ):
         cycles = overheard_shift(robot, payload, seed, CALIBRATED_S)
         paths.append(folder / f"{load}.mcap")
         with recorder_of(robot, paths[-1], load) as recorder:
@@ -73,7 +75,7 @@ def _calibration(robot: Robot, folder: Path) -> Path:
 
 
 def overheard_shift(
-    robot: Robot, payload: str | None, seed: int, until_s: float, changes: Sequence[PayloadChange] = ()
+    robot: Robot, payload: str | None, seed: int, until_s: float, changes: Sequence[ScheduledPayload] = ()
 ) -> list[OverheardCycle]:
     """Bus traffic of an arm in random point-to-point motion.
 

@@ -16,7 +16,7 @@ from armload_controller.control_errors import CommissioningError, MotionError
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.flange_check import unloaded_doubts
-from armload_controller.session.run_session import Load, no_operator, run_session
+from armload_controller.session.run_session import SessionLoad, no_operator, run_session
 from armload_drivers.servos import JointServos
 from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
@@ -50,7 +50,7 @@ def named(number: int) -> str:
     texts: list[str] = []
 
     @contextmanager
-    def opened(load: Load) -> Iterator[JointServos]:
+    def opened(load: SessionLoad) -> Iterator[JointServos]:
         servos = FakeServos(robot.drives.settings, cast(ArmPlant, plant))  # the same methods
         try:
             yield servos
@@ -67,7 +67,7 @@ def named(number: int) -> str:
     one = Excitation(robot.excitations["identification"].trajectory, 1)
     path = check_path(one, robot.motion_constraints, 1 / robot.bus.cycle_hz, file=robot.file, key=ROBOT)
     try:
-        with run_session(robot, Load.UNLOADED, opened, no_operator()) as session:
+        with run_session(robot, SessionLoad.UNLOADED, opened, no_operator()) as session:
             session.run(path, ROBOT, look=look)
     except SlowRoundOver:
         return "; ".join(texts) or "no"

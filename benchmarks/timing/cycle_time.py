@@ -28,7 +28,7 @@ from armload_controller.motion.joint_limits import check_setpoints
 from armload_controller.motion.phase import Segment
 from armload_controller.motion.setpoints import RuckigFollower
 from armload_controller.session.arm_access import simulated_arm
-from armload_controller.session.run_session import Load
+from armload_controller.session.run_session import SessionLoad
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
@@ -113,7 +113,7 @@ def _simulated(cycles: int) -> np.ndarray:
     """(cycles,) CPU time of complete cycles with the simulated arm, us."""
     robot = load_robot(ROBOT)
     zero, rows = np.zeros(robot.n), np.zeros(cycles)
-    with simulated_arm(robot, Load.LOADED) as servos:
+    with simulated_arm(robot, SessionLoad.LOADED) as servos:
         servos.connect()
         start = servos.enable().position_rad
         for cycle in range(-WARM_UP, cycles):

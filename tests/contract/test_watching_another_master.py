@@ -20,9 +20,9 @@ from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_runs import read_runs
 from armload_controller.control_errors import CommissioningError, ConfigurationError, UnsafeBus
 from armload_controller.session.bus_watch import BusWatch, heard_cycles, recorder_of
-from armload_controller.session.run_session import Load
+from armload_controller.session.run_session import SessionLoad
 from armload_drivers.driver_errors import BusError
-from armload_drivers.simulation.plant_spec import PayloadChange
+from armload_drivers.simulation.plant_spec import ScheduledPayload
 from armload_identification.calibration.calibrate_arm import WeighedPayload
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.recording.file_reading import read_recording
@@ -46,7 +46,7 @@ def recorded(robot, tmp_path_factory):
     folder = tmp_path_factory.mktemp("shift") / "disc"
     folder.mkdir()
     paths = {}
-    for load, payload in ((Load.UNLOADED, None), (Load.LOADED, robot.simulation.payload_name)):
+    for load, payload in ((SessionLoad.UNLOADED, None), (SessionLoad.LOADED, robot.simulation.payload_name)):
         cycles = overheard_shift(robot, payload, 1 + len(paths), RUN_S)
         paths[load] = folder / f"{load}.mcap"
         with recorder_of(robot, paths[load], load) as recorder:
@@ -65,7 +65,7 @@ def calibration_file(robot, recorded):
     assert not runs.left_out
     mass_kg = robot.simulation.payload(robot.simulation.payload_name).mass_kg
     found = calibrate_from_runs(robot, replace(runs, weighed={"disc": WeighedPayload(mass_kg)}))
-    path = recorded[Load.LOADED].with_name("arm.calibration.toml")
+    path = recorded[SessionLoad.LOADED].with_name("arm.calibration.toml")
     write_calibration(path, found)
     return path
 
@@ -73,7 +73,7 @@ def calibration_file(robot, recorded):
 @pytest.mark.long
 def test_a_payload_is_mounted_and_dropped_and_the_watch_notices(robot, calibration_file, tmp_path):
     body = robot.simulation.mounted(robot.simulation.payload_name)
-    changes = (PayloadChange(MOUNTED_S, body), PayloadChange(DROPPED_S, None))
+    changes = (ScheduledPayload(MOUNTED_S, body), ScheduledPayload(DROPPED_S, None))
     cycles = overheard_shift(robot, None, 7, END_S, changes)
     watching_payload = PayloadWatch(robot, calibration_file)
     watching = BusWatch(robot, watching_payload, None, every_s=2.0)
@@ -112,7 +112,7 @@ def test_a_payload_is_mounted_and_dropped_and_the_watch_notices(robot, calibrati
 @pytest.mark.long
 def test_a_payload_is_identified_from_what_was_heard(robot, recorded, calibration_file):
     body = robot.simulation.payload(robot.simulation.payload_name)
-    found = identify(robot, recorded[Load.LOADED], calibration=calibration_file).payload
+    found = identify(robot, recorded[SessionLoad.LOADED], calibration=calibration_file).payload
     low, high = found.interval_95[0]
     assert low < body.mass_kg < high
     assert found.model.mass_kg == pytest.approx(body.mass_kg, rel=0.05)
@@ -120,7 +120,7 @@ def test_a_payload_is_identified_from_what_was_heard(robot, recorded, calibratio
 
 @pytest.mark.long
 def test_recordings_of_another_master_say_what_they_are(robot, recorded):
-    recording = read_recording(recorded[Load.UNLOADED])
+    recording = read_recording(recorded[SessionLoad.UNLOADED])
     assert recording.joint_names == robot.joint_names
     assert recording.source.run()["overheard"] is True
     assert recording.source.run()["load"] == "unloaded"

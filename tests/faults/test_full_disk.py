@@ -24,7 +24,7 @@ from armload_controller.control_errors import (
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.export.export_files import write_files
-from armload_controller.session.run_session import Load, no_operator, run_session
+from armload_controller.session.run_session import SessionLoad, no_operator, run_session
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.identification_errors import ExcitationFileError, ReportError
 from armload_identification.report.figures.figure_file import write_figure
@@ -109,7 +109,7 @@ def test_a_recording_that_cannot_be_written_ends_with_the_arm_at_rest(ideal_serv
         servos.simulated = True
         arms.append(servos)
         with (
-            run_session(ROBOT, Load.UNLOADED, lambda load: opened(servos), no_operator()) as session,
+            run_session(ROBOT, SessionLoad.UNLOADED, lambda load: opened(servos), no_operator()) as session,
             Recorder(folder / "run.mcap", {"run.json": "{}"}) as recorder,
         ):
             session.hold([recorder], lambda hold: hold(lambda: len(servos.sent) >= 60))
@@ -141,7 +141,7 @@ def test_where_there_is_room_again_a_commissioning_goes_on(ideal_servos, tmp_pat
         servos.simulated = True
         return servos
 
-    folder, half = tmp_path / "run", [Load.UNLOADED]
+    folder, half = tmp_path / "run", [SessionLoad.UNLOADED]
     folder.mkdir()
     with FaultyDisk(folder, full, 40).mounted() as disk, pytest.raises(MotionError, match="No space left on device"):
         record(ROBOT, folder, make_servos, half)

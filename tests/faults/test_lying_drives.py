@@ -10,7 +10,7 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import MotionError
 from armload_controller.cycle.stop_decisions import DECISIONS, Cause, cause_of
 from armload_controller.motion.checked_path import check_path
-from armload_controller.session.run_session import Load, no_operator, run_session
+from armload_controller.session.run_session import SessionLoad, no_operator, run_session
 from armload_drivers.simulation.plant_interface import FROZEN, REVERSED, EncoderFault
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 
@@ -86,7 +86,7 @@ def session_with(watched_servos, plant, lie, since=FROM):
     def open_servos(which):
         yield servos
 
-    with run_session(ROBOT, Load.UNLOADED, open_servos, no_operator()) as session:
+    with run_session(ROBOT, SessionLoad.UNLOADED, open_servos, no_operator()) as session:
         yield session, servos
 
 

@@ -9,7 +9,7 @@ from armload_controller.config.robot import load_robot
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import CommissioningPlan, record_half
-from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator
+from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.drive_safety import Safety
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
@@ -36,7 +36,7 @@ def test_a_half_is_recorded_on_the_makers_drives(robot, shared_data, tmp_path):
         return servos
 
     operator = Operator(NoDisplay(), MotionControl(), Consent(lambda question: False, given=False))
-    record_half(robot, Load.LOADED, open_servos, operator, CommissioningPlan(tmp_path))
+    record_half(robot, SessionLoad.LOADED, open_servos, operator, CommissioningPlan(tmp_path))
     recording = read_recording(tmp_path / "loaded_identification.mcap")
     assert np.isfinite(recording.phase_s).sum() == 100
     assert np.abs(recording.torque_nm).max() > 1.0
@@ -44,7 +44,7 @@ def test_a_half_is_recorded_on_the_makers_drives(robot, shared_data, tmp_path):
 
 def test_its_ways_and_consents_are_those_of_the_file(robot, shared_data):
     described = read_description(shared_data / "eds" / "pilz_prbt_0_1.dcf")
-    with simulated_arm(robot, Load.UNLOADED, [described]) as servos:
+    with simulated_arm(robot, SessionLoad.UNLOADED, [described]) as servos:
         servos.connect()
         assert servos.simulated, "the description leaves the identity open, so it is the simulation's"
         for report in servos.reports:

@@ -51,6 +51,6 @@ def compare(
             raise PayloadFileError(source, "provenance.robot", robot, f"expected {arm.robot!r}, the arm of {name}")
         judged = with_gains(judged, arm.gain_nm_a, arm.covariance[: arm.n, : arm.n])
         corrected = judged, name
-    errors = cad_comparison.compare(estimate, truth)
+    errors = cad_comparison.compare_with_cad(estimate, truth)
     agreement = compare_known(judged, known_payload(truth), tolerance or Tolerance())
     return PayloadComparison(errors, agreement, corrected, version("armload"))

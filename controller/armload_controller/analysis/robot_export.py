@@ -14,8 +14,9 @@ from armload_controller.config.objects_or_paths import FilePath, PayloadSource, 
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ExportError
 from armload_controller.export.export_files import write_files
-from armload_controller.export.exported_payload import DEFAULT_LICENCE, ExportSubject
+from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.format_registry import LOAD_DATA, OF_AN_ARM, ExportFormat, exporter
+from armload_controller.export.licence import DEFAULT_LICENCE
 from armload_identification.files.calibration_file import is_calibration
 from armload_identification.files.payload_file import format_payload
 from armload_identification.model.payload import PARAMETER_NAMES

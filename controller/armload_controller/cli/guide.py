@@ -59,12 +59,12 @@ def _identify(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
     from armload_controller.cli.given_arm import given_arm
     from armload_controller.config.robot_recordings import read_of
     from armload_identification.identification_errors import RecordingError
-    from armload_identification.pipeline.recording_survey import pair_problem
+    from armload_identification.pipeline.recording_survey import pair_mismatch
     from armload_identification.recording.recording import Recording
 
     def loaded_run(path: str) -> Recording:
         recording = read_of(arm, Path(path))
-        problem = pair_problem(recording, empty)
+        problem = pair_mismatch(recording, empty)
         if problem is not None:
             raise RecordingError(problem)
         return recording

@@ -11,7 +11,7 @@ import numpy as np
 from armload_controller.config.robot_source import RobotSource
 from armload_controller.config.tables.body_tables import PayloadTable
 from armload_core.arrays import FloatArray
-from armload_drivers.simulation.plant_spec import PayloadChange, PlantSpec, PlantVariant, RigidBody
+from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody, ScheduledPayload
 from armload_identification.model.payload import InertialParameters
 
 NO_PAYLOAD = "none"
@@ -82,7 +82,7 @@ class RobotSimulation:
         expected = f"expected one of {', '.join(sorted(payloads))}, {NO_PAYLOAD}, or the path of a payload file (.toml)"
         raise self.source.refused("simulation.payloads", name, expected)
 
-    def plant_spec(self, payload: str | None, run: int = 0, changes: Sequence[PayloadChange] = ()) -> PlantSpec:
+    def plant_spec(self, payload: str | None, run: int = 0, changes: Sequence[ScheduledPayload] = ()) -> PlantSpec:
         """The simulated arm.
 
         Args:

@@ -149,7 +149,7 @@ class FollowingMonitor:
         self._last_s = feedback.time_s
 
 
-class TorqueModel(Protocol):
+class TorqueBounds(Protocol):
     """Predicts the range of torque of a motion."""
 
     def bounds_nm(
@@ -179,7 +179,7 @@ class TorqueWindow:
         transmission: Transmission,
         torque_max_nm: FloatArray,
         cycle_s: float,
-        model: TorqueModel | None,
+        model: TorqueBounds | None,
     ) -> None:
         self._joint_names = joint_names
         self._transmission = transmission

@@ -6,13 +6,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
-from typing import Final
 
 import numpy as np
 
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ExportError
 from armload_controller.cycle.torque_gate import FULL_SWING_S
+from armload_controller.export.licence import DEFAULT_LICENCE
 from armload_controller.feedforward.payload_use import why_not_usable
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_core.arrays import FloatArray
@@ -23,10 +23,6 @@ from armload_identification.pipeline.estimator_constants import EstimatorConstan
 
 _LICENCE = re.compile(r"[A-Za-z0-9.+-]+(?: (?:AND|OR|WITH) [A-Za-z0-9.+-]+)*")
 """SPDX expressions without brackets; nothing that could end a comment."""
-
-
-DEFAULT_LICENCE: Final = "Apache-2.0"
-"""SPDX identifier of generated source code, armload's own licence."""
 
 
 @dataclass(frozen=True, eq=False)

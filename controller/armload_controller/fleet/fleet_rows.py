@@ -11,9 +11,9 @@ from armload_controller.control_errors import FleetError
 from armload_controller.fleet.recording_row import Row, RowOutcome, value_columns
 from armload_controller.fleet.row_store import latest_rows, precedence
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
-from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
+from armload_identification.many_arms.arm_runs import ArmRun, Quantity, QuantityKind
 
-_PAYLOAD_KINDS: Final = (Kind.MASS, Kind.CENTER_X, Kind.CENTER_Y, Kind.CENTER_Z)
+_PAYLOAD_KINDS: Final = (QuantityKind.MASS, QuantityKind.CENTER_X, QuantityKind.CENTER_Y, QuantityKind.CENTER_Z)
 _COLUMNS: Final = (
     *(name for names in value_columns()[: len(_PAYLOAD_KINDS)] for name in names),
     *("payload", "robot", "robot_name", "outcome", "error", "joint_names", "loaded_sha256", "recorded_by"),
@@ -75,13 +75,13 @@ def _figures(row: Row) -> Iterator[tuple[Quantity, tuple[float, float]]]:
     for joint, name in enumerate(row["joint_names"] or ()):
         gain, width = _of_joint(row, "gain_change", joint), _of_joint(row, "gain_half_width_95", joint)
         if gain is not None and width is not None:
-            yield Quantity(Kind.GAIN, name), (gain, width / NORMAL_HALF_WIDTH)
+            yield Quantity(QuantityKind.GAIN, name), (gain, width / NORMAL_HALF_WIDTH)
         friction = _of_joint(row, "friction_nm", joint)
         if friction is not None:
-            yield Quantity(Kind.FRICTION, name), (friction, 0.0)
+            yield Quantity(QuantityKind.FRICTION, name), (friction, 0.0)
         residual, noise = _of_joint(row, "residual_rms_nm", joint), _of_joint(row, "noise_nm", joint)
         if residual is not None and noise:
-            yield Quantity(Kind.RESIDUAL, name), (residual / noise, 0.0)
+            yield Quantity(QuantityKind.RESIDUAL, name), (residual / noise, 0.0)
 
 
 def _of_joint(row: Row, column: str, joint: int) -> float | None:

@@ -26,7 +26,7 @@ from armload_controller.config.robot_simulation import NO_PAYLOAD
 from armload_controller.config.tables.drive_tables import ETHERCAT
 from armload_controller.control_errors import UnsafeBus
 from armload_controller.cycle.realtime import tuned_for_cycles
-from armload_controller.session.run_session import Load
+from armload_controller.session.run_session import SessionLoad
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.bus.joined_bus import BusRole, JoinedBus
 from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
@@ -46,7 +46,7 @@ from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import lockstep_bus, lockstep_wires
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.mujoco_plant import ArmPlant
-from armload_drivers.simulation.plant_spec import PayloadChange
+from armload_drivers.simulation.plant_spec import ScheduledPayload
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
 SOCKETCAN = "socketcan"
@@ -79,7 +79,7 @@ def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> No
 
 def open_arm(
     robot: Robot,
-    load: Load,
+    load: SessionLoad,
     report: Callable[[str], None],
     *,
     simulated_drives: bool,
@@ -103,7 +103,7 @@ def open_arm(
 
 @contextmanager
 def simulated_arm(
-    robot: Robot, load: Load, described: Sequence[DeviceDescription] = (), *, brakes_closed: bool = False
+    robot: Robot, load: SessionLoad, described: Sequence[DeviceDescription] = (), *, brakes_closed: bool = False
 ) -> Iterator[JointServos]:
     """Master and simulated drives in this process, in lockstep.
 
@@ -114,8 +114,8 @@ def simulated_arm(
         brakes_closed: As in `open_arm`.
     """
     arm = replace(robot.drives.settings, brakes_closed=brakes_closed)
-    payload = robot.simulation.payload_name if load is Load.LOADED else None
-    plant = ArmPlant(robot.simulation.plant_spec(payload, run=int(load is Load.LOADED)))
+    payload = robot.simulation.payload_name if load is SessionLoad.LOADED else None
+    plant = ArmPlant(robot.simulation.plant_spec(payload, run=int(load is SessionLoad.LOADED)))
     clock = VirtualClock()
     wires = lockstep_wires(arm)
     with (
@@ -175,7 +175,7 @@ def arm_on_bus(
 
 @contextmanager
 def drives_alone(
-    robot: Robot, payload: str, changes: Sequence[PayloadChange] = (), described: Sequence[DeviceDescription] = ()
+    robot: Robot, payload: str, changes: Sequence[ScheduledPayload] = (), described: Sequence[DeviceDescription] = ()
 ) -> Iterator[SimulatedDrives]:
     """Simulated drives on a bus, in real time, commanded by another process.
 

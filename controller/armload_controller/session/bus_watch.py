@@ -19,7 +19,7 @@ from armload_controller.control_errors import CommissioningError, UnsafeBus
 from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.session.arm_access import bus_of
-from armload_controller.session.run_session import Load
+from armload_controller.session.run_session import SessionLoad
 from armload_drivers.bus.joined_bus import BusRole
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.listening.bus_listener import overheard
@@ -59,7 +59,7 @@ def heard_cycles(robot: Robot) -> Iterator[Iterator[OverheardCycle | None]]:
         yield overheard(bus, arm)
 
 
-def recorder_of(robot: Robot, path: Path, load: Load | None) -> Recorder:
+def recorder_of(robot: Robot, path: Path, load: SessionLoad | None) -> Recorder:
     """A recorder for a motion under another master.
 
     Args:

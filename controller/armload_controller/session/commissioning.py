@@ -30,7 +30,7 @@ from armload_controller.cycle.monitors import CycleSummary
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.session.flange_check import loaded_doubts, unloaded_doubts
-from armload_controller.session.run_session import Load, Operator, RunSession, ServosFactory, run_session
+from armload_controller.session.run_session import Operator, RunSession, ServosFactory, SessionLoad, run_session
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation
@@ -78,14 +78,14 @@ class CommissioningPlan:
         return None if self.mass_kg is None else KnownPayload(mass_kg=self.mass_kg)
 
 
-def recording_path(directory: Path, load: Load, role: str) -> Path:
+def recording_path(directory: Path, load: SessionLoad, role: str) -> Path:
     """File of a run."""
     return directory / f"{load}_{role}.mcap"
 
 
 def record_half(
     robot: Robot,
-    load: Load,
+    load: SessionLoad,
     open_servos: ServosFactory,
     operator: Operator,
     plan: CommissioningPlan,
@@ -117,7 +117,7 @@ def record_half(
 def _record(session: RunSession, arm: ArmInUse, role: str, path: CheckedPath, plan: CommissioningPlan) -> CycleSummary:
     """Record one run, including its slow round."""
     robot, directory = session.robot, plan.directory
-    weighed = {"mass_kg": plan.mass_kg} if session.load is Load.LOADED and plan.mass_kg is not None else {}
+    weighed = {"mass_kg": plan.mass_kg} if session.load is SessionLoad.LOADED and plan.mass_kg is not None else {}
     run = {
         "armload_version": version("armload"),
         "robot": robot.name,
@@ -138,8 +138,8 @@ def _record(session: RunSession, arm: ArmInUse, role: str, path: CheckedPath, pl
     }
     name, frames = f"{session.load}: {role}", ArmFrames(robot.chain, robot.joint_names)
     look = partial(unloaded_doubts, robot, arm)
-    if session.load is Load.LOADED:
-        look = partial(loaded_doubts, robot, arm, recording_path(directory, Load.UNLOADED, role))
+    if session.load is SessionLoad.LOADED:
+        look = partial(loaded_doubts, robot, arm, recording_path(directory, SessionLoad.UNLOADED, role))
     lateness = Lateness(path.cycle_s, None if robot.bus.in_virtual_time else time.monotonic)
     file = recording_path(directory, session.load, role)
     with Recorder(file, attachments, frames=frames, lateness=lateness) as recorder:
@@ -175,7 +175,7 @@ def checked_excitations(robot: Robot, roles: Iterable[str]) -> dict[str, Checked
     }
 
 
-def missing_roles(directory: Path, load: Load) -> tuple[str, ...]:
+def missing_roles(directory: Path, load: SessionLoad) -> tuple[str, ...]:
     """Excitations not yet recorded completely with a load."""
     return tuple(role for role in ROLES if not recording_path(directory, load, role).is_file())
 
@@ -200,7 +200,7 @@ def read_pair(robot: Robot, directory: Path, role: str) -> Pair:
         CommissioningError: the two followed different excitations.
         RecordingError: a recording is missing or contains nothing usable.
     """
-    pair = Pair(*(read_of(robot, recording_path(directory, load, role)) for load in Load))
+    pair = Pair(*(read_of(robot, recording_path(directory, load, role)) for load in SessionLoad))
     texts = {r.source.attachments.get(EXCITATION_ATTACHMENT) for r in (pair.unloaded, pair.loaded)}
     if len(texts) != 1:
         raise CommissioningError(
@@ -210,7 +210,7 @@ def read_pair(robot: Robot, directory: Path, role: str) -> Pair:
     return pair
 
 
-def require_recordings(directory: Path, load: Load) -> None:
+def require_recordings(directory: Path, load: SessionLoad) -> None:
     """Refuse to continue without the recordings of one half.
 
     Raises:

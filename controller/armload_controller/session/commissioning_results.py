@@ -17,7 +17,7 @@ from armload_controller.control_errors import CommissioningError, UnsafeBus
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, missing_roles, read_pair, record_half
 from armload_controller.session.folder_claim import claimed
-from armload_controller.session.run_session import Load, no_operator
+from armload_controller.session.run_session import SessionLoad, no_operator
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.identification_errors import EstimationError, RunTableError
 from armload_identification.recording.recording import Recording
@@ -75,7 +75,7 @@ def commission(
     with claimed(directory):
         if (directory / REPORT_NAME).exists():
             raise CommissioningError(f"{directory} contains a finished commissioning: choose another folder")
-        for load in Load:
+        for load in SessionLoad:
             if missing_roles(directory, load):
                 record_half(arm, load, partial(simulated_arm, arm), no_operator(), plan)
         return evaluate(arm, plan, tolerance)[0]

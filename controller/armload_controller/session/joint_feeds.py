@@ -78,7 +78,7 @@ def ros2_feed(robot: Robot, topic: str, effort: Effort) -> Iterator[JointFeed]:
     """
     try:
         from armload_controller.session.ros2_publisher import PayloadPublisher
-        from armload_drivers.feeds.joint_state_feed import JointStates, joint_state_cycles
+        from armload_drivers.feeds.joint_state_feed import JointStateCycles, joint_state_cycles
         from armload_drivers.feeds.ros2_messages import JointState
         from armload_drivers.feeds.ros2_participant import Ros2Participant
     except ModuleNotFoundError as error:
@@ -86,7 +86,7 @@ def ros2_feed(robot: Robot, topic: str, effort: Effort) -> Iterator[JointFeed]:
             raise
         raise CommissioningError('--ros2 needs cyclonedds: pip install "armload[ros2]"') from error
     participant = Ros2Participant(os.environ)
-    states = JointStates(robot.joint_names, current=effort is Effort.CURRENT)
+    states = JointStateCycles(robot.joint_names, current=effort is Effort.CURRENT)
     publisher = PayloadPublisher(participant, robot.name, states.stamp_ns)
     cycles = joint_state_cycles(participant.subscription(topic, JointState), topic, states)
     where = f"{topic} (ROS 2 domain {participant.domain_id})"

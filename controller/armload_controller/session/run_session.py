@@ -46,7 +46,7 @@ BAR = 1000
 T = TypeVar("T")
 
 
-class Load(StrEnum):
+class SessionLoad(StrEnum):
     """Load on the flange during a session."""
 
     UNLOADED = "unloaded"
@@ -128,12 +128,14 @@ def no_operator() -> Operator:
     return Operator(NoDisplay(), MotionControl(), Consent(lambda question: False, given=False))
 
 
-ServosFactory = Callable[[Load], AbstractContextManager[JointServos]]
+ServosFactory = Callable[[SessionLoad], AbstractContextManager[JointServos]]
 """Opens an arm with a load on its flange, not yet connected; leaving the block closes it."""
 
 
 @contextmanager
-def run_session(robot: Robot, load: Load, open_servos: ServosFactory, operator: Operator) -> Iterator[RunSession]:
+def run_session(
+    robot: Robot, load: SessionLoad, open_servos: ServosFactory, operator: Operator
+) -> Iterator[RunSession]:
     """Open and connect an arm for any number of runs within the block.
 
     Args:
@@ -203,7 +205,7 @@ class RunSession:
     """
 
     def __init__(
-        self, robot: Robot, load: Load, servos: JointServos, operator: Operator, plugins: Sequence[CyclePlugin]
+        self, robot: Robot, load: SessionLoad, servos: JointServos, operator: Operator, plugins: Sequence[CyclePlugin]
     ) -> None:
         self.robot, self._operator, self._plugins = robot, operator, plugins
         self.load, self.simulated, self._servos = load, servos.simulated, servos
@@ -262,7 +264,7 @@ class RunSession:
                     self._servos,
                     f"{since}First motion {self.load}: the arm will move slowly to the start of the excitation and "
                     "once along it. Is the workspace clear and the emergency stop at hand?",
-                    always=self.load is Load.LOADED or bool(since),
+                    always=self.load is SessionLoad.LOADED or bool(since),
                     first=True,
                 )
                 self._has_moved = True
@@ -379,9 +381,9 @@ def run_leg(
         arm.follow(leg, lambda share: progress(round(BAR * share)))
 
 
-def torque_window(robot: Robot, load: Load, cycle_s: float) -> TorqueWindow:
+def torque_window(robot: Robot, load: SessionLoad, cycle_s: float) -> TorqueWindow:
     """The torque window of an arm: from its model, or from its joints' greatest torque if the file has no model."""
-    model = robot.strength.expected_torque(loaded=load is Load.LOADED)
+    model = robot.strength.expected_torque(loaded=load is SessionLoad.LOADED)
     return TorqueWindow(robot.joint_names, robot.drives.transmission, robot.limits.torque_max_nm, cycle_s, model)
 
 

@@ -38,7 +38,7 @@ REGULAR: Final = 50
 """Number of intervals between stamps that show a publisher's usual ones."""
 
 
-class JointStates:
+class JointStateCycles:
     """Makes cycles of messages.
 
     Args:
@@ -149,7 +149,7 @@ class JointStates:
 def joint_state_cycles(
     subscription: Subscription,
     topic: str,
-    states: JointStates,
+    states: JointStateCycles,
     patience_s: float = PATIENCE_S,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[OverheardCycle | None]:
@@ -184,7 +184,7 @@ def joint_state_cycles(
             yield None
 
 
-def _what_is_missing(topic: str, states: JointStates, patience_s: float) -> str:
+def _what_is_missing(topic: str, states: JointStateCycles, patience_s: float) -> str:
     """Why there is no cycle, and what to check."""
     begin = f"{topic}: no usable message within {patience_s:g} s: "
     if states.incomplete:

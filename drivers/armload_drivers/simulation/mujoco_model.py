@@ -23,7 +23,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
-from armload_drivers.simulation.plant_spec import PayloadChange, PlantJoint, PlantSpec, PlantVariant, RigidBody
+from armload_drivers.simulation.plant_spec import PlantJoint, PlantSpec, PlantVariant, RigidBody, ScheduledPayload
 
 TIME_STEP_S = 0.001
 """Period of the servo loops and step of the integration."""
@@ -267,7 +267,7 @@ def _check(spec: PlantSpec) -> None:
     _check_changes(spec.changes)
 
 
-def _check_changes(changes: tuple[PayloadChange, ...]) -> None:
+def _check_changes(changes: tuple[ScheduledPayload, ...]) -> None:
     """Refuse changes of the payload that are out of order, and impossible bodies."""
     before_s = 0.0
     for change in changes:

@@ -43,7 +43,7 @@ class RigidBody:
 
 
 @dataclass(frozen=True, slots=True)
-class PayloadChange:
+class ScheduledPayload:
     """A change of payload at some time, whether the arm moves or not.
 
     Attributes:
@@ -130,7 +130,7 @@ class PlantSpec:
     start_position_rad: FloatArray
     seed: int
     payload: RigidBody | None = None
-    changes: tuple[PayloadChange, ...] = ()
+    changes: tuple[ScheduledPayload, ...] = ()
     variant: PlantVariant = PlantVariant.NORMATIVE
     rated_payload: RigidBody | None = None
     friction_scale: float = 1.0

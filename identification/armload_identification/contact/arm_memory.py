@@ -17,7 +17,7 @@ from armload_identification.contact.force_rows import PAYLOAD, ForceRows
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class RememberedState:
     """Payload and friction as known at a time.
 
     Attributes:
@@ -44,7 +44,7 @@ class ArmMemory:
         self._information = np.zeros((states, states))
         self._right = np.zeros(states)
         self._last_s: float | None = None
-        self._known: list[Known] = []
+        self._known: list[RememberedState] = []
 
     def add(self, rows: ForceRows, density: FloatArray) -> None:
         """Add rows.
@@ -77,14 +77,14 @@ class ArmMemory:
 
     def _checkpoint(self, time_s: float) -> None:
         covariance: FloatArray = np.asarray(np.linalg.inv(self._prior + self._information), dtype=float)
-        self._known.append(Known(time_s, covariance @ (self._prior_right + self._right), covariance))
+        self._known.append(RememberedState(time_s, covariance @ (self._prior_right + self._right), covariance))
         del self._known[:-16]
 
-    def before(self, time_s: float) -> Known | None:
+    def before(self, time_s: float) -> RememberedState | None:
         """What was known `OLD_S` before a time; None if nothing was."""
         return next((each for each in reversed(self._known) if each.time_s <= time_s - OLD_S), None)
 
-    def begin_anew(self, known: Known, *, payload: bool) -> None:
+    def begin_anew(self, known: RememberedState, *, payload: bool) -> None:
         """Continue from what was known at an earlier time.
 
         Args:
@@ -100,4 +100,4 @@ class ArmMemory:
         value = known.value if payload else np.concatenate([np.zeros(PAYLOAD), known.value[PAYLOAD:]])
         self._information = prior - self._prior
         self._right = prior @ value - self._prior_right
-        self._known, self._last_s = [Known(known.time_s, value, np.linalg.inv(prior))], None
+        self._known, self._last_s = [RememberedState(known.time_s, value, np.linalg.inv(prior))], None

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
-from armload_identification.contact.arm_memory import ArmMemory, Known
+from armload_identification.contact.arm_memory import ArmMemory, RememberedState
 from armload_identification.contact.contact_levels import (
     AT_ONCE,
     BACK_S,
@@ -42,7 +42,7 @@ from armload_identification.contact.contact_levels import (
 )
 from armload_identification.contact.force_rows import PAYLOAD, ForceRows, RowMaker
 from armload_identification.contact.load_or_push import Assessment, assess, payload_evidence
-from armload_identification.contact.something_acts import Noise, Test, acting
+from armload_identification.contact.something_acts import ResidualNoise, Test, acting
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.estimator_constants import estimator_constants
 from armload_identification.signals.joint_torque import Transmission
@@ -105,12 +105,12 @@ class ForceWatch:
         self._maker = RowMaker(calibration, chain, constants.from_effort)
         self._memory = ArmMemory(PAYLOAD + 3 * chain.n)
         coloured = calibration.known_arm(chain).noise_nm ** 2
-        self._noise = Noise(coloured, coloured)
+        self._noise = ResidualNoise(coloured, coloured)
         self._rows: ForceRows | None = None
         self._seen_s = 0.0
         self._above = 0
         self._last_mean: FloatArray | None = None
-        self._base: Known | None = None
+        self._base: RememberedState | None = None
         self._noticed_s = self._evident_s = 0.0
         self._push_end_s = np.inf
         self._looks = list(LOOKS_S)
@@ -154,7 +154,7 @@ class ForceWatch:
             return []
         return self._begin(float(self._rows.time_s[-1]), np.zeros_like(self._joints))
 
-    def _learn(self, rows: ForceRows, predicted: Known | None) -> None:
+    def _learn(self, rows: ForceRows, predicted: RememberedState | None) -> None:
         """Use rows in which nothing acts."""
         self._memory.add(rows, self._noise.density)
         if predicted is None:
@@ -167,10 +167,10 @@ class ForceWatch:
             found = np.minimum(0.5 * (mean - self._last_mean) ** 2, 9.0 * (white + remembered)) - remembered
             found = np.maximum(found, 0.0) * apart_s / WHITE_S
             white = white + apart_s / WHITE_MEMORY_S * (found - white)
-            self._noise = Noise(np.maximum(white, 0.05 * coloured), coloured)
+            self._noise = ResidualNoise(np.maximum(white, 0.05 * coloured), coloured)
         self._last_mean = mean
 
-    def _notice(self, rows: ForceRows, test: Test, predicted: Known) -> list[ForceEvent]:
+    def _notice(self, rows: ForceRows, test: Test, predicted: RememberedState) -> list[ForceEvent]:
         """Begin where the test has been above its bound for long enough, or a payload over some seconds is evident."""
         for k, ratio in enumerate(test.ratio):
             self._above = self._above + 1 if ratio > 1.0 else 0

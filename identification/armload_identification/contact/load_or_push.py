@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.contact.arm_memory import Known
+from armload_identification.contact.arm_memory import RememberedState
 from armload_identification.contact.contact_levels import (
     BACK_S,
     COLOUR_S,
@@ -30,7 +30,7 @@ from armload_identification.contact.contact_levels import (
     PAYLOAD_SIZE,
 )
 from armload_identification.contact.force_rows import PAYLOAD, ForceRows
-from armload_identification.contact.something_acts import Noise
+from armload_identification.contact.something_acts import ResidualNoise
 from armload_identification.model.chain import Chain
 
 _FORCE: Final = np.array([FORCE_N] * 3 + [MOMENT_NM] * 3)
@@ -105,7 +105,7 @@ class _Explanation:
 
 
 def assess(
-    rows: ForceRows, known: Known, noise: Noise, chain: Chain, scale: FloatArray, noticed_s: float
+    rows: ForceRows, known: RememberedState, noise: ResidualNoise, chain: Chain, scale: FloatArray, noticed_s: float
 ) -> Assessment | None:
     """Compare the explanations.
 
@@ -150,7 +150,7 @@ def assess(
     )
 
 
-def payload_evidence(rows: ForceRows, known: Known, noise: Noise, now_s: float) -> float:
+def payload_evidence(rows: ForceRows, known: RememberedState, noise: ResidualNoise, now_s: float) -> float:
     """Log likelihood of another payload since some time of the last `BACK_S`, less that of nothing at all.
 
     Args:
@@ -166,7 +166,7 @@ def payload_evidence(rows: ForceRows, known: Known, noise: Noise, now_s: float) 
     return _payloads(means, inverse, residual, np.arange(means.size - LEAST_SINCE)).logarithm
 
 
-def _residual_of(means: ForceRows, known: Known, noise: Noise) -> tuple[FloatArray, FloatArray]:
+def _residual_of(means: ForceRows, known: RememberedState, noise: ResidualNoise) -> tuple[FloatArray, FloatArray]:
     """(K n,) residuals that are not known, and (K n, K n) N^-1."""
     inverse: FloatArray = np.asarray(np.linalg.inv(_covariance(means, known, noise)), dtype=float)
     return (means.residual_nm - means.columns @ known.value).ravel(), inverse
@@ -207,7 +207,7 @@ def _means(rows: ForceRows) -> ForceRows:
     )
 
 
-def _covariance(means: ForceRows, known: Known, noise: Noise) -> FloatArray:
+def _covariance(means: ForceRows, known: RememberedState, noise: ResidualNoise) -> FloatArray:
     """(K n, K n) of the residuals: noise of each joint with its memory, and what was not known."""
     count, n = means.residual_nm.shape
     tall = means.columns.reshape(count * n, -1)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.contact.arm_memory import Known
+from armload_identification.contact.arm_memory import RememberedState
 from armload_identification.contact.contact_levels import (
     AHEAD_S,
     BOUNDED,
@@ -35,7 +35,7 @@ LEAST_FILLED = 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class ResidualNoise:
     """The residual's noise.
 
     Attributes:
@@ -82,7 +82,9 @@ def bound(sigmas: float, freedoms: int) -> float:
     return float(freedoms * (1.0 - third + sigmas * np.sqrt(third)) ** 3)
 
 
-def acting(rows: ForceRows, since: int, known: Known, noise: Noise, inertia_kg_m2: FloatArray) -> Test:
+def acting(
+    rows: ForceRows, since: int, known: RememberedState, noise: ResidualNoise, inertia_kg_m2: FloatArray
+) -> Test:
     """Test the newest rows.
 
     Args:

@@ -80,15 +80,15 @@ class AxisInformation:
     information: FloatArray
 
 
-def joined(parts: Sequence[tuple[FloatArray, NDArray[np.intp]]]) -> tuple[FloatArray, NDArray[np.intp]]:
+def joined_columns(parts: Sequence[tuple[FloatArray, NDArray[np.intp]]]) -> tuple[FloatArray, NDArray[np.intp]]:
     """(g, N, k) columns of the runs of a group for all their unknowns, and (k,) indices of these."""
     if len(parts) == 1:
         return parts[0][0][None], parts[0][1]
     place = np.unique(np.concatenate([where for _, where in parts]))
-    joined = np.zeros((len(parts), len(parts[0][0]), place.size))
-    for run, (columns, where) in zip(joined, parts, strict=True):
+    joined_columns = np.zeros((len(parts), len(parts[0][0]), place.size))
+    for run, (columns, where) in zip(joined_columns, parts, strict=True):
         run[:, np.searchsorted(place, where)] = columns
-    return joined, place
+    return joined_columns, place
 
 
 def eliminate(

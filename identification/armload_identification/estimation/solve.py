@@ -29,7 +29,7 @@ from armload_identification.estimation.normal_equations import (
     Eliminated,
     WeightedRows,
     eliminate,
-    joined,
+    joined_columns,
     solved,
 )
 from armload_identification.estimation.posterior import GroupState, Posterior, relative_residual, row_weights
@@ -302,7 +302,7 @@ class _Solver:
         weight = self._row_weights(state)
         weighted = []
         for axis in range(weight.shape[2]):
-            columns, place = joined([(run.columns[axis], run.place[axis]) for run in found])
+            columns, place = joined_columns([(run.columns[axis], run.place[axis]) for run in found])
             place = where[place]
             kept = place >= 0
             mixed = state.group.mixed(columns[:, :, kept])

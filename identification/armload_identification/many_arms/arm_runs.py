@@ -8,7 +8,7 @@ from datetime import datetime
 from enum import StrEnum
 
 
-class Kind(StrEnum):
+class QuantityKind(StrEnum):
     """Kind of monitored quantity."""
 
     MASS = "mass"
@@ -20,16 +20,16 @@ class Kind(StrEnum):
     RESIDUAL = "residual over noise"
 
 
-PER_PAYLOAD = frozenset({Kind.MASS, Kind.CENTER_X, Kind.CENTER_Y, Kind.CENTER_Z})
+PER_PAYLOAD = frozenset({QuantityKind.MASS, QuantityKind.CENTER_X, QuantityKind.CENTER_Y, QuantityKind.CENTER_Z})
 """Quantities of a payload; the others belong to a joint."""
-UNITS: Mapping[Kind, tuple[str, float]] = {
-    Kind.MASS: ("kg", 1.0),
-    Kind.CENTER_X: ("mm", 1e3),
-    Kind.CENTER_Y: ("mm", 1e3),
-    Kind.CENTER_Z: ("mm", 1e3),
-    Kind.GAIN: ("%", 1e2),
-    Kind.FRICTION: ("N m", 1.0),
-    Kind.RESIDUAL: ("", 1.0),
+UNITS: Mapping[QuantityKind, tuple[str, float]] = {
+    QuantityKind.MASS: ("kg", 1.0),
+    QuantityKind.CENTER_X: ("mm", 1e3),
+    QuantityKind.CENTER_Y: ("mm", 1e3),
+    QuantityKind.CENTER_Z: ("mm", 1e3),
+    QuantityKind.GAIN: ("%", 1e2),
+    QuantityKind.FRICTION: ("N m", 1.0),
+    QuantityKind.RESIDUAL: ("", 1.0),
 }
 """Unit in which each is shown, and factor from SI; a gain is its change relative to nominal."""
 
@@ -49,7 +49,7 @@ class Quantity:
         of: Name of the payload or of the joint; empty for a payload without a name.
     """
 
-    kind: Kind
+    kind: QuantityKind
     of: str
 
     def __str__(self) -> str:

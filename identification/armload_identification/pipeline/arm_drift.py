@@ -32,7 +32,7 @@ of ten days they were 0.1 to 0.4 % (joints 1 to 4) and 0.15."""
 
 
 @dataclass(frozen=True)
-class Finding:
+class DriftFinding:
     """A change, or a single outlying run.
 
     Attributes:
@@ -73,7 +73,7 @@ class ArmDrift:
     friction_nm: FloatArray
     charts: dict[Monitored, tuple[ControlChart, ...]]
     warming: WarmUp | None
-    findings: tuple[Finding, ...]
+    findings: tuple[DriftFinding, ...]
 
     @property
     def out_of_date(self) -> bool:
@@ -142,7 +142,7 @@ def _moment(text: str) -> datetime | None:
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
 
 
-def _findings(drift: ArmDrift) -> list[Finding]:
+def _findings(drift: ArmDrift) -> list[DriftFinding]:
     """Changes, then outlying runs, in their order."""
     found = []
     for quantity, charts in drift.charts.items():
@@ -153,13 +153,13 @@ def _findings(drift: ArmDrift) -> list[Finding]:
                 if change.index == 0 or not np.isfinite(chart.values[: change.index]).any():
                     where = "in all runs than in the calibration"
                 text = f"joint {joint + 1}: {said} {where}"
-                found.append(Finding(joint, quantity, change.index, False, change.before, change.after, text))
+                found.append(DriftFinding(joint, quantity, change.index, False, change.before, change.after, text))
             for run in np.flatnonzero(chart.alone):
                 level = float(chart.level[run]) if np.isfinite(chart.level[run]) else 0.0
                 off = float(chart.values[run])
                 said = _said(drift, quantity, joint, off - level)
                 text = f"joint {joint + 1}: {said} than in the neighbouring runs, in {drift.when(int(run))} alone"
-                found.append(Finding(joint, quantity, int(run), True, level, off, text))
+                found.append(DriftFinding(joint, quantity, int(run), True, level, off, text))
     return sorted(found, key=lambda one: (one.alone, one.run, one.joint))
 
 

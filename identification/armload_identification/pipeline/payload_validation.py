@@ -18,7 +18,7 @@ from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
-from armload_identification.verdict.agreement import Known, Outcome, compare_known, length_needed
+from armload_identification.verdict.agreement import KnownMassCenter, Outcome, compare_known, length_needed
 from armload_identification.verdict.payload_verdict import PayloadVerdict, known_payload, remedy_for
 from armload_identification.verdict.recording_checks.joint_scales import joint_scales
 from armload_identification.verdict.recording_checks.raw_residual import raw_residual_rms
@@ -113,7 +113,7 @@ def gains_to_compare_by(judged: MassCenterCovariance | None, transmission: Trans
     return transmission.held_at(judged.gain_nm_a, judged.gain_covariance)
 
 
-def judge(measured: Identification, chain: Chain, judged: Known, tolerance: Tolerance) -> Validation:
+def judge(measured: Identification, chain: Chain, judged: KnownMassCenter, tolerance: Tolerance) -> Validation:
     """Judge a payload by an identification from other runs.
 
     Args:
@@ -126,7 +126,7 @@ def judge(measured: Identification, chain: Chain, judged: Known, tolerance: Tole
         The verdict, and the underlying signals.
     """
     signal = measured.signal
-    again = Known(measured.parameters, measured.mass_center)
+    again = KnownMassCenter(measured.parameters, measured.mass_center)
     agreement = compare_known(judged, again, tolerance)
     regressor = payload_regressor(chain, *signal.states)
     load = regressor @ judged.parameters.theta

@@ -110,7 +110,7 @@ def survey(recording: Recording) -> RecordingSurvey:
     )
 
 
-def pair_problem(loaded: Recording, unloaded: Recording) -> str | None:
+def pair_mismatch(loaded: Recording, unloaded: Recording) -> str | None:
     """Why two recordings are not a pair of the same motion and quantities; None if they are.
 
     Args:

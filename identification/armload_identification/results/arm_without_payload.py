@@ -13,7 +13,7 @@ from typing import Any
 from armload_identification.extras import Extra, require_extra
 from armload_identification.identification_errors import NothingMounted
 from armload_identification.recording.recording import RecordingSource
-from armload_identification.results.findings import DescribedArm
+from armload_identification.results.findings import ArmDescription
 from armload_identification.results.json_document import json_document
 
 
@@ -27,7 +27,7 @@ class ArmWithoutPayload:
         sources: Sources of its runs.
     """
 
-    arm: DescribedArm
+    arm: ArmDescription
     found: NothingMounted
     sources: Sequence[RecordingSource]
 

@@ -20,7 +20,7 @@ from armload_identification.results.json_document import json_document
 from armload_identification.verdict.agreement import Outcome
 
 
-class DescribedArm(Protocol):
+class ArmDescription(Protocol):
     """What results contain about an arm; implemented by a robot of the configuration."""
 
     @property
@@ -57,7 +57,7 @@ class Findings(PrintedResult):
         Payload of er50 in the flange frame, inertia about its centre of mass
     """
 
-    arm: DescribedArm
+    arm: ArmDescription
     payload: PayloadResult
     content: ReportContent
     armload_version: str

@@ -9,7 +9,7 @@ from armload_identification.model.payload import NOT_DETERMINED, PARAMETER_NAMES
 from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.findings_document import agreement_fields, numbers
 from armload_identification.results.json_document import json_document
-from armload_identification.verdict.agreement import Agreement, Known, Outcome
+from armload_identification.verdict.agreement import Agreement, KnownMassCenter, Outcome
 from armload_identification.verdict.cad_comparison import RelativeErrors
 from armload_identification.verdict.verdict_text import TITLES, agreement_sentences
 
@@ -29,7 +29,7 @@ class PayloadComparison(PrintedResult):
 
     errors: RelativeErrors
     agreement: Agreement
-    corrected: tuple[Known, str] | None
+    corrected: tuple[KnownMassCenter, str] | None
     armload_version: str
 
     @property

@@ -51,7 +51,7 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Known:
+class KnownMassCenter:
     """Mass and centre of mass, and how precisely they are known.
 
     Attributes:
@@ -128,7 +128,7 @@ class LengthNeeded:
     gains_limit: bool
 
 
-def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agreement:
+def compare_known(judged: KnownMassCenter, measured: KnownMassCenter, tolerance: Tolerance) -> Agreement:
     """Outcome and statistics of a payload judged by an independent measurement of it."""
     difference = measured.values - judged.values
     gains = _held(judged.covariance, measured.covariance)
@@ -164,7 +164,7 @@ def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agree
     )
 
 
-def length_needed(judged: Known, measured: Known, tolerance: Tolerance) -> LengthNeeded:
+def length_needed(judged: KnownMassCenter, measured: KnownMassCenter, tolerance: Tolerance) -> LengthNeeded:
     """Length of the runs that is required to detect an error equal to the tolerance."""
     from scipy.optimize import brentq
 

@@ -35,7 +35,7 @@ class RelativeErrors:
     determined: NDArray[np.bool_]
 
 
-def compare(payload: PayloadResult, cad: PayloadResult) -> RelativeErrors:
+def compare_with_cad(payload: PayloadResult, cad: PayloadResult) -> RelativeErrors:
     """Relative errors of an identified payload against CAD, inertia about the origin of the frame.
 
     Raises:

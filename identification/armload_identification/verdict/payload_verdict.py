@@ -12,7 +12,7 @@ from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, PayloadResult, derived
-from armload_identification.verdict.agreement import Agreement, Known, LengthNeeded, Outcome
+from armload_identification.verdict.agreement import Agreement, KnownMassCenter, LengthNeeded, Outcome
 from armload_identification.verdict.decision_levels import ArmFit
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
 
@@ -65,15 +65,15 @@ class PayloadVerdict:
         return Outcome.CANNOT_TELL if self.own_run and outcome is Outcome.RIGHT else outcome
 
 
-def known_payload(result: PayloadResult) -> Known:
+def known_payload(result: PayloadResult) -> KnownMassCenter:
     """Mass and centre of mass of a payload file; the covariance from its intervals if the file has none."""
     covariance = result.mass_center
     if covariance is None:
         covariance = MassCenterCovariance.from_intervals(result.interval_95[:4], result.model.mass_kg)
-    return Known(result.model, covariance)
+    return KnownMassCenter(result.model, covariance)
 
 
-def with_gains(known: Known, gain: FloatArray, covariance: FloatArray) -> Known:
+def with_gains(known: KnownMassCenter, gain: FloatArray, covariance: FloatArray) -> KnownMassCenter:
     """The same payload with other gains, (n,) N m/A, and the (n, n) covariance of their logarithms.
 
     Mass and centre of mass change along the slopes of the payload's file; the inertia about the centre of mass is kept.
@@ -92,7 +92,7 @@ def with_gains(known: Known, gain: FloatArray, covariance: FloatArray) -> Known:
     center = body.center_of_mass_m + moved[1:]
     mass_kg = body.mass_kg + float(moved[0])
     parameters = InertialParameters.from_center_of_mass(mass_kg, center, body.inertia_about_com)
-    return Known(parameters, replace(was, gain_nm_a=gain, gain_covariance=covariance))
+    return KnownMassCenter(parameters, replace(was, gain_nm_a=gain, gain_covariance=covariance))
 
 
 def remedy_for(

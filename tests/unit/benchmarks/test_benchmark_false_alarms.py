@@ -8,7 +8,7 @@ from scipy.special import erf
 
 from armload_controller.cycle.feedback_truth import IDLE_RAD
 from armload_controller.cycle.monitors import TorqueError
-from armload_controller.session.run_session import Load
+from armload_controller.session.run_session import SessionLoad
 from benchmarks.arms.setups import Twin, twin_spec
 from benchmarks.canopen_runs.false_alarms import _chance_of_a_stretch, judge, moved, replayed, seed_of
 from tests.short_commissioning import MIDDLE_RAD, least_robot
@@ -19,19 +19,19 @@ ROBOT = least_robot()
 def ran(seed):
     spec = replace(twin_spec(ROBOT, Twin.HARSH, None), seed=seed, start_position_rad=MIDDLE_RAD)
     one = {"validation": ROBOT.excitations["validation"]}
-    motions, plant, stops = moved(ROBOT, Load.UNLOADED, spec, one)
+    motions, plant, stops = moved(ROBOT, SessionLoad.UNLOADED, spec, one)
     assert stops == []
     return motions, plant
 
 
 @pytest.fixture(scope="module")
 def first():
-    return ran(seed_of(0, Load.UNLOADED))
+    return ran(seed_of(0, SessionLoad.UNLOADED))
 
 
 def test_a_replay_is_the_run_of_that_seed(first):
     motions, plant = first
-    seed = seed_of(7, Load.UNLOADED)
+    seed = seed_of(7, SessionLoad.UNLOADED)
     (replay,), ((direct,), _) = replayed(ROBOT, plant, motions, seed), ran(seed)
     assert len(replay) == len(direct.steps) > 200
     for name in ("time_s", "position_rad", "torque_nm", "statusword"):
@@ -50,10 +50,10 @@ def test_a_replay_is_the_run_of_that_seed(first):
 def test_what_should_stop_a_run_does_so_in_a_replay(first):
     motions, plant = first
     (replay,) = replayed(ROBOT, plant, motions, 1)
-    judge(ROBOT, Load.UNLOADED, motions[0], replay)
+    judge(ROBOT, SessionLoad.UNLOADED, motions[0], replay)
     strong = [replace(feedback, torque_nm=feedback.torque_nm + 1e3) for feedback in replay]
     with pytest.raises(TorqueError):
-        judge(ROBOT, Load.UNLOADED, motions[0], strong)
+        judge(ROBOT, SessionLoad.UNLOADED, motions[0], strong)
 
 
 def test_the_chance_of_an_idling_alarm_is_that_of_many_runs():

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from armload_controller.config.robot import Robot
     from armload_controller.cycle.monitors import CycleSummary
     from armload_controller.session.commissioning import CommissioningPlan
-    from armload_controller.session.run_session import Consent, Load, Operator
+    from armload_controller.session.run_session import Consent, Operator, SessionLoad
 
 
 class Runs(StrEnum):
@@ -98,7 +98,7 @@ def commission(
     from armload_controller.session.commissioning_results import PAYLOAD_NAME, REPORT_NAME, evaluate
     from armload_controller.session.folder_claim import claimed
     from armload_controller.session.live.live_view import live_at
-    from armload_controller.session.run_session import Load
+    from armload_controller.session.run_session import SessionLoad
     from armload_identification.extras import Extra, require_extra
 
     for extra in (Extra.IDENTIFY, Extra.REPORT):
@@ -113,13 +113,17 @@ def commission(
     now = datetime.now(UTC)
     directory = output or Path("runs") / f"{arm.name}-{now:%Y%m%d-%H%M%S}"
     plan = CommissioningPlan(directory, mass_kg, calibration, drift)
-    halves = {Runs.BOTH: (Load.UNLOADED, Load.LOADED), Runs.UNLOADED: (Load.UNLOADED,), Runs.LOADED: (Load.LOADED,)}
+    halves = {
+        Runs.BOTH: (SessionLoad.UNLOADED, SessionLoad.LOADED),
+        Runs.UNLOADED: (SessionLoad.UNLOADED,),
+        Runs.LOADED: (SessionLoad.LOADED,),
+    }
     if any(missing_roles(directory, load) for load in halves[runs]):
         require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     if runs is Runs.LOADED:
         if output is None:
             raise CommissioningError("--runs loaded requires --output: the folder used by --runs unloaded")
-        require_recordings(directory, Load.UNLOADED)
+        require_recordings(directory, SessionLoad.UNLOADED)
     make_folder(directory)
     require_writable(directory)
     control = MotionControl()
@@ -158,24 +162,24 @@ def _record(
     plan: CommissioningPlan,
     screen: Screen,
     operator: Operator,
-    halves: Sequence[Load],
+    halves: Sequence[SessionLoad],
     *,
     simulated_drives: bool,
 ) -> None:
     """Record the halves that do not exist yet."""
     from armload_controller.session.arm_access import open_arm
     from armload_controller.session.commissioning import missing_roles, record_half
-    from armload_controller.session.run_session import Load
+    from armload_controller.session.run_session import SessionLoad
     from armload_drivers.servos import JointServos
 
-    def open_servos(load: Load) -> AbstractContextManager[JointServos]:
+    def open_servos(load: SessionLoad) -> AbstractContextManager[JointServos]:
         return open_arm(arm, load, screen.step, simulated_drives=simulated_drives, attended=attended())
 
     for load in halves:
         if not missing_roles(plan.directory, load):
             screen.step(f"{load}: already recorded in {plan.directory}, not repeated")
             continue
-        if load is Load.LOADED and len(halves) > 1:
+        if load is SessionLoad.LOADED and len(halves) > 1:
             _have_payload_mounted(arm, screen, operator.consent)
         begun_s = time.monotonic()
         summaries = record_half(arm, load, open_servos, operator, plan)
@@ -198,7 +202,7 @@ def mounting_question(arm: Robot) -> str:
     return f"{state} Is the payload mounted and the workspace clear?"
 
 
-def _counts_line(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
+def _counts_line(load: SessionLoad, summaries: list[CycleSummary], wall_s: float) -> str:
     """Counts of one half's runs, in one line."""
     motion_s = sum(summary.duration_s for summary in summaries)
     missing = sum(int(summary.missing.sum()) for summary in summaries)

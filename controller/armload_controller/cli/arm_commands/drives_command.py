@@ -132,19 +132,19 @@ def _brakes_tried(arm: Robot, screen: Screen, *, simulated_drives: bool) -> tupl
     from armload_controller.cli.output.drive_result_tables import brake_table
     from armload_controller.session.arm_access import open_arm, require_rules
     from armload_controller.session.brake_test import brakes_tried
-    from armload_controller.session.run_session import Load, run_session
+    from armload_controller.session.run_session import SessionLoad, run_session
     from armload_drivers.servos import JointServos
 
     require_rules(arm, simulated_drives=simulated_drives, attended=attended())
 
-    def open_servos(load: Load) -> AbstractContextManager[JointServos]:
+    def open_servos(load: SessionLoad) -> AbstractContextManager[JointServos]:
         return open_arm(
             arm, load, screen.step, simulated_drives=simulated_drives, attended=attended(), brakes_closed=True
         )
 
     with (
         operator_at(arm, screen, MotionControl(), agreed=False, live=None) as operator,
-        run_session(arm, Load.LOADED, open_servos, operator) as session,
+        run_session(arm, SessionLoad.LOADED, open_servos, operator) as session,
     ):
         found = brakes_tried(session)
     screen.table(brake_table(found))

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from armload_controller.config.robot import Robot
     from armload_controller.motion.checked_path import CheckedPath
     from armload_controller.session.feedforward_comparison import ComparisonRuns
-    from armload_controller.session.run_session import Load, Operator, RunSession, ServosFactory
+    from armload_controller.session.run_session import Operator, RunSession, ServosFactory, SessionLoad
     from armload_drivers.servos import JointServos
     from armload_identification.model.payload import PayloadResult
 
@@ -68,7 +68,7 @@ class Bench:
     operator: Operator
     screen: Screen
 
-    def session(self, load: Load) -> AbstractContextManager[RunSession]:
+    def session(self, load: SessionLoad) -> AbstractContextManager[RunSession]:
         """A session with a load on the flange."""
         from armload_controller.session.run_session import run_session
 
@@ -129,7 +129,7 @@ class BenchOptions:
         path = _checked_path(arm, self.excitation, whole=whole)
         used = arm_in_use(arm, self.calibration)
 
-        def open_servos(load: Load) -> AbstractContextManager[JointServos]:
+        def open_servos(load: SessionLoad) -> AbstractContextManager[JointServos]:
             return open_arm(arm, load, screen.step, simulated_drives=self.simulated_drives, attended=attended())
 
         live = live_at(self.live, self.live_address)

@@ -60,16 +60,16 @@ def _compare(bench: Bench, payload: PayloadResult) -> tuple[OffsetVerdict, list[
 
     from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction
     from armload_controller.session.feedforward_comparison import FollowingRun
-    from armload_controller.session.run_session import Load
+    from armload_controller.session.run_session import SessionLoad
 
     arm, used, runs = bench.arm, bench.used, bench.runs()
     in_this_process = arm.bus.in_virtual_time
     body = None if used.calibration is None else used.calibration.body
     empty: FollowingRun | None = None
     if in_this_process:
-        with bench.session(Load.UNLOADED) as session:
+        with bench.session(SessionLoad.UNLOADED) as session:
             empty = runs.plain(session, "empty")
-    with bench.session(Load.LOADED) as session:
+    with bench.session(SessionLoad.LOADED) as session:
         without = runs.plain(session, "loaded, without feed-forward")
         fed, verdict = runs.with_feedforward(session, payload, "loaded, with feed-forward", None)
         bench.operator.display.step(offset_account(verdict))

@@ -92,9 +92,9 @@ def declared_mass(arm: Robot, expect: str) -> DeclaredMass:
 
 def _run(bench: Bench, payload: PayloadResult) -> OffsetVerdict:
     """The run with a known payload's torque."""
-    from armload_controller.session.run_session import Load
+    from armload_controller.session.run_session import SessionLoad
 
-    with bench.session(Load.LOADED) as session:
+    with bench.session(SessionLoad.LOADED) as session:
         return bench.runs().with_feedforward(session, payload, "loaded, with feed-forward", None)[1]
 
 
@@ -104,13 +104,13 @@ def _adapt(bench: Bench, declared: DeclaredMass, decisions: Path) -> tuple[Offse
     from armload_controller.feedforward.adaptation import at_once
     from armload_controller.session.adapted_run import adapted_run
     from armload_controller.session.decision_log import DecisionLog
-    from armload_controller.session.run_session import Load
+    from armload_controller.session.run_session import SessionLoad
 
     arm, display = bench.arm, bench.operator.display
     calibration, _ = bench.used.calibrated("--expect requires a calibrated arm")
     with DecisionLog(decisions, arm.name, display) as log, running_worker("estimate") as executor:
         beside = at_once if arm.bus.in_virtual_time else executor.submit
-        with bench.session(Load.LOADED) as session:
+        with bench.session(SessionLoad.LOADED) as session:
             adapted = adapted_run(bench.path, calibration, declared, session, beside, log.report)
     display.step(f"written: {decisions}, {len(adapted.decisions)} decisions")
     return adapted.verdict, adapted.decisions

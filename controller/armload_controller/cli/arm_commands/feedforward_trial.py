@@ -23,12 +23,12 @@ def feedforward_trial(
     Nothing moves. With a calibration of the arm, torque is scaled by the calibrated gains.
     """
     from armload_controller.cli.output.result_documents import feedforward_document
-    from armload_controller.session.run_session import Load
+    from armload_controller.session.run_session import SessionLoad
 
     arm = options.arm()
     given = usable(arm, payload)
     with options.bench(arm) as bench:
-        with bench.session(Load.LOADED) as session:
+        with bench.session(SessionLoad.LOADED) as session:
             verdict = bench.runs().try_offset(session, given)
         bench.screen.result(offset_account(verdict))
         bench.screen.document(partial(feedforward_document, arm.name, verdict, (), ()))

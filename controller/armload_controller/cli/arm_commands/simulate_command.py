@@ -16,7 +16,7 @@ from armload_controller.motion.motion_control import MotionControl
 
 if TYPE_CHECKING:
     from armload_controller.config.robot_simulation import RobotSimulation
-    from armload_drivers.simulation.plant_spec import PayloadChange
+    from armload_drivers.simulation.plant_spec import ScheduledPayload
 
 POLL_S = 0.1
 
@@ -93,7 +93,7 @@ def simulate(
     screen.step("drives stopped")
 
 
-def payload_changes(given: list[str], simulation: RobotSimulation) -> list[PayloadChange]:
+def payload_changes(given: list[str], simulation: RobotSimulation) -> list[ScheduledPayload]:
     """Payload changes from texts such as '10s=tool.toml'.
 
     Returns:
@@ -103,9 +103,9 @@ def payload_changes(given: list[str], simulation: RobotSimulation) -> list[Paylo
         BadParameter: a text has another form, or two changes have the same time.
         ConfigurationError: no payload of that name.
     """
-    from armload_drivers.simulation.plant_spec import PayloadChange
+    from armload_drivers.simulation.plant_spec import ScheduledPayload
 
-    found: dict[float, PayloadChange] = {}
+    found: dict[float, ScheduledPayload] = {}
     for text in given:
         at, _, name = text.partition("=")
         try:
@@ -117,5 +117,5 @@ def payload_changes(given: list[str], simulation: RobotSimulation) -> list[Paylo
                 f"{text!r}: expected a time above zero, each once, and a payload, such as 10s=tool.toml or 40s=none",
                 param_hint="--payload-at",
             )
-        found[time_s] = PayloadChange(time_s, simulation.mounted(name))
+        found[time_s] = ScheduledPayload(time_s, simulation.mounted(name))
     return [found[time_s] for time_s in sorted(found)]

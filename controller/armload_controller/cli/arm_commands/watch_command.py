@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.session.joint_feeds import JointFeed
-    from armload_controller.session.run_session import Load
+    from armload_controller.session.run_session import SessionLoad
 
 _Stated = TypeVar("_Stated", bound=StrEnum)
 
@@ -92,7 +92,7 @@ def watch(
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.session.joint_feeds import bus_feed, ros2_feed, rtde_feed
-    from armload_controller.session.run_session import Load
+    from armload_controller.session.run_session import SessionLoad
     from armload_identification.recording.reading_options import Effort
 
     sources = {"--bus": bus, "--ros2": ros2, "--rtde": rtde}
@@ -108,7 +108,10 @@ def watch(
         watched, moments = str(recording), _recording_moments(payload, recording, every_s, follow=follow)
     else:
         duration_s = float("inf") if for_s is None else seconds_of(for_s, "--for")
-        stated_load, stated_effort = _stated(load, Load, "--load"), _stated(effort, Effort, "--effort") or Effort.TORQUE
+        stated_load, stated_effort = (
+            _stated(load, SessionLoad, "--load"),
+            _stated(effort, Effort, "--effort") or Effort.TORQUE,
+        )
         if ros2 is not None:
             watched, feed = ros2, ros2_feed(arm, ros2, stated_effort)
         elif rtde is not None:
@@ -201,7 +204,7 @@ def _live_moments(
     opened: AbstractContextManager[JointFeed],
     every_s: float,
     record: Path | None,
-    load: Load | None,
+    load: SessionLoad | None,
     for_s: float,
 ) -> Iterator[WatchedMoment]:
     """Moments of the moving arm, until stopped or the time is over."""

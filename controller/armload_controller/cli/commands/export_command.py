@@ -10,8 +10,8 @@ import typer
 
 from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.json_output import JsonOption
-from armload_controller.export.exported_payload import DEFAULT_LICENCE
 from armload_controller.export.format_registry import ExportFormat, format_names
+from armload_controller.export.licence import DEFAULT_LICENCE
 
 
 def _known(name: str) -> str:

@@ -52,7 +52,7 @@ def show_command(
     from armload_controller.cli.screen import Screen
     from armload_controller.config.objects_or_paths import arm_of
     from armload_controller.config.robot_recordings import chosen_joints
-    from armload_identification.pipeline.recording_survey import pair_problem, survey
+    from armload_identification.pipeline.recording_survey import pair_mismatch, survey
     from armload_identification.recording.file_reading import read_recording
     from armload_identification.recording.reading_options import ReadingOptions
 
@@ -73,7 +73,7 @@ def show_command(
         for path, choice in zip(files, choices, strict=True)
     ]
     surveys = [survey(run) for run in runs]
-    problem = pair_problem(*runs) if len(runs) == 2 else None
+    problem = pair_mismatch(*runs) if len(runs) == 2 else None
     screen = Screen(as_json=as_json)
     screen.document(partial(recording_document, surveys, problem))
     for facts in surveys:

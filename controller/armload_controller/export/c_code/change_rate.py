@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from armload_controller.export.straight_line.planar_groups import Group, PlanarGroups, planar_groups
+from armload_controller.export.straight_line.planar_groups import PlanarGroup, PlanarGroups, planar_groups
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
 
@@ -51,7 +51,7 @@ def _levers(groups: PlanarGroups) -> FloatArray:
     """(n,) bound on the distance of the last frame's origin from each joint's axis: the sum of all lengths."""
     levers: dict[int, float] = {}
     beyond_m = 0.0  # from the end of a group to the last origin
-    following: Group | None = None
+    following: PlanarGroup | None = None
     for group in reversed(groups.groups):
         # a shift along a group's axis is no lever about it
         across_m = beyond_m + (abs(following.shift_m[0]) if following else 0.0)

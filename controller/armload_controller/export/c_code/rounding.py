@@ -20,7 +20,7 @@ from armload_controller.export.straight_line.arm_functions import (
     link_torque_of,
     torque_of,
 )
-from armload_controller.export.straight_line.expressions import Kind
+from armload_controller.export.straight_line.expressions import NodeKind
 from armload_controller.export.straight_line.precision import Precision
 from armload_core.arrays import FloatArray
 
@@ -29,11 +29,11 @@ _SEED: Final = 21
 _BOUND_FACTOR: Final = 2.0
 """Factor from the greatest measured error to the stated bound, for other states and other math libraries."""
 _OPERATIONS: Final = {
-    Kind.COSINE: np.cos,
-    Kind.SINE: np.sin,
-    Kind.SUM: np.add,
-    Kind.DIFFERENCE: np.subtract,
-    Kind.PRODUCT: np.multiply,
+    NodeKind.COSINE: np.cos,
+    NodeKind.SINE: np.sin,
+    NodeKind.SUM: np.add,
+    NodeKind.DIFFERENCE: np.subtract,
+    NodeKind.PRODUCT: np.multiply,
 }
 
 
@@ -99,9 +99,9 @@ def _evaluated(function: Function, inputs: Mapping[str, FloatArray], precision: 
         node = graph.nodes[number]
         operands = [values[operand] for operand in node.operands]
         match node.kind:
-            case Kind.CONSTANT:
+            case NodeKind.CONSTANT:
                 values[number] = np.full(1, node.value, dtype)
-            case Kind.INPUT:
+            case NodeKind.INPUT:
                 values[number] = variables[node.name]
             case _:
                 values[number] = _OPERATIONS[node.kind](*operands)

@@ -15,8 +15,8 @@ from armload_controller.export.straight_line.planar_groups import planar_groups
 from armload_controller.export.straight_line.specialised_dynamics import (
     SpecialisedArm,
     link_torque,
-    payload_regressor,
-    payload_torque,
+    specialised_regressor,
+    specialised_torque,
 )
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
@@ -78,7 +78,7 @@ def any_gravity(chain: Chain) -> Function:
 def regressor_of(chain: Chain) -> Function:
     """Regressor of a payload in the flange frame, row by row: state -> regressor (10 n)."""
     arm, graph = _arm(chain, STATE)
-    return Function(graph, STATE, {"regressor": [element for row in payload_regressor(arm) for element in row]})
+    return Function(graph, STATE, {"regressor": [element for row in specialised_regressor(arm) for element in row]})
 
 
 def link_torque_of(chain: Chain, links: FloatArray) -> Function:
@@ -113,14 +113,14 @@ def _of_one_payload(chain: Chain, payload: InertialParameters, state: tuple[str,
     turn_rad = float(np.arctan2(first_moment[1], first_moment[0]))
     arm, graph = _arm(chain, state, turn_rad)
     theta = _without_rounding(payload.transformed(arm.flange).theta)
-    torque = payload_torque(arm, [graph.constant(float(value)) for value in theta])
+    torque = specialised_torque(arm, [graph.constant(float(value)) for value in theta])
     return Function(graph, state, {"torque_nm": torque})
 
 
 def _of_any_payload(chain: Chain, state: tuple[str, ...]) -> Function:
     """The payload's numbers as inputs."""
     arm, graph = _arm(chain, state)
-    return Function(graph, (*state, THETA), {"torque_nm": payload_torque(arm, graph.inputs(THETA, 10))})
+    return Function(graph, (*state, THETA), {"torque_nm": specialised_torque(arm, graph.inputs(THETA, 10))})
 
 
 def _arm(chain: Chain, state: tuple[str, ...], about_last_axis_rad: float = 0.0) -> tuple[SpecialisedArm, Graph]:

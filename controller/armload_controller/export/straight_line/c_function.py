@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from armload_controller.export.straight_line.arm_functions import Function
-from armload_controller.export.straight_line.expressions import Kind
+from armload_controller.export.straight_line.expressions import NodeKind
 from armload_controller.export.straight_line.precision import Precision
 
 
@@ -24,12 +24,12 @@ def c_statements(function: Function, precision: Precision = Precision.DOUBLE) ->
         node = graph.nodes[number]
         operands = [texts[operand] for operand in node.operands]
         match node.kind:
-            case Kind.CONSTANT:
+            case NodeKind.CONSTANT:
                 texts[number] = precision.literal(node.value)
                 continue
-            case Kind.INPUT:
+            case NodeKind.INPUT:
                 text = node.name
-            case Kind.COSINE | Kind.SINE:
+            case NodeKind.COSINE | NodeKind.SINE:
                 text = f"{node.kind.value}{precision.suffix}({operands[0]})"
             case _:
                 text = f"{operands[0]} {node.kind.value} {operands[1]}"

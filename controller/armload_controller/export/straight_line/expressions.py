@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 
 
-class Kind(Enum):
+class NodeKind(Enum):
     """Kind of a node; that of an operation is its function or operator in C."""
 
     CONSTANT = "constant"
@@ -43,7 +43,7 @@ class Node:
         name: Name of an input in C.
     """
 
-    kind: Kind
+    kind: NodeKind
     operands: tuple[int, ...] = ()
     value: float = 0.0
     name: str = ""
@@ -80,7 +80,7 @@ class Graph:
         """A number."""
         if value == 0.0:
             return Expression(self, -1, 1)
-        return Expression(self, self._number(Node(Kind.CONSTANT, value=abs(value))), 1 if value > 0.0 else -1)
+        return Expression(self, self._number(Node(NodeKind.CONSTANT, value=abs(value))), 1 if value > 0.0 else -1)
 
     def constants(self, values: FloatArray) -> Vector:
         """Numbers as an array of the same shape."""
@@ -88,7 +88,7 @@ class Graph:
 
     def input(self, name: str) -> Expression:
         """An input variable, by its text in C."""
-        return Expression(self, self._number(Node(Kind.INPUT, name=name)), 1)
+        return Expression(self, self._number(Node(NodeKind.INPUT, name=name)), 1)
 
     def inputs(self, name: str, count: int) -> list[Expression]:
         """The elements of an input array."""
@@ -96,11 +96,11 @@ class Graph:
 
     def cosine(self, angle: Expression) -> Expression:
         """The cosine of an angle."""
-        return Expression(self, self._number(Node(Kind.COSINE, (angle.number,))), 1)
+        return Expression(self, self._number(Node(NodeKind.COSINE, (angle.number,))), 1)
 
     def sine(self, angle: Expression) -> Expression:
         """The sine of an angle."""
-        return Expression(self, self._number(Node(Kind.SINE, (angle.number,))), angle.sign)
+        return Expression(self, self._number(Node(NodeKind.SINE, (angle.number,))), angle.sign)
 
     def product(self, a: Expression, b: Expression) -> Expression:
         """The product a b."""
@@ -111,7 +111,7 @@ class Graph:
         factor *= other
         if left is None or right is None:
             return self._scaled(factor, left if right is None else right)
-        number = self._number(Node(Kind.PRODUCT, (min(left, right), max(left, right))))
+        number = self._number(Node(NodeKind.PRODUCT, (min(left, right), max(left, right))))
         return self._scaled(factor, number)
 
     def sum(self, a: Expression, b: Expression) -> Expression:
@@ -123,7 +123,7 @@ class Graph:
         if left == right:
             return self._scaled(factor + other, left)
         low, high = (a, b) if a.number < b.number else (b, a)
-        kind = Kind.SUM if a.sign == b.sign else Kind.DIFFERENCE
+        kind = NodeKind.SUM if a.sign == b.sign else NodeKind.DIFFERENCE
         return Expression(self, self._number(Node(kind, (low.number, high.number))), low.sign)
 
     def needed(self, outputs: Iterable[Expression]) -> list[int]:
@@ -146,19 +146,19 @@ class Graph:
         """Operation count of outputs."""
         kinds = [self.nodes[number].kind for number in self.needed(outputs)]
         return Operations(
-            kinds.count(Kind.PRODUCT),
-            kinds.count(Kind.SUM) + kinds.count(Kind.DIFFERENCE),
-            kinds.count(Kind.COSINE) + kinds.count(Kind.SINE),
+            kinds.count(NodeKind.PRODUCT),
+            kinds.count(NodeKind.SUM) + kinds.count(NodeKind.DIFFERENCE),
+            kinds.count(NodeKind.COSINE) + kinds.count(NodeKind.SINE),
         )
 
     def _split(self, a: Expression) -> tuple[float, int | None]:
         """An expression as a number times a node; None means a pure number."""
         node = self.nodes[a.number]
-        if node.kind is Kind.CONSTANT:
+        if node.kind is NodeKind.CONSTANT:
             return a.sign * node.value, None
-        if node.kind is Kind.PRODUCT and self.nodes[node.operands[0]].kind is Kind.CONSTANT:
+        if node.kind is NodeKind.PRODUCT and self.nodes[node.operands[0]].kind is NodeKind.CONSTANT:
             return a.sign * self.nodes[node.operands[0]].value, node.operands[1]
-        if node.kind is Kind.PRODUCT and self.nodes[node.operands[1]].kind is Kind.CONSTANT:
+        if node.kind is NodeKind.PRODUCT and self.nodes[node.operands[1]].kind is NodeKind.CONSTANT:
             return a.sign * self.nodes[node.operands[1]].value, node.operands[0]
         return float(a.sign), a.number
 
@@ -170,7 +170,7 @@ class Graph:
         if abs(factor) == 1.0:
             return Expression(self, number, sign)
         constant = self.constant(abs(factor)).number
-        node = Node(Kind.PRODUCT, (min(constant, number), max(constant, number)))
+        node = Node(NodeKind.PRODUCT, (min(constant, number), max(constant, number)))
         return Expression(self, self._number(node), sign)
 
     def _number(self, node: Node) -> int:

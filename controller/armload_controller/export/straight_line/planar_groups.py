@@ -30,7 +30,7 @@ _TOUCHING_M = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class PlanarJoint:
     """One joint in its group.
 
     Attributes:
@@ -49,7 +49,7 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class PlanarGroup:
     """Joints with parallel axes.
 
     Attributes:
@@ -60,7 +60,7 @@ class Group:
 
     shift_m: tuple[float, float]
     alpha_rad: float
-    joints: tuple[Joint, ...]
+    joints: tuple[PlanarJoint, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class PlanarGroups:
     """
 
     gravity_m_s2: FloatArray
-    groups: tuple[Group, ...]
+    groups: tuple[PlanarGroup, ...]
     flange: FloatArray
 
 
@@ -105,7 +105,7 @@ def planar_groups(chain: Chain, about_last_axis_rad: float = 0.0) -> PlanarGroup
     before = _base_frame(chain, frames[0])
     gravity = before.pose()[:3, :3].T @ chain.gravity_m_s2
     poses = chain.forward(np.zeros(chain.n))
-    groups: list[Group] = []
+    groups: list[PlanarGroup] = []
     pending_m = 0.0  # along z of the previous frame: from the foot of the last normal to that frame's origin
     flipped = 1
     for i, frame in enumerate(frames):
@@ -123,12 +123,12 @@ def planar_groups(chain: Chain, about_last_axis_rad: float = 0.0) -> PlanarGroup
             joints = (*groups[-1].joints[:-1], replace(last, shift_m=(shift[0], flipped * shift[1])))
             flipped *= turn
             link = _placed(frame, poses[i], along_z, flipped)
-            groups[-1] = replace(groups[-1], joints=(*joints, Joint(i, flipped, zero, link)))
+            groups[-1] = replace(groups[-1], joints=(*joints, PlanarJoint(i, flipped, zero, link)))
         else:
             # a group that ends with an inverted axis leaves its frame rotated about x by half a turn
             whole = alpha if flipped == 1 else alpha + np.pi
             link = _placed(frame, poses[i], along_z, 1)
-            groups.append(Group((shift[0], flipped * shift[1]), float(whole), (Joint(i, 1, zero, link),)))
+            groups.append(PlanarGroup((shift[0], flipped * shift[1]), float(whole), (PlanarJoint(i, 1, zero, link),)))
             flipped = 1
         pending_m = along_z
         before = frame

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_controller.export.straight_line.expressions import Expression, Graph, Vector
-from armload_controller.export.straight_line.planar_groups import Group, PlanarGroups
+from armload_controller.export.straight_line.planar_groups import PlanarGroup, PlanarGroups
 
 _ROUNDING = 4e-15
 """Rounding error of angles in units of right angles."""
@@ -127,7 +127,7 @@ class SpecialisedArm:
         moved = self.motion.acceleration_at(self.graph.constants(self.flange[:3, 3]))
         return _Motion(self.motion.w, self.motion.e, moved).seen_from(self.graph.constants(self.flange[:3, :3]))
 
-    def _outwards(self, motion: _Motion, group: Group, turns: list[Vector], alpha: Vector) -> _Motion:
+    def _outwards(self, motion: _Motion, group: PlanarGroup, turns: list[Vector], alpha: Vector) -> _Motion:
         """Motion after a group; `turns` and `alpha` are its (3, 3) rotations."""
         moved = motion.acceleration_at(self._shift(group.shift_m))
         motion = _Motion(motion.w, motion.e, moved).seen_from(alpha)
@@ -143,7 +143,7 @@ class SpecialisedArm:
             motion = _Motion(motion.w, e, motion.acceleration_at(turn @ self._shift(joint.shift_m)))
         return motion.seen_from(turns[-1])
 
-    def _angles(self, group: Group, q: Sequence[Expression], *, skip_first: bool) -> list[Vector]:
+    def _angles(self, group: PlanarGroup, q: Sequence[Expression], *, skip_first: bool) -> list[Vector]:
         """(3, 3) rotation by every joint's angle, measured from the group's frame."""
         graph = self.graph
         angle, zero, turns = graph.constant(0.0), 0.0, []
@@ -172,7 +172,7 @@ def spin_matrix(w: Vector, e: Vector) -> Vector:
     )
 
 
-def payload_torque(arm: SpecialisedArm, theta: Sequence[Expression]) -> list[Expression]:
+def specialised_torque(arm: SpecialisedArm, theta: Sequence[Expression]) -> list[Expression]:
     """Joint torques of a body at the end of the arm; `theta` (10) in the frame after the last group."""
     return arm.inwards({len(arm.turned) - 1: _body_wrench(arm.motion, theta)})
 
@@ -200,7 +200,7 @@ def _body_wrench(motion: _Motion, theta: Sequence[Expression]) -> Wrench:
     return force, inertia + np.cross(first, a)
 
 
-def payload_regressor(arm: SpecialisedArm) -> list[list[Expression]]:
+def specialised_regressor(arm: SpecialisedArm) -> list[list[Expression]]:
     """Ten columns per joint of the regressor of a body in the flange frame.
 
     Returns:

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from armload_identification.many_arms.arm_runs import UNITS, Kind
+from armload_identification.many_arms.arm_runs import UNITS, QuantityKind
 from armload_identification.many_arms.fleet_review import ABSENT, ArmReview, FigureReview, FleetReview
 from armload_identification.numerals import NO_BREAK, common_decimals, decimals_for, numeral
 from armload_identification.report.fleet.fleet_figures import chart_figure, strip
@@ -22,7 +22,7 @@ _CHARTS: Final = 3
 """Number of charts of each of them."""
 _MOST_PROBLEMS: Final = 50
 _MOST_DIGITS: Final = 4
-_SHOWN: Final = (Kind.MASS, Kind.GAIN, Kind.FRICTION)
+_SHOWN: Final = (QuantityKind.MASS, QuantityKind.GAIN, QuantityKind.FRICTION)
 """Kinds of quantity in the table of all arms."""
 _TEMPLATE: Final = "fleet/fleet.html.j2"
 
@@ -101,7 +101,7 @@ def render_arm_history(arm: ArmReview, armload_version: str, acknowledged: str =
     Returns:
         HTML.
     """
-    kinds = list(Kind)
+    kinds = list(QuantityKind)
     others = sorted(arm.figures.values(), key=lambda figure: kinds.index(figure.quantity.kind))
     charts = _drawn(arm, [*_suspicious(arm), *others])
     return rendered(
@@ -134,22 +134,22 @@ def _drawn(arm: ArmReview, figures: Iterable[FigureReview], prefix: str = "") ->
     ]
 
 
-def _shown(kind: Kind, figure: FigureReview | None) -> tuple[str, str, Markup]:
+def _shown(kind: QuantityKind, figure: FigureReview | None) -> tuple[str, str, Markup]:
     """Name and latest value of a quantity, and its strip; both empty if it was never determined."""
     if figure is None:
         return kind.value, "", Markup()
     unit, scale = UNITS[kind]
     value = scale * float(figure.values[-1])
     decimals = decimals_for(scale * float(figure.chart.deviation[-1]), value)
-    if kind is not Kind.GAIN:
+    if kind is not QuantityKind.GAIN:
         # A single run, or copies of one, have no spread to round to.
         decimals = min(decimals, common_decimals(value, _MOST_DIGITS))
     of = f"{figure.quantity.of}: " if figure.quantity.of else ""
-    number = numeral(value, decimals, signed=kind is Kind.GAIN)
+    number = numeral(value, decimals, signed=kind is QuantityKind.GAIN)
     return kind.value, f"{of}{number}{NO_BREAK}{unit.replace(' ', NO_BREAK)}", Markup(strip(figure))
 
 
-def _most_off(arm: ArmReview, kind: Kind) -> FigureReview | None:
+def _most_off(arm: ArmReview, kind: QuantityKind) -> FigureReview | None:
     """The quantity of a kind whose latest value deviates most from its initial level."""
     figures = [figure for quantity, figure in arm.figures.items() if quantity.kind is kind]
     return max(figures, key=lambda f: float(np.abs(f.chart.values[-1]) / f.chart.deviation[-1]), default=None)

@@ -31,7 +31,7 @@ FAR: Final = ColdArm.far_deviations
 """For the rooms above."""
 
 
-def friction_change(
+def friction_difference(
     arm: KnownArm, velocity_rad_s: FloatArray, left_nm: FloatArray, used: NDArray[np.bool_], interval_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Difference of a run's friction from that of the calibration's runs.

@@ -7,7 +7,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.session.arm_access import bus_of, simulated_arm
-from armload_controller.session.run_session import Load
+from armload_controller.session.run_session import SessionLoad
 from armload_drivers.bus.joined_bus import JoinedBus
 
 SINGLE = 'interface = "virtual"\nchannel = "armload-er50"\n'
@@ -70,7 +70,7 @@ def test_what_is_wrong_is_named(two_buses, old, new, said):
 
 
 def test_the_simulated_arm_moves_on_two_wires(two_buses):
-    with simulated_arm(two_buses(), Load.UNLOADED) as servos:
+    with simulated_arm(two_buses(), SessionLoad.UNLOADED) as servos:
         servos.connect()
         here = servos.enable().position_rad
         servos.stop()

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from armload_controller.export.straight_line.arm_functions import STATE, link_torque_of
-from armload_controller.export.straight_line.expressions import Graph, Kind
+from armload_controller.export.straight_line.expressions import Graph, NodeKind
 from armload_controller.export.straight_line.planar_groups import planar_groups
 from armload_controller.export.straight_line.specialised_dynamics import (
     SpecialisedArm,
-    payload_regressor,
-    payload_torque,
+    specialised_regressor,
+    specialised_torque,
 )
 from armload_identification.model import regressor
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
@@ -29,13 +29,13 @@ def evaluated(graph, outputs, variables):
         node = graph.nodes[number]
         operands = [values[operand] for operand in node.operands]
         values[number] = {
-            Kind.CONSTANT: lambda node, _: node.value,
-            Kind.INPUT: lambda node, _: variables[node.name],
-            Kind.COSINE: lambda _, a: math.cos(a[0]),
-            Kind.SINE: lambda _, a: math.sin(a[0]),
-            Kind.SUM: lambda _, a: a[0] + a[1],
-            Kind.DIFFERENCE: lambda _, a: a[0] - a[1],
-            Kind.PRODUCT: lambda _, a: a[0] * a[1],
+            NodeKind.CONSTANT: lambda node, _: node.value,
+            NodeKind.INPUT: lambda node, _: variables[node.name],
+            NodeKind.COSINE: lambda _, a: math.cos(a[0]),
+            NodeKind.SINE: lambda _, a: math.sin(a[0]),
+            NodeKind.SUM: lambda _, a: a[0] + a[1],
+            NodeKind.DIFFERENCE: lambda _, a: a[0] - a[1],
+            NodeKind.PRODUCT: lambda _, a: a[0] * a[1],
         }[node.kind](node, operands)
     return np.array([0.0 if o.is_zero else o.sign * values[o.number] for o in outputs])
 
@@ -100,9 +100,9 @@ def test_any_arrangement_of_axes_gives_the_cores_torque_and_regressor(name, grav
     graph, n = Graph(), chain.n
     groups = planar_groups(chain)
     arm = SpecialisedArm(graph, groups, *(graph.inputs(v, n) for v in ("q", "dq", "ddq")))
-    columns = [element for row in payload_regressor(arm) for element in row]
+    columns = [element for row in specialised_regressor(arm) for element in row]
     matrix = placed(groups.flange)
-    torque = payload_torque(arm, [graph.constant(float(value)) for value in matrix @ body])
+    torque = specialised_torque(arm, [graph.constant(float(value)) for value in matrix @ body])
     for state in np.random.default_rng(4).uniform(-3, 3, (5, 3, n)):
         names = {f"{v}[{i}]": state[k, i] for k, v in enumerate(("q", "dq", "ddq")) for i in range(n)}
         expected = regressor.payload_regressor(chain, *state)
@@ -133,7 +133,7 @@ def test_an_upright_arms_first_angle_costs_nothing():
     chain = Chain.from_origins(xyz, rpy, axis, np.eye(4), UP)
     graph = Graph()
     arm = SpecialisedArm(graph, planar_groups(chain), *(graph.inputs(v, 3) for v in ("q", "dq", "ddq")))
-    outputs = payload_torque(arm, graph.inputs("theta", 10))
+    outputs = specialised_torque(arm, graph.inputs("theta", 10))
     used = {graph.nodes[number].name for number in graph.needed(outputs)}
     assert "q[0]" not in used
     assert {"q[1]", "q[2]", "dq[0]", "ddq[0]"} <= used

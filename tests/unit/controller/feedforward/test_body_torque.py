@@ -8,7 +8,7 @@ from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction, 
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.feedforward_comparison import ComparisonRuns, Measure, beyond_lag, rms
-from armload_controller.session.run_session import Load, no_operator, run_session
+from armload_controller.session.run_session import SessionLoad, no_operator, run_session
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
@@ -101,9 +101,9 @@ def compared():
     def open_servos(load):
         return simulated_arm(ROBOT, load)
 
-    with run_session(ROBOT, Load.UNLOADED, open_servos, no_operator()) as session:
+    with run_session(ROBOT, SessionLoad.UNLOADED, open_servos, no_operator()) as session:
         empty = runs.plain(session, "empty")
-    with run_session(ROBOT, Load.LOADED, open_servos, no_operator()) as session:
+    with run_session(ROBOT, SessionLoad.LOADED, open_servos, no_operator()) as session:
         without = runs.plain(session, "loaded")
         fed, verdict = runs.with_feedforward(session, known, "payload", None)
         terms = {"friction": LoadFriction(CHAIN, BODY), "arm": ArmTorque(CHAIN, BODY)}

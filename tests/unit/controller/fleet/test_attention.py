@@ -11,7 +11,7 @@ import pytest
 from armload_controller.control_errors import ConfigurationError, FleetError
 from armload_controller.fleet.alerts import metrics_text, notify
 from armload_controller.fleet.attention import acknowledge, attention_of
-from armload_identification.many_arms.arm_runs import Kind, Quantity
+from armload_identification.many_arms.arm_runs import Quantity, QuantityKind
 from armload_identification.many_arms.fleet_review import AbsentArm, Anomaly, ArmReview, FleetReview, Suspicion
 
 NOW = datetime(2026, 3, 20, 6, tzinfo=UTC)
@@ -22,7 +22,7 @@ def suspicion(cause, quantity, text):
     return Suspicion(cause, quantity, 8.0, text)
 
 
-CHANGE = suspicion(Anomaly.CHANGE, Quantity(Kind.MASS, "gripper"), "mass of gripper is 2.3 kg")
+CHANGE = suspicion(Anomaly.CHANGE, Quantity(QuantityKind.MASS, "gripper"), "mass of gripper is 2.3 kg")
 SILENCE = suspicion(Anomaly.SILENCE, None, "the 9 latest recordings gave no result: truncated")
 
 

@@ -19,7 +19,7 @@ from armload_controller.fleet.job_listing import JobListing, list_jobs
 from armload_controller.fleet.job_table import read_job_table
 from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row, value_columns
 from armload_controller.fleet.row_store import RowStore, latest_rows
-from armload_identification.many_arms.arm_runs import Kind, Quantity
+from armload_identification.many_arms.arm_runs import Quantity, QuantityKind
 from armload_identification.many_arms.fleet_review import review_fleet
 
 FIRST = datetime(2026, 3, 1, 22, tzinfo=UTC)
@@ -180,15 +180,15 @@ def test_a_recording_that_was_moved_counts_once(tmp_path):
 def test_figures_of_a_row_are_those_that_are_determined(nights):
     run = next(run for run in runs_of(nights) if run.recording == "two/0.mcap")
     assert set(run.figures) == {
-        Quantity(Kind.MASS, "tool"),
-        Quantity(Kind.GAIN, "a"),
-        Quantity(Kind.FRICTION, "a"),
-        Quantity(Kind.FRICTION, "b"),
-        Quantity(Kind.RESIDUAL, "a"),
-        Quantity(Kind.RESIDUAL, "b"),
+        Quantity(QuantityKind.MASS, "tool"),
+        Quantity(QuantityKind.GAIN, "a"),
+        Quantity(QuantityKind.FRICTION, "a"),
+        Quantity(QuantityKind.FRICTION, "b"),
+        Quantity(QuantityKind.RESIDUAL, "a"),
+        Quantity(QuantityKind.RESIDUAL, "b"),
     }
-    assert run.figures[Quantity(Kind.MASS, "tool")] == pytest.approx((2.001, 0.02 / 1.96), abs=1e-5)
-    assert run.figures[Quantity(Kind.RESIDUAL, "a")] == (2.0, 0.0)
+    assert run.figures[Quantity(QuantityKind.MASS, "tool")] == pytest.approx((2.001, 0.02 / 1.96), abs=1e-5)
+    assert run.figures[Quantity(QuantityKind.RESIDUAL, "a")] == (2.0, 0.0)
 
 
 def test_duckdb_answers_what_an_operator_asks(nights, queried):

@@ -13,7 +13,7 @@ from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl
-from armload_controller.session.run_session import Load, run_leg, torque_window
+from armload_controller.session.run_session import SessionLoad, run_leg, torque_window
 from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
@@ -41,7 +41,7 @@ class PushedPlant(ArmPlant):
         super().advance(time_s)
 
 
-def run(force_n, from_s=3.0, payload="block", load=Load.LOADED, robot=ROBOT):
+def run(force_n, from_s=3.0, payload="block", load=SessionLoad.LOADED, robot=ROBOT):
     """Run a leg on the pushed arm; returns the cycles sent and the error that stopped it."""
     start = np.linalg.solve(robot.drives.coupling, PATH.start_rad)
     plant = PushedPlant(replace(robot.simulation.plant_spec(payload), start_position_rad=start), force_n, from_s)
@@ -69,7 +69,9 @@ def test_an_arm_that_meets_something_is_stopped_before_it_is_behind(force_n):
 
 
 @pytest.mark.parametrize("variant", ["harsh", pytest.param("normative", marks=pytest.mark.long)])
-@pytest.mark.parametrize(("payload", "load"), [("block", Load.LOADED), (None, Load.UNLOADED), (None, Load.LOADED)])
+@pytest.mark.parametrize(
+    ("payload", "load"), [("block", SessionLoad.LOADED), (None, SessionLoad.UNLOADED), (None, SessionLoad.LOADED)]
+)
 def test_an_arm_that_meets_nothing_is_not_stopped(payload, load, variant):
     simulation = ROBOT.tables.simulation.model_copy(update={"variant": variant})
     robot = ROBOT.with_tables(simulation=simulation)

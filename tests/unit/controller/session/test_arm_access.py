@@ -21,7 +21,7 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError, UnsafeBus
 from armload_controller.session import arm_access
 from armload_controller.session.arm_access import arm_on_bus, clock_from_now, open_arm, open_bus, require_rules
-from armload_controller.session.run_session import Load
+from armload_controller.session.run_session import SessionLoad
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.driver_errors import BusError, WrongDevice
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
@@ -142,7 +142,7 @@ def test_a_real_arm_needs_a_file_that_states_its_limits(named, pattern, key):
         require_rules(robot, simulated_drives=False, attended=True)
 
 
-@pytest.mark.parametrize("opened", [arm_on_bus, partial(open_arm, load=Load.UNLOADED)])
+@pytest.mark.parametrize("opened", [arm_on_bus, partial(open_arm, load=SessionLoad.UNLOADED)])
 def test_no_bus_is_opened_without_what_a_real_arm_needs(named, opened):
     """On the only way to a bus, whatever a command has checked before; this bus does not exist."""
     bus = {"interface": "socketcan", "channel": "none"}

@@ -12,7 +12,7 @@ from armload_controller.control_errors import CommissioningError
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.arm_access import open_arm
 from armload_controller.session.brake_test import MOST_MOVED_RAD, BrakeTest, brakes_tried
-from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator, no_operator, run_session
+from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad, no_operator, run_session
 from armload_identification.signals.joint_torque import Transmission
 
 CYCLE_S = 0.02
@@ -58,7 +58,7 @@ def session_of(robot, operator):
     def open_servos(load):
         return open_arm(robot, load, print, simulated_drives=False, attended=False, brakes_closed=True)
 
-    return run_session(robot, Load.LOADED, open_servos, operator)
+    return run_session(robot, SessionLoad.LOADED, open_servos, operator)
 
 
 @pytest.mark.long
@@ -89,7 +89,7 @@ def test_a_real_arm_is_enabled_with_consent_only(ideal_servos):
     def open_servos(load):
         return nullcontext(servos)
 
-    with run_session(robot, Load.LOADED, open_servos, operator) as session, pytest.raises(CommissioningError):
+    with run_session(robot, SessionLoad.LOADED, open_servos, operator) as session, pytest.raises(CommissioningError):
         brakes_tried(session)
     assert "brakes stay closed" in asked[0]
     assert servos.log == ["connect"]

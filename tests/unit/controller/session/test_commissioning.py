@@ -15,7 +15,7 @@ from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_controller.motion.phase import Segment
 from armload_controller.session import commissioning
 from armload_controller.session.commissioning import CommissioningPlan, record_half
-from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator
+from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reduction.phase_advance import even_advance, interruptions, measured_periods
@@ -78,7 +78,7 @@ def half(robot, ideal_servos, tmp_path):
 
 
 def test_a_run_at_reduced_speed_is_not_taken_for_a_measurement(half, tmp_path):
-    _, servos, error = half(Load.UNLOADED, simulated=True, control=MotionControl(0.8))
+    _, servos, error = half(SessionLoad.UNLOADED, simulated=True, control=MotionControl(0.8))
     assert "unloaded: identification: no complete period was run at full speed" in str(error)
     assert servos.log[-1] == "disable"
     assert [path.name for path in tmp_path.glob("*.mcap")] == ["unloaded_identification.partial.mcap"]
@@ -111,7 +111,7 @@ def test_a_run_whose_every_period_was_interrupted_is_made_again_by_the_same_comm
     """It has rows enough for a period, but a reader would refuse them."""
     control = MotionControl()
     hands = tuple(Hand(control, at_s, now, later) for at_s in (0.6, 1.6, 2.6))
-    _, servos, error = half(Load.UNLOADED, simulated=True, control=control, watching=hands, robot=swinging(3))
+    _, servos, error = half(SessionLoad.UNLOADED, simulated=True, control=control, watching=hands, robot=swinging(3))
     partial = tmp_path / "unloaded_identification.partial.mcap"
     assert f"no complete period was run at full speed without a pause, so {partial} is not used" in str(error)
     assert servos.log[-1] == "disable"
@@ -120,17 +120,19 @@ def test_a_run_whose_every_period_was_interrupted_is_made_again_by_the_same_comm
     inside = np.isfinite(run.phase_s)
     assert np.count_nonzero(inside) >= 1.0 / CYCLE_S
     assert even_advance(run.phase_s[inside], run.time_s[inside], run.excitation.trajectory) is None
-    _, _, error = half(Load.UNLOADED, simulated=True)
+    _, _, error = half(SessionLoad.UNLOADED, simulated=True)
     assert error is None
-    assert commissioning.missing_roles(tmp_path, Load.UNLOADED) == ()
+    assert commissioning.missing_roles(tmp_path, SessionLoad.UNLOADED) == ()
 
 
 def test_a_pause_costs_a_period_of_the_run_and_not_the_run(half, tmp_path):
     control, shown = MotionControl(), []
     hand = Hand(control, 1.6, [Key.PAUSE], [Key.PAUSE])
-    _, _, error = half(Load.UNLOADED, simulated=True, control=control, watching=(hand,), robot=swinging(3), shown=shown)
+    _, _, error = half(
+        SessionLoad.UNLOADED, simulated=True, control=control, watching=(hand,), robot=swinging(3), shown=shown
+    )
     assert error is None
-    assert commissioning.missing_roles(tmp_path, Load.UNLOADED) == ()
+    assert commissioning.missing_roles(tmp_path, SessionLoad.UNLOADED) == ()
     remain = "unloaded: identification: paused or slowed down within the periods: 2 of 3 remain"
     assert [text for text in shown if "paused" in text] == [remain]
     first, second = (read_recording(tmp_path / f"unloaded_{role}.mcap") for role in commissioning.ROLES)
@@ -138,7 +140,7 @@ def test_a_pause_costs_a_period_of_the_run_and_not_the_run(half, tmp_path):
 
 
 def test_a_simulated_arm_is_never_asked_about_and_rounds_slowly_all_the_same(half, tmp_path):
-    asked, servos, error = half(Load.LOADED, simulated=True)
+    asked, servos, error = half(SessionLoad.LOADED, simulated=True)
     assert error is None
     assert not asked
     assert servos.log == ["connect", *["enable", "stop", "disable"] * 4]
@@ -149,7 +151,7 @@ def test_a_simulated_arm_is_never_asked_about_and_rounds_slowly_all_the_same(hal
 
 
 def test_a_real_arm_is_asked_before_it_moves_and_after_every_slow_round(half):
-    asked, _, error = half(Load.UNLOADED, True, True, True)
+    asked, _, error = half(SessionLoad.UNLOADED, True, True, True)
     assert error is None
     assert [enabled for _, enabled, _ in asked] == [0, 1, 3]
     assert [before for _, _, before in asked] == ["connect", "disable", "disable"]
@@ -157,7 +159,7 @@ def test_a_real_arm_is_asked_before_it_moves_and_after_every_slow_round(half):
 
 @pytest.mark.parametrize("answers", [(False,), (True, False)])
 def test_without_consent_nothing_more_moves(half, answers):
-    asked, servos, error = half(Load.UNLOADED, *answers)
+    asked, servos, error = half(SessionLoad.UNLOADED, *answers)
     before_moving = "nothing was moved since the arm was connected, " if len(answers) == 1 else ""
     assert str(error) == f"not confirmed: {before_moving}the drives are off"
     assert len(asked) == len(answers)
@@ -165,14 +167,14 @@ def test_without_consent_nothing_more_moves(half, answers):
 
 
 def test_consent_given_beforehand_skips_prompts_and_no_slow_round(half):
-    asked, servos, error = half(Load.UNLOADED, given=True)
+    asked, servos, error = half(SessionLoad.UNLOADED, given=True)
     assert error is None
     assert not asked
     assert servos.log.count("enable") == 4
 
 
 def test_the_first_motion_with_a_payload_on_a_real_arm_always_asks(half):
-    asked, servos, error = half(Load.LOADED, True, given=True)
+    asked, servos, error = half(SessionLoad.LOADED, True, given=True)
     assert error is None
     assert [enabled for _, enabled, _ in asked] == [0]
     assert servos.log.count("enable") == 4
@@ -181,7 +183,7 @@ def test_the_first_motion_with_a_payload_on_a_real_arm_always_asks(half):
 def test_an_operator_who_asked_for_a_stop_gets_no_arm_switched_on(half):
     control = MotionControl()
     control.stop(OperatorStop("Ctrl-C"))
-    _, servos, error = half(Load.LOADED, simulated=True, control=control)
+    _, servos, error = half(SessionLoad.LOADED, simulated=True, control=control)
     assert re.search("Nothing was switched on.*Ctrl-C", str(error))
     assert servos.log == []
 
@@ -193,6 +195,6 @@ def test_each_recording_states_when_its_own_run_began(half, tmp_path, monkeypatc
         now = staticmethod(lambda zone: next(moments))
 
     monkeypatch.setattr(commissioning, "datetime", Clock)
-    half(Load.UNLOADED, simulated=True)
+    half(SessionLoad.UNLOADED, simulated=True)
     said = [read_recording(tmp_path / f"unloaded_{role}.mcap").source.run()["created"] for role in commissioning.ROLES]
     assert said == ["2026-03-01T10:00:00+00:00", "2026-03-01T10:05:00+00:00"]

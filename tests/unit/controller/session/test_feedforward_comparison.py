@@ -12,7 +12,7 @@ from armload_controller.feedforward.payload_feedforward import PayloadFeedforwar
 from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.feedforward_comparison import ComparisonRuns
-from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator, no_operator, run_session
+from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad, no_operator, run_session
 from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
@@ -68,7 +68,7 @@ def tried():
             yield servos
 
         operator = replace(operator or no_operator(), watching=(sent,))
-        with run_session(ROBOT, Load.LOADED, open_servos, operator) as session:
+        with run_session(ROBOT, SessionLoad.LOADED, open_servos, operator) as session:
             verdict = ComparisonRuns(ROBOT, path).try_offset(session, PAYLOAD)
         return verdict, np.array(sent.torque_nm)
 

@@ -16,7 +16,7 @@ from armload_controller.cycle.slow_round_torque import AVERAGED_S, SlowRoundRows
 from armload_controller.session import flange_check
 from armload_controller.session.commissioning import CommissioningPlan, record_half, recording_path
 from armload_controller.session.flange_check import loaded_doubts, recorded_slow_round, unloaded_doubts
-from armload_controller.session.run_session import Load, NoDisplay, no_operator
+from armload_controller.session.run_session import NoDisplay, SessionLoad, no_operator
 from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import FourierTrajectory
@@ -139,11 +139,11 @@ def test_the_slow_round_of_a_recording_is_read(tmp_path, rubbing_plant, monkeypa
         robot,
         tmp_path,
         lambda: FakeServos(robot.drives.settings, rubbing_plant(MIDDLE_RAD, np.full(6, 3.0))),
-        [Load.UNLOADED],
+        [SessionLoad.UNLOADED],
     )
     added = []
     monkeypatch.setattr(SlowRoundRows, "add", lambda rows, *row: added.append(row))
-    path = recording_path(tmp_path, Load.UNLOADED, "identification")
+    path = recording_path(tmp_path, SessionLoad.UNLOADED, "identification")
     recorded_slow_round(path, 1 / robot.bus.cycle_hz)
     with path.open("rb") as file:
         texts = [
@@ -169,6 +169,6 @@ def test_a_whole_session_with_the_payload_left_on_the_flange(tmp_path):
 
     display = NoDisplay()
     display.step = shown.append
-    for load, text in ((Load.UNLOADED, "warning: the arm carries 3."), (Load.LOADED, f"warning: {SAME}")):
+    for load, text in ((SessionLoad.UNLOADED, "warning: the arm carries 3."), (SessionLoad.LOADED, f"warning: {SAME}")):
         record_half(robot, load, open_servos, replace(no_operator(), display=display), CommissioningPlan(tmp_path))
         assert len([each for each in shown if each.startswith(text)]) == 2, "after each slow round"

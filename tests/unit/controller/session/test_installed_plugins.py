@@ -16,7 +16,7 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError, MotionError
 from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.motion.motion_control import MotionControl
-from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator, run_session
+from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad, run_session
 
 EXAMPLE = Path(__file__).parents[3] / "example_plugin"
 NUMBERS = itertools.count()
@@ -101,7 +101,7 @@ def held(servos):
 
         until = len(servos.sent) + cycles
         operator = Operator(display or NoDisplay(), MotionControl(), Consent(lambda question: False, given=False))
-        with run_session(robot, Load.UNLOADED, open_servos, operator) as session:
+        with run_session(robot, SessionLoad.UNLOADED, open_servos, operator) as session:
             session.hold([], lambda hold: hold(lambda: len(servos.sent) >= until))
 
     return held

@@ -21,9 +21,9 @@ from armload_controller.motion.phase import Segment
 from armload_controller.session.run_session import (
     AddedTorque,
     Consent,
-    Load,
     NoDisplay,
     Operator,
+    SessionLoad,
     no_operator,
     run_session,
 )
@@ -89,7 +89,7 @@ def opened(ideal_servos):
     """A session with a perfect arm, and the arm."""
 
     @contextmanager
-    def opened(load=Load.UNLOADED, operator=None, *, simulated=True, events=None, position_rad=None):
+    def opened(load=SessionLoad.UNLOADED, operator=None, *, simulated=True, events=None, position_rad=None):
         servos = ideal_servos(6, CYCLE_S, events, position_rad)
         servos.simulated = simulated
 
@@ -216,7 +216,7 @@ def test_an_empty_arm_must_not_need_the_torque_of_a_loaded_one(opened):
     carrying = ArmDynamics(ROBOT.chain, arm.carrying(ROBOT.chain, InertialParameters(1.5 * payload.theta)))
     torque_nm = carrying.torque(stretched[None], nothing, nothing)[0]
     events = dict.fromkeys(range(100), lambda feedback: replace(feedback, torque_nm=torque_nm))
-    for load, stopped in ((Load.LOADED, False), (Load.UNLOADED, True)):
+    for load, stopped in ((SessionLoad.LOADED, False), (SessionLoad.UNLOADED, True)):
         with opened(load, events=events, position_rad=stretched) as (session, servos):
             with pytest.raises(MotionError) if stopped else nullcontext() as caught:
                 session.hold([], lambda hold, servos=servos: hold(lambda: len(servos.sent) > 30))
@@ -285,7 +285,7 @@ def test_nothing_is_opened_after_a_stop_was_requested(ideal_servos):
     opened = []
     with (
         pytest.raises(MotionError, match="Nothing was switched on"),
-        run_session(ROBOT, Load.UNLOADED, opened.append, operator),
+        run_session(ROBOT, SessionLoad.UNLOADED, opened.append, operator),
     ):
         pass
     assert opened == []
@@ -302,7 +302,7 @@ def test_nothing_is_asked_or_moved_after_a_stop_while_connecting(ideal_servos):
     servos.connect = interrupted
     with (
         pytest.raises(MotionError, match="Nothing was switched on"),
-        run_session(ROBOT, Load.UNLOADED, lambda load: nullcontext(servos), operator),
+        run_session(ROBOT, SessionLoad.UNLOADED, lambda load: nullcontext(servos), operator),
     ):
         raise AssertionError("the session went on")
     assert servos.log == ["connect"]
@@ -319,7 +319,7 @@ class Person:
         return self.answers.pop(0)
 
 
-@pytest.mark.parametrize(("load", "given", "asked"), [(Load.UNLOADED, True, 0), (Load.LOADED, True, 1)])
+@pytest.mark.parametrize(("load", "given", "asked"), [(SessionLoad.UNLOADED, True, 0), (SessionLoad.LOADED, True, 1)])
 def test_holding_a_position_is_always_asked_for_and_motion_with_a_payload_too(opened, load, given, asked):
     person = Person(*[True] * 10)
     operator = Operator(NoDisplay(), MotionControl(), Consent(person, given))
@@ -355,7 +355,7 @@ def test_added_torque_is_named_in_the_question(opened):
     person = Person(True, True, True)
     operator = Operator(NoDisplay(), MotionControl(), Consent(person, given=False))
     path = checked()
-    with opened(Load.LOADED, operator, simulated=False) as (session, _):
+    with opened(SessionLoad.LOADED, operator, simulated=False) as (session, _):
         session.run(path, "plain")
         session.run(path, "added", added=AddedTorque(lambda hold: None))
     assert "with added torque" not in person.asked[1]
@@ -366,7 +366,7 @@ def test_added_torque_is_named_in_the_question(opened):
 def test_a_run_with_a_warning_is_asked_for_whatever_was_consented_to_beforehand(opened, answer, runs):
     person = Person(True, answer)
     operator = Operator(NoDisplay(), MotionControl(), Consent(person, given=True))
-    with opened(Load.LOADED, operator, simulated=False) as (session, servos):
+    with opened(SessionLoad.LOADED, operator, simulated=False) as (session, servos):
         try:
             session.run(checked(), "adapting", added=AddedTorque(lambda hold: None, "Torque will follow an estimate. "))
         except CommissioningError:
@@ -381,7 +381,7 @@ def test_the_operator_reads_what_the_servos_remark_after_connecting_and_after_ea
     servos.take_remarks = lambda: (waiting.pop(),) if waiting else ()
     operator = Operator(display, MotionControl(), Consent(lambda question: False, given=False))
     waiting.append("taken over")
-    with run_session(ROBOT, Load.UNLOADED, lambda load: nullcontext(servos), operator) as session:
+    with run_session(ROBOT, SessionLoad.UNLOADED, lambda load: nullcontext(servos), operator) as session:
         assert display.texts[-1] == "taken over"
         waiting.append("3 error frames")
         session.run(checked(), "first")
@@ -407,7 +407,7 @@ def test_an_arm_that_stands_elsewhere_than_the_last_recording_ended_is_asked_abo
         operator = Operator(NoDisplay(), MotionControl(), Consent(person, given=True))
         with (
             Recorder(tmp_path / name, {RUN_ATTACHMENT: run}) as recorder,
-            run_session(robot, Load.UNLOADED, lambda load: nullcontext(servos), operator) as session,
+            run_session(robot, SessionLoad.UNLOADED, lambda load: nullcontext(servos), operator) as session,
         ):
             session.run(path, "run", recorder=recorder)
             session.run(path, "again", recorder=recorder)

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 
 from armload_drivers.driver_errors import BusError
-from armload_drivers.feeds.joint_state_feed import JointStates, joint_state_cycles
+from armload_drivers.feeds.joint_state_feed import JointStateCycles, joint_state_cycles
 from armload_drivers.feeds.ros2_messages import Header, JointState, Stamp
 
 NAMES = ("shoulder", "elbow", "wrist")
@@ -22,7 +22,7 @@ def message(stamp_ns, names=NAMES, position=(1.0, 2.0, 3.0), effort=(10.0, 20.0,
 
 
 def test_joints_are_found_by_name_in_any_order():
-    states = JointStates(NAMES, current=True)
+    states = JointStateCycles(NAMES, current=True)
     first = states.take(message(START_NS), 0.0)
     turned = message(START_NS + 4_000_000, ("wrist", "gripper", "elbow", "shoulder"), (3, 9, 2, 1), (30, 90, 20, 10))
     second = states.take(turned, 0.004)
@@ -36,13 +36,13 @@ def test_joints_are_found_by_name_in_any_order():
 
 
 def test_effort_is_torque_unless_stated():
-    feedback = JointStates(NAMES, current=False).take(message(START_NS), 0.0).feedback
+    feedback = JointStateCycles(NAMES, current=False).take(message(START_NS), 0.0).feedback
     assert feedback.current_a is None
     assert feedback.torque_nm.tolist() == [10.0, 20.0, 30.0]
 
 
 def test_messages_of_other_joints_are_counted_and_of_no_use():
-    states = JointStates(NAMES, current=False)
+    states = JointStateCycles(NAMES, current=False)
     assert states.take(message(START_NS, ("finger",), (1.0,), (1.0,)), 0.0) is None
     assert (states.of_others, states.other_names) == (1, ("finger",))
 
@@ -51,14 +51,14 @@ def test_messages_of_other_joints_are_counted_and_of_no_use():
     "values", [{"effort": ()}, {"position": (1.0, 2.0)}, {"effort": (1.0, np.nan, 2.0)}, {"position": (np.inf, 0, 0)}]
 )
 def test_messages_without_position_and_effort_of_each_joint_are_counted(values):
-    states = JointStates(NAMES, current=False)
+    states = JointStateCycles(NAMES, current=False)
     assert states.take(message(START_NS, **values), 0.0) is None
     assert states.incomplete == 1
 
 
 def lost_of(intervals_ns, reported=0):
     """Lost messages of each cycle; the last one comes with what the middleware reported."""
-    states, stamps = JointStates(NAMES, current=False), START_NS + np.cumsum([0, *intervals_ns])
+    states, stamps = JointStateCycles(NAMES, current=False), START_NS + np.cumsum([0, *intervals_ns])
     told = [0] * len(intervals_ns) + [reported]
     cycles = [states.take(message(int(stamp)), 0.0, lost) for stamp, lost in zip(stamps, told, strict=True)]
     return [cycle.lost for cycle in cycles]
@@ -78,7 +78,7 @@ def test_a_pause_or_an_irregular_publisher_is_none():
 
 
 def test_messages_that_are_not_later_are_dropped():
-    states = JointStates(NAMES, current=False)
+    states = JointStateCycles(NAMES, current=False)
     assert states.take(message(START_NS), 0.0) is not None
     assert states.take(message(START_NS), 0.1) is None
     assert states.take(message(START_NS - 500_000_000), 0.2) is None
@@ -87,7 +87,7 @@ def test_messages_that_are_not_later_are_dropped():
 
 
 def test_after_a_restart_with_another_clock_time_goes_on():
-    states = JointStates(NAMES, current=False)
+    states = JointStateCycles(NAMES, current=False)
     states.take(message(START_NS), 10.0)
     states.take(message(START_NS + 2_000_000_000), 12.0)
     again = states.take(message(5_000_000), 15.0)
@@ -111,7 +111,7 @@ class Played:
 
 def cycles_of(played, patience_s=3.0):
     ticks = count()
-    states = JointStates(NAMES, current=False)
+    states = JointStateCycles(NAMES, current=False)
     return joint_state_cycles(played, "/joint_states", states, patience_s, clock=lambda: float(next(ticks)))
 
 

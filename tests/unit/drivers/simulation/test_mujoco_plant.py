@@ -17,7 +17,7 @@ from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
 from armload_drivers.simulation.mujoco_model import build_model
 from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
-from armload_drivers.simulation.plant_spec import PayloadChange, PlantJoint, PlantSpec, PlantVariant, RigidBody
+from armload_drivers.simulation.plant_spec import PlantJoint, PlantSpec, PlantVariant, RigidBody, ScheduledPayload
 
 pytest.importorskip("mujoco")
 
@@ -358,7 +358,7 @@ class TestPush:
 
 class TestPayloadThatChanges:
     def test_from_then_on_it_is_the_arm_with_that_payload(self) -> None:
-        spec = arm(lifting(**FRICTION), changes=(PayloadChange(0.5, HEAVY), PayloadChange(1.5, None)))
+        spec = arm(lifting(**FRICTION), changes=(ScheduledPayload(0.5, HEAVY), ScheduledPayload(1.5, None)))
         plant = powered(spec)
         plant.sample(CYCLE_S)
         plant.set_target(0, 1.0, 2.0)
@@ -372,7 +372,7 @@ class TestPayloadThatChanges:
             assert now.link_torque_nm[0] == pytest.approx(expected, rel=0.02)
 
     def test_times_count_from_the_first_sync(self) -> None:
-        plant = powered(arm(lifting(), changes=(PayloadChange(0.5, HEAVY),)))
+        plant = powered(arm(lifting(), changes=(ScheduledPayload(0.5, HEAVY),)))
         plant.advance(3.0)
         weights = [after(plant, 0.1).link_torque_nm[0] for _ in range(8)]
         assert weights[4] == pytest.approx(3.0 * GRAVITY, rel=1e-3), "0.4 s after it"
@@ -620,9 +620,12 @@ class TestRefusals:
             (arm(joint(coulomb_nm=-1.0)), "coulomb_nm is -1.0; it must not be negative"),
             (arm(joint(load_friction=1.0)), "load_friction is 1.0; it must be below 1"),
             (arm(joint(), rated_payload=IMPOSSIBLE), "rated_payload: inertia_kg_m2 has"),
-            (arm(joint(), changes=(PayloadChange(1.0, IMPOSSIBLE),)), "payload from 1.0 s on: inertia_kg_m2 has"),
-            (arm(joint(), changes=(PayloadChange(2.0, None), PayloadChange(1.0, None))), "changes at 1.0 s, after 2.0"),
-            (arm(joint(), changes=(PayloadChange(0.0, None),)), "times must be above zero"),
+            (arm(joint(), changes=(ScheduledPayload(1.0, IMPOSSIBLE),)), "payload from 1.0 s on: inertia_kg_m2 has"),
+            (
+                arm(joint(), changes=(ScheduledPayload(2.0, None), ScheduledPayload(1.0, None))),
+                "changes at 1.0 s, after 2.0",
+            ),
+            (arm(joint(), changes=(ScheduledPayload(0.0, None),)), "times must be above zero"),
             (arm(joint(), coupling=np.zeros((1, 1))), "coupling has no inverse"),
             (arm(joint(), start_position_rad=np.zeros(2)), r"start_position_rad has shape \(2,\)"),
             (arm(joint(), torque_gain_error=np.zeros(2)), r"torque_gain_error has shape \(2,\)"),

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from armload_identification.contact.arm_memory import Known
+from armload_identification.contact.arm_memory import RememberedState
 from armload_identification.contact.contact_levels import SUSPECT
 from armload_identification.contact.force_rows import ForceRows
 from armload_identification.contact.load_or_push import payload_evidence
-from armload_identification.contact.something_acts import Noise, acting
+from armload_identification.contact.something_acts import ResidualNoise, acting
 
 N, COUNT, SINCE_S = 3, 120, 0.6
-NOISE = Noise(np.full(N, 0.01), np.full(N, 0.04))
-NOTHING = Known(0.0, np.zeros(10 + 3 * N), 1e-12 * np.eye(10 + 3 * N))
+NOISE = ResidualNoise(np.full(N, 0.01), np.full(N, 0.04))
+NOTHING = RememberedState(0.0, np.zeros(10 + 3 * N), 1e-12 * np.eye(10 + 3 * N))
 
 
 def rows(change, seed=1):

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from armload_identification.contact.arm_memory import Known
+from armload_identification.contact.arm_memory import RememberedState
 from armload_identification.contact.force_rows import ForceRows
-from armload_identification.contact.something_acts import Noise, acting, bound
+from armload_identification.contact.something_acts import ResidualNoise, acting, bound
 
 N, COUNT = 3, 80
-NOISE = Noise(np.full(N, 0.01), np.full(N, 0.04))
-NOTHING = Known(0.0, np.zeros(10 + 3 * N), 1e-12 * np.eye(10 + 3 * N))
+NOISE = ResidualNoise(np.full(N, 0.01), np.full(N, 0.04))
+NOTHING = RememberedState(0.0, np.zeros(10 + 3 * N), 1e-12 * np.eye(10 + 3 * N))
 
 
 def rows(residual_nm, doubt_nm=0.0, acceleration=0.0):
@@ -65,7 +65,7 @@ def test_a_joint_whose_acceleration_changes_is_uncertain():
 def test_what_is_not_known_of_the_payload_is_no_force():
     unsure = rows(3.0)
     unsure.columns[:, 1, 0] = 1.0
-    unknown = Known(0.0, NOTHING.value, np.eye(10 + 3 * N))
+    unknown = RememberedState(0.0, NOTHING.value, np.eye(10 + 3 * N))
     assert acting(unsure, COUNT - 1, unknown, NOISE, np.ones(N)).ratio[-1] < 1.0
 
 

@@ -16,7 +16,7 @@ from armload_identification.pipeline.payload_identification import identify
 from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal
-from armload_identification.verdict.agreement import Known, Outcome, compare_known
+from armload_identification.verdict.agreement import KnownMassCenter, Outcome, compare_known
 from armload_identification.verdict.tolerance import Tolerance
 from benchmarks.arms.sagging_panda import PAYLOAD, Effects, SaggingPanda, chain, nominal_transmission
 
@@ -224,9 +224,10 @@ def test_a_second_pair_is_compared_by_the_gains_of_the_first(found):
     """With gains estimated from each pair, their noise is in the difference too."""
     first, nominal = found(1, OFF), nominal_transmission(exact=False)
     alone, compared = found(2, OFF), found(2, OFF, gains_to_compare_by(first.mass_center, nominal))
-    judged = Known(first.parameters, first.mass_center)
+    judged = KnownMassCenter(first.parameters, first.mass_center)
     by_own, by_one = (
-        compare_known(judged, Known(second.parameters, second.mass_center), Tolerance()) for second in (alone, compared)
+        compare_known(judged, KnownMassCenter(second.parameters, second.mass_center), Tolerance())
+        for second in (alone, compared)
     )
     assert by_one.outcome is Outcome.RIGHT
     assert by_one.noticeable_kg < 0.7 * by_own.noticeable_kg

@@ -15,7 +15,7 @@ from armload_identification.model.payload import InertialParameters, PayloadResu
 from armload_identification.pipeline.mass_center_ranges import within_ranges
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.verdict.cad_comparison import compare, in_papers_convention
+from armload_identification.verdict.cad_comparison import compare_with_cad, in_papers_convention
 
 pytestmark = pytest.mark.pure
 
@@ -109,7 +109,7 @@ def test_the_papers_own_table_comes_out():
     """Chen 2016, Table 2: truth, estimate and the error column."""
     cad = paper_payload(9.814, [0.130, 0.940, -0.102], np.array([9.023, 0.353, 9.014, 1.222, -0.133, -0.967]))
     payload = paper_payload(9.323, [0.149, 1.081, -0.125], np.array([7.917, 0.420, 8.281, 1.068, -0.158, -1.105]))
-    result = compare(payload, cad)
+    result = compare_with_cad(payload, cad)
     np.testing.assert_allclose(result.truth[[0, 7, 8, 9]], [9.814, 1.222, -0.133, -0.967])
     published = [5.0, 14.6, 15.0, 22.5, 12.3, 19.0, 8.1, 12.6, 18.8, 14.3]
     np.testing.assert_allclose(100.0 * result.error, published, atol=0.06)
@@ -120,7 +120,7 @@ def test_the_papers_own_table_comes_out():
 def test_a_payload_that_is_not_determined_is_not_compared(pinocchio_arm, noisy, exact):
     result = found(pinocchio_arm, noisy, exact)
     file = parse_payload(format_payload(payload_result(result, "0.1.0", "c" * 64)))
-    comparison = compare(file, file)
+    comparison = compare_with_cad(file, file)
     assert comparison.determined[:4].all()
     assert not comparison.determined[4:].all()
     np.testing.assert_array_equal(comparison.error, 0.0)
@@ -131,7 +131,7 @@ def test_two_frames_are_not_compared():
     one = paper_payload(1.0, [0, 0, 0.1], np.array([0.1, 0.1, 0.1, 0, 0, 0]))
     other = paper_payload(1.0, [0, 0, 0.1], np.array([0.1, 0.1, 0.1, 0, 0, 0]), "flange")
     with pytest.raises(PayloadFileError, match="the same frame"):
-        compare(one, other)
+        compare_with_cad(one, other)
 
 
 def test_a_symmetric_payload_lies_on_the_axis_and_one_that_is_not_is_refused(pinocchio_arm, noisy, exact):

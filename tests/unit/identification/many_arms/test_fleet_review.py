@@ -7,15 +7,15 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from armload_identification.many_arms.arm_runs import IN_FUTURE, ArmRun, Kind, Quantity
+from armload_identification.many_arms.arm_runs import IN_FUTURE, ArmRun, Quantity, QuantityKind
 from armload_identification.many_arms.fleet_review import Anomaly, review_fleet
 from armload_identification.report.fleet.fleet_report import MOST_SUSPICIOUS, render_arm_history, render_fleet_report
 
 FIRST = datetime(2026, 3, 1, 22, tzinfo=UTC)
 ARMS, NIGHTS = 12, 14
-MASS, CENTER = Quantity(Kind.MASS, "gripper"), Quantity(Kind.CENTER_X, "gripper")
-GAINS = tuple(Quantity(Kind.GAIN, f"joint{joint}") for joint in (1, 2, 3))
-FRICTIONS = tuple(Quantity(Kind.FRICTION, f"joint{joint}") for joint in (1, 2, 3))
+MASS, CENTER = Quantity(QuantityKind.MASS, "gripper"), Quantity(QuantityKind.CENTER_X, "gripper")
+GAINS = tuple(Quantity(QuantityKind.GAIN, f"joint{joint}") for joint in (1, 2, 3))
+FRICTIONS = tuple(Quantity(QuantityKind.FRICTION, f"joint{joint}") for joint in (1, 2, 3))
 SPREAD = {MASS: 0.01, CENTER: 0.001} | dict.fromkeys(GAINS, 0.004) | dict.fromkeys(FRICTIONS, 0.3)
 NOISE = {MASS: 0.008, CENTER: 0.001} | dict.fromkeys(GAINS, 0.003) | dict.fromkeys(FRICTIONS, 0.0)
 USUAL = {MASS: 4.0, CENTER: 0.05} | dict.fromkeys(GAINS, 0.0) | dict.fromkeys(FRICTIONS, 9.0)
@@ -102,7 +102,7 @@ def test_each_trouble_is_named_and_nothing_else(review):
 
 
 def test_a_quantity_without_a_unit_has_no_spaces_in_its_place():
-    residual, gripper = Quantity(Kind.RESIDUAL, "joint  1"), Quantity(Kind.MASS, "gripper , old")
+    residual, gripper = Quantity(QuantityKind.RESIDUAL, "joint  1"), Quantity(QuantityKind.MASS, "gripper , old")
     names = {GAINS[0]: residual, MASS: gripper}
     faults = {"cell05": [(GAINS[0], 0, 99, 0.4), (MASS, 0, 99, 0.4)], "cell07": [(GAINS[0], 7, 99, 0.4)]}
     faults |= {"cell09": [(GAINS[0], 6, 7, 0.4)]}
@@ -129,7 +129,9 @@ def test_the_most_suspicious_come_first_and_recordings_without_result_are_listed
 def test_masses_of_payloads_without_a_name_are_not_compared():
     runs = fleet(cell05=[(MASS, 0, 99, 0.4)])
     nameless = [
-        replace(run, figures={replace(q, of="") if q.kind is Kind.MASS else q: v for q, v in run.figures.items()})
+        replace(
+            run, figures={replace(q, of="") if q.kind is QuantityKind.MASS else q: v for q, v in run.figures.items()}
+        )
         for run in runs
     ]
     assert not any(arm.suspicions for arm in review_fleet(nameless).arms)

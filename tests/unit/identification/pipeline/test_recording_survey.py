@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_identification.pipeline.recording_survey import pair_problem, survey
+from armload_identification.pipeline.recording_survey import pair_mismatch, survey
 from armload_identification.recording.recording import Recording
 
 pytestmark = pytest.mark.pure
@@ -92,5 +92,5 @@ def test_the_effort_is_named():
 def test_a_pair_is_of_one_motion_and_one_quantity():
     motion = swing(before_s=0.5, cycles=1, after_s=0.5)
     run = recording(motion)
-    assert pair_problem(run, run) is None
-    assert pair_problem(run, recording(motion, current_a=motion)) is not None
+    assert pair_mismatch(run, run) is None
+    assert pair_mismatch(run, recording(motion, current_a=motion)) is not None

@@ -10,7 +10,7 @@ from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
 from armload_identification.verdict.agreement import (
     FLOOR,
-    Known,
+    KnownMassCenter,
     LengthNeeded,
     Outcome,
     compare_known,
@@ -37,7 +37,9 @@ def moved(*by):
 
 
 def known(values, covariance=COVARIANCE, freedom=np.inf):
-    return Known(payload(np.asarray(values, dtype=float)), MassCenterCovariance.of_measured(covariance, freedom))
+    return KnownMassCenter(
+        payload(np.asarray(values, dtype=float)), MassCenterCovariance.of_measured(covariance, freedom)
+    )
 
 
 TRUE = np.array([MASS_KG, 0.02, 0.1, 0.15])
@@ -132,7 +134,8 @@ def test_a_payload_ten_per_cent_off_is_never_right(factor, scale):
     for _ in range(100):
         wrong, measured = drawn(rng, [(factor - 1.0) * MASS_KG, 0, 0, 0])
         spread = [
-            Known(x.parameters, MassCenterCovariance.of_measured(scale * COVARIANCE, 40.0)) for x in (wrong, measured)
+            KnownMassCenter(x.parameters, MassCenterCovariance.of_measured(scale * COVARIANCE, 40.0))
+            for x in (wrong, measured)
         ]
         assert compare_known(*spread, Tolerance()).outcome is not Outcome.RIGHT
 
@@ -148,7 +151,7 @@ def by_gains(values, gain, slope, correlation=0.0):
     """A payload by gains known to 2 %."""
     n = len(gain)
     covariance = 0.02**2 * ((1.0 - correlation) * np.eye(n) + correlation)
-    return Known(
+    return KnownMassCenter(
         payload(values), MassCenterCovariance(COVARIANCE, np.inf, np.asarray(gain), np.asarray(slope), covariance)
     )
 
@@ -224,11 +227,13 @@ def test_intervals_stand_in_for_a_covariance():
     covariance = MassCenterCovariance.from_intervals(interval, MASS_KG)
     deviation = np.sqrt(np.diag(covariance.measured))
     np.testing.assert_allclose(deviation, [0.2 / 1.96, 0.002 / 1.96, 1.0, 0.01 / 1.96], rtol=1e-4)
-    result = compare_known(Known(payload(TRUE), covariance), known(TRUE), Tolerance())
+    result = compare_known(KnownMassCenter(payload(TRUE), covariance), known(TRUE), Tolerance())
     assert result.outcome is Outcome.CANNOT_TELL
     np.testing.assert_allclose(np.abs(result.weakest), [0, 1, 0], atol=0.05)
     half = known(TRUE * [0.5, 1, 1, 1])
-    assert compare_known(Known(half.parameters, covariance), known(TRUE), Tolerance()).outcome is Outcome.WRONG
+    assert (
+        compare_known(KnownMassCenter(half.parameters, covariance), known(TRUE), Tolerance()).outcome is Outcome.WRONG
+    )
 
 
 @pytest.mark.parametrize("values", [{"mass_share": 0.0}, {"center_m": -0.01}, {"mass_share": float("nan")}])

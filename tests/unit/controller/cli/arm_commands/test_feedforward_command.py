@@ -15,7 +15,7 @@ from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.arm_access import simulated_arm
-from armload_controller.session.run_session import Load, run_leg
+from armload_controller.session.run_session import SessionLoad, run_leg
 from armload_identification.excitation.excitation_file import read_excitation, write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.files.payload_file import write_payload
@@ -75,7 +75,10 @@ def test_the_payloads_share_of_the_following_error_falls(compared, folder):
 def calibrated(armload, folder):
     """The comparison with the arm calibrated from its empty run."""
     robot = load_robot(str(folder / "prbt.toml"))
-    with simulated_arm(robot, Load.UNLOADED) as servos, Recorder(folder / "empty.mcap", recorded_with(folder)) as kept:
+    with (
+        simulated_arm(robot, SessionLoad.UNLOADED) as servos,
+        Recorder(folder / "empty.mcap", recorded_with(folder)) as kept,
+    ):
         servos.connect()
         limits = robot.limits.motion
         cycle = Cycle(servos, limits, TorqueGate(robot.limits.torque_max_nm, 0.02), MotionControl(), [kept])

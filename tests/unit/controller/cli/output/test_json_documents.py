@@ -49,7 +49,7 @@ from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.calibration.run_health import RunHealth
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import NothingMounted
-from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
+from armload_identification.many_arms.arm_runs import ArmRun, Quantity, QuantityKind
 from armload_identification.many_arms.fleet_review import (
     AbsentArm,
     Anomaly,
@@ -144,7 +144,7 @@ def designed_wiggle():
 
 def fleet_review():
     """An arm that carries more since its last run, which gave no result, and one that is no longer recorded."""
-    change = Suspicion(Anomaly.CHANGE, Quantity(Kind.MASS, "tool"), 9.0, "a sentence")
+    change = Suspicion(Anomaly.CHANGE, Quantity(QuantityKind.MASS, "tool"), 9.0, "a sentence")
     silence = Suspicion(Anomaly.SILENCE, None, 3.0, "another")
     one = ArmReview("one", "er50", 2, 1, datetime(2026, 3, 1, tzinfo=UTC), {}, (change, silence))
     return FleetReview((one,), (AbsentArm("two", "er50", 3, 0, datetime(2026, 1, 1, tzinfo=UTC)),), ())
@@ -164,7 +164,14 @@ def reviewed_arm():
     """An arm with one quantity over two runs."""
     first = datetime(2026, 3, 1, tzinfo=UTC)
     runs = [
-        ArmRun("one", "er50", first + timedelta(days=day), f"{day}.mcap", "", {Quantity(Kind.MASS, "tool"): (2.0, 0.1)})
+        ArmRun(
+            "one",
+            "er50",
+            first + timedelta(days=day),
+            f"{day}.mcap",
+            "",
+            {Quantity(QuantityKind.MASS, "tool"): (2.0, 0.1)},
+        )
         for day in (0, 1)
     ]
     return review_fleet(runs).arms[0]

@@ -20,7 +20,7 @@ from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_controller.session.live.live_view import EVERY_S, LiveAddress, LiveView, live_at, shown_live
-from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator, run_session
+from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad, run_session
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from tests.foxglove_clients import Client, silent_client
@@ -79,7 +79,7 @@ def test_a_client_sees_the_arm_move_and_one_that_never_reads_keeps_nobody_waitin
     with shown_live(operator(display), ROBOT, LOOPBACK) as watched:
         silent = silent_client(display.port)
         watcher = Watcher(display.port)
-        with run_session(ROBOT, Load.UNLOADED, open_servos, watched) as session:
+        with run_session(ROBOT, SessionLoad.UNLOADED, open_servos, watched) as session:
             session.run(path, "swing")
         view = watched.watching[-1]
         assert not view.ended

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armload_identification.verdict.recording_checks.friction_validity import (
-    friction_change,
+    friction_difference,
     friction_notes,
     standard_deviations,
 )
@@ -29,7 +29,7 @@ ARM = SimpleNamespace(
 def changed(coulomb_nm, viscous_nm_s_rad, used=USED):
     noise = np.random.default_rng(1).normal(size=SPEED.shape) * [0.5, 0.2]
     left = coulomb_nm * np.tanh(SPEED / [0.01, 0.005]) + viscous_nm_s_rad * SPEED + noise
-    return friction_change(ARM, SPEED, left, used, 0.01)
+    return friction_difference(ARM, SPEED, left, used, 0.01)
 
 
 def far(found):

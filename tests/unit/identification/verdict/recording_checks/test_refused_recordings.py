@@ -12,7 +12,7 @@ import pytest
 
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.pipeline.payload_identification import identify
-from armload_identification.pipeline.recording_survey import pair_problem
+from armload_identification.pipeline.recording_survey import pair_mismatch
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reading_options import ReadingOptions
@@ -69,9 +69,9 @@ def test_torque_of_one_run_and_current_of_the_other_are_not_subtracted(pinocchio
     ):
         with pytest.raises(RecordingError, match=content):
             require_usable(runs, 6, pinocchio_arm.transmission)
-        assert content in pair_problem(*runs)
+        assert content in pair_mismatch(*runs)
     require_usable((both[0], torque[1]), 6, pinocchio_arm.transmission)
-    assert pair_problem(both[0], torque[1]) is None
+    assert pair_mismatch(both[0], torque[1]) is None
     with pytest.raises(RecordingError, match=r"unloaded\.mcap: neither motor current nor joint torque"):
         require_usable((torque[0], replace(current[1], current_a=None)), 6, pinocchio_arm.transmission)
 
