@@ -62,8 +62,13 @@ def _identify(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
     from armload_identification.pipeline.recording_survey import pair_mismatch
     from armload_identification.recording.recording import Recording
 
+    def run_of(path: str) -> Recording:
+        if not path:
+            raise RecordingError("nothing was typed: the path of a recording is required, or Ctrl-C to leave")
+        return read_of(arm, Path(path))
+
     def loaded_run(path: str) -> Recording:
-        recording = read_of(arm, Path(path))
+        recording = run_of(path)
         problem = pair_mismatch(recording, empty)
         if problem is not None:
             raise RecordingError(problem)
@@ -73,7 +78,7 @@ def _identify(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
         ask, say, _robot_question(shipped, " or URDF"), lambda name: _links(ask, say, name, given_arm)
     )
     arm = given_arm(robot, links.get("--base"), links.get("--flange"))
-    unloaded, empty = _accepted(ask, say, "Recording without the payload: ", lambda path: read_of(arm, Path(path)))
+    unloaded, empty = _accepted(ask, say, "Recording without the payload: ", run_of)
     loaded, _ = _accepted(ask, say, "Recording of the same motion with it: ", loaded_run)
     files = ["--loaded", loaded, "--unloaded", unloaded, "--output", "payload.toml", "--report", "report.html"]
     return ["identify", robot, *_words(links), *files]

@@ -79,19 +79,20 @@ def test_answers_become_a_command(desk, answers, command, require_accepted):
 
 def test_what_cannot_be_is_said_and_asked_again(desk):
     (desk / "broken.urdf").write_text("<robot")
-    words = ("2", "er60", "broken.urdf", "", "", "er50", "none.mcap", "my.toml", "other.csv", "empty.mcap")
+    words = ("2", "er60", "broken.urdf", "", "", "er50", "", "none.mcap", "my.toml", "other.csv", "empty.mcap")
     _, said = answered(*words, "other.csv", "a b.mcap")
     asked_again = [line for line in said if line.startswith("  ") and not line[2].isdigit()]
     reasons = (
         "er60: no such file, and no shipped robot",
         "broken.urdf",
         "broken.urdf",
+        "nothing was typed",
         "none.mcap",
         "my.toml",
         "joints",
     )
-    assert all(reason in line for reason, line in zip(reasons, asked_again[:6], strict=True)), asked_again
-    assert len(asked_again) == 7
+    assert all(reason in line for reason, line in zip(reasons, asked_again[:7], strict=True)), asked_again
+    assert len(asked_again) == 8
     assert answered("q")[0] == []
 
 
