@@ -48,9 +48,9 @@ def drives(tmp_path):
 
 
 def page_command(beginning):
-    """The page's command that begins with these words, for this bus."""
+    """The page's first command that begins with these words, for this bus."""
     commands = re.findall(r"^ +\$ armload (.*)$", PAGE.read_text("utf-8"), re.MULTILINE)
-    (found,) = [words for words in commands if words.startswith(beginning)]
+    found = next(words for words in commands if words.startswith(beginning))
     return found.replace("socketcan:can0", "socketcan:vcan0").split()
 
 
