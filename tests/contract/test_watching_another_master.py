@@ -94,8 +94,9 @@ def test_a_payload_is_mounted_and_dropped_and_the_watch_notices(robot, calibrati
         assert event.mass_kg == pytest.approx(change_kg, rel=0.25)
     before = [m for m in moments if m.time_s < MOUNTED_S][-1].payload
     held = [m for m in moments if m.time_s < DROPPED_S][-1].payload
-    assert abs(before.mass_kg) < before.half_width_95[0] < 1.0
-    assert abs(held.mass_kg - body.mass_kg) < held.half_width_95[0] < 1.0
+    # 1 % of drift of all gains is a tenth of 10 kg here.
+    assert abs(before.mass_kg) < before.half_width_95[0] < 1.5
+    assert abs(held.mass_kg - body.mass_kg) < held.half_width_95[0] < 1.5
     report = tmp_path / "shift.html"
     diary = WatchDiary(robot, watching_payload, "can0", "0")
     for moment in moments:

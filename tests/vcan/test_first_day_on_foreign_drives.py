@@ -80,7 +80,7 @@ def move_until(folder, drives, happens):
         enabled = len(drives.powered()) == 6
         time.sleep(1.0)
         happens(program)
-        text, _ = program.communicate(timeout=180)
+        text, _ = program.communicate(timeout=400)
     assert enabled, text
     assert program.returncode, text
     assert "slow round" in text

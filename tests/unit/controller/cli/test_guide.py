@@ -132,7 +132,7 @@ def at_terminal(desk, typed):
 @pytest.mark.long
 def test_at_a_terminal_it_is_done_and_the_command_is_shown(desk):
     shown, status = at_terminal(desk, b"3\narm.urdf\nnew.toml\n2.5\n")
-    assert "joints[1].velocity_max_rad_s" in shown
+    assert "j1: a greatest speed of 1 rad/s" in shown
     assert "the same as: armload init arm.urdf --output new.toml" in shown.replace("\r\n", " ")
     assert (status, (desk / "new.toml").is_file()) == (0, True)
 

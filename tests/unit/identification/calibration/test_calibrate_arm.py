@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from armload_identification.calibration import calibrate_arm as calibrate_module
-from armload_identification.calibration import run_contradictions
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
-from armload_identification.calibration.calibration_constants import OtherMounting
+from armload_identification.calibration.calibration_constants import Contradiction, OtherMounting
 from armload_identification.calibration.run_health import run_health
 from armload_identification.estimation import solve as solve_module
 from armload_identification.estimation.arm_rows import run_signals
@@ -397,7 +396,7 @@ def test_a_payload_that_was_remounted_and_one_in_grams_are_distinguished_from_ot
 @pytest.mark.long
 def test_a_payload_in_its_place_is_not_called_remounted(four, weighed, pinocchio_arm, nominal, monkeypatch):
     """Only a change of 12 % of the mass leads to this message here, so this is taken for the same mass."""
-    monkeypatch.setattr(run_contradictions, "_SAME_MASS", 0.2)
+    monkeypatch.setattr(Contradiction, "same_mass", 0.2)
     more = list(four)
     theta = pinocchio_arm.payload.theta
     inertia = np.where(np.arange(10) < 4, 0.0, np.where(np.arange(10) < 7, 0.4, 0.0))
