@@ -109,15 +109,8 @@ def pair_problem(
         slow: The same runs' slow rounds.
     """
     base, peak = _layout([signal.loaded, signal.unloaded], chain, coupling, arm)
-    runs = [replace(run, valid=signal.valid) for run in (signal.loaded, signal.unloaded)]
-    signals = [
-        RunSignals.of_motion(run, coupling, name).with_close_rows()
-        for run, name in zip(runs, ("loaded", "unloaded"), strict=True)
-    ]
-    rows = [
-        arm_rows(run, chain, coupling, base, peak, loaded=loaded)
-        for run, loaded in zip(signals, (True, False), strict=True)
-    ]
+    signals = [run.with_close_rows() for run in _pair_signals(signal, coupling)]
+    rows = _pair_rows(signals, chain, coupling, base, peak)
     group = Group((RunRows(rows[0], PAYLOAD), RunRows(rows[1])), DIFFERENCE_AND_MEAN)
     window = signals[0].row_window()
     # of the mean of both runs' rows, by the scatter of their samples alone
@@ -137,14 +130,31 @@ def _slow_group(signal: LoadSignal, chain: Chain, coupling: FloatArray, base: ND
 
     Only their difference: the laws of friction do not describe so low speeds well.
     """
-    runs = [replace(run, valid=signal.valid) for run in (signal.loaded, signal.unloaded)]
-    signals = [RunSignals.of_motion(run, coupling, "slow round") for run in runs]
+    signals = _pair_signals(signal, coupling)
     peak = np.max([run.peak_rad_s for run in signals], axis=0)
-    loaded, unloaded = (
-        arm_rows(run, chain, coupling, base, peak, loaded=carries, spacing=2)
-        for run, carries in zip(signals, (True, False), strict=True)
-    )
+    loaded, unloaded = _pair_rows(signals, chain, coupling, base, peak, spacing=2)
     return Group((RunRows(loaded, PAYLOAD), RunRows(unloaded)), DIFFERENCE, len(DIFFERENCE_AND_MEAN))
+
+
+def _pair_signals(signal: LoadSignal, coupling: FloatArray) -> list[RunSignals]:
+    """The loaded and the unloaded run, usable where both are."""
+    runs = {"loaded": signal.loaded, "unloaded": signal.unloaded}
+    return [RunSignals.of_motion(replace(run, valid=signal.valid), coupling, name) for name, run in runs.items()]
+
+
+def _pair_rows(
+    signals: Sequence[RunSignals],
+    chain: Chain,
+    coupling: FloatArray,
+    base: NDArray[np.bool_],
+    peak_rad_s: FloatArray,
+    spacing: int = 1,
+) -> list[ArmRows]:
+    """The rows of a loaded and an unloaded run."""
+    return [
+        arm_rows(run, chain, coupling, base, peak_rad_s, loaded=loaded, spacing=spacing)
+        for run, loaded in zip(signals, (True, False), strict=True)
+    ]
 
 
 def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownArm) -> PayloadProblem:

@@ -17,9 +17,10 @@ TENSOR_ELEMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 """The six elements of an inertia tensor, in their order in files and results."""
 
 PARAMETER_NAMES = ("mass", "cx", "cy", "cz", *TENSOR_ELEMENTS)
+"""The ten values in their order in files and results: mass, centre of mass, tensor elements."""
 UNITS = ("kg", *["m"] * 3, *["kg m2"] * 6)
 NOT_DETERMINED = "not determined"
-"""The ten values in their order in files and results: mass, centre of mass, tensor elements."""
+"""In place of a number that the data do not determine."""
 
 SMALLEST_MARGIN = 1e-6
 """Least margin of a body in a file, after reading it back."""

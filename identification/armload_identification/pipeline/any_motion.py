@@ -21,7 +21,12 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.payload import DETERMINED_SHARE
 from armload_identification.model.regressor import PARAMETERS, payload_regressor
 from armload_identification.pipeline.estimator_constants import FLOOR_KG, FLOOR_SHARE
-from armload_identification.pipeline.identification_result import Identification, completed, single_signal
+from armload_identification.pipeline.identification_result import (
+    Identification,
+    added_friction,
+    completed,
+    single_signal,
+)
 from armload_identification.pipeline.operator_notes import notes_on
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
@@ -151,7 +156,8 @@ def _on_known_arm(
     if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
         raise quality.undetermined(name, mass_kg, float(np.hypot(all_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
     plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
-    result = completed(plain, None, single_signal(plain, motion, chain, transmission), chain, transmission, loaded)
+    signal = single_signal(plain, motion, chain, transmission)
+    result = completed(plain, None, signal, added_friction(plain, signal, chain), chain, transmission, loaded)
     return result.with_notes(*notes_on(result, (loaded,), transmission, arm))
 
 

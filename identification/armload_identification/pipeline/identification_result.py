@@ -103,6 +103,7 @@ def completed(
     plain: PayloadEstimate,
     gains: GainFit | None,
     signal: LoadSignal,
+    friction_nm: FloatArray,
     chain: Chain,
     transmission: Transmission,
     *runs: Recording,
@@ -113,6 +114,7 @@ def completed(
         plain: The estimate.
         gains: Gains that were fitted with the payload.
         signal: The signal on the loaded run's motion, with the estimated gains.
+        friction_nm: (K, n) friction of the loaded run beyond that of the arm that was subtracted (`added_friction`).
         chain: The arm.
         transmission: The gains that the recordings' torques were computed with.
         runs: The loaded and, if there is one, the unloaded recording.
@@ -120,7 +122,6 @@ def completed(
     physical = make_physical(plain)
     regressor = payload_regressor(chain, *signal.states)
     payload_nm = regressor @ plain.theta
-    friction_nm = added_friction(plain, signal, chain)
     predicted_nm = regressor @ physical.parameters.theta + friction_nm
     used = transmission.gains(from_torque=runs[0].torque_nm is not None).value
     if gains is not None:

@@ -148,7 +148,7 @@ def _by_difference(
         adjusted = pair_signal(plain, signal, chain, transmission)
         added_nm = added_friction(plain, adjusted, chain)
         refuse_contradictions(FittedPair(plain, fitted, signal, adjusted, added_nm, chain, body), columns)
-        result = completed(plain, fitted, adjusted, chain, transmission, loaded, unloaded)
+        result = completed(plain, fitted, adjusted, added_nm, chain, transmission, loaded, unloaded)
         if misfit_notes(result):
             columns.require_right()
         return result.with_notes(*notes_on(result, (loaded, unloaded), transmission, arm, None if arm else body))

@@ -143,9 +143,22 @@ def _refuse_contradicting_joint(fit: FittedPair) -> None:
 
 def _refuse_no_mass(fit: FittedPair) -> None:
     """Raise for a mass that is not positive."""
-    mass_kg = float(fit.plain.theta[0])
-    if mass_kg <= 0.0:
-        raise explain_negative_mass(mass_kg, fit.half_width_kg)
+    mass_kg, half_width_kg = float(fit.plain.theta[0]), fit.half_width_kg
+    if mass_kg > 0.0:
+        return
+    if abs(mass_kg) <= half_width_kg:
+        raise NoPayloadMass(
+            f"the two runs do not differ by a payload: the estimated mass is {mass_kg:.3g} kg +- "
+            f"{half_width_kg:.2g} kg. Check that the payload was mounted in the loaded run.",
+            mass_kg,
+            half_width_kg,
+        )
+    raise NoPayloadMass(
+        f"the estimated mass is negative, {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. The loaded and the unloaded "
+        "recording are exchanged: exchange them.",
+        mass_kg,
+        half_width_kg,
+    )
 
 
 def _refuse_strange_scales(fit: FittedPair) -> None:
@@ -259,23 +272,6 @@ def _contradiction_error(joints: NDArray[np.bool_], *, above: bool = False) -> E
         f"or unit is wrong, or {columns} another joint's"
         + (", or another joint reports a small part of its torque, and little noise. " if above else ". ")
         + "Correct the configuration or the log."
-    )
-
-
-def explain_negative_mass(mass_kg: float, half_width_kg: float) -> NoPayloadMass:
-    """The error for a mass in kg that is not positive, with the half width of its 95 % interval."""
-    if abs(mass_kg) <= half_width_kg:
-        return NoPayloadMass(
-            f"the two runs do not differ by a payload: the estimated mass is {mass_kg:.3g} kg +- "
-            f"{half_width_kg:.2g} kg. Check that the payload was mounted in the loaded run.",
-            mass_kg,
-            half_width_kg,
-        )
-    return NoPayloadMass(
-        f"the estimated mass is negative, {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. The loaded and the unloaded "
-        "recording are exchanged: exchange them.",
-        mass_kg,
-        half_width_kg,
     )
 
 
