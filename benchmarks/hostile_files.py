@@ -37,7 +37,8 @@ from armload_controller.control_errors import ControlError
 from armload_controller.fleet.job_table import read_job_table
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.driver_errors import DriverError
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.calibration.calibrate_arm import calibrate_arm
+from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun, WeighedPayload
 from armload_identification.excitation.excitation_file import read_excitation
 from armload_identification.files.calibration_file import read_calibration, write_calibration
 from armload_identification.files.payload_file import read_payload, write_payload
@@ -119,12 +120,12 @@ def small_calibration():
     """The calibration of a simulated arm from an empty run and one with a weighed payload."""
     arm = PinocchioArm()
     trajectory = arm.trajectory(3, period_s=10.0)
-    runs = [
+    runs = tuple(
         MountedRun(arm.run(trajectory, load, seed=load, with_phase=False), "disc" if load else "")
         for load in (False, True)
-    ]
-    weighed, named = {"disc": WeighedPayload(arm.payload.mass_kg)}, {"robot": "six", "armload_version": "0"}
-    return calibrate_arm(runs, weighed, arm.chain, arm.transmission, **named, configuration_sha256="c" * 64)
+    )
+    given, made = ArmRuns(runs, {"disc": WeighedPayload(arm.payload.mass_kg)}), Provenance("0", "c" * 64, {})
+    return calibrate_arm(given, arm.chain, arm.transmission, robot="six", made=made)
 
 
 def whole_files(folder):

@@ -10,7 +10,6 @@ from armload_drivers.canopen.canopen_cycle import CanopenCycle
 from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.cia402.object_dictionary import NmtState
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
-from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cyclic.rhythm import Rhythm
 from armload_drivers.simulation.lockstep_sync import LockstepSync
@@ -66,18 +65,7 @@ class ScriptedArm:
         self.arm, self.clock, self.bus = arm, VirtualClock(), ScriptedBus()
         self.clock.follow(lambda: "")
         self.link, self.sync = BusLink(self.bus), sync(self.clock)
-        self.nodes = [
-            DriveNode(
-                drive,
-                drive_image(drive),
-                self.link,
-                self.sync,
-                cycle_s=arm.cycle_s,
-                heartbeat_s=arm.heartbeat_s,
-                max_missing_cycles=arm.max_missing_cycles,
-            )
-            for drive in arm.drives
-        ]
+        self.nodes = [DriveNode(drive, self.link, self.sync, arm) for drive in arm.drives]
         self.rhythms = Rhythm("SYNC", arm.cycle_s), Rhythm("feedback", arm.cycle_s)
         units = ArmUnits(arm, [0] * len(arm.drives))
         self.cycle = CanopenCycle(arm, self.nodes, self.link, self.sync, units, self.rhythms)

@@ -34,8 +34,8 @@ from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.model.regressor import payload_torque

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from armload_controller.config.robot import Robot, load_robot
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.pipeline.any_motion import identify_windows
 from armload_identification.pipeline.payload_estimator import PayloadEstimator
 from armload_identification.pipeline.payload_identification import identify

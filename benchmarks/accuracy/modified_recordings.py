@@ -27,8 +27,8 @@ from typing import Final
 import numpy as np
 
 from armload_controller.config.robot import load_robot
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from armload_controller.config.robot import Robot, load_robot
 from armload_drivers.simulation.plant_spec import RigidBody
-from armload_identification.calibration.calibrate_arm import WeighedPayload
+from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify

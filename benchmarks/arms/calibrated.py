@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.calibration.calibrate_arm import calibrate_arm
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun, WeighedPayload
 from armload_identification.model.chain import Chain
+from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.recording import Recording
@@ -24,15 +26,8 @@ def calibrated(
         chain: The arm.
         transmission: Nominal gains, and coupling.
     """
-    return calibrate_arm(
-        runs,
-        weighed,
-        chain,
-        transmission,
-        robot="benchmark",
-        armload_version="benchmark",
-        configuration_sha256="0" * 64,
-    )
+    made = Provenance("benchmark", "0" * 64, {})
+    return calibrate_arm(ArmRuns(tuple(runs), weighed), chain, transmission, robot="benchmark", made=made)
 
 
 def calibrated_from_pair(

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.calibrate_arm import WeighedPayload
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.files.payload_file import format_payload, parse_payload
 from armload_identification.identification_errors import IdentificationError, PayloadFileError
 from armload_identification.model.chain import Chain

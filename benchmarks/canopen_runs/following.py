@@ -29,7 +29,7 @@ from armload_controller.session.commissioning import CommissioningPlan, read_pai
 from armload_controller.session.feedforward_comparison import ComparisonRuns
 from armload_controller.session.run_session import SessionLoad, no_operator, run_session
 from armload_drivers.servos import JointServos
-from armload_identification.calibration.calibrate_arm import MountedRun
+from armload_identification.calibration.mounted_runs import MountedRun
 from armload_identification.excitation.design import optimal_excitation
 from armload_identification.excitation.design_search import SearchSettings
 from armload_identification.excitation.fourier import Excitation

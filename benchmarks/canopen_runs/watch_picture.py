@@ -22,7 +22,7 @@ from armload_controller.session.bus_watch import BusWatch, recorder_of
 from armload_controller.session.run_session import SessionLoad
 from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle
 from armload_drivers.simulation.plant_spec import ScheduledPayload
-from armload_identification.calibration.calibrate_arm import WeighedPayload
+from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.report.watch_report import watch_svg
 from benchmarks.canopen_runs.canopen_master import arm_under_canopen

@@ -23,7 +23,7 @@ from armload_controller.session.bus_watch import BusWatch, heard_cycles, recorde
 from armload_controller.session.run_session import SessionLoad
 from armload_drivers.driver_errors import BusError
 from armload_drivers.simulation.plant_spec import ScheduledPayload
-from armload_identification.calibration.calibrate_arm import WeighedPayload
+from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.recording.file_reading import read_recording
 from benchmarks.canopen_runs.canopen_master import arm_under_canopen

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.calibration.calibrate_arm import calibrate_arm
+from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun, WeighedPayload
 from armload_identification.files.calibration_file import read_calibration
 from armload_identification.files.payload_file import read_payload
+from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.payload_identification import identify
 
 pytestmark = pytest.mark.long
@@ -30,15 +32,9 @@ def runs(ur10e_run, shared_data):
 
 def calibrated(ur10e, runs):
     weighed = {name: WeighedPayload(WEIGHED_KG) for name in PAIRS}
-    return calibrate_arm(
-        list(runs),
-        weighed,
-        ur10e.chain,
-        ur10e.drives.transmission,
-        robot=ur10e.name,
-        armload_version="0",
-        configuration_sha256=ur10e.sha256,
-    )
+    made = Provenance("0", ur10e.sha256, {})
+    given = ArmRuns(tuple(runs), weighed)
+    return calibrate_arm(given, ur10e.chain, ur10e.drives.transmission, robot=ur10e.name, made=made)
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.calibration.calibrate_arm import calibrate_arm
+from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun, WeighedPayload
+from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.payload_identification import identify
 
 WEIGHED_KG = 2.805
@@ -22,13 +24,11 @@ def arms(ur10e, pairs):
     """The arm calibrated from each pair, the minimum for a calibration."""
     return {
         name: calibrate_arm(
-            [MountedRun(loaded, "disc"), MountedRun(unloaded, "")],
-            {"disc": WeighedPayload(WEIGHED_KG)},
+            ArmRuns((MountedRun(loaded, "disc"), MountedRun(unloaded, "")), {"disc": WeighedPayload(WEIGHED_KG)}),
             ur10e.chain,
             ur10e.drives.transmission,
             robot=ur10e.name,
-            armload_version="0",
-            configuration_sha256=ur10e.sha256,
+            made=Provenance("0", ur10e.sha256, {}),
         )
         for name, (loaded, unloaded) in pairs.items()
     }

@@ -179,22 +179,18 @@ def pair(pinocchio_arm):
 def calibration(pinocchio_arm):
     """Pinocchio's arm, calibrated with an empty run and one with a payload of known mass; a third file was left out."""
     # imported here, so that other tests do not load the calibration
-    from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+    from armload_identification.calibration.calibrate_arm import calibrate_arm
+    from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun, WeighedPayload
 
     trajectory = pinocchio_arm.trajectory(3, period_s=10.0)
-    return calibrate_arm(
-        [
-            MountedRun(pinocchio_arm.run(trajectory, load, seed=5 + load, with_phase=False), "disc" if load else "")
-            for load in (False, True)
-        ],
-        {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},
-        pinocchio_arm.chain,
-        pinocchio_arm.transmission,
-        robot="six",
-        armload_version="1.2.3",
-        configuration_sha256="c" * 64,
-        left_out=[("lost.csv", 'it is "gone"')],
+    runs = tuple(
+        MountedRun(pinocchio_arm.run(trajectory, load, seed=5 + load, with_phase=False), "disc" if load else "")
+        for load in (False, True)
     )
+    weighed = {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)}
+    given = ArmRuns(runs, weighed, (("lost.csv", 'it is "gone"'),))
+    made = Provenance("1.2.3", "c" * 64, {})
+    return calibrate_arm(given, pinocchio_arm.chain, pinocchio_arm.transmission, robot="six", made=made)
 
 
 @pytest.fixture(scope="session")

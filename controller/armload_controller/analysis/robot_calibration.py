@@ -7,10 +7,12 @@ from importlib.metadata import version
 
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import FilePath, arm_of, several_runs
-from armload_controller.config.robot_runs import ArmRuns, read_runs
+from armload_controller.config.robot_runs import read_runs
 from armload_identification.calibration.calibrate_arm import calibrate_arm
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.calibration.mounted_runs import ArmRuns
 from armload_identification.extras import Extra, require_extra
+from armload_identification.model.payload import Provenance
 from armload_identification.recording.recording import Recording
 from armload_identification.results.calibrated_arm import CalibratedArm
 
@@ -73,14 +75,5 @@ def calibrate_from_runs(
         EstimationError: no usable run, a mounting other than entered, or runs that contradict each other.
     """
     require_extra(Extra.IDENTIFY, "calibrating an arm")
-    return calibrate_arm(
-        runs.runs,
-        runs.weighed,
-        robot.chain,
-        robot.transmission,
-        robot=robot.name,
-        armload_version=version("armload"),
-        configuration_sha256=robot.sha256,
-        left_out=runs.left_out,
-        progress=progress,
-    )
+    made = Provenance(version("armload"), robot.sha256, {})
+    return calibrate_arm(runs, robot.chain, robot.transmission, robot=robot.name, made=made, progress=progress)

@@ -56,7 +56,7 @@ def drift(
             unloaded = run.source.run().get("load") == UNLOADED
             mounting = row.mounting if from_table else "" if unloaded else None
             model = (known, arm.chain, arm.transmission)
-            health.append(run_health(run, *model, name=name, mounting=mounting, recorded=row.recorded))
+            health.append(run_health(run, *model, mounting=mounting, recorded=row.recorded))
         except (IdentificationError, CommissioningError) as problem:
             left_out.append((name, str(problem).removeprefix(f"{row.recording}: ")))
         if progress is not None:

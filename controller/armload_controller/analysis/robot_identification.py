@@ -369,8 +369,8 @@ def findings_from_files(
     result = payload_of(payload, arm)
     content = ReportContent()
     if fitted is not None:
-        loaded, unloaded = (recording_of(arm, run, "fitted") for run in fitted)
-        shown = payload_validation.validate(loaded, unloaded, used.chain, used.transmission, result, arm=used.known)
+        loaded, unloaded = pair = recording_of(arm, fitted[0], "fitted"), recording_of(arm, fitted[1], "fitted")
+        shown = payload_validation.validate(pair, used.chain, used.transmission, result, arm=used.known)
         runs = ShownRuns(shown.signal, shown.predicted_nm, shown.residual_rms_nm, (loaded.source, unloaded.source))
         content = ReportContent(fitted=runs)
     findings = Findings(arm, result, content, version("armload"))
@@ -382,9 +382,9 @@ def _validated(
 ) -> Findings:
     """The findings with the verdict of a pair of runs."""
     require_type("tolerance", tolerance, Tolerance)
-    loaded, unloaded = (recording_of(arm, run, "validation") for run in pair)
+    loaded, unloaded = runs = recording_of(arm, pair[0], "validation"), recording_of(arm, pair[1], "validation")
     judged = payload_validation.validate(
-        loaded, unloaded, used.chain, used.transmission, findings.payload, tolerance, arm=used.known
+        runs, used.chain, used.transmission, findings.payload, tolerance, arm=used.known
     )
     # a part of a recording that the payload was identified from may be one that was not used
     used_files = findings.payload.provenance.recordings_sha256.values()

@@ -24,7 +24,7 @@ from armload_identification.excitation.geometry.cartesian_speed import SpeedLimi
 from armload_identification.excitation.information import condition_number
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.pipeline.mass_prospect import MassProspect
-from armload_identification.pipeline.wiggle import Wiggle, shortest_wiggle
+from armload_identification.pipeline.wiggle import Wiggle, WiggleSearch
 from armload_identification.results.json_document import json_document
 
 _WITHOUT_BUS_S: Final = 0.01
@@ -172,16 +172,8 @@ def design_wiggle(
 
     _require_gains(found, request.mass_share)
     prospect = MassProspect(used.chain, known, robot.payloads.expected)
-    wiggle = shortest_wiggle(
-        prospect,
-        envelope,
-        at,
-        request.mass_share * prospect.payload.mass_kg,
-        step_s=cycle_s,
-        seed=seed,
-        objection=robot.obstacles.objection,
-        progress=progress,
-    )
+    search = WiggleSearch(prospect, envelope, at, cycle_s, robot.obstacles.objection)
+    wiggle = search.shortest(request.mass_share * prospect.payload.mass_kg, seed, progress)
     excitation = Excitation(wiggle.trajectory, wiggle.periods)
     path = check_path(excitation, robot.motion_constraints, cycle_s, file="the design", key="any-motion")
     path.approach_from(at)

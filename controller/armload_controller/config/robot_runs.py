@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import FilePath, recording_of
 from armload_controller.control_errors import CommissioningError
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload
+from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun, WeighedPayload
 from armload_identification.files.payload_file import read_payload
 from armload_identification.files.run_table import TableRow, read_run_table
 from armload_identification.identification_errors import IdentificationError, RunTableError
@@ -18,21 +17,6 @@ from armload_identification.recording.recording import Recording
 
 _RECORDING_COLUMN = b"recording"
 _LOADED, UNLOADED = "loaded", "unloaded"
-
-
-@dataclass(frozen=True, eq=False)
-class ArmRuns:
-    """Runs read from files.
-
-    Attributes:
-        runs: Readable recordings with their mounting.
-        weighed: Known payloads, by mounting.
-        left_out: File name and reason for each recording that could not be read.
-    """
-
-    runs: tuple[MountedRun, ...]
-    weighed: dict[str, WeighedPayload]
-    left_out: tuple[tuple[str, str], ...]
 
 
 def is_run_table(path: Path) -> bool:
@@ -115,7 +99,7 @@ def runs_of_commissioning(recordings: Sequence[Recording], mass_kg: float | None
     """
     runs = tuple(MountedRun(recording, _mounting_of(recording)) for recording in recordings)
     weighed = {} if mass_kg is None else {run.mounting: WeighedPayload(mass_kg) for run in runs if run.mounting}
-    return ArmRuns(runs, weighed, ())
+    return ArmRuns(runs, weighed)
 
 
 def masses_otherwise_recorded(recordings: Sequence[Recording], mass_kg: float | None) -> tuple[float, ...]:

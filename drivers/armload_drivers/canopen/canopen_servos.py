@@ -25,7 +25,6 @@ from armload_drivers.canopen.safe_reset import answering_drives, powered_drives,
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.bus_budget import require_room
 from armload_drivers.cia402.drive_safety import Safety
-from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.cyclic.cyclic_servos import CyclicServos, Phase
 from armload_drivers.cyclic.rhythm import Rhythm
@@ -45,18 +44,7 @@ class CanopenServos(CyclicServos):
         self._link, self._sync = BusLink(bus), sync
         limits = timeouts or Timeouts()
         self._can_setups = canopen_setups(arm, self._link, limits)
-        self._can_nodes = [
-            DriveNode(
-                drive,
-                drive_image(drive),
-                self._link,
-                sync,
-                cycle_s=arm.cycle_s,
-                heartbeat_s=arm.heartbeat_s,
-                max_missing_cycles=arm.max_missing_cycles,
-            )
-            for drive in arm.drives
-        ]
+        self._can_nodes = [DriveNode(drive, self._link, sync, arm) for drive in arm.drives]
         super().__init__(arm, self._can_setups, self._can_nodes, limits)
         self._canopen_cycle: CanopenCycle | None = None
         self._rhythms = Rhythm("SYNC", arm.cycle_s), Rhythm("feedback", arm.cycle_s)

@@ -8,11 +8,11 @@ from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.cia402 import emergency
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import DriveSettings
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
 from armload_drivers.cia402.axis_course import AxisCourse
 from armload_drivers.cia402.drive_safety import HEARTBEAT_TOLERANCE
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState, PdoDirection
-from armload_drivers.cia402.process_data.process_image import DriveImage
+from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cyclic.cyclic_drive import CyclicDrive
 from armload_drivers.driver_errors import ServoError
@@ -31,12 +31,9 @@ class DriveNode(CyclicDrive):
 
     Args:
         drive: Its settings.
-        image: Its PDOs.
         link: The bus.
         sync: Provides the clock for heartbeats.
-        cycle_s: Duration of a cycle.
-        heartbeat_s: Heartbeat period.
-        max_missing_cycles: Greatest number of consecutive cycles in which feedback may be missing.
+        arm: Settings of its arm: cycle, heartbeat, and cycles in which feedback may be missing.
 
     Attributes:
         message: The RPDO.
@@ -48,19 +45,9 @@ class DriveNode(CyclicDrive):
         wrong_frames: Number of feedback frames with a wrong length; they count as missing.
     """
 
-    def __init__(
-        self,
-        drive: DriveSettings,
-        image: DriveImage,
-        link: BusLink,
-        sync: SyncSource,
-        *,
-        cycle_s: float,
-        heartbeat_s: float,
-        max_missing_cycles: int,
-    ) -> None:
-        super().__init__(drive, sync.now_s, cycle_s=cycle_s, max_missing_cycles=max_missing_cycles)
-        self._link = link
+    def __init__(self, drive: DriveSettings, link: BusLink, sync: SyncSource, arm: ArmSettings) -> None:
+        super().__init__(drive, sync.now_s, cycle_s=arm.cycle_s, max_missing_cycles=arm.max_missing_cycles)
+        self._link, image = link, drive_image(drive)
         self.message = can.Message(
             arbitration_id=image.rpdo.cob_id, data=bytes(image.rpdo.length), is_extended_id=False
         )
@@ -74,7 +61,7 @@ class DriveNode(CyclicDrive):
         self.expected = sum(layout.direction is PdoDirection.TRANSMIT for layout in image.layouts)
         self.booted = False
         self.wrong_frames = 0
-        self.heartbeat_limit_s = HEARTBEAT_TOLERANCE * heartbeat_s
+        self.heartbeat_limit_s = HEARTBEAT_TOLERANCE * arm.heartbeat_s
         self._pack = image.rpdo.pack_into
         self._unpack = image.tpdo.unpack
         self._length = image.tpdo.length
@@ -84,7 +71,7 @@ class DriveNode(CyclicDrive):
         self._heard_s = 0.0
         self._nmt_state: int | None = None
         self._late = self._surplus_cycles = 0
-        self._most_late = max_missing_cycles * self.expected
+        self._most_late = arm.max_missing_cycles * self.expected
         node_id = drive.node_id
         link.subscribe(image.tpdo.cob_id, self._take_feedback)
         if image.effort is not None:

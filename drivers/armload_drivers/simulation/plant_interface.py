@@ -7,7 +7,7 @@ bus.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -91,6 +91,13 @@ class Plant(Protocol):
 
     def sample(self, cycle_s: float) -> AxisSample:
         """Present measurements of the drives."""
+
+
+class PlantAxis(NamedTuple):
+    """A plant, and the index of a drive's axis in it."""
+
+    plant: Plant
+    axis: int
 
 
 @dataclass(frozen=True, slots=True)

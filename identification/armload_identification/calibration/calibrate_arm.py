@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +18,7 @@ from armload_identification.calibration.calibration_result import (
     CalibratedRun,
     kinematics_sha256,
 )
+from armload_identification.calibration.mounted_runs import WEIGHED_WITHIN, ArmRuns, MountedRun
 from armload_identification.calibration.mounting_mistakes import Turn, most_steps, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import ArmKnowledge, explain
@@ -41,25 +42,21 @@ from armload_identification.estimation.arm_terms import (
 )
 from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.posterior import Posterior
-from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
-from armload_identification.estimation.problem import Group, Known, Noise, Problem, RunRows
+from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, IdentificationError, RecordingError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import InertialParameters, Provenance
+from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.recording.reading_options import Effort
-from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
 from armload_identification.verdict.recording_checks.usable_runs import require_usable
 
-WEIGHED_WITHIN: Final = 1e-3
-"""Relative standard deviation of a weighed mass, and of a completely known payload."""
 HALVES: Final = 1.25
 """Factor on the standard deviations of a calibration: what no term describes differs between motions. Halves of the
 UR10e's data differ by an rms z of 1.24 without it."""
@@ -67,71 +64,23 @@ UR10e's data differ by an rms z of 1.24 without it."""
 Progress = Callable[[int, int], None]
 
 
-@dataclass(frozen=True, eq=False)
-class MountedRun:
-    """A run and its payload.
-
-    Attributes:
-        recording: The run.
-        mounting: Name of the payload as mounted; empty for an empty arm.
-        recorded: Date and time of its start, ISO 8601; from the recording if empty.
-    """
-
-    recording: Recording
-    mounting: str
-    recorded: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class WeighedPayload:
-    """A payload with known mass.
-
-    Attributes:
-        mass_kg: From a scale.
-        whole: All ten parameters, in the flange frame; None if only the mass is known.
-    """
-
-    mass_kg: float
-    whole: InertialParameters | None = None
-
-    def known(self, mounting: str) -> Known:
-        """As knowledge of the payload of a mounting.
-
-        Args:
-            mounting: Its name.
-        """
-        if self.whole is not None:
-            prior = KnownPayload(cad=self.whole, confidence=WEIGHED_WITHIN).prior()
-        else:
-            row = np.zeros((1, PARAMETERS))
-            row[0, 0] = 1.0 / (WEIGHED_WITHIN * self.mass_kg)
-            prior = Prior(row, np.array([1.0 / WEIGHED_WITHIN]))
-        return Known(((PAYLOAD, mounting),), prior.rows.T @ prior.rows, prior.rows.T @ prior.target)
-
-
 def calibrate_arm(
-    runs: Sequence[MountedRun],
-    weighed: Mapping[str, WeighedPayload],
+    runs: ArmRuns,
     chain: Chain,
     transmission: Transmission,
     *,
     robot: str,
-    armload_version: str,
-    configuration_sha256: str,
-    left_out: Sequence[tuple[str, str]] = (),
+    made: Provenance,
     progress: Progress | None = None,
 ) -> ArmCalibration:
     """Calibrate an arm.
 
     Args:
         runs: All runs, of any motions, days and payloads.
-        weighed: Known payloads by mounting.
         chain: The arm.
         transmission: Nominal gains, and coupling.
         robot: Its name.
-        armload_version: Version of the program.
-        configuration_sha256: Hash of the robot's configuration.
-        left_out: File name and reason of recordings that could not be read.
+        made: Version of the program, and hash of the robot's configuration.
         progress: Called with the steps done and their total.
 
     Returns:
@@ -145,35 +94,25 @@ def calibrate_arm(
         Chen 2016, eqs. (1) to (3), with load-dependent friction, for all runs at once.
     """
     with threadpool_limits(1):
-        return _Calibration(runs, weighed, chain, transmission, list(left_out), progress).result(
-            robot, armload_version, configuration_sha256
-        )
+        return _Calibration(runs, chain, transmission, progress).result(robot, made)
 
 
 class _Calibration:
     """The runs that are used, and the excluded ones."""
 
-    def __init__(
-        self,
-        runs: Sequence[MountedRun],
-        weighed: Mapping[str, WeighedPayload],
-        chain: Chain,
-        transmission: Transmission,
-        left_out: list[tuple[str, str]],
-        progress: Progress | None,
-    ) -> None:
-        self._chain, self._transmission, self._weighed = chain, transmission, weighed
-        self._left_out, self._progress = left_out, progress or (lambda done, total: None)
-        self._total = 2 * len(runs) + most_steps(chain)
+    def __init__(self, given: ArmRuns, chain: Chain, transmission: Transmission, progress: Progress | None) -> None:
+        self._chain, self._transmission, self._weighed = chain, transmission, given.weighed
+        self._left_out, self._progress = list(given.left_out), progress or (lambda done, total: None)
+        self._total = 2 * len(given.runs) + most_steps(chain)
         self._base = base_links(base_columns(chain, transmission.coupling), chain.n)
         self._done = 0
         self._used: list[MountedRun] = []
         self._signals: list[RunSignals] = []
-        names = _distinct([run.recording.source.path for run in runs])
+        names = _distinct([run.recording.source.path for run in given.runs])
         # Copies, because the same run may be given twice.
-        given = [replace(run) for run in runs]
-        self._names = {id(run): name for run, name in zip(given, names, strict=True)}
-        for run in given:
+        runs = [replace(run) for run in given.runs]
+        self._names = {id(run): name for run, name in zip(runs, names, strict=True)}
+        for run in runs:
             self._read(run)
             self._advance()
         self._refuse_other_effort()
@@ -186,7 +125,7 @@ class _Calibration:
             self._rows.append(self._rows_of(signals, run.mounting, chain))
             self._advance()
 
-    def result(self, robot: str, armload_version: str, configuration_sha256: str) -> ArmCalibration:
+    def result(self, robot: str, made: Provenance) -> ArmCalibration:
         """Fit until no run contradicts the others."""
         self._refuse_too_little()
         self._refuse_other_mounting()
@@ -205,8 +144,7 @@ class _Calibration:
             self._leave_out(worst, without)
             fit = without
         warnings = [*self._mass_warnings(fit), *self._friction_warnings(fit)]
-        provenance = Provenance(armload_version, configuration_sha256, self._hashes())
-        found = self._named(fit, warnings, robot, provenance)
+        found = self._named(fit, warnings, robot, replace(made, recordings_sha256=self._hashes()))
         return replace(found, warnings=(*found.warnings, *self._motion_warnings(found)))
 
     def _hashes(self) -> dict[str, str]:

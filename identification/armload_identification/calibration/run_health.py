@@ -116,7 +116,6 @@ def run_health(
     chain: Chain,
     transmission: Transmission,
     *,
-    name: str,
     mounting: str | None = None,
     recorded: str = "",
 ) -> RunHealth:
@@ -127,7 +126,6 @@ def run_health(
         calibration: The arm.
         chain: The configured arm.
         transmission: The configured transmission; its gains are replaced by the calibration's.
-        name: Name of the run in reports.
         mounting: "" for an empty arm, or a mounting of the calibration; for any other value the payload is fitted.
         recorded: Date and time of its start, ISO 8601; from the recording if not given.
 
@@ -142,7 +140,9 @@ def run_health(
         if calibration.effort is Effort.CURRENT:
             transmission = replace(transmission, gain_nm_a=calibration.nominal)
         signals = run_signals(recording, transmission)
-        return _RunFit(signals, calibration, chain, mounting).health(name, recorded or run_start_text(recording))
+        return _RunFit(signals, calibration, chain, mounting).health(
+            recording.source.path.name, recorded or run_start_text(recording)
+        )
 
 
 class _RunFit:

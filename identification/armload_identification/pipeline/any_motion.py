@@ -30,7 +30,7 @@ from armload_identification.pipeline.identification_result import (
 from armload_identification.pipeline.operator_notes import notes_on
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.motion import Motion, motion_of, motion_over_time
+from armload_identification.signals.motion import Motion, motion_over_time
 from armload_identification.verdict.recording_checks.motion_quality import MotionQuality
 from armload_identification.verdict.recording_checks.nothing_mounted import refuse_nothing
 from armload_identification.verdict.recording_checks.usable_runs import require_usable
@@ -59,26 +59,67 @@ class Window:
     refusal: str
 
 
-def identify_alone(
-    loaded: Recording, chain: Chain, transmission: Transmission, arm: KnownArm, prior: Prior | None
-) -> Identification:
-    """Identify a payload from one run.
+@dataclass(frozen=True, eq=False)
+class SingleRun:
+    """A run of any motion on a calibrated arm, or a part of it.
 
-    Args:
-        loaded: A run of any motion.
+    Attributes:
+        motion: Its motion and torque.
+        problem: The payload in it.
+        recording: The whole run.
         chain: The arm, with the tilt of its calibration.
         transmission: Calibrated gains, and coupling.
         arm: The calibrated empty arm.
-        prior: Prior knowledge of the payload.
-
-    Raises:
-        RecordingError: an invalid recording.
-        EstimationError: a motion that does not determine the payload's mass, naming the missing motion; NothingMounted
-            if it proves that there is no payload.
     """
-    motion = motion_of(loaded, transmission)
-    problem = single_problem(motion, chain, transmission.coupling, arm)
-    return _on_known_arm(problem, motion, loaded, chain, transmission, arm, prior)
+
+    motion: Motion
+    problem: PayloadProblem
+    recording: Recording
+    chain: Chain
+    transmission: Transmission
+    arm: KnownArm
+
+    @classmethod
+    def of(
+        cls, motion: Motion, recording: Recording, chain: Chain, transmission: Transmission, arm: KnownArm
+    ) -> SingleRun:
+        """The entire run."""
+        return cls(
+            motion, single_problem(motion, chain, transmission.coupling, arm), recording, chain, transmission, arm
+        )
+
+    def between(self, start_s: float, end_s: float) -> SingleRun:
+        """The part from one time since the first sample up to, not including, another."""
+        motion, problem = self.motion.part(start_s, end_s), self.problem.between(start_s, end_s)
+        return replace(self, motion=motion, problem=problem)
+
+    def identified(self, prior: Prior | None) -> Identification:
+        """The payload, with what is known of it beforehand.
+
+        Raises:
+            EstimationError: a motion that does not determine the payload's mass, naming the missing motion;
+                NothingMounted if it proves that there is no payload.
+        """
+        motion, chain, transmission, arm = self.motion, self.chain, self.transmission, self.arm
+        name = str(self.recording.source.path)
+        quality = MotionQuality.of(motion, arm.fit.model)
+        quality.require_enough(name)
+        posterior = solve(self.problem.knowing(prior), rough=True)
+        plain = estimate_of(posterior, self.problem, chain, prior, arm.errors, (_model_doubts(posterior, arm),))
+        mass_kg, floor_kg = float(plain.theta[0]), float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.theta[0]))
+        one = np.eye(1, PARAMETERS)
+        random_kg, all_kg = (
+            NORMAL_HALF_WIDTH * float(np.sqrt(found.spread(one)[0][0]))
+            for found in (replace(plain, shifts=np.zeros((0, PARAMETERS))), plain)
+        )
+        refuse_nothing(plain, payload_regressor(chain, *motion.states), motion.torque_nm, FLOOR_KG, f"{name}: ")
+        if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
+            raise quality.undetermined(name, mass_kg, float(np.hypot(all_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
+        plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
+        signal = single_signal(plain, motion, chain, transmission)
+        friction_nm = added_friction(plain, signal, chain)
+        result = completed(plain, None, signal, friction_nm, chain, transmission, self.recording)
+        return result.with_notes(*notes_on(result, (self.recording,), transmission, arm))
 
 
 def identify_windows(
@@ -111,54 +152,21 @@ def identify_windows(
         )
     with threadpool_limits(1):
         motion = motion_over_time(loaded, transmission)
-        problem = single_problem(motion, chain, transmission.coupling, arm)
+        run = SingleRun.of(motion, loaded, chain, transmission, arm)
         windows = []
         lasts_s = float(motion.time_s[-1]) + motion.interval_s
         for number in range(int(lasts_s / every_s)):
             start_s, end_s = number * every_s, (number + 1) * every_s
-            part, moved = problem.between(start_s, end_s), motion.part(start_s, end_s)
             try:
-                found = _on_known_arm(part, moved, loaded, chain, transmission, arm, None)
+                windows.append(Window(start_s, end_s, run.between(start_s, end_s).identified(None), ""))
             except EstimationError as refusal:
                 windows.append(Window(start_s, end_s, None, str(refusal).removeprefix(f"{loaded.source.path}: ")))
-                continue
-            windows.append(Window(start_s, end_s, found, ""))
     if not windows:
         raise RecordingError(
             f"{loaded.source.path}: the arm moves for {lasts_s:.1f} s, expected at least one window of "
             f"{every_s:g} s. Use shorter windows."
         )
     return tuple(windows)
-
-
-def _on_known_arm(
-    problem: PayloadProblem,
-    motion: Motion,
-    loaded: Recording,
-    chain: Chain,
-    transmission: Transmission,
-    arm: KnownArm,
-    prior: Prior | None,
-) -> Identification:
-    """A payload from one run of any motion."""
-    name = str(loaded.source.path)
-    quality = MotionQuality.of(motion, arm.fit.model)
-    quality.require_enough(name)
-    posterior = solve(problem.knowing(prior), rough=True)
-    plain = estimate_of(posterior, problem, chain, prior, arm.errors, (_model_doubts(posterior, arm),))
-    mass_kg, floor_kg = float(plain.theta[0]), float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.theta[0]))
-    one = np.eye(1, PARAMETERS)
-    random_kg, all_kg = (
-        NORMAL_HALF_WIDTH * float(np.sqrt(found.spread(one)[0][0]))
-        for found in (replace(plain, shifts=np.zeros((0, PARAMETERS))), plain)
-    )
-    refuse_nothing(plain, payload_regressor(chain, *motion.states), motion.torque_nm, FLOOR_KG, f"{name}: ")
-    if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
-        raise quality.undetermined(name, mass_kg, float(np.hypot(all_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
-    plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
-    signal = single_signal(plain, motion, chain, transmission)
-    result = completed(plain, None, signal, added_friction(plain, signal, chain), chain, transmission, loaded)
-    return result.with_notes(*notes_on(result, (loaded,), transmission, arm))
 
 
 def _model_doubts(posterior: Posterior, arm: KnownArm) -> FloatArray:

@@ -22,7 +22,7 @@ from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PayloadResult, Provenance
-from armload_identification.pipeline.any_motion import identify_alone
+from armload_identification.pipeline.any_motion import SingleRun
 from armload_identification.pipeline.constant_payload import change_notes
 from armload_identification.pipeline.identification_result import (
     Identification,
@@ -36,6 +36,7 @@ from armload_identification.pipeline.weighed_mass import CONTRADICTS, note_on_ma
 from armload_identification.recording.recording import Recording, hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal, slow_round_signal
+from armload_identification.signals.motion import motion_of
 from armload_identification.verdict.recording_checks.column_mistakes import RunColumns
 from armload_identification.verdict.recording_checks.contradictions import FittedPair, refuse_contradictions
 from armload_identification.verdict.recording_checks.usable_runs import require_usable
@@ -121,7 +122,7 @@ def _by_prior(
             "unknown. Record the same excitation without the payload and give that file as `unloaded=`, or "
             "calibrate the arm once with `armload calibrate` and give that file as `calibration=`."
         )
-    return lambda prior: identify_alone(loaded, chain, transmission, arm, prior)
+    return SingleRun.of(motion_of(loaded, transmission), loaded, chain, transmission, arm).identified
 
 
 def _by_difference(
@@ -161,7 +162,6 @@ def payload_result(
     armload_version: str,
     configuration_sha256: str,
     calibration_sha256: Mapping[str, str] | None = None,
-    frame: str = FLANGE,
     robot: str = "",
     kinematics_sha256: str = "",
 ) -> PayloadResult:
@@ -172,7 +172,6 @@ def payload_result(
         armload_version: Version of the program.
         configuration_sha256: Hash of the robot's configuration.
         calibration_sha256: File name and hash of the arm's calibration, if there is one.
-        frame: Name of the chain's flange frame.
         robot: Name of the arm, if known.
         kinematics_sha256: Hash of its kinematics, if known.
 
@@ -181,7 +180,7 @@ def payload_result(
     """
     known = result.uncertainty.determined
     return PayloadResult(
-        frame=frame,
+        frame=FLANGE,
         model=result.parameters,
         determined=known,
         interval_95=np.where(known[:, None], result.uncertainty.interval_95, np.nan),

@@ -59,8 +59,7 @@ class Validation:
 
 
 def validate(
-    loaded: Recording,
-    unloaded: Recording,
+    pair: tuple[Recording, Recording],
     chain: Chain,
     transmission: Transmission,
     payload: PayloadResult,
@@ -74,8 +73,7 @@ def validate(
     their remaining errors affect both in the same way and the verdict concerns the payload.
 
     Args:
-        loaded: Run with the payload.
-        unloaded: Run of the same motion without it.
+        pair: Run with the payload, and run of the same motion without it.
         chain: The arm; the payload is in its flange frame.
         transmission: Gains and coupling.
         payload: The payload to be judged.
@@ -91,10 +89,10 @@ def validate(
     """
     gains = transmission if arm is not None else gains_to_compare_by(payload.mass_center, transmission)
     try:
-        measured = identify(loaded, unloaded, chain, gains, arm=arm)
+        measured = identify(*pair, chain, gains, arm=arm)
     except NothingMounted as empty:
         raise NoPayloadMass(
-            f"the payload cannot be judged by {loaded.source.path}: in this run, {empty.statement}",
+            f"the payload cannot be judged by {pair[0].source.path}: in this run, {empty.statement}",
             empty.mass_kg,
             empty.half_width_kg,
         ) from empty

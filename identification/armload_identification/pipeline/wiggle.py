@@ -61,87 +61,82 @@ class Wiggle:
         return self.periods * self.trajectory.period_s
 
 
-def shortest_wiggle(
-    prospect: MassProspect,
-    envelope: Envelope,
-    at_rad: FloatArray,
-    wanted_kg: float,
-    *,
-    step_s: float,
-    seed: int,
-    objection: Callable[[FourierTrajectory], str | None],
-    progress: Callable[[int, int], None],
-) -> Wiggle:
-    """Find the shortest motion about one configuration.
+@dataclass(frozen=True, eq=False)
+class WiggleSearch:
+    """Where and how to move.
 
-    Args:
+    Attributes:
         prospect: Expected uncertainty of the mass for a motion.
         envelope: All limits; the ranges of the joints are those about the configuration.
         at_rad: (n,) the configuration.
-        wanted_kg: Required half width of the mass's 95 % interval.
         step_s: The period is a multiple of this.
-        seed: Seed; the same seed gives the same motion.
         objection: Returns why a motion within the limits must not be driven, or None.
-        progress: Called with the number of periods evaluated and their total.
-
-    Raises:
-        ExcitationError: no motion within the limits, or none of at most a minute that determines the mass as required.
     """
-    found: list[Wiggle] = []
-    best_kg, refused = np.inf, ""
-    with threadpool_limits(1):
-        for number, about_s in enumerate(PERIODS_S, 1):
-            progress(number - 1, len(PERIODS_S))
-            period_s = max(round(about_s / step_s), 1) * step_s
-            if found and period_s >= min(one.lasts_s for one in found):
-                continue
-            shape = _Shapes(prospect, envelope, at_rad, period_s, np.random.default_rng([seed, number]))
-            trajectory = shape.best()
-            said = None if trajectory is None else objection(trajectory)
-            refused = refused or said or ""
-            if trajectory is not None and said is None:
-                counts = np.arange(1, int(LONGEST_S / period_s) + 1)
-                widths = prospect.half_widths_kg(trajectory, counts.astype(float))
-                best_kg = min(best_kg, float(widths[-1]))
-                enough = np.flatnonzero(widths <= wanted_kg)
-                if enough.size:
-                    found.append(
-                        Wiggle(trajectory, int(counts[enough[0]]), float(widths[enough[0]]), shape.tried, seed)
-                    )
-        progress(len(PERIODS_S), len(PERIODS_S))
-    if found:
-        return min(found, key=lambda one: one.lasts_s)
-    if not np.isfinite(best_kg):
-        why = f"; {refused}" if refused else ""
+
+    prospect: MassProspect
+    envelope: Envelope
+    at_rad: FloatArray
+    step_s: float
+    objection: Callable[[FourierTrajectory], str | None]
+
+    def shortest(self, wanted_kg: float, seed: int, progress: Callable[[int, int], None]) -> Wiggle:
+        """The shortest motion about the configuration.
+
+        Args:
+            wanted_kg: Required half width of the mass's 95 % interval.
+            seed: Seed; the same seed gives the same motion.
+            progress: Called with the number of periods evaluated and their total.
+
+        Raises:
+            ExcitationError: no motion within the limits, or none of at most a minute that determines the mass as
+                required.
+        """
+        found: list[Wiggle] = []
+        best_kg, refused = np.inf, ""
+        with threadpool_limits(1):
+            for number, about_s in enumerate(PERIODS_S, 1):
+                progress(number - 1, len(PERIODS_S))
+                period_s = max(round(about_s / self.step_s), 1) * self.step_s
+                if found and period_s >= min(one.lasts_s for one in found):
+                    continue
+                shape = _Shapes(self, period_s, np.random.default_rng([seed, number]))
+                trajectory = shape.best()
+                said = None if trajectory is None else self.objection(trajectory)
+                refused = refused or said or ""
+                if trajectory is not None and said is None:
+                    counts = np.arange(1, int(LONGEST_S / period_s) + 1)
+                    widths = self.prospect.half_widths_kg(trajectory, counts.astype(float))
+                    best_kg = min(best_kg, float(widths[-1]))
+                    for enough in np.flatnonzero(widths <= wanted_kg)[:1]:
+                        found.append(Wiggle(trajectory, int(counts[enough]), float(widths[enough]), shape.tried, seed))
+            progress(len(PERIODS_S), len(PERIODS_S))
+        if found:
+            return min(found, key=lambda one: one.lasts_s)
+        if not np.isfinite(best_kg):
+            why = f"; {refused}" if refused else ""
+            raise ExcitationError(
+                f"no motion about this position respects all limits{why}. Choose another position or a smaller "
+                "amplitude"
+            )
         raise ExcitationError(
-            f"no motion about this position respects all limits{why}. Choose another position or a smaller amplitude"
+            f"no motion of at most {LONGEST_S:g} s within these limits determines the mass to {wanted_kg:.3g} kg "
+            f"(95 %); the best one determines it to {best_kg:.3g} kg. Allow a larger amplitude or more speed, relax "
+            "the requirement, or calibrate the arm with more runs"
         )
-    raise ExcitationError(
-        f"no motion of at most {LONGEST_S:g} s within these limits determines the mass to {wanted_kg:.3g} kg (95 %); "
-        f"the best one determines it to {best_kg:.3g} kg. Allow a larger amplitude or more speed, relax the "
-        "requirement, or calibrate the arm with more runs"
-    )
 
 
 class _Shapes:
     """Motions of one period about one configuration."""
 
-    def __init__(
-        self,
-        prospect: MassProspect,
-        envelope: Envelope,
-        at_rad: FloatArray,
-        period_s: float,
-        rng: np.random.Generator,
-    ) -> None:
-        self._prospect, self._envelope, self._at, self._rng = prospect, envelope, at_rad, rng
+    def __init__(self, search: WiggleSearch, period_s: float, rng: np.random.Generator) -> None:
+        self._prospect, self._envelope, self._at, self._rng = search.prospect, search.envelope, search.at_rad, rng
         self._period_s = period_s
         self._harmonics = int(np.clip(round(_FASTEST_HZ * period_s), 1, _MOST_HARMONICS))
         self._times_s = np.arange(_SAMPLES * self._harmonics) * (period_s / (_SAMPLES * self._harmonics))
-        joints = envelope.joints
+        joints = self._envelope.joints
         self._room = np.stack(
             [
-                np.minimum(joints.position_max_rad - at_rad, at_rad - joints.position_min_rad),
+                np.minimum(joints.position_max_rad - self._at, self._at - joints.position_min_rad),
                 joints.velocity_max_rad_s,
                 joints.acceleration_max_rad_s2,
                 joints.jerk_max_rad_s3,

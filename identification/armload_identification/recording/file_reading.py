@@ -67,17 +67,17 @@ def read_recording(
     excitation = None if text is None else parse_excitation(text, f"{path}, attachment {EXCITATION_ATTACHMENT}")
     shown = path if options.episode is None else path.with_name(f"{path.name} episode {options.episode}")
     for reduction in _reductions(shown, excitation):
+        read = _Reading(reader, GarbageFilter(shown, with_effort=with_effort), excitation, between_s)
         try:
-            garbage, account = GarbageFilter(shown, with_effort=with_effort), ReadingAccount()
             # One thread: a second one saves no time with products of blocks, and costs half of the processor time.
             with threadpool_limits(1):
-                return _read_once(reader, account, garbage, excitation, reduction, short_rows, between_s)
+                return read.recording(reduction, short_rows)
         except WrongReduction:
             continue
         except WrongUnit as error:
-            if account.columns is None or not error.factors.keys().isdisjoint(account.columns[0].scale):
+            if read.account.columns is None or not error.factors.keys().isdisjoint(read.account.columns[0].scale):
                 raise
-            columns, names = account.columns
+            columns, names = read.account.columns
             option = columns.in_units(error.factors).option(names)
             raise RecordingError(f"{error} Or specify the unit: {option}.") from None
     raise RecordingError(f"{path}: the recording cannot be reduced. Record it again.")
@@ -91,61 +91,63 @@ def _reductions(path: Path, excitation: Excitation | None) -> Iterator[Callable[
     yield lambda: TimeAverager(excitation)
 
 
-def _read_once(
-    reader: RecordingReader,
-    account: ReadingAccount,
-    garbage: GarbageFilter,
-    excitation: Excitation | None,
-    reduction_of: Callable[[], Reduction],
-    short_rows: int,
-    between_s: tuple[float, float] | None,
-) -> Recording:
-    """Read once, with the given reduction if the run is long."""
-    kept: list[RowBlock] = []
-    size = 0
-    reduction: Reduction | None = None
-    part = _TimeSelection(between_s)
-    for rows in part.of(_usable_rows(reader, account, garbage, excitation)):
-        size += rows.size
-        if reduction is not None:
-            reduction.add(rows)
-            continue
-        kept.append(rows)
-        if size > short_rows:
-            reduction = reduction_of()
-            while kept:
-                reduction.add(kept.pop(0))
-    part.require_any(garbage.path)
-    garbage.require_enough(size, account.rows_read, {**account.reasons, **part.reasons})
-    reasons = {**account.reasons, **garbage.reasons}
-    source = RecordingSource(
-        path=garbage.path,
-        sha256=account.sha256,
-        kind=reader.kind,
-        rows_read=account.rows_read,
-        rows_dropped=sum(reasons.values()),
-        reasons=reasons,
-        attachments=dict(reader.attachments),
-        truncated=account.truncated,
-        joint_names=account.joint_names,
-        between_s=between_s,
-        remarks=account.remarks,
-    )
-    return recording_of(joined(kept), excitation, source) if reduction is None else reduction.recording(source)
+class _Reading:
+    """A file while it is read once; `between_s` selects rows by the time since the first one."""
 
-
-class _TimeSelection:
-    """Selects the rows between two times since the first row, in s; all rows without such times."""
-
-    def __init__(self, between_s: tuple[float, float] | None) -> None:
-        self._between_s = between_s
+    def __init__(
+        self,
+        reader: RecordingReader,
+        garbage: GarbageFilter,
+        excitation: Excitation | None,
+        between_s: tuple[float, float] | None,
+    ) -> None:
+        self._reader, self._garbage, self._excitation, self._between_s = reader, garbage, excitation, between_s
+        self._path = garbage.path
+        self.account = ReadingAccount()
         self._start_s: float | None = None
         self._last_s = 0.0
         self._chosen = self._outside = 0
 
-    def of(self, blocks: Iterator[RowBlock]) -> Iterator[RowBlock]:
-        """The selected rows of each block."""
-        for rows in blocks:
+    def recording(self, reduction_of: Callable[[], Reduction], short_rows: int) -> Recording:
+        """The recording, with the given reduction if the run is long."""
+        kept: list[RowBlock] = []
+        size = 0
+        reduction: Reduction | None = None
+        for rows in self._selected_rows():
+            size += rows.size
+            if reduction is not None:
+                reduction.add(rows)
+                continue
+            kept.append(rows)
+            if size > short_rows:
+                reduction = reduction_of()
+                while kept:
+                    reduction.add(kept.pop(0))
+        self._require_any()
+        account = self.account
+        outside = {"outside `between_s=`": self._outside} if self._outside else {}
+        self._garbage.require_enough(size, account.rows_read, {**account.reasons, **outside})
+        reasons = {**account.reasons, **self._garbage.reasons}
+        source = RecordingSource(
+            path=self._path,
+            sha256=account.sha256,
+            kind=self._reader.kind,
+            rows_read=account.rows_read,
+            rows_dropped=sum(reasons.values()),
+            reasons=reasons,
+            attachments=dict(self._reader.attachments),
+            truncated=account.truncated,
+            joint_names=account.joint_names,
+            between_s=self._between_s,
+            remarks=account.remarks,
+        )
+        if reduction is not None:
+            return reduction.recording(source)
+        return recording_of(joined(kept), self._excitation, source)
+
+    def _selected_rows(self) -> Iterator[RowBlock]:
+        """The usable rows between the two times; all of them without such times."""
+        for rows in self._usable_rows():
             if self._between_s is None or not rows.size:
                 yield rows
                 continue
@@ -157,38 +159,30 @@ class _TimeSelection:
             self._outside += int((~chosen).sum())
             yield rows.rows(chosen)
 
-    @property
-    def reasons(self) -> dict[str, int]:
-        """Number of rows that were not selected, by reason."""
-        return {"outside `between_s=`": self._outside} if self._outside else {}
-
-    def require_any(self, path: Path) -> None:
+    def _require_any(self) -> None:
         """Raise `RecordingError` if the file has rows, but none between the two times."""
         if self._between_s is not None and self._start_s is not None and not self._chosen:
             begin_s, end_s = self._between_s
             raise RecordingError(
-                f"{path}: no row between {begin_s:g} and {end_s:g} s (`between_s=`): the recording has rows from 0 to "
-                f"{self._last_s:.1f} s."
+                f"{self._path}: no row between {begin_s:g} and {end_s:g} s (`between_s=`): the recording has rows from "
+                f"0 to {self._last_s:.1f} s."
             )
 
+    def _usable_rows(self) -> Iterator[RowBlock]:
+        """The usable rows of the file; the phase is dropped without an excitation."""
+        for block in self._blocks():
+            yield from self._garbage.add(block if self._excitation is not None else replace(block, phase_s=None))
+        yield from self._garbage.finish()
 
-def _usable_rows(
-    reader: RecordingReader, account: ReadingAccount, garbage: GarbageFilter, excitation: Excitation | None
-) -> Iterator[RowBlock]:
-    """The usable rows of a file; the phase is dropped without an excitation."""
-    for block in _blocks(reader, account, garbage.path):
-        yield from garbage.add(block if excitation is not None else replace(block, phase_s=None))
-    yield from garbage.finish()
-
-
-def _blocks(reader: RecordingReader, account: ReadingAccount, path: Path) -> Iterator[RowBlock]:
-    """The reader's blocks, up to a length that no recording of an arm has, but a small compressed file may."""
-    positions = 0
-    with reading(path):
-        for block in reader.blocks(account):
-            positions += block.position_rad.size
-            if positions > MOST_POSITIONS:
-                raise RecordingError(
-                    f"{path}: more than {MOST_POSITIONS // block.n:,} rows of {block.n} joints. Split the recording."
-                )
-            yield block
+    def _blocks(self) -> Iterator[RowBlock]:
+        """The reader's blocks, up to a length that no recording of an arm has, but a small compressed file may."""
+        positions = 0
+        with reading(self._path):
+            for block in self._reader.blocks(self.account):
+                positions += block.position_rad.size
+                if positions > MOST_POSITIONS:
+                    raise RecordingError(
+                        f"{self._path}: more than {MOST_POSITIONS // block.n:,} rows of {block.n} joints. Split the "
+                        "recording."
+                    )
+                yield block

@@ -30,7 +30,7 @@ from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drive_pdos import Pdo
 from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
 from armload_drivers.simulation.lockstep_bus import LockstepBus
-from armload_drivers.simulation.plant_interface import EncoderFault, Plant
+from armload_drivers.simulation.plant_interface import EncoderFault, Plant, PlantAxis
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
 WAKE_S = 0.002
@@ -90,8 +90,7 @@ class SimulatedDrives:
         self._drives = {
             drive.node_id: SimulatedDrive(
                 drive,
-                axis,
-                plant,
+                PlantAxis(plant, axis),
                 cycle_s=arm.cycle_s,
                 traits=chosen.get(drive.node_id, DriveTraits()),
                 send=self._send,

@@ -28,7 +28,7 @@ from armload_drivers.cia402.process_data.process_image import effort_entry
 from armload_drivers.cia402.state_machine import FAULT_RESET_BIT, POWERED, Command, DriveMachine, State
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.sdo_server import Abort, Dictionary, SdoAbort
-from armload_drivers.simulation.plant_interface import Plant
+from armload_drivers.simulation.plant_interface import PlantAxis
 
 FOLLOWING_ERROR = 0x8611
 
@@ -59,8 +59,7 @@ class PowerStage:
     Args:
         settings: The configured drive.
         traits: Deviations of the drive.
-        axis: Its axis in the plant.
-        plant: The plant; the axis is initially without torque.
+        moved: The axis that it moves, initially without torque.
         dictionary: The drive's objects; those of CiA 402 are updated here.
         report: Called with the code of an error.
 
@@ -72,15 +71,14 @@ class PowerStage:
         self,
         settings: DriveSettings,
         traits: DriveTraits,
-        axis: int,
+        moved: PlantAxis,
         *,
-        plant: Plant,
         dictionary: Dictionary,
         report: Report,
     ) -> None:
         self.machine = DriveMachine()
         self._settings, self._traits = settings, traits
-        self._axis, self._plant = axis, plant
+        self._plant, self._axis = moved
         self._values = dictionary.values
         self._report = report
         self._now_s = 0.0

@@ -28,7 +28,7 @@ from armload_drivers.simulation.drives.drive_pdos import Pdo
 from armload_drivers.simulation.drives.eds_objects import describe, pdo_count
 from armload_drivers.simulation.drives.power_stage import PowerStage
 from armload_drivers.simulation.drives.sdo_server import SdoServer
-from armload_drivers.simulation.plant_interface import Plant
+from armload_drivers.simulation.plant_interface import PlantAxis
 
 HEARTBEAT_LOST = 0x8130
 PDO_TOO_SHORT = 0x8210
@@ -52,8 +52,7 @@ class SimulatedDrive:
 
     Args:
         settings: The configured drive.
-        axis: Its axis in the plant.
-        plant: The plant that it drives.
+        moved: The axis that it drives.
         cycle_s: Configured cycle.
         traits: Deviations from the configured drive.
         send: Sends a frame.
@@ -70,8 +69,7 @@ class SimulatedDrive:
     def __init__(
         self,
         settings: DriveSettings,
-        axis: int,
-        plant: Plant,
+        moved: PlantAxis,
         *,
         cycle_s: float,
         traits: DriveTraits,
@@ -82,7 +80,7 @@ class SimulatedDrive:
         self.dropped_feedback = 0
         self.state: NmtState | None = None
         self._settings, self._traits = settings, traits
-        self._axis, self._plant = axis, plant
+        self._moved = moved
         self._cycle_s = cycle_s
         self._send, self._rerouted = send, rerouted
         self._initialise()
@@ -99,8 +97,7 @@ class SimulatedDrive:
         self.power = PowerStage(
             self._settings,
             self._traits,
-            self._axis,
-            plant=self._plant,
+            self._moved,
             dictionary=dictionary,
             report=self._report_fault,
         )
@@ -159,7 +156,7 @@ class SimulatedDrive:
         self.power.remove_torque()
         now_s = self._now_s
         self._initialise()
-        self._plant.keep_braked(self._axis, False)
+        self._moved.plant.keep_braked(self._moved.axis, False)
         self._pass_time(now_s)
         self._restart_heartbeat()
         self.power.machine.initialised()

@@ -179,7 +179,7 @@ def test_the_verdict_is_about_the_validation_runs(commissioned, short_robot):
     robot = load_robot(str(short_robot))
     loaded, unloaded = (read_recording(output / f"{load}_validation.mcap") for load in ("loaded", "unloaded"))
     payload = read_payload(output / "payload.toml")
-    judged = validate(loaded, unloaded, robot.chain, robot.drives.transmission, payload)
+    judged = validate((loaded, unloaded), robot.chain, robot.drives.transmission, payload)
     for name, residual in zip(robot.joint_names, judged.left_in_band_nm, strict=True):
         row = next(line for line in printed.splitlines() if name in line)
         assert f"{residual:.3f}" in row

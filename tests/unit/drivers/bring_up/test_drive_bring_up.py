@@ -30,7 +30,7 @@ from armload_drivers.driver_errors import (
 )
 from armload_drivers.simulation.drives.drive_dictionary import CELSIUS, DriveTraits
 from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
-from armload_drivers.simulation.plant_interface import IdealPlant
+from armload_drivers.simulation.plant_interface import IdealPlant, PlantAxis
 
 SHORT = Timeouts(probe_s=0.01, sdo_s=0.01, mode_s=0.02, fault_reset_s=0.05)
 MASTER = 127
@@ -45,8 +45,7 @@ class Bench:
         actual = (drive_arm or arm).drives[0]
         self.drive = SimulatedDrive(
             actual,
-            0,
-            IdealPlant(np.array([0.25])),
+            PlantAxis(IdealPlant(np.array([0.25])), 0),
             cycle_s=0.01,
             traits=DriveTraits(**traits),
             send=self._send,

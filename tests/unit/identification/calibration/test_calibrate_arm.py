@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from armload_identification.calibration import calibrate_arm as calibrate_module
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.calibration.calibrate_arm import calibrate_arm
 from armload_identification.calibration.calibration_constants import Contradiction, OtherMounting
+from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun, WeighedPayload
 from armload_identification.calibration.run_health import run_health
 from armload_identification.estimation import solve as solve_module
 from armload_identification.estimation.arm_rows import run_signals
@@ -19,7 +20,7 @@ from armload_identification.estimation.base_tilt import tilt_axes
 from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.identification_errors import EstimationError, ModelError, RecordingError
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.run_format import RUN_ATTACHMENT
@@ -112,17 +113,9 @@ def named(run, name):
     return replace(run, source=replace(run.source, path=run.source.path.with_name(f"{name}.mcap"), sha256=name))
 
 
-def calibrated(runs, weighed, arm, nominal, chain=None, **more):
-    return calibrate_arm(
-        runs,
-        weighed,
-        chain or arm.chain,
-        nominal,
-        robot="test",
-        armload_version="0",
-        configuration_sha256="c" * 64,
-        **more,
-    )
+def calibrated(runs, weighed, arm, nominal, chain=None, left_out=(), **more):
+    given, made = ArmRuns(tuple(runs), weighed, tuple(left_out)), Provenance("0", "c" * 64, {})
+    return calibrate_arm(given, chain or arm.chain, nominal, robot="test", made=made, **more)
 
 
 @pytest.fixture(scope="module")
@@ -562,7 +555,7 @@ def test_a_run_by_itself_shows_other_gains_and_friction_beside_an_unknown_payloa
     current[:, 3] += more * np.tanh(speed / 0.02) / pinocchio_arm.transmission.gain_nm_a[3]
 
     def health(run, mounting=None):
-        return run_health(run, result, arm.chain, nominal, name="run", mounting=mounting)
+        return run_health(run, result, arm.chain, nominal, mounting=mounting)
 
     before, after = health(found), health(replace(found, current_a=current))
     for one in (before, after):
@@ -586,11 +579,11 @@ def test_a_joint_that_stands_still_in_a_run_has_no_health(result, runs, pinocchi
     position = run.position_rad.copy()
     position[:, 0] = position[0, 0]
     one = replace(run, position_rad=position)
-    still = run_health(one, result, pinocchio_arm.chain, nominal, name="run", mounting="")
+    still = run_health(one, result, pinocchio_arm.chain, nominal, mounting="")
     assert np.isnan(still.gain_change[0])
     assert np.isnan(still.friction_nm[0])
     assert np.isnan(still.residual[0])
     assert np.isfinite(still.gain_change[1:]).all()
     frozen = replace(run, position_rad=np.tile(position[0], (len(position), 1)) + 1e-9 * run.position_rad)
     with pytest.raises(RecordingError, match="no joint moves"):
-        run_health(frozen, result, pinocchio_arm.chain, nominal, name="run")
+        run_health(frozen, result, pinocchio_arm.chain, nominal)

@@ -23,7 +23,7 @@ from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.pipeline.any_motion import FLOOR_KG, identify_windows
 from armload_identification.pipeline.mass_prospect import MassProspect
 from armload_identification.pipeline.payload_identification import identify
-from armload_identification.pipeline.wiggle import shortest_wiggle
+from armload_identification.pipeline.wiggle import WiggleSearch
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording
 from armload_identification.results.payload_over_time import PayloadOverTime
@@ -286,8 +286,7 @@ def wiggle(pinocchio_arm, known, about):
 
 def found_about(prospect, about, wanted_kg, objection=lambda trajectory: None, progress=lambda done, total: None):
     place, envelope = about
-    with_nothing = {"step_s": 0.01, "seed": 1, "objection": objection, "progress": progress}
-    return shortest_wiggle(prospect, envelope, place, wanted_kg, **with_nothing)
+    return WiggleSearch(prospect, envelope, place, 0.01, objection).shortest(wanted_kg, 1, progress)
 
 
 def test_a_wiggle_of_some_degrees_shows_the_mass_as_well_as_promised(pinocchio_arm, known, about, wiggle):

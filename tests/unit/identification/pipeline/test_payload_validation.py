@@ -57,7 +57,7 @@ def measured(second_pair, pinocchio_arm):
 
 
 def test_the_right_payload_is_right(second_pair, pinocchio_arm, payload):
-    result = validate(*second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
+    result = validate(second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
     assert result.outcome is Outcome.RIGHT
     agreement = result.verdict.agreement
     np.testing.assert_allclose(agreement.difference[0], result.measured.parameters.mass_kg - payload.model.mass_kg)
@@ -121,7 +121,7 @@ def test_a_joint_whose_gain_is_off_is_named(pinocchio_arm, payload):
     factor = np.array([1.0, 1.0, 0.92, 1.0, 1.0, 1.0])
     pair = [pinocchio_arm.run(trajectory, load, seed=31 + load) for load in (True, False)]
     pair = [replace(run, current_a=run.current_a * factor) for run in pair]
-    result = validate(*pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
+    result = validate(pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
     odd = result.verdict.of_measured
     assert odd.disagree[2]
     assert np.nanargmin(np.where(odd.determined, odd.scale, np.nan)) == 2
@@ -133,8 +133,8 @@ def test_nominal_gains_in_common_hardly_widen_the_comparison(second_pair, pinocc
     trajectory = pinocchio_arm.trajectory(seed=3)
     pair = [pinocchio_arm.run(trajectory, load, seed=21 + load) for load in (True, False)]
     found = payload_result(identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission), "0", "0" * 64)
-    common = validate(*second_pair, pinocchio_arm.chain, pinocchio_arm.transmission, found).verdict.agreement
-    none = validate(*second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload).verdict.agreement
+    common = validate(second_pair, pinocchio_arm.chain, pinocchio_arm.transmission, found).verdict.agreement
+    none = validate(second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload).verdict.agreement
     by_its_own = identify(*second_pair, pinocchio_arm.chain, pinocchio_arm.transmission)
     apart = judge(by_its_own, pinocchio_arm.chain, known_payload(found), Tolerance()).verdict.agreement
     deviation = [np.sqrt(agreement.covariance[0, 0]) for agreement in (none, common, apart)]
@@ -152,7 +152,7 @@ def test_a_weighed_mass_leaves_no_common_error_of_the_gains(second_pair, pinocch
         common = np.sqrt(found.mass_center.gain_covariance.mean())
         common /= NominalGain.common_deviation
         assert common > 0.9 if known is None else common < 0.6
-        validation = validate(*second_pair, arm.chain, arm.transmission, payload_result(found, "0", "0" * 64))
+        validation = validate(second_pair, arm.chain, arm.transmission, payload_result(found, "0", "0" * 64))
         assert validation.outcome is Outcome.RIGHT
         noticeable.append(validation.verdict.agreement.noticeable_kg)
     assert noticeable[1] < noticeable[0]
@@ -219,7 +219,7 @@ def test_intervals_and_covariance_agree(payload):
 def test_recordings_of_another_arm_are_refused(second_pair, pinocchio_arm, payload):
     head = Transmission(np.ones(3), np.eye(3))
     with pytest.raises(RecordingError, match="has 6 joints, the robot 3"):
-        validate(*second_pair, pinocchio_arm.chain.head(3), head, payload)
+        validate(second_pair, pinocchio_arm.chain.head(3), head, payload)
 
 
 def test_the_residual_is_that_of_single_samples(second_pair, measured, pinocchio_arm, payload):
@@ -235,6 +235,6 @@ def test_one_period_is_enough_for_a_verdict(pinocchio_arm, payload):
     """Its noise is measured above the motion's band."""
     trajectory = pinocchio_arm.trajectory(seed=8)
     pair = [pinocchio_arm.run(trajectory, load, seed=41 + load, periods=1) for load in (True, False)]
-    result = validate(*pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
+    result = validate(pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
     np.testing.assert_allclose(result.signal.noise_nm, np.sqrt(2.0) * pinocchio_arm.noise_nm, rtol=0.15)
     assert result.outcome is Outcome.RIGHT

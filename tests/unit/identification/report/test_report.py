@@ -113,7 +113,7 @@ def noisy(pinocchio_arm):
 
 @pytest.fixture(scope="module")
 def validation(pair, clear, pinocchio_arm):
-    return validate(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, subject(clear).payload)
+    return validate(pair, pinocchio_arm.chain, pinocchio_arm.transmission, subject(clear).payload)
 
 
 @pytest.fixture

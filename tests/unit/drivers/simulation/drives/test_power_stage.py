@@ -9,6 +9,7 @@ from armload_drivers.cia402.state_machine import State
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits, build_dictionary
 from armload_drivers.simulation.drives.power_stage import FOLLOWING_ERROR, PowerStage
 from armload_drivers.simulation.drives.sdo_server import SdoAbort
+from armload_drivers.simulation.plant_interface import PlantAxis
 
 pytestmark = pytest.mark.pure
 
@@ -50,7 +51,7 @@ class Stage:
         self.values, self.vetoes = dictionary.values, dictionary.vetoes
         self.codes = []
         self.power = PowerStage(
-            settings, self.traits, 1, plant=self.plant, dictionary=dictionary, report=self.codes.append
+            settings, self.traits, PlantAxis(self.plant, 1), dictionary=dictionary, report=self.codes.append
         )
         self.values[od.MODE.key] = settings.mode.value
         dictionary.reactions[od.MODE.key]()

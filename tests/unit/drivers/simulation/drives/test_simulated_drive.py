@@ -18,7 +18,7 @@ from armload_drivers.simulation.drives.simulated_drive import (
     SYNC_LENGTH,
     SimulatedDrive,
 )
-from armload_drivers.simulation.plant_interface import IdealPlant
+from armload_drivers.simulation.plant_interface import IdealPlant, PlantAxis
 
 pytestmark = pytest.mark.pure
 
@@ -36,8 +36,7 @@ class Slave:
         self.rerouted = 0
         self.drive = SimulatedDrive(
             settings,
-            0,
-            IdealPlant(np.zeros(1)),
+            PlantAxis(IdealPlant(np.zeros(1)), 0),
             cycle_s=0.01,
             traits=DriveTraits(**traits),
             send=lambda cob_id, data: self.sent.append((cob_id, bytes(data))),
