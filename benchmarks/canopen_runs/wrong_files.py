@@ -1,7 +1,7 @@
 """Which mistakes of a robot's file the unloaded slow round names: prints a table of `controller/FOUND.md`.
 
 The arm of every mistake in `benchmarks/arms/misread_arm.py` is moved, empty, by fakes in virtual time, up to the end of
-its first slow round.
+its first slow round, or to where the torque window stops it.
 """
 
 from __future__ import annotations
@@ -69,8 +69,9 @@ def named(number: int) -> str:
     try:
         with run_session(robot, SessionLoad.UNLOADED, opened, no_operator()) as session:
             session.run(path, ROBOT, look=look)
-    except SlowRoundOver:
-        return "; ".join(texts) or "no"
+    except SlowRoundOver as over:
+        stopped = "stopped by the torque window; " if isinstance(over.__context__, MotionError) else ""
+        return stopped + ("; ".join(texts) or "no")
     except MotionError as error:
         return f"stopped: {str(error).splitlines()[0]}"
     raise RuntimeError("the run was not ended")

@@ -45,6 +45,9 @@ EXPLAINS_SHARE = 0.9
 """Joints whose scale explains this share of what the best one's explains are named as well."""
 ZERO_SHARE = 0.05
 """Share of a joint's torque limit by which its zero may be wrong. Without faults: 0.02 on the simulated arms."""
+ROWS_PER_MOMENT = 1.5
+"""Least number of averaged rows per first moment of a link. A third more: exchanged, prbt's joints 2 and 3 stop the arm
+before they are named."""
 _FIRST_MOMENTS = 4
 """Mass and first moments: the parameters that gravity torque depends on."""
 _CUT = 1e-9
@@ -83,20 +86,21 @@ class SlowRoundRows:
             self._efforts.append(effort)
 
     def fitted(self, joint_names: tuple[str, ...], chain: Chain, transmission: Transmission) -> SlowRound | None:
-        """The fit of these rows; None if there are too few.
+        """The fit of these rows; None if there are too few, or no joint has moved.
 
         Raises:
             FeedbackError: a joint's torque is missing or reversed.
         """
         count = len(self._positions) // self._every
-        if count < 2 * _FIRST_MOMENTS * chain.n:
+        if count < ROWS_PER_MOMENT * _FIRST_MOMENTS * chain.n:
             return None
         position, effort = (
             np.array(rows[: count * self._every]).reshape(count, self._every, chain.n).mean(axis=1)
             for rows in (self._positions, self._efforts)
         )
         torque = transmission.reported_torque(effort) if self._is_torque else transmission.joint_torque(effort)
-        return SlowRound(joint_names, chain, position, torque)
+        found = SlowRound(joint_names, chain, position, torque)
+        return found if len(found.moved) else None
 
 
 @dataclass(frozen=True)

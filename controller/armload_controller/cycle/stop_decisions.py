@@ -154,7 +154,7 @@ DECISIONS: dict[Cause, Reaction] = {
     Cause.FOLLOWING_ERROR: Reaction(
         _QUICK, "look for a collision, an engaged brake, a wrong gear ratio or too small a following error window"
     ),
-    Cause.TORQUE: Reaction(_QUICK, "look for a collision, a payload other than the expected one, or a wrong scale"),
+    Cause.TORQUE: Reaction(_QUICK, "look for a collision, an unexpected payload, or a torque of wrong scale or sign"),
     Cause.OFFSET: Reaction(_ALONG, "correct the drive's or the configuration's scaling, or run without feed-forward"),
     Cause.BLOCKED: Reaction(_ALONG, "move the arm by other means to where the straight path to the start is free"),
     Cause.BEYOND_LIMIT: Reaction(_ALONG, "move the arm back within its limits by other means"),

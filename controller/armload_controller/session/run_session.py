@@ -24,7 +24,7 @@ from armload_controller.config.robot import Robot
 from armload_controller.control_errors import CommissioningError, MotionError
 from armload_controller.cycle.control_cycle import Cycle, Hold, not_switched_on, require_going, stop_message
 from armload_controller.cycle.feedback_truth import FeedbackError, FeedbackTruth
-from armload_controller.cycle.monitors import CycleSummary, FollowingMonitor, TorqueWindow
+from armload_controller.cycle.monitors import CycleSummary, FollowingMonitor, TorqueError, TorqueWindow
 from armload_controller.cycle.plugins import CyclePlugin
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
@@ -268,7 +268,7 @@ class RunSession:
                     first=True,
                 )
                 self._has_moved = True
-            with display.track(f"{name}, slow round", BAR) as progress:
+            with display.track(f"{name}, slow round", BAR) as progress, self._explained(rows, look):
                 run_leg(cycle, path, path.slow, progress, go_round=go_round)
             for text in self._warnings_after(rows, look):
                 display.step(f"warning: {text}")
@@ -332,6 +332,23 @@ class RunSession:
         robot, cycle_s = self.robot, self._servos.cycle_s
         following = FollowingMonitor(robot.limits.motion, robot.bus.max_missing_cycles)
         return following, feedback_truth(robot, cycle_s), torque_window(robot, self.load, cycle_s)
+
+    @contextmanager
+    def _explained(self, rows: SlowRoundRows, look: Callable[[SlowRoundRows], list[str]]) -> Iterator[None]:
+        """Add to the error of an unexpected torque what the slow round has shown so far."""
+        try:
+            yield
+        except MotionError as error:
+            if not isinstance(error.__cause__, TorqueError):
+                raise
+            try:
+                found = self._warnings_after(rows, look)
+            except MotionError as wrong:
+                found = [str(wrong.__cause__)]
+            if not found:
+                raise
+            message = f"{error} The slow round until then: {'; '.join(found)}"
+            raise MotionError(message, error.last_feedback) from error.__cause__
 
     def _warnings_after(self, rows: SlowRoundRows, look: Callable[[SlowRoundRows], list[str]]) -> list[str]:
         """Warnings for the operator after a slow round."""

@@ -124,8 +124,15 @@ def test_rows_are_averaged_and_converted(pinocchio_arm, slow, as_torque):
 
 def test_too_few_rows_and_rows_without_torque_show_nothing(pinocchio_arm):
     rows = SlowRoundRows(AVERAGED_S)
-    for _ in range(40):
-        rows.add(np.zeros(6), np.ones(6), None)
+    for _ in range(35):
+        rows.add(np.linspace(0.0, 1.0, 6), np.ones(6), None)
     for _ in range(1000):
         rows.add(np.zeros(6), None, None)
+    assert rows.fitted(NAMES, pinocchio_arm.chain, pinocchio_arm.transmission) is None
+
+
+def test_a_slow_round_in_which_no_joint_moves_shows_nothing(pinocchio_arm):
+    rows = SlowRoundRows(AVERAGED_S)
+    for _ in range(100):
+        rows.add(np.zeros(6), np.ones(6), None)
     assert rows.fitted(NAMES, pinocchio_arm.chain, pinocchio_arm.transmission) is None

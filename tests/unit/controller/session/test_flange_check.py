@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 
 from armload_controller.analysis.arm_in_use import arm_in_use
 from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import MotionError
 from armload_controller.cycle.slow_round_torque import AVERAGED_S, SlowRoundRows
 from armload_controller.session import flange_check
 from armload_controller.session.commissioning import CommissioningPlan, record_half, recording_path
@@ -22,6 +23,7 @@ from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.payload import InertialParameters
 from benchmarks.arms.misread_arm import (
+    MisreadPlant,
     Mistake,
     displaced_zero,
     exchanged,
@@ -30,6 +32,7 @@ from benchmarks.arms.misread_arm import (
     scaled_torque,
     tilted_base,
 )
+from benchmarks.arms.setups import Twin, twin_spec
 from tests.short_commissioning import MIDDLE_RAD, least_robot, record
 from tests.unit.conftest import pinocchio_model
 
@@ -78,6 +81,14 @@ def slow_round(payload, seed=0, mistake=RIGHT):
 def test_a_mistake_in_the_file_is_named_with_what_to_change(mistake, text):
     (found,) = unloaded_doubts(PRBT, ARM, slow_round(None, mistake=mistake))
     assert re.match(f"the weight of the arm is not as expected. {text}", found), found
+
+
+@pytest.mark.long
+def test_a_stop_by_the_torque_window_in_the_slow_round_names_the_mistake(tmp_path):
+    plant = MisreadPlant(twin_spec(PRBT, Twin.NORMATIVE, None), exchanged(6, 1, 2))
+    named = "prbt_joint_2 and prbt_joint_3 seem to be exchanged: exchange their node_id"
+    with pytest.raises(MotionError, match=f"torque is not as expected: .*Next: .*until then: .*{named}"):
+        record(PRBT, tmp_path, lambda: FakeServos(PRBT.drives.settings, plant), (SessionLoad.UNLOADED,))
 
 
 @pytest.mark.parametrize("seed", range(6))
