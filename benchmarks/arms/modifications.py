@@ -51,7 +51,7 @@ class ModifiedRun:
     def states(self) -> JointStates:
         """(N, n) each: motion at the rows."""
         path = fit_motion(self.run.time_s, self.run.position_rad)
-        elapsed_s = self.run.time_s - path.start_s
+        elapsed_s = self.run.time_s - self.run.time_s[0]
         return JointStates(*(np.ascontiguousarray(path.spline(elapsed_s, order)) for order in range(3)))
 
     @property

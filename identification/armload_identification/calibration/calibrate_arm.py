@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -22,7 +22,7 @@ from armload_identification.calibration.mounted_runs import WEIGHED_WITHIN, ArmR
 from armload_identification.calibration.mounting_mistakes import Turn, most_steps, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import ArmKnowledge, explain
-from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows, base_links, run_signals
+from armload_identification.estimation.arm_rows import RunSignals, arm_rows, base_links, run_signals
 from armload_identification.estimation.arm_terms import (
     CHANGES,
     COULOMB,
@@ -51,6 +51,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.recording.reading_options import Effort
+from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
@@ -97,6 +98,16 @@ def calibrate_arm(
         return _Calibration(runs, chain, transmission, progress).result(robot, made)
 
 
+@dataclass(frozen=True, eq=False)
+class _UsedRun:
+    """A run that is used, and its name: the file's, with enough folders to be unique."""
+
+    name: str
+    given: MountedRun
+    signals: RunSignals
+    rows: RunRows
+
+
 class _Calibration:
     """The runs that are used, and the excluded ones."""
 
@@ -106,88 +117,78 @@ class _Calibration:
         self._total = 2 * len(given.runs) + most_steps(chain)
         self._base = base_links(base_columns(chain, transmission.coupling), chain.n)
         self._done = 0
-        self._used: list[MountedRun] = []
-        self._signals: list[RunSignals] = []
+        readable: list[tuple[str, MountedRun, RunSignals]] = []
         names = _distinct([run.recording.source.path for run in given.runs])
-        # Copies, because the same run may be given twice.
-        runs = [replace(run) for run in given.runs]
-        self._names = {id(run): name for run, name in zip(runs, names, strict=True)}
-        for run in runs:
-            self._read(run)
+        for name, run in zip(names, given.runs, strict=True):
+            signals = self._read(name, run.recording)
+            readable += [] if signals is None else [(name, run, signals)]
             self._advance()
-        self._refuse_other_effort()
-        if not self._used:
+        torque = [signals.from_torque for _, _, signals in readable]
+        self._from_torque = 2 * sum(torque) > len(torque)
+        alike = [run for run in readable if self._is_of_usual_effort(run[0], run[2])]
+        if not alike:
             reasons = "; ".join(f"{name}: {reason}" for name, reason in self._left_out) or "no recording was given"
             raise EstimationError(f"no recording can be used ({reasons.rstrip('.')}).")
-        self._peak = np.max([run.peak_rad_s for run in self._signals], axis=0)
-        self._rows: list[ArmRows] = []
-        for run, signals in zip(self._used, self._signals, strict=True):
-            self._rows.append(self._rows_of(signals, run.mounting, chain))
+        self._peak = np.max([signals.peak_rad_s for _, _, signals in alike], axis=0)
+        self._used: list[_UsedRun] = []
+        for name, run, signals in alike:
+            self._used.append(_UsedRun(name, run, signals, self._rows_of(signals, run.mounting, chain)))
             self._advance()
 
     def result(self, robot: str, made: Provenance) -> ArmCalibration:
         """Fit until no run contradicts the others."""
         self._refuse_too_little()
         self._refuse_other_mounting()
-        fit = self._fit()
+        fit = self._fitted(self._used)
         while len(self._used) > 1:
             deviates = [float(fit.deviates(index).max()) for index in range(len(fit.groups))]
             worst = int(np.argmax(deviates))
-            rows, least = self._rows_and_least([index for index in range(len(deviates)) if index != worst])
+            others = [run for index, run in enumerate(self._used) if index != worst]
+            rows, least = self._rows_and_least(others)
             # The rest of a short pair fits whatever it is, so that nothing contradicts it.
             if deviates[worst] < Calibrating.suspect or rows < least:
                 break
-            without = self._fit(worst)
+            without = self._fitted(others)
             quieter = (fit.noise_nm / without.noise_nm).max() >= Calibrating.quieter
             if deviates[worst] < Contradiction.contradicts and not quieter:
                 break
-            self._leave_out(worst, without)
-            fit = without
+            self._leave_out(self._used[worst], without)
+            fit, self._used = without, others
         warnings = [*self._mass_warnings(fit), *self._friction_warnings(fit)]
-        found = self._named(fit, warnings, robot, replace(made, recordings_sha256=self._hashes()))
+        hashes = {run.name: run.given.recording.source.sha256 for run in self._used}
+        found = self._named(fit, warnings, robot, replace(made, recordings_sha256=hashes))
         return replace(found, warnings=(*found.warnings, *self._motion_warnings(found)))
-
-    def _hashes(self) -> dict[str, str]:
-        return {self._name(run): run.recording.source.sha256 for run in self._used}
-
-    def _name(self, run: MountedRun) -> str:
-        """File name, with enough folders to be unique."""
-        return self._names[id(run)]
 
     def _advance(self, count: int = 1) -> None:
         self._done += count
         self._progress(min(self._done, self._total), self._total)
 
-    def _read(self, run: MountedRun) -> None:
-        """Add a run, or record why it cannot be used."""
-        name = self._name(run)
+    def _read(self, name: str, recording: Recording) -> RunSignals | None:
+        """The signals of a run; None, with the reason recorded, if it cannot be used."""
+        path = recording.source.path
         try:
-            require_usable([run.recording], self._chain.n, self._transmission)
-            signals = run_signals(run.recording, self._transmission)
+            require_usable([recording], self._chain.n, self._transmission)
+            signals = run_signals(recording, self._transmission)
             if not signals.has_rows:
                 raise RecordingError(
-                    f"{run.recording.source.path}: no third of a second is without a gap of more than 0.1 s: record it "
-                    "at 20 Hz or more"
+                    f"{path}: no third of a second is without a gap of more than 0.1 s: record it at 20 Hz or more"
                 )
-            self._signals.append(signals)
         except IdentificationError as problem:
-            self._left_out.append((name, str(problem).removeprefix(f"{run.recording.source.path}: ")))
-            return
-        self._used.append(run)
+            self._left_out.append((name, str(problem).removeprefix(f"{path}: ")))
+            return None
+        return signals
 
-    def _refuse_other_effort(self) -> None:
-        """Exclude the rarer of current and torque, which cannot be mixed."""
-        torque = [signals.from_torque for signals in self._signals]
-        keep = 2 * sum(torque) > len(torque)
-        for index in reversed(range(len(torque))):
-            if torque[index] is not keep:
-                kept, other = ("torque", "current") if keep else ("current", "torque")
-                reason = f"it contains {other}, most runs contain {kept}; calibrate the two separately"
-                self._left_out.append((self._name(self._used[index]), reason))
-                del self._used[index], self._signals[index]
+    def _is_of_usual_effort(self, name: str, signals: RunSignals) -> bool:
+        """Whether a run is not of the rarer of current and torque, which cannot be mixed; else it is excluded."""
+        if signals.from_torque is self._from_torque:
+            return True
+        kept, other = ("torque", "current") if self._from_torque else ("current", "torque")
+        reason = f"it contains {other}, most runs contain {kept}; calibrate the two separately"
+        self._left_out.append((name, reason))
+        return False
 
-    def _rows_of(self, signals: RunSignals, mounting: str, chain: Chain, spacing: int = 1) -> ArmRows:
-        return arm_rows(
+    def _rows_of(self, signals: RunSignals, mounting: str, chain: Chain, spacing: int = 1) -> RunRows:
+        rows = arm_rows(
             signals,
             chain,
             self._transmission.coupling,
@@ -196,29 +197,26 @@ class _Calibration:
             loaded=bool(mounting),
             spacing=spacing,
         )
+        return RunRows(rows, mounting)
 
-    def _fit(self, without: int | None = None) -> Posterior:
-        """Fit all runs but one."""
-        both = zip(self._rows, self._used, strict=True)
-        rows = [(rows, run.mounting) for index, (rows, run) in enumerate(both) if index != without]
-        return self._fitted(rows, self._chain)
+    def _fitted(self, runs: Sequence[_UsedRun]) -> Posterior:
+        """Fit some of the runs."""
+        return solve(self._problem([run.rows for run in runs], self._chain))
 
-    def _fitted(self, rows: Sequence[tuple[ArmRows, str]], chain: Chain, *, rough: bool = False) -> Posterior:
-        """Fit given rows."""
-        mountings = {mounting for _, mounting in rows}
-        runs = [run for run, _ in rows]
-        problem = Problem(
-            terms=arm_terms(runs, chain, self._base, self._peak),
-            groups=[Group((RunRows(run, mounting),)) for run, mounting in rows],
-            noise=Noise.unknown(effort_level(runs)),
+    def _problem(self, runs: Sequence[RunRows], chain: Chain) -> Problem:
+        """All unknowns of the arm and of some of its runs."""
+        rows, mountings = [run.rows for run in runs], {run.mounting for run in runs}
+        return Problem(
+            terms=arm_terms(rows, chain, self._base, self._peak),
+            groups=[Group((run,)) for run in runs],
+            noise=Noise.unknown(effort_level(rows)),
             coupling=self._transmission.coupling,
             known=[payload.known(name) for name, payload in self._weighed.items() if name in mountings],
         )
-        return solve(problem, rough=rough)
 
     def _refuse_too_little(self) -> None:
         """Raise if there are too few rows for the unknowns: any arm would fit them."""
-        rows, least = self._rows_and_least(range(len(self._used)))
+        rows, least = self._rows_and_least(self._used)
         if rows < least:
             raise EstimationError(
                 f"the runs are too short to calibrate the arm: {rows} independent rows of joints in motion for "
@@ -226,26 +224,23 @@ class _Calibration:
                 "excitations, or more runs."
             )
 
-    def _rows_and_least(self, runs: Sequence[int]) -> tuple[int, int]:
+    def _rows_and_least(self, runs: Sequence[_UsedRun]) -> tuple[int, int]:
         """Number of rows of moving joints of some runs, and the least number from which an arm can be fitted."""
-        rows = sum(int(np.count_nonzero(self._rows[index].weight > Solver.moving)) for index in runs)
-        payloads = PARAMETERS * len({self._used[index].mounting for index in runs} - {""})
+        rows = sum(int(np.count_nonzero(run.rows.rows.weight > Solver.moving)) for run in runs)
+        payloads = PARAMETERS * len({run.given.mounting for run in runs} - {""})
         arm = Layout(self._chain.n, int(np.count_nonzero(self._base)))
         return rows, Calibrating.rows_per_unknown * (arm.size + payloads + CHANGES * arm.n * len(runs))
 
     def _refuse_other_mounting(self) -> None:
         """Raise if the runs show another mounting or an inverted joint."""
         # Loaded runs first: the sign of their payload's weight is known.
-        order = sorted(range(len(self._used)), key=lambda index: not self._used[index].mounting)
-        tried = [(self._signals[index], self._used[index].mounting) for index in order[: Calibrating.tried_runs]]
+        tried = sorted(self._used, key=lambda run: not run.given.mounting)[: Calibrating.tried_runs]
         moves = self._peak > Calibrating.unmoved_rad_s
 
         def shares(chain: Chain, turned: Turn) -> FloatArray:
-            rows = [
-                (self._rows_of(turned(run), mounting, chain, Calibrating.tried_spacing), mounting)
-                for run, mounting in tried
-            ]
-            fit = self._fitted(rows, chain, rough=True)
+            spacing = Calibrating.tried_spacing
+            rows = [self._rows_of(turned(run.signals), run.given.mounting, chain, spacing) for run in tried]
+            fit = solve(self._problem(rows, chain), rough=True)
             # A joint at rest has no explained torque, and its sign does not matter.
             share = fit.noise_nm[0] / fit.problem.noise.greatest_nm
             return np.asarray(np.log(np.maximum(share[moves], 1e-9)))
@@ -254,14 +249,13 @@ class _Calibration:
         refuse_other_mounting(shares, self._chain, self._transmission.coupling, moves, self._advance)
         self._advance(finished - self._done)
 
-    def _leave_out(self, worst: int, fit: Posterior) -> None:
+    def _leave_out(self, run: _UsedRun, fit: Posterior) -> None:
         """Exclude a run, and explain its contradiction to the others' fit."""
-        run, signals = self._used.pop(worst), self._signals.pop(worst)
-        del self._rows[worst]
         arm = ArmKnowledge(fit, self._chain, self._transmission.coupling, self._base, self._peak)
-        said = self._weighed.get(run.mounting)
-        reason = explain(arm, signals, run.mounting, None if said is None else said.mass_kg)
-        self._left_out.append((self._name(run), f"it contradicts the other runs: {reason}"))
+        mounting = run.given.mounting
+        said = self._weighed.get(mounting)
+        reason = explain(arm, run.signals, mounting, None if said is None else said.mass_kg)
+        self._left_out.append((run.name, f"it contradicts the other runs: {reason}"))
 
     def _mass_warnings(self, fit: Posterior) -> list[str]:
         """Weighed masses that contradict all other data."""
@@ -294,7 +288,7 @@ class _Calibration:
             joint = int(np.argmax(far))
             if far[joint] > Calibrating.far:
                 warnings.append(
-                    f"{self._name(used)}: the friction of joint {joint + 1} is {far[joint]:.0f} standard deviations "
+                    f"{used.name}: the friction of joint {joint + 1} is {far[joint]:.0f} standard deviations "
                     "from that of the other runs: a cold gear, or a different gain on that day."
                 )
         return warnings
@@ -302,7 +296,7 @@ class _Calibration:
     def _motion_warnings(self, found: ArmCalibration) -> list[str]:
         """Joints whose torque on other motions is uncertain."""
         level = found.level(self._chain)
-        share = np.max([doubtful_share(found, level, run) for run in self._signals], axis=0)
+        share = np.max([doubtful_share(found, level, run.signals) for run in self._used], axis=0)
         doubtful = np.flatnonzero((share > Calibrating.doubtful) & (self._peak > Calibrating.unmoved_rad_s))
         if not doubtful.size:
             return []
@@ -332,7 +326,7 @@ class _Calibration:
             reversal_speed_rad_s=TURN_OVER * np.where(self._peak > Calibrating.unmoved_rad_s, self._peak, 1.0),
             coupling=self._transmission.coupling,
         )
-        effort = Effort.TORQUE if self._signals[0].from_torque else Effort.CURRENT
+        effort = Effort.TORQUE if self._from_torque else Effort.CURRENT
         nominal = np.ones(n) if effort is Effort.TORQUE else self._transmission.gain_nm_a
         # The gain is the nominal one divided by h, so that the sign of its logarithm's error is opposite.
         turn = np.ones(arm.size)
@@ -349,7 +343,7 @@ class _Calibration:
             drift=fit.change_deviation.reshape(CHANGES, n),
             noise_nm=fit.residual_nm[0],
             correlation_s=fit.correlation[0]
-            * float(np.median(np.concatenate([np.diff(run.time_s) for run in self._rows]))),
+            * float(np.median(np.concatenate([np.diff(run.rows.rows.time_s) for run in self._used]))),
             level_nm=fit.problem.noise.greatest_nm,
             payloads=tuple(
                 CalibratedPayload(
@@ -362,18 +356,18 @@ class _Calibration:
             ),
             runs=tuple(
                 CalibratedRun(
-                    name=name,
-                    mounting=used.mounting,
-                    recorded=used.recorded or run_start_text(used.recording),
+                    name=used.name,
+                    mounting=used.given.mounting,
+                    recorded=used.given.recorded or run_start_text(used.given.recording),
                     residual_rms_nm=fit.deviates(index) * fit.noise_nm[0],
                     off=float(np.sqrt(np.mean((fit.deviates(index) * fit.noise_nm[0] / fit.residual_nm[0]) ** 2))),
                     friction_changes=fit.own_value(FRICTION_CHANGE, index).reshape(CHANGES, n),
                     influence=np.abs(fit.change_without(index)[arm.places[GAIN]]) / deviation[arm.places[GAIN]],
-                    rows=len(self._rows[index].time_s),
+                    rows=len(used.rows.rows.time_s),
                     struck=int(np.count_nonzero(fit.groups[index].struck)),
                     **_effort_change(fit, index),
                 )
-                for index, (name, used) in enumerate(zip(self._hashes(), self._used, strict=True))
+                for index, used in enumerate(self._used)
             ),
             left_out=tuple(self._left_out),
             warnings=(*warnings, *self._undetermined(fit)),

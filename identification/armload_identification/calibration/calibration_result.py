@@ -37,7 +37,7 @@ from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import body_regressor, rotor_columns
 from armload_identification.recording.reading_options import Effort
-from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.joint_torque import Transmission, gain_shares
 from armload_identification.signals.reversals import TURN_OVER
 
 if TYPE_CHECKING:
@@ -258,16 +258,10 @@ class ArmCalibration:
         Args:
             nominal: The configured transmission.
         """
-        covariance = self.covariance[: self.n, : self.n]
+        calibrated = replace(nominal, calibrated=self.determined, covariance=self.covariance[: self.n, : self.n])
         if self.effort is Effort.TORQUE:
-            return replace(
-                nominal,
-                torque_gain=self.gain_nm_a,
-                torque_calibrated=True,
-                calibrated=self.determined,
-                covariance=covariance,
-            )
-        return replace(nominal, gain_nm_a=self.gain_nm_a, calibrated=self.determined, covariance=covariance)
+            return replace(calibrated, torque_gain=self.gain_nm_a)
+        return replace(calibrated, gain_nm_a=self.gain_nm_a)
 
     def commanded(self, coupling: FloatArray) -> FloatArray:
         """Matrix from a joint torque to the one to command to drives with nominal gains: tau C diag(k0 / k) C^-1.
@@ -427,10 +421,8 @@ class ArmCalibration:
         rate = np.gradient(body.torque(chain, q, dq, ddq), interval_s, axis=0)
         still = np.zeros_like(q)
         tilt = [body_regressor(side, q, still, still) @ body.links.ravel() for side in sideways(chain)]
-        to_axis = np.linalg.inv(body.coupling)
-        shares = (measured_nm @ body.coupling).T[:, :, None] * to_axis[:, None, :]
         changes = [
-            shares,
+            gain_shares(measured_nm, body.coupling),
             -links,
             -rotor_columns(ddq, body.coupling).transpose(1, 0, 2),
             *(-self._per_joint(x) for x in (direction * np.abs(carried), direction, dq)),

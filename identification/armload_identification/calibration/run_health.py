@@ -19,7 +19,6 @@ from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows, run_signals
 from armload_identification.estimation.arm_terms import (
     ARM_TERMS,
-    CHANGES,
     FRICTION_CHANGE,
     GAIN,
     LAWS,
@@ -182,12 +181,9 @@ class _RunFit:
 
     def health(self, name: str, recorded: str) -> RunHealth:
         """The fit as `RunHealth`."""
-        calibration, found, n = self._calibration, self._found, self._calibration.n
-        joints, middle = np.arange(n), calibration.middle_speed_rad_s
-        friction = np.zeros((n, CHANGES * n))
-        friction[joints, joints], friction[joints, n + joints] = 1.0, middle
+        calibration, found = self._calibration, self._found
         gains = found.problem.place(GAIN)
-        own = found.own_value(FRICTION_CHANGE)
+        friction, friction_noise = self._friction(found)
         of_arm = self._torque_doubts()
         of_gain, of_own = found.response(of_arm)
         missing = np.where(self._moved, 0.0, np.nan)
@@ -198,7 +194,6 @@ class _RunFit:
             mass = found.problem.place(PAYLOAD, PAYLOAD).start
             width = NORMAL_HALF_WIDTH * np.sqrt(found.bread[mass, mass] + np.sum(of_gain[mass] ** 2))
             carried = f"{found.value(PAYLOAD, PAYLOAD)[0]:z.2f} +- {width:.2f} kg, with this calibration"
-        noise = found.own_covariance(0)
         left = self._left_by(of_arm, of_gain, of_own)
         return RunHealth(
             name=name,
@@ -208,14 +203,26 @@ class _RunFit:
             gain_change=np.exp(np.log(calibration.nominal / calibration.gain_nm_a) - found.value(GAIN)) - 1.0 + missing,
             gain_noise=np.sqrt(np.diag(found.bread)[gains]) + missing,
             gain_doubt=np.sqrt(np.sum(of_gain[gains] ** 2, axis=1)) + missing,
-            friction_nm=friction @ own + missing,
-            friction_noise_nm=np.sqrt(np.einsum("ij,jk,ik->i", friction, noise, friction)) + missing,
-            friction_doubt_nm=np.sqrt(np.sum((friction @ of_own) ** 2, axis=1)) + missing,
+            friction_nm=friction + missing,
+            friction_noise_nm=friction_noise + missing,
+            friction_doubt_nm=np.sqrt(np.sum((self._at_middle_speed @ of_own) ** 2, axis=1)) + missing,
             residual=clipped_rms(state, self._moved) / calibration.noise_nm + missing,
             residual_noise=np.sqrt(0.5 / np.maximum(counted, 1.0)) + missing,
             residual_doubt=left / calibration.noise_nm + missing,
             course=self._course(),
         )
+
+    @property
+    def _at_middle_speed(self) -> FloatArray:
+        """(n, 3 n) friction at the middle speed by the run's changes of Coulomb friction, viscous friction, offset."""
+        one = np.eye(self._calibration.n)
+        return np.hstack([one, one * self._calibration.middle_speed_rad_s, np.zeros_like(one)])
+
+    def _friction(self, found: Posterior) -> tuple[FloatArray, FloatArray]:
+        """(n,) the change of friction at the middle speed, and its standard deviation by the run's noise."""
+        slope = self._at_middle_speed
+        variance = np.einsum("ij,jk,ik->i", slope, found.own_covariance(0), slope)
+        return slope @ found.own_value(FRICTION_CHANGE), np.sqrt(variance)
 
     def _torque_doubts(self) -> FloatArray:
         """(k, N, n) axis torque of one standard deviation of each independent error of the calibration."""
@@ -249,21 +256,17 @@ class _RunFit:
         count = min(int(length_s / _WINDOW_S), _MOST_WINDOWS)
         if self._signals.periodic or count < _LEAST_WINDOWS:
             return None
-        n, middle = calibration.n, calibration.middle_speed_rad_s
         edges = elapsed[0] + np.linspace(0.0, length_s, count + 1)
         window = np.clip(np.searchsorted(edges, elapsed, side="right") - 1, 0, count - 1)
         arm = {name: found.value(name) for name in ARM_TERMS}
         terms = [*known_arm_terms(arm, "the whole run"), self._changes]
         if self._mounting:
             terms.append(payload_term(found.value(PAYLOAD, PAYLOAD), np.zeros(PARAMETERS), "the whole run"))
-        friction, noise = np.full((2, count, n), np.nan)
+        friction, noise = np.full((2, count, calibration.n), np.nan)
         for number in range(count):
             rows = self._rows.only(window == number)
             part = self._solved(terms, rows)
-            own, covariance = part.own_value(FRICTION_CHANGE), part.own_covariance(0)
+            change, deviation = self._friction(part)
             fast = np.count_nonzero(rows.weight > Solver.moving, axis=0) >= _LEAST_ROWS
-            variance, cross = np.diag(covariance), np.diag(covariance[:n, n : 2 * n])
-            size = np.sqrt(variance[:n] + middle**2 * variance[n : 2 * n] + 2.0 * middle * cross)
-            friction[number, fast] = (own[:n] + own[n : 2 * n] * middle)[fast]
-            noise[number, fast] = size[fast]
+            friction[number, fast], noise[number, fast] = change[fast], deviation[fast]
         return FrictionOverTime(0.5 * (edges[1:] + edges[:-1]), friction, noise)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Final
@@ -122,10 +122,9 @@ def arm_drift(calibration: ArmCalibration, runs: Sequence[RunHealth]) -> ArmDrif
         found[Monitored.RESIDUAL].append(
             control_chart(np.log(left), own, 0.5 * np.log1p(known**2), USUAL_RESIDUAL, charts)
         )
-    drift = ArmDrift(
-        tuple(runs), dated, calibration.friction_nm, {key: tuple(part) for key, part in found.items()}, warming, ()
-    )
-    return ArmDrift(drift.runs, drift.began, drift.friction_nm, drift.charts, warming, tuple(_findings(drift)))
+    charted = {key: tuple(part) for key, part in found.items()}
+    drift = ArmDrift(tuple(runs), dated, calibration.friction_nm, charted, warming, ())
+    return replace(drift, findings=tuple(_findings(drift)))
 
 
 def _stacked(runs: Sequence[RunHealth], name: str) -> FloatArray:

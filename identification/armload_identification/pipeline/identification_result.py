@@ -24,7 +24,6 @@ from armload_identification.recording.recording import Recording, RecordingSourc
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal, without_body
 from armload_identification.signals.motion import Motion
-from armload_identification.verdict.recording_checks.raw_residual import raw_residual_rms
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +138,7 @@ def completed(
         predicted_nm=predicted_nm,
         residual_nm=signal.torque_nm - payload_nm - friction_nm,
         struck=_struck(plain, signal),
-        residual_rms_nm=raw_residual_rms(signal, predicted_nm),
+        residual_rms_nm=signal.raw_residual_rms(predicted_nm),
         arm_friction=ArmFriction.of(plain.body(plain.runs - 1), velocity),
         sources=tuple(run.source for run in runs),
     )

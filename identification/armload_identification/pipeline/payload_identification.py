@@ -6,7 +6,6 @@ recordings -> runs -> rows -> one solve over terms -> possible body -> intervals
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -30,9 +29,8 @@ from armload_identification.pipeline.identification_result import (
     completed,
     pair_signal,
 )
-from armload_identification.pipeline.mass_center_ranges import within_ranges
 from armload_identification.pipeline.operator_notes import misfit_notes, notes_on
-from armload_identification.pipeline.weighed_mass import CONTRADICTS, note_on_mass
+from armload_identification.pipeline.prior_contradictions import identified_knowing
 from armload_identification.recording.recording import Recording, hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal, slow_round_signal
@@ -81,27 +79,8 @@ def identify(
     # One thread: with matrices of a few dozen columns threads only wait for each other, for minutes on a busy machine.
     with threadpool_limits(1):
         identified = _by_prior(loaded, unloaded, chain, transmission, arm)
-        if known is None:
-            found = identified(None)
-            return found.with_notes(*change_notes(found, loaded, unloaded, chain, transmission))
-        if known.symmetric:
-            _require_symmetric(identified(replace(known, symmetric=False).prior()))
-        note = note_on_mass(known, identified)
-        found = within_ranges(identified(known.prior()), known, identified)
-        notes = [note] if note else []
-        return found.with_notes(*notes, *change_notes(found, loaded, unloaded, chain, transmission))
-
-
-def _require_symmetric(found: Identification) -> None:
-    """Raise if the data contradict a symmetry about the flange axis."""
-    center, half_width = found.uncertainty.values[1:3], found.uncertainty.half_width_95[1:3]
-    if (np.abs(center) > CONTRADICTS * half_width).any():
-        raise EstimationError(
-            "the payload was declared symmetric about the flange axis, but from the data its centre of mass lies "
-            f"{1e3 * center[0]:+z.1f} and {1e3 * center[1]:+z.1f} mm off that axis (95 %: "
-            f"+-{1e3 * half_width[0]:.1f} and {1e3 * half_width[1]:.1f} mm). Omit the symmetry, or check the flange "
-            "frame."
-        )
+        found = identified(None) if known is None else identified_knowing(known, identified)
+        return found.with_notes(*change_notes(found, loaded, unloaded, chain, transmission))
 
 
 def _by_prior(

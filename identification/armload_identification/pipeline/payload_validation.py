@@ -21,7 +21,6 @@ from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.verdict.agreement import KnownMassCenter, Outcome, compare_known, length_needed
 from armload_identification.verdict.payload_verdict import PayloadVerdict, known_payload, remedy_for
 from armload_identification.verdict.recording_checks.joint_scales import joint_scales
-from armload_identification.verdict.recording_checks.raw_residual import raw_residual_rms
 from armload_identification.verdict.tolerance import Tolerance
 
 
@@ -146,7 +145,7 @@ def judge(measured: Identification, chain: Chain, judged: KnownMassCenter, toler
         ),
         measured=measured,
         predicted_nm=predicted,
-        residual_rms_nm=raw_residual_rms(signal, predicted),
+        residual_rms_nm=signal.raw_residual_rms(predicted),
         torque_in_band_nm=np.sqrt(np.mean(signal.torque_nm[signal.valid] ** 2, axis=0)),
         left_in_band_nm=np.sqrt(np.mean((signal.torque_nm - predicted)[signal.valid] ** 2, axis=0)),
     )

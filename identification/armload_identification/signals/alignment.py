@@ -23,14 +23,12 @@ class MeasuredMotion:
     """Measured positions of one run as a function of time.
 
     Attributes:
-        spline: (n,)-valued quintic spline of the time since `start_s`.
-        start_s: Time stamp of the first sample.
+        spline: (n,)-valued quintic spline of the time since the first sample.
         duration_s: Time of the last sample since the first.
         fit_rad: (n,) RMS of the samples about the spline.
     """
 
     spline: Spline
-    start_s: float
     duration_s: float
     fit_rad: FloatArray
 
@@ -70,7 +68,7 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
         raise RecordingError(
             f"{elapsed.size} samples over {elapsed[-1]:.3g} s are not enough to fit a motion. Record a longer run."
         )
-    return MeasuredMotion(best[1], float(time_s[0]), float(elapsed[-1]), best[2])
+    return MeasuredMotion(best[1], float(elapsed[-1]), best[2])
 
 
 def _knots(elapsed: FloatArray, spacing_s: float) -> FloatArray:

@@ -7,6 +7,7 @@ the power is the same on both sides, tau_joint = C^-T tau_axis.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,6 @@ class Transmission:
             calibrated and `NominalGain.deviation` for nominal gains.
         covariance: (n, n) of the logarithms of the gains; diagonal if not given.
         torque_gain: (n,) axis torque per N m reported by a drive; 1 if not given.
-        torque_calibrated: Whether deviation and covariance are those of `torque_gain`.
         scale_deviation: Relative standard deviation of an error that all nominal gains have in common; if not given,
             `NominalGain.common_deviation` for currents and `ReportedTorque.common_deviation` for reported torque.
 
@@ -43,13 +43,14 @@ class Transmission:
     deviation: FloatArray = field(default_factory=lambda: np.zeros(0))
     covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     torque_gain: FloatArray = field(default_factory=lambda: np.zeros(0))
-    torque_calibrated: bool = False
     scale_deviation: float | None = None
     _from_current: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        gain = np.array(self.gain_nm_a, dtype=np.float64)
-        coupling = np.array(self.coupling, dtype=np.float64)
+        gain, coupling, torque_gain, deviation, covariance = (
+            np.array(part, dtype=np.float64)
+            for part in (self.gain_nm_a, self.coupling, self.torque_gain, self.deviation, self.covariance)
+        )
         if gain.ndim != 1 or coupling.shape != (gain.size, gain.size):
             raise ModelError(
                 f"gains have shape {gain.shape} and the coupling {coupling.shape}; expected (n,) and (n, n)"
@@ -58,14 +59,10 @@ class Transmission:
             raise ModelError(f"gains are {gain.tolist()} N m/A; expected numbers above 0")
         if not np.isfinite(coupling).all() or np.linalg.matrix_rank(coupling) < gain.size:
             raise ModelError(f"the coupling {coupling.tolist()} cannot be inverted; expected q = C q_axis")
-        calibrated = np.array(self.calibrated, dtype=bool)
-        if calibrated.size == 0:
-            calibrated = np.zeros(gain.size, dtype=bool)
-        deviation = np.array(self.deviation, dtype=np.float64)
-        covariance = np.array(self.covariance, dtype=np.float64)
+        calibrated = np.array(self.calibrated if np.size(self.calibrated) else np.zeros(gain.size), dtype=bool)
         if covariance.size:
             deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        elif deviation.size == 0:
+        elif not deviation.size:
             deviation = np.where(calibrated, 0.0, NominalGain.deviation)
         if calibrated.shape != gain.shape or deviation.shape != gain.shape:
             raise ModelError(
@@ -74,11 +71,8 @@ class Transmission:
             )
         if not (np.isfinite(deviation).all() and (deviation >= 0.0).all()):
             raise ModelError(f"the gains' relative deviations are {deviation.tolist()}; expected numbers of at least 0")
-        if covariance.size == 0:
-            covariance = np.diag(deviation**2)
-        torque_gain = np.array(self.torque_gain, dtype=np.float64)
-        if torque_gain.size == 0:
-            torque_gain = np.ones(gain.size)
+        covariance = covariance if covariance.size else np.diag(deviation**2)
+        torque_gain = torque_gain if torque_gain.size else np.ones(gain.size)
         if covariance.shape != coupling.shape or torque_gain.shape != gain.shape:
             raise ModelError(
                 f"the gains' covariance has shape {covariance.shape}, and there are {torque_gain.size} gains of "
@@ -86,18 +80,18 @@ class Transmission:
             )
         if not (np.isfinite(torque_gain).all() and (torque_gain > 0.0).all()):
             raise ModelError(f"gains of reported torque are {torque_gain.tolist()}; expected numbers above 0")
-        for name, array in (("covariance", covariance), ("torque_gain", torque_gain)):
+        arrays: dict[str, NDArray[Any]] = {
+            "gain_nm_a": gain,
+            "coupling": coupling,
+            "calibrated": calibrated,
+            "deviation": deviation,
+            "covariance": covariance,
+            "torque_gain": torque_gain,
+            "_from_current": gain[:, None] * np.linalg.inv(coupling),
+        }
+        for name, array in arrays.items():
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        calibrated.flags.writeable = False
-        deviation.flags.writeable = False
-        gain.flags.writeable = False
-        coupling.flags.writeable = False
-        object.__setattr__(self, "gain_nm_a", gain)
-        object.__setattr__(self, "coupling", coupling)
-        object.__setattr__(self, "calibrated", calibrated)
-        object.__setattr__(self, "deviation", deviation)
-        object.__setattr__(self, "_from_current", gain[:, None] * np.linalg.inv(coupling))
 
     def gains(self, *, from_torque: bool) -> Gains:
         """The gains that a recording's torque is computed with.
@@ -129,34 +123,7 @@ class Transmission:
             np.ones(gain.size, dtype=bool),
             covariance=covariance,
             torque_gain=of_torque,
-            torque_calibrated=of_torque is gain,
         )
-
-    def gain_shares(self, torque_nm: FloatArray) -> FloatArray:
-        """Derivative of joint torque by the logarithm of each gain, C^-T e_a (C^T tau)_a.
-
-        Args:
-            torque_nm: (N, n) joint torques.
-
-        Returns:
-            (n, N, n) [axis, sample, joint] in N m; their sum over the axes is the torque.
-        """
-        to_axis = np.linalg.inv(self.coupling)
-        return np.asarray((torque_nm @ self.coupling).T[:, :, None] * to_axis[:, None, :])
-
-    def gain_doubts(self, torque_nm: FloatArray) -> FloatArray:
-        """Torque error for one standard deviation of each independent error of the gains.
-
-        Args:
-            torque_nm: (N, n) joint torques.
-
-        Returns:
-            (k, N, n) in N m; k = 0 for exact gains.
-        """
-        values, vectors = np.linalg.eigh(self.covariance)
-        size = np.sqrt(np.maximum(values, 0.0))
-        kept = size > 0.0
-        return np.asarray(np.einsum("ak,atj->ktj", vectors[:, kept] * size[kept], self.gain_shares(torque_nm)))
 
     def changed_by(self, log_gain: FloatArray) -> FloatArray:
         """Matrix M such that a joint torque tau with these gains is tau M with others.
@@ -242,6 +209,19 @@ class Gains:
         values, vectors = np.linalg.eigh(self.covariance)
         kept = (values > 0.0) & (not self.fitted)
         return np.asarray((vectors[:, kept] * np.sqrt(values[kept])).T)
+
+
+def gain_shares(torque_nm: FloatArray, coupling: FloatArray) -> FloatArray:
+    """Derivative of joint torque by the logarithm of each gain, C^-T e_a (C^T tau)_a.
+
+    Args:
+        torque_nm: (N, n) joint torques.
+        coupling: (n, n) C of the motors.
+
+    Returns:
+        (n, N, n) [axis, sample, joint] in N m; their sum over the axes is the torque.
+    """
+    return np.asarray((torque_nm @ coupling).T[:, :, None] * np.linalg.inv(coupling)[:, None, :])
 
 
 def reported_effort(recording: Recording) -> FloatArray:

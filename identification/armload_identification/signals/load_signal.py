@@ -121,9 +121,14 @@ class LoadSignal:
         """The unloaded run, with the noise and validity of the difference."""
         return replace(self.unloaded, valid=self.valid, averaged_noise_nm=self.averaged_noise_nm)
 
-    def part(self, start_s: float, end_s: float) -> LoadSignal:
-        """The samples from one time since the first sample up to, not including, another."""
-        return replace(self, loaded=self.loaded.part(start_s, end_s), unloaded=self.unloaded.part(start_s, end_s))
+    def raw_residual_rms(self, predicted_nm: FloatArray) -> FloatArray:
+        """(n,) RMS in N m of single samples minus (K, n) prediction, comparable with their noise.
+
+        Both refer to the difference of two RAW torque samples, one of each run at the same position of the motion,
+        neither averaged nor smoothed: the averages minus the prediction, and the noise that averaging removed.
+        """
+        averaged = np.mean((self.raw_nm - predicted_nm)[self.valid] ** 2, axis=0)
+        return np.asarray(np.sqrt(averaged + self.noise_nm**2 - self.averaged_noise_nm**2))
 
     def with_torque_times(self, matrix: FloatArray) -> LoadSignal:
         """The same motion with every torque tau replaced by tau M, M (n, n); the noise is not changed."""

@@ -12,7 +12,7 @@ from armload_identification.identification_errors import ModelError, RecordingEr
 from armload_identification.recording.reduction.place_in_period import phases_per_period, whole_periods
 from armload_identification.signals.alignment import fit_motion, time_shift
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
-from armload_identification.signals.joint_torque import Transmission, joint_torque
+from armload_identification.signals.joint_torque import Transmission, gain_shares, joint_torque
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER, motion_of
 from armload_identification.signals.periods import fold
@@ -48,7 +48,7 @@ def test_the_shares_of_the_gains_add_up_to_the_torque_and_are_its_slope():
     gain, coupling = np.array([90.0, 50.0, 20.0]), np.eye(3) + 0.2 * rng.normal(size=(3, 3))
     current = rng.normal(size=(7, 3))
     torque = Transmission(gain, coupling).joint_torque(current)
-    shares = Transmission(gain, coupling).gain_shares(torque)
+    shares = gain_shares(torque, coupling)
     np.testing.assert_allclose(shares.sum(axis=0), torque, rtol=1e-10)
     for axis in range(3):
         more = Transmission(gain * (1.0 + 1e-3 * (np.arange(3) == axis)), coupling).joint_torque(current)

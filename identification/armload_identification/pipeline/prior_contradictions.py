@@ -1,4 +1,4 @@
-"""Known ranges of mass and centre of mass: which are active, and whether the data contradict them."""
+"""What is known of a payload beforehand, against the data: refused, noted, or used."""
 
 from __future__ import annotations
 
@@ -13,15 +13,83 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
 from armload_identification.estimation.truncated_normal import contradicted, truncated_moments
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
-from armload_identification.identification_errors import EstimationError
+from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.pipeline.identification_result import Identification
 
+_CONTRADICTS: Final = 2.0
+"""Half widths of the 95 % interval from which prior knowledge is refused: exceeded by chance in one of 10,000 cases,
+while a correct mass lies outside the interval itself in one of 20. Between the two a note is given."""
 _NAMES: Final = ("mass", "centre of mass's x", "centre of mass's y", "centre of mass's z")
 _UNITS: Final = ("kg", "mm", "mm", "mm")
 _IN_UNIT: Final = (1.0, 1e3, 1e3, 1e3)
 _BLIND_WIDTHS: Final = 10.0
 """Standard deviation of a quantity that the data do not determine, in widths of its range: nearly uniform there."""
 _REMEDY: Final = "Correct or omit the range, or check that the recordings are of this payload."
+
+
+def identified_knowing(known: KnownPayload, identified: Callable[[Prior], Identification]) -> Identification:
+    """The payload with prior knowledge.
+
+    Args:
+        known: The knowledge.
+        identified: Identifies with a prior.
+
+    Raises:
+        EstimationError: the data contradict it.
+    """
+    if known.symmetric:
+        _require_symmetric(identified(replace(known, symmetric=False).prior()))
+    note = _note_on_mass(known, identified)
+    found = within_ranges(identified(known.prior()), known, identified)
+    return found.with_notes(note) if note else found
+
+
+def _require_symmetric(found: Identification) -> None:
+    """Raise if the data contradict a symmetry about the flange axis."""
+    center, half_width = found.uncertainty.values[1:3], found.uncertainty.half_width_95[1:3]
+    if (np.abs(center) > _CONTRADICTS * half_width).any():
+        raise EstimationError(
+            "the payload was declared symmetric about the flange axis, but from the data its centre of mass lies "
+            f"{1e3 * center[0]:+z.1f} and {1e3 * center[1]:+z.1f} mm off that axis (95 %: "
+            f"+-{1e3 * half_width[0]:.1f} and {1e3 * half_width[1]:.1f} mm). Omit the symmetry, or check the flange "
+            "frame."
+        )
+
+
+def _note_on_mass(known: KnownPayload, identified: Callable[[Prior], Identification]) -> str:
+    """A note if the data contradict a weighed mass, but not clearly; empty without cause.
+
+    A known mass is practically exact, so that a wrong one would appear in the result as a fact, with wrong gains
+    instead: the data are asked without it, before it is used.
+    """
+    mass_kg = known.mass_kg
+    if mass_kg is None or isinstance(mass_kg, tuple):
+        return ""
+    refusal: NoPayloadMass | None = None
+    try:
+        free = identified(replace(known, mass_kg=None).prior()).uncertainty
+    except NoPayloadMass as problem:
+        # An empty arm has an accurate mass too, of 0; with an exact mass as prior nothing else would refuse its run.
+        refusal, center, half_width = problem, problem.mass_kg, problem.half_width_kg
+    except EstimationError:
+        return ""  # Judged again with the mass, which may complete what the motion does not determine.
+    else:
+        center, half_width = float(free.values[0]), float(free.half_width_95[0])
+    if abs(mass_kg - center) <= half_width:
+        return ""
+    without = f"{center:.4g} +- {half_width:.2g} kg (95 %)"
+    if abs(mass_kg - center) > _CONTRADICTS * half_width:
+        if refusal is not None:
+            raise EstimationError(f"the weighed mass {mass_kg:g} kg contradicts the data. Without it: {refusal}")
+        raise EstimationError(
+            f"the weighed mass {mass_kg:g} kg contradicts the data: without it, the mass is {without}. Check the "
+            "balance, its unit (kg), whether the recordings are of this payload, and the drive gains (`armload "
+            "calibrate`); or omit the mass."
+        )
+    return (
+        f"The weighed mass {mass_kg:g} kg is outside the interval of the data: without it, the mass is {without}. "
+        "Check the balance, or the drive gains: `armload calibrate`."
+    )
 
 
 def within_ranges(
