@@ -90,10 +90,8 @@ class PayloadEvents:
         self._last_weighed: LivePayload | None = None
         self._payload_before: LivePayload | None = None
         self._in_contact = False
-        self._present_since_s: dict[tuple[str, str | None], float] = {}
-        self._reported: set[tuple[str, str | None]] = set()
-        self._wrong_since_s = np.inf
-        self._told_reported: tuple[int, ToldPayload | None] | None = None
+        self._present_since_s: dict[tuple[object, ...], float] = {}
+        self._reported: set[tuple[object, ...]] = set()
 
     def of(self, found: LivePayload, told: ToldPayload | None = None) -> tuple[PayloadEvent, ...]:
         """The events since the previous estimate.
@@ -102,7 +100,7 @@ class PayloadEvents:
             found: The estimate.
             told: The payload that the arm's controller was told; None if unknown.
         """
-        return (*self._changed(found), *self._contact(found), *self._outdated(found), *self._told_wrong(found, told))
+        return (*self._changed(found), *self._contact(found), *self._lasting(found, told))
 
     def of_forces(self, happened: Sequence[ForceEvent]) -> tuple[PayloadEvent, ...]:
         """Forces in motion; another payload is reported by `of`."""
@@ -119,21 +117,6 @@ class PayloadEvents:
             elif each.kind is ForceEventKind.OVER:
                 events.append(PayloadEvent(each.since_s, "contact over"))
         return tuple(events)
-
-    def _told_wrong(self, found: LivePayload, told: ToldPayload | None) -> list[PayloadEvent]:
-        """The controller's payload is not what the arm carries, once for each payload and each thing told."""
-        more_kg = 0.0 if told is None else found.mass_kg - told.mass_kg
-        wrong = found.determined[0] or found.half_width_95[0] < WEIGHED_WITHIN * abs(more_kg)
-        wrong = told is not None and wrong and found.moving_s.max() >= MOVED_S and abs(more_kg) > found.half_width_95[0]
-        if not wrong:
-            self._wrong_since_s = np.inf
-            return []
-        self._wrong_since_s = min(self._wrong_since_s, found.time_s)
-        key = (found.changes, told)
-        if found.time_s - self._wrong_since_s < HELD_S or key == self._told_reported:
-            return []
-        self._told_reported = key
-        return [PayloadEvent(found.time_s, "controller told wrong", more_kg)]
 
     def _changed(self, found: LivePayload) -> list[PayloadEvent]:
         """A change of payload: when it is detected, and again once both payloads are known well enough."""
@@ -159,22 +142,27 @@ class PayloadEvents:
         self._in_contact = found.contact
         return [PayloadEvent(found.time_s, "contact" if found.contact else "contact over")]
 
-    def _outdated(self, found: LivePayload) -> list[PayloadEvent]:
-        """Signs that the calibration no longer holds, each reported once."""
+    def _lasting(self, found: LivePayload, told: ToldPayload | None) -> list[PayloadEvent]:
+        """Signs that calibration or controller state the arm wrongly, each reported once."""
         if found.moving_s.max() < MOVED_S:
             self._present_since_s.clear()
             return []
         far = friction_size(found, self._drift)
-        now: set[tuple[str, str | None]] = set()
-        for kind, limit in (("friction drifting", DRIFTING), ("calibration out of date", OUTDATED)):
-            now |= {(kind, self._joint_names[joint]) for joint in np.flatnonzero(far > limit)}
+        now: dict[tuple[object, ...], PayloadEvent] = {}
+        for kind, limit in (("calibration out of date", OUTDATED), ("friction drifting", DRIFTING)):
+            for joint in np.flatnonzero(far > limit):
+                now[kind, joint] = PayloadEvent(found.time_s, kind, joint=self._joint_names[joint])
         if found.mass_kg + found.half_width_95[0] < 0.0:
-            now.add(("calibration out of date", None))
-        self._present_since_s = {what: self._present_since_s.get(what, found.time_s) for what in now}
-        held = {what for what, since_s in self._present_since_s.items() if found.time_s - since_s >= HELD_S}
-        fresh = sorted(held - self._reported, key=str)
+            now["negative",] = PayloadEvent(found.time_s, "calibration out of date")
+        more_kg = 0.0 if told is None else found.mass_kg - told.mass_kg
+        known = found.determined[0] or found.half_width_95[0] < WEIGHED_WITHIN * abs(more_kg)
+        if known and abs(more_kg) > found.half_width_95[0]:
+            now[found.changes, told] = PayloadEvent(found.time_s, "controller told wrong", more_kg)
+        self._present_since_s = {sign: self._present_since_s.get(sign, found.time_s) for sign in now}
+        held = {sign for sign, since_s in self._present_since_s.items() if found.time_s - since_s >= HELD_S}
+        fresh = [event for sign, event in now.items() if sign in held - self._reported]
         self._reported |= held
-        return [PayloadEvent(found.time_s, kind, joint=joint) for kind, joint in fresh]
+        return fresh
 
 
 def _weighed(kind: str, before: LivePayload, after: LivePayload) -> PayloadEvent:
