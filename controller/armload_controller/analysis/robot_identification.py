@@ -178,8 +178,9 @@ def identify(
     empty = None if unloaded is None else recording_of(arm, unloaded, "unloaded")
     session = _session(arm, used, StatedDrift(gain_drift, reference, reference_mass_kg), run, empty)
     empty_arm = used.known
-    if session is not None and empty_arm is not None:
-        gains, empty_arm = session.transmission(gains), session.arm(empty_arm)
+    if session is not None and empty_arm is not None and used.calibration is not None:
+        gains = session.corrected(used.calibration).transmission(arm.transmission)
+        empty_arm = session.arm(empty_arm)
     unnamed = _taken_in_order(arm, run)
     with _explained(unnamed, session):
         identification = payload_identification.identify(run, empty, used.chain, gains, known=known, arm=empty_arm)

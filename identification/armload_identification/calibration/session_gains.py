@@ -163,11 +163,6 @@ class SessionGains:
             found -= (float(pull[0]) + prior * (found - self.log_factor)) / (information + prior)
         return found, float(np.hypot((information + prior) ** -0.5, min(LEAST, self.deviation)))
 
-    def transmission(self, calibrated: Transmission) -> Transmission:
-        """The gains of the session."""
-        factor = float(np.exp(self.log_factor))
-        return replace(calibrated, gain_nm_a=factor * calibrated.gain_nm_a, torque_gain=factor * calibrated.torque_gain)
-
     def corrected(self, calibration: ArmCalibration) -> ArmCalibration:
         """The calibration with the gains of the session."""
         return replace(calibration, gain_nm_a=float(np.exp(self.log_factor)) * calibration.gain_nm_a)

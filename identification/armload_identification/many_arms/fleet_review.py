@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from enum import StrEnum
 from itertools import pairwise
@@ -136,25 +136,6 @@ class Twins:
     suspicion: Suspicion | None
 
 
-@dataclass(frozen=True)
-class AbsentArm:
-    """An arm without a recent recording.
-
-    Attributes:
-        arm: Its name.
-        model: Its model.
-        runs: Number of recordings.
-        without_result: Number of recordings without a result.
-        latest: When the last one was made.
-    """
-
-    arm: str
-    model: str
-    runs: int
-    without_result: int
-    latest: datetime
-
-
 @dataclass(frozen=True, eq=False)
 class ArmReview:
     """One arm.
@@ -165,7 +146,7 @@ class ArmReview:
         runs: Number of recordings.
         without_result: Number of recordings without a result.
         latest: When the last one was made.
-        figures: Its monitored quantities.
+        figures: Its monitored quantities; none of an arm that is not assessed.
         suspicions: The most severe first; empty if nothing is suspicious.
     """
 
@@ -174,8 +155,8 @@ class ArmReview:
     runs: int
     without_result: int
     latest: datetime
-    figures: Mapping[Quantity, FigureReview]
-    suspicions: tuple[Suspicion, ...]
+    figures: Mapping[Quantity, FigureReview] = field(default_factory=dict)
+    suspicions: tuple[Suspicion, ...] = ()
 
     @property
     def deviations(self) -> float:
@@ -195,7 +176,7 @@ class FleetReview(PrintedResult):
     """
 
     arms: tuple[ArmReview, ...]
-    absent: tuple[AbsentArm, ...]
+    absent: tuple[ArmReview, ...]
     problems: tuple[ArmRun, ...]
     odd: tuple[ArmRun, ...] = ()
 
@@ -259,7 +240,7 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
         of_all[run.arm, run.model].append(run)
     latest = _fleet_date(of_all)
     absent = {
-        arm: AbsentArm(*arm, len(of_arm), sum(bool(run.problem) for run in of_arm), of_arm[-1].recorded)
+        arm: ArmReview(*arm, len(of_arm), sum(bool(run.problem) for run in of_arm), of_arm[-1].recorded)
         for arm, of_arm in of_all.items()
         if latest is not None and _is_absent(of_arm, latest)
     }

@@ -311,13 +311,6 @@ class ColdArm:
         runs and joints with normal values, twice never warns of a cold arm whose friction is five times as far off
         as usual.
     """
-    independent_hz: Final = 2.0
-    """[Hz] Rate at which residuals of moving joints are independent: they are correlated over about half a second.
-
-    Origin: prior, not measured.
-    Factor of two: twice: none of 54 tests fails; half: 2 of 54 tests fail. Reasoned: the fit's part of a change's
-        standard deviation changes by the root of two.
-    """
 
 
 class EmptyArmLevels:

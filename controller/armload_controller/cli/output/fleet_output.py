@@ -9,7 +9,7 @@ from armload_controller.fleet.attention import Acknowledgement, Attention
 from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
 from armload_identification.many_arms.arm_runs import IN_FUTURE
-from armload_identification.many_arms.fleet_review import AbsentArm, ArmReview, FleetReview, Suspicion
+from armload_identification.many_arms.fleet_review import ArmReview, FleetReview, Suspicion
 from armload_identification.numerals import counted
 from armload_identification.results.json_document import json_document
 
@@ -80,7 +80,7 @@ def _absent_lines(review: FleetReview) -> list[str]:
 def fleet_report_document(review: FleetReview, attention: Attention) -> dict[str, Any]:
     """All arms for `--json`, the most suspicious first."""
 
-    def identity(arm: ArmReview | AbsentArm) -> dict[str, Any]:
+    def identity(arm: ArmReview) -> dict[str, Any]:
         return {"name": arm.arm, "model": arm.model, "runs": arm.runs, "latest": arm.latest.isoformat()}
 
     def suspicion(found: Suspicion) -> dict[str, Any]:

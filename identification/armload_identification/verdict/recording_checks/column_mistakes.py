@@ -10,7 +10,9 @@ the torque of motor a if column c of the recording were its own:
 
     r(s) = sum_ac s_ac (I - Q Q^T) y_ac,        s_ac = 1, -1 or 0
 
-Exchanged positions need a decomposition each. They are tried only if no signs explain the run.
+Exchanged positions need a decomposition each. They are tried only if no signs explain the run. It is no problem of
+terms and priors (`estimation.solve`): that solves for one choice of columns, and here 64 signs and 85 orders of six
+joints are compared, each by a sum of columns that are decomposed once.
 
 A mistake is reported only if the corrected run fits well, its friction is positive on all joints, and the run as it is
 either fits much worse or has friction that drives the arm. On the UR10e's four runs the residual is 2 to 5 % of each
@@ -164,45 +166,41 @@ def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int,
     n, moving = chain.n, np.flatnonzero(run.moves).tolist()
     system = _LinksAndFriction(run, chain, coupling, base_columns(chain, coupling))
     as_it_is = system.trial(np.eye(n))
-    best = as_it_is.cost + ArmFit.no_worse
-    flipped: tuple[int, ...] = ()
-    for count in range(1, (len(moving) if n <= ArmFit.all_signs_joints else 2) + 1):
-        for joints in combinations(moving, count):
-            sign = np.ones(n)
-            sign[list(joints)] = -1.0
-            trial = system.trial(np.diag(sign))
-            if trial.cost < best and _explains(trial, as_it_is):
-                best, flipped = trial.cost, joints
-    return flipped
+    most = len(moving) if n <= ArmFit.all_signs_joints else 2
+    found: dict[tuple[int, ...], float] = {(): np.inf}
+    for joints in (joints for count in range(1, most + 1) for joints in combinations(moving, count)):
+        trial = system.trial(np.diag(np.where(np.isin(np.arange(n), joints), -1.0, 1.0)))
+        if _explains(trial, as_it_is):
+            found[joints] = trial.cost
+    return min(found, key=lambda joints: found[joints])
 
 
 def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Exchange | None:
     """Moving joints whose columns are exchanged; None if the run is right as it is, or nothing explains it."""
-    n = chain.n
+    one = np.eye(chain.n)
     base = base_columns(chain, coupling)
     system = _LinksAndFriction(run, chain, coupling, base)
-    as_it_is = system.trial(np.eye(n))
-    best, found = as_it_is.cost - ArmFit.evident_gain, None
     moving = np.flatnonzero(run.moves).tolist()
+    trials: dict[_Exchange, _Correction] = {}
     for joints in combinations(moving, 2):
-        order = np.arange(n)
-        order[list(joints)] = joints[::-1]
+        order = _reordered(chain.n, joints, 1)
         moved = _LinksAndFriction(run, chain, coupling, base, order)
-        for what, trial in (
-            (_TORQUES, system.trial(np.eye(n)[order])),
-            ("the positions", moved.trial(np.eye(n))),
-            ("all columns", moved.trial(np.eye(n)[order])),
-        ):
-            if trial.cost < best and trial.possible:
-                best, found = trial.cost, _Exchange(joints, what)
+        trials[_Exchange(joints, _TORQUES)] = system.trial(one[order])
+        trials[_Exchange(joints, "the positions")] = moved.trial(one)
+        trials[_Exchange(joints, "all columns")] = moved.trial(one[order])
     for three in combinations(moving, 3):
-        for shift in (1, 2):
-            order = np.arange(n)
-            order[list(three)] = np.roll(three, shift)
-            trial = system.trial(np.eye(n)[order])
-            if trial.cost < best and trial.possible:
-                best, found = trial.cost, _Exchange(three, _TORQUES)
-    return found
+        both_ways = [system.trial(one[_reordered(chain.n, three, shift)]) for shift in (1, 2)]
+        trials[_Exchange(three, _TORQUES)] = min(both_ways, key=lambda trial: (not trial.possible, trial.cost))
+    least = system.trial(one).cost - ArmFit.evident_gain
+    found = {exchange: trial.cost for exchange, trial in trials.items() if trial.possible and trial.cost < least}
+    return min(found, key=lambda exchange: found[exchange], default=None)
+
+
+def _reordered(n: int, joints: tuple[int, ...], shift: int) -> NDArray[np.intp]:
+    """(n,) indices with those of some joints moved on in a cycle."""
+    order = np.arange(n)
+    order[list(joints)] = np.roll(joints, shift)
+    return order
 
 
 def _explains(trial: _Correction, as_it_is: _Correction) -> bool:
@@ -232,14 +230,12 @@ class _LinksAndFriction:
         speed = states[1]
         weight, direction = reversal_weights(states[0], speed)[rows], smooth_sign(dq, reversal_speed(speed))
         torque = run.torque_nm[rows]
-        own = np.zeros((len(q), n, 3, n))
-        for joint in range(n):
-            own[:, joint, :, joint] = np.column_stack([direction[:, joint], dq[:, joint], np.ones(len(q))])
+        own = np.hstack([direction, dq, np.ones_like(dq)])
         columns = np.concatenate(
             [
                 body_regressor(chain, q, dq, ddq)[:, :, base[: PARAMETERS * n]],
                 rotor_columns(ddq, coupling).transpose(0, 2, 1)[:, :, base[PARAMETERS * n :]],
-                own.reshape(len(q), n, 3 * n),
+                own[:, None, :] * np.tile(np.eye(n), 3),
             ],
             axis=2,
         )
@@ -254,9 +250,7 @@ class _LinksAndFriction:
         at_motor = (torque @ coupling).T[None, :, :, None] * np.linalg.inv(coupling)[:, None, None, :]
         wanted = (at_motor * weight).reshape(n * n, -1)
         along = wanted @ orthogonal
-        self._left = wanted - along @ orthogonal.T
-        self._wanted = wanted
-        self._n = n
+        self._left, self._wanted, self._n = wanted - along @ orthogonal.T, wanted, n
         coefficient = np.linalg.solve(triangle, along.T) / length[:, None]
         # Mean friction while moving: its work, divided by the distance.
         distance = np.maximum(np.mean(np.abs(dq), axis=0), np.finfo(float).tiny)

@@ -12,7 +12,7 @@ from armload_controller.control_errors import ConfigurationError, FleetError
 from armload_controller.fleet.alerts import metrics_text, notify
 from armload_controller.fleet.attention import acknowledge, attention_of
 from armload_identification.many_arms.arm_runs import Quantity, QuantityKind
-from armload_identification.many_arms.fleet_review import AbsentArm, Anomaly, ArmReview, FleetReview, Suspicion
+from armload_identification.many_arms.fleet_review import Anomaly, ArmReview, FleetReview, Suspicion
 
 NOW = datetime(2026, 3, 20, 6, tzinfo=UTC)
 TODAY = NOW.date()
@@ -28,7 +28,7 @@ SILENCE = suspicion(Anomaly.SILENCE, None, "the 9 latest recordings gave no resu
 
 def fleet(**suspicions):
     arms = tuple(ArmReview(arm, "er50", 9, 1, NOW, {}, tuple(found)) for arm, found in suspicions.items())
-    return FleetReview(arms, (AbsentArm("gone", "er50", 3, 1, NOW - timedelta(days=90)),), ())
+    return FleetReview(arms, (ArmReview("gone", "er50", 3, 1, NOW - timedelta(days=90)),), ())
 
 
 def needed(review, folder, day=TODAY):

@@ -24,9 +24,9 @@ def drifted(arm, loaded, seed):
 
 
 def identified(calibration, arm, session):
-    level, gains = calibration.level(arm.chain), calibration.transmission(arm.transmission)
+    level, gains = calibration.level(arm.chain), session.corrected(calibration).transmission(arm.transmission)
     known = session.arm(calibration.known_arm(arm.chain))
-    return identify(drifted(arm, True, 81), None, level, session.transmission(gains), arm=known)
+    return identify(drifted(arm, True, 81), None, level, gains, arm=known)
 
 
 def off(found, arm):

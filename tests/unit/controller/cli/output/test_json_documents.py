@@ -51,7 +51,6 @@ from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import NothingMounted
 from armload_identification.many_arms.arm_runs import ArmRun, Quantity, QuantityKind
 from armload_identification.many_arms.fleet_review import (
-    AbsentArm,
     Anomaly,
     ArmReview,
     FleetReview,
@@ -147,7 +146,7 @@ def fleet_review():
     change = Suspicion(Anomaly.CHANGE, Quantity(QuantityKind.MASS, "tool"), 9.0, "a sentence")
     silence = Suspicion(Anomaly.SILENCE, None, 3.0, "another")
     one = ArmReview("one", "er50", 2, 1, datetime(2026, 3, 1, tzinfo=UTC), {}, (change, silence))
-    return FleetReview((one,), (AbsentArm("two", "er50", 3, 0, datetime(2026, 1, 1, tzinfo=UTC)),), ())
+    return FleetReview((one,), (ArmReview("two", "er50", 3, 0, datetime(2026, 1, 1, tzinfo=UTC)),), ())
 
 
 def fleet_attention():
