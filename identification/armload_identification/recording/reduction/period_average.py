@@ -17,9 +17,9 @@ from armload_identification.recording.reduction.place_in_period import (
     phases_of,
     shortest_period,
 )
-from armload_identification.recording.reduction.reduction import WrongReduction
-from armload_identification.recording.reduction.repeated_values import RepeatCounter
-from armload_identification.recording.row_block import RowBlock, joined
+from armload_identification.recording.reduction.reduction import Reduction, WrongReduction
+from armload_identification.recording.reduction.repeated_values import RepeatedValues
+from armload_identification.recording.row_block import RowBlock
 
 ON_GRID: Final = 0.05
 """Samples this close to a common grid, in grid steps, are averaged without interpolation."""
@@ -27,7 +27,7 @@ _LEARNT_FROM: Final = 2**14
 """Rows with a phase from which the grid is determined."""
 
 
-class PeriodAverager:
+class PeriodAverager(Reduction):
     """Mean and scatter of every phase of a period, one period at a time (Welford's update).
 
     Args:
@@ -37,50 +37,30 @@ class PeriodAverager:
     """
 
     def __init__(self, path: Path, excitation: Excitation, *, interpolated: bool) -> None:
+        super().__init__(_LEARNT_FROM)
         self._path, self._excitation, self._interpolated = path, excitation, interpolated
-        self._learning: list[RowBlock] = []
-        self._grid: _PhaseGrid | None = None
-        self._effort_name = ""
-        self._repeats: RepeatCounter | None = None
 
-    def add(self, rows: RowBlock) -> None:
-        """Add more rows; those outside the periods are used only for repeated values."""
-        effort = rows.effort
-        if effort is None or rows.phase_s is None or not rows.size:
-            return
-        if self._repeats is None:
-            self._repeats = RepeatCounter(rows.n)
-            self._effort_name = "current_a" if rows.torque_nm is None else "torque_nm"
-        self._repeats.add(effort, rows.position_rad)
-        inside = rows.rows(np.isfinite(rows.phase_s))
-        if not inside.size:
-            return
-        if self._grid is not None:
-            self._grid.add(inside)
-            return
-        self._learning.append(inside)
-        if sum(block.size for block in self._learning) >= _LEARNT_FROM:
-            self._learn()
+    def _used(self, rows: RowBlock) -> RowBlock:
+        """The rows within the periods."""
+        if rows.phase_s is None or rows.effort is None:
+            return rows.rows(slice(0, 0))
+        return rows.rows(np.isfinite(rows.phase_s))
 
-    def recording(self, source: RecordingSource) -> Recording:
+    def _learn(self, rows: RowBlock) -> None:
+        """Determine the grid from the first rows."""
+        self._grid = _PhaseGrid(self._path, rows, self._excitation, self._interpolated)
+        self._effort_name = "current_a" if rows.torque_nm is None else "torque_nm"
+
+    def _reduce(self, rows: RowBlock) -> None:
+        """Add rows to the average."""
+        self._grid.add(rows)
+
+    def _reduced(self, source: RecordingSource, repeats: RepeatedValues | None) -> Recording:
         """The average period."""
-        if self._grid is None:
-            self._learn()
-        if self._grid is None or self._repeats is None:
-            raise WrongReduction
         time_s, phase_s, mean, average = self._grid.result()
         effort, position = np.hsplit(mean, 2)
         rows = RowBlock(time_s, position, **{self._effort_name: effort}, phase_s=phase_s)
-        return recording_of(rows, self._excitation, source, average, self._repeats.result())
-
-    def _learn(self) -> None:
-        """Determine the grid from the first rows, and add these."""
-        if sum(block.size for block in self._learning) < 2:
-            raise WrongReduction
-        rows = joined(self._learning)
-        self._learning = []
-        self._grid = _PhaseGrid(self._path, rows, self._excitation, self._interpolated)
-        self._grid.add(rows)
+        return recording_of(rows, self._excitation, source, average, repeats)
 
 
 class _PhaseGrid:

@@ -6,18 +6,28 @@ means over 10 ms.
 
 from __future__ import annotations
 
-from typing import Protocol
+from abc import ABC, abstractmethod
 
 from armload_identification.recording.recording import Recording, RecordingSource
-from armload_identification.recording.row_block import RowBlock
+from armload_identification.recording.reduction.repeated_values import RepeatCounter, RepeatedValues
+from armload_identification.recording.row_block import RowBlock, joined
 
 
 class WrongReduction(Exception):
     """A run cannot be reduced in this way, and must be read again with another reduction."""
 
 
-class Reduction(Protocol):
-    """Reduces the usable rows of a run, block by block."""
+class Reduction(ABC):
+    """Reduces the usable rows of a run, block by block; how exactly, it learns from the first rows.
+
+    Args:
+        learnt_from: Number of these rows.
+    """
+
+    def __init__(self, learnt_from: int) -> None:
+        self._learnt_from = learnt_from
+        self._first: list[RowBlock] | None = []
+        self._repeats: RepeatCounter | None = None
 
     def add(self, rows: RowBlock) -> None:
         """Add more rows.
@@ -25,6 +35,20 @@ class Reduction(Protocol):
         Raises:
             WrongReduction: the rows cannot be reduced in this way.
         """
+        if not rows.size:
+            return
+        if rows.effort is not None:
+            self._repeats = self._repeats or RepeatCounter(rows.n)
+            self._repeats.add(rows.effort, rows.position_rad)
+        used = self._used(rows)
+        if not used.size:
+            return
+        if self._first is None:
+            self._reduce(used)
+            return
+        self._first.append(used)
+        if sum(block.size for block in self._first) >= self._learnt_from:
+            self._begin(self._first)
 
     def recording(self, source: RecordingSource) -> Recording:
         """The reduced run.
@@ -33,3 +57,30 @@ class Reduction(Protocol):
             WrongReduction: the run cannot be reduced in this way.
             RecordingError: the run cannot be used.
         """
+        if self._first is not None:
+            self._begin(self._first)
+        return self._reduced(source, None if self._repeats is None else self._repeats.result())
+
+    def _begin(self, first: list[RowBlock]) -> None:
+        """Learn from the first rows, and reduce them."""
+        if sum(block.size for block in first) < 2:
+            raise WrongReduction
+        rows, self._first = joined(first), None
+        self._learn(rows)
+        self._reduce(rows)
+
+    def _used(self, rows: RowBlock) -> RowBlock:
+        """The rows to be reduced; all of them are searched for repeated values."""
+        return rows
+
+    @abstractmethod
+    def _learn(self, rows: RowBlock) -> None:
+        """Determine how to reduce from the first rows, at least two."""
+
+    @abstractmethod
+    def _reduce(self, rows: RowBlock) -> None:
+        """Reduce more rows."""
+
+    @abstractmethod
+    def _reduced(self, source: RecordingSource, repeats: RepeatedValues | None) -> Recording:
+        """The reduced run."""

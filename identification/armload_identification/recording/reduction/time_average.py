@@ -18,8 +18,8 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import Recording, RecordingSource, recording_of
-from armload_identification.recording.reduction.reduction import WrongReduction
-from armload_identification.recording.reduction.repeated_values import RepeatCounter
+from armload_identification.recording.reduction.reduction import Reduction
+from armload_identification.recording.reduction.repeated_values import RepeatedValues
 from armload_identification.recording.row_block import RowBlock, joined
 
 INTERVAL_S: Final = 0.01
@@ -30,7 +30,7 @@ _LEARNT_FROM: Final = 1000
 """Rows from which the sampling interval is determined: a single pair of stamps may be off by the jitter."""
 
 
-class TimeAverager:
+class TimeAverager(Reduction):
     """Means over equal intervals of time.
 
     Args:
@@ -39,56 +39,21 @@ class TimeAverager:
     """
 
     def __init__(self, excitation: Excitation | None, most_means: int = MOST_MEANS) -> None:
+        super().__init__(_LEARNT_FROM)
         self._excitation, self._most_means = excitation, most_means
-        self._learning: list[RowBlock] = []
-        self._samples = 0
-        self._width_s = 0.0
-        self._start_s = 0.0
         self._open: RowBlock | None = None
         self._means: list[RowBlock] = []
         self._size = 0
-        self._repeats: RepeatCounter | None = None
 
-    def add(self, rows: RowBlock) -> None:
-        """Add more rows."""
-        effort = rows.effort
-        if not rows.size:
-            return
-        if effort is not None:
-            self._repeats = self._repeats or RepeatCounter(rows.n)
-            self._repeats.add(effort, rows.position_rad)
-        if self._samples:
-            self._average(rows)
-            return
-        self._learning.append(rows)
-        if sum(block.size for block in self._learning) >= _LEARNT_FROM:
-            self._learn()
-
-    def recording(self, source: RecordingSource) -> Recording:
-        """The means as rows."""
-        if not self._samples:
-            self._learn()
-        if self._open is not None:
-            self._collect(self._means_of(self._open))
-            self._open = None
-        rows = joined(self._means)
-        repeats = None if self._repeats is None else self._repeats.result()
-        return recording_of(replace(rows, velocity_rad_s=None), self._excitation, source, repeats=repeats)
-
-    def _learn(self) -> None:
-        """Determine the intervals from the first rows, and average these."""
-        if sum(block.size for block in self._learning) < 2:
-            raise WrongReduction
-        rows = joined(self._learning)
-        self._learning = []
+    def _learn(self, rows: RowBlock) -> None:
+        """Determine the intervals from the first rows."""
         interval_s = float(np.median(np.diff(rows.time_s)))
         self._samples = max(int(INTERVAL_S / interval_s * (1.0 + 1e-6)), 1)
         self._width_s = self._samples * interval_s
         # Half an interval earlier, so that jitter moves no sample across an edge.
         self._start_s = float(rows.time_s[0]) - 0.5 * interval_s
-        self._average(rows)
 
-    def _average(self, rows: RowBlock) -> None:
+    def _reduce(self, rows: RowBlock) -> None:
         """Average the completed intervals."""
         rows = rows if self._open is None else joined([self._open, rows])
         number = self._number(rows)
@@ -97,6 +62,13 @@ class TimeAverager:
         self._open = rows.rows(slice(closed, None))
         if closed:
             self._collect(self._means_of(rows.rows(slice(0, closed))))
+
+    def _reduced(self, source: RecordingSource, repeats: RepeatedValues | None) -> Recording:
+        """The means as rows."""
+        if self._open is not None:
+            self._collect(self._means_of(self._open))
+        rows = replace(joined(self._means), velocity_rad_s=None)
+        return recording_of(rows, self._excitation, source, repeats=repeats)
 
     def _number(self, rows: RowBlock) -> FloatArray:
         """Number of each row's interval."""
