@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -26,9 +25,6 @@ from armload_drivers.listening.bus_listener import overheard
 from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle, ToldPayload
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, OVERHEARD, RUN_ATTACHMENT
-
-_BLOCK_S: Final = 0.1
-"""Time of the cycles that are passed to the estimator together."""
 
 
 @contextmanager
@@ -124,7 +120,6 @@ class BusWatch:
             )
         self._payload, self._recorder, self._every_s, self._clock = payload, recorder, every_s, clock
         self._n = robot.n
-        self._block: list[OverheardCycle] = []
 
     def moments(self, cycles: Iterator[OverheardCycle | None], goes_on: Callable[[], bool]) -> Iterator[WatchedMoment]:
         """Watch until `goes_on` returns false.
@@ -176,28 +171,14 @@ class BusWatch:
         if self._recorder is not None:
             self._recorder.write(cycle.feedback, cycle.command, OVERHEARD, None, cycle.target_torque_nm)
         if self._payload is not None and not cycle.feedback.missing.any():
-            self._block.append(cycle)
-            if cycle.feedback.time_s - self._block[0].feedback.time_s >= _BLOCK_S:
-                self._pass_to_estimator(self._payload)
-
-    def _pass_to_estimator(self, payload: PayloadWatch) -> None:
-        """Pass the collected cycles to the estimator."""
-        if not self._block:
-            return
-        feedback = [cycle.feedback for cycle in self._block]
-        efforts = [each.torque_nm if each.current_a is None else each.current_a for each in feedback]
-        payload.take(
-            np.array([each.time_s for each in feedback]),
-            np.array([each.position_rad for each in feedback]),
-            np.array(efforts),
-        )
-        self._block.clear()
+            feedback = cycle.feedback
+            effort = feedback.torque_nm if feedback.current_a is None else feedback.current_a
+            self._payload.take(np.array([feedback.time_s]), feedback.position_rad[None], np.array([effort]))
 
     def _moment(self, time_s: float | None, bus: HeardBus) -> WatchedMoment:
         """The present moment."""
         if self._payload is None:
             return WatchedMoment(time_s, None, bus=bus)
-        self._pass_to_estimator(self._payload)
         moment = self._payload.moment(bus, time_s)
         if self._recorder is not None:
             for event in moment.events:

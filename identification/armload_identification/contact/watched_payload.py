@@ -3,7 +3,8 @@
 The recursive estimator runs all the time, and its state is kept every half second. Until something is decided, the
 payload of before is reported. A decision for another payload takes the estimator back to before the onset, lets it
 forget the payload there, and gives it the samples since. After a push it goes on from before the onset with the samples
-after the end. So a push changes nothing in the estimate.
+after the end. So a push changes nothing in the estimate. Forces are looked for in parts that the stamps alone delimit:
+the same samples give the same result, however they arrive.
 
 Not for a control loop: a call takes up to some tens of milliseconds.
 """
@@ -54,6 +55,8 @@ class WatchedPayload:
         self._estimator, self._force = PayloadEstimator(*self._arm, session), ForceWatch(*self._arm)
         self._states: list[tuple[float, PayloadEstimator]] = []
         self._samples: list[Samples] = []
+        self._part: list[Samples] = []
+        self._part_end_s, self._part_changes = -np.inf, 0
         self._held: LivePayload | None = None
         self._onset_s = 0.0
         self._events: list[ForceEvent] = []
@@ -83,8 +86,19 @@ class WatchedPayload:
         """
         start = 0
         while start < time_s.size:
-            end = start + max(int(np.searchsorted(time_s[start:], time_s[start] + PART_S)), 1)
-            self._take_part((time_s[start:end], position[start:end], effort[start:end]))
+            first_s = float(time_s[start])
+            went_back = bool(self._samples) and first_s < self._samples[-1][0][-1] - _CLOCK_BACK_S
+            if self._part and (went_back or first_s >= self._part_end_s):
+                self._end_part()
+            if went_back:
+                self._states, self._samples, self._held, self._force = [], [], None, ForceWatch(*self._arm)
+            if not self._part:
+                self._part_end_s, self._part_changes = first_s + PART_S, self._estimator.changes
+            end = start + max(int(np.searchsorted(time_s[start:], self._part_end_s)), 1)
+            piece = time_s[start:end], position[start:end], effort[start:end]
+            self._estimator.update_all(*piece)
+            self._samples.append(piece)
+            self._part.append(piece)
             start = end
 
     def estimate(self) -> LivePayload:
@@ -98,18 +112,16 @@ class WatchedPayload:
         events, self._events = self._events, []
         return events
 
-    def _take_part(self, part: Samples) -> None:
-        """Process a tenth of a second of samples."""
-        now_s = float(part[0][-1])
-        if self._samples and part[0][0] < self._samples[-1][0][-1] - _CLOCK_BACK_S:
-            self._states, self._samples, self._held, self._force = [], [], None, ForceWatch(*self._arm)
-        changes, was = self._estimator.changes, self._force.state
-        self._estimator.update_all(*part)
-        self._samples.append(part)
+    def _end_part(self) -> None:
+        """Look for forces in a tenth of a second of samples."""
+        time_s, position, effort = (np.concatenate(values) for values in zip(*self._part, strict=True))
+        self._samples[-len(self._part) :] = [(time_s, position, effort)]
+        now_s, self._part = float(time_s[-1]), []
         while self._samples[0][0][-1] < now_s - KEPT_S:
             del self._samples[0]
-        events = self._force.take(*part)
-        if self._estimator.changes != changes and was is self._force.state is Force.FREE:
+        was = self._force.state
+        events = self._force.take(time_s, position, effort)
+        if self._estimator.changes != self._part_changes and was is self._force.state is Force.FREE:
             events += self._force.suspect()
         for event in events:
             self._follow(event)
