@@ -213,19 +213,17 @@ class _Header:
         """The columns of the joints that have positions, with the units that their names state."""
         joints = list(chosen["position_rad"].places)
         scale = {"time_s": self._time_factor} | {name: series.factors[0] or 1.0 for name, series in chosen.items()}
-        groups = {
-            name: [self._called(series.places[joint]) for joint in joints if joint in series.places]
-            for name, series in chosen.items()
+        groups: dict[str, Any] = {
+            key: [self._called(chosen[quantity].places[joint]) for joint in joints if joint in chosen[quantity].places]
+            for key, quantity in QUANTITIES_BY_KEY.items()
+            if quantity in chosen
         }
         return CsvColumns(
             self._called(self._time or 0),
-            groups["position_rad"],
-            groups.get("velocity_rad_s"),
-            groups.get("current_a"),
-            groups.get("torque_nm"),
-            {name: factor for name, factor in scale.items() if factor != 1.0},
-            tuple(joint for joint in joints if isinstance(joint, str)),
-            None if self._nanoseconds is None else self._called(self._nanoseconds),
+            **groups,
+            scale={name: factor for name, factor in scale.items() if factor != 1.0},
+            joint_names=tuple(joint for joint in joints if isinstance(joint, str)),
+            nanoseconds=None if self._nanoseconds is None else self._called(self._nanoseconds),
         )
 
     def _called(self, place: int) -> int | str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Any, Final
 
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.column_units import unit_factor, unit_name, units_of
@@ -56,13 +56,8 @@ class CsvColumns:
 
     def groups(self) -> dict[str, list[int | str]]:
         """The existing columns by the name of the quantity."""
-        groups = {
-            "time_s": [self.time] if self.nanoseconds is None else [self.time, self.nanoseconds],
-            "position_rad": self.position,
-            "velocity_rad_s": self.velocity,
-            "current_a": self.current,
-            "torque_nm": self.torque,
-        }
+        groups = {quantity: getattr(self, key) for key, quantity in QUANTITIES_BY_KEY.items()}
+        groups["time_s"] = [self.time] if self.nanoseconds is None else [self.time, self.nanoseconds]
         return {name: list(columns) for name, columns in groups.items() if columns is not None}
 
     def in_units(self, factors: Mapping[str, float]) -> CsvColumns:
@@ -103,7 +98,7 @@ def parse_columns(text: str) -> CsvColumns:
     Raises:
         RecordingError: naming the part that is invalid.
     """
-    found: dict[str, list[int | str]] = {}
+    found: dict[str, Any] = {}
     scale: dict[str, float] = {}
     for part in _PART.findall(text):
         left, equals, value = part.partition("=")
@@ -128,16 +123,8 @@ def parse_columns(text: str) -> CsvColumns:
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{count} of {key}" for key, count in lengths.items())
         raise RecordingError(f"columns: there are {listed}; expected as many of each as joints.")
-    time, *nanoseconds = found["time"]
-    return CsvColumns(
-        time,
-        found["position"],
-        found.get("velocity"),
-        found.get("current"),
-        found.get("torque"),
-        scale,
-        nanoseconds=nanoseconds[0] if nanoseconds else None,
-    )
+    time, *nanoseconds = found.pop("time")
+    return CsvColumns(time, **found, scale=scale, nanoseconds=nanoseconds[0] if nanoseconds else None)
 
 
 def _expanded(item: str) -> list[int | str]:

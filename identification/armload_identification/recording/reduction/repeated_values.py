@@ -76,8 +76,7 @@ class RepeatCounter:
     """
 
     def __init__(self, n: int) -> None:
-        self._bound, self._at_bound, self._elsewhere = np.zeros(n), np.zeros(n), np.zeros(n)
-        self._turned_rad, self._turned_for, self._turned_at = np.zeros(n), np.zeros(n), np.zeros(n)
+        self._found = RepeatedValues(*np.zeros((6, n)))
         self._last, self._length = np.full(n, np.nan), np.zeros(n)
         self._open: list[_ConstantStretch | None] = [None] * n
 
@@ -88,6 +87,7 @@ class RepeatCounter:
             values: (N, n) the next samples, N at least 1.
             position: (N, n) positions of the joints.
         """
+        found = self._found
         for signal, column in enumerate(values.T):
             starts = np.concatenate([[0], np.flatnonzero(np.diff(column) != 0.0) + 1])
             ends = np.append(starts[1:], column.size)
@@ -101,25 +101,24 @@ class RepeatCounter:
             for place in np.flatnonzero(np.append(lengths[:-1] >= _LONG, True)).tolist():
                 before = None if place else self._open[signal]
                 stretch = _ConstantStretch.of(position[starts[place] : ends[place], signal], before)
-                if lengths[place] >= _LONG and stretch.way >= self._turned_rad[signal]:
-                    self._turned_rad[signal], self._turned_for[signal] = stretch.way, lengths[place]
-                    self._turned_at[signal] = column[starts[place]]
+                if lengths[place] >= _LONG and stretch.way >= found.turned_rad[signal]:
+                    found.turned_rad[signal], found.turned_for[signal] = stretch.way, lengths[place]
+                    found.turned_at[signal] = column[starts[place]]
             self._open[signal] = stretch
             self._last[signal], self._length[signal] = column[-1], lengths[-1]
             greatest = float(level.max())
-            if self._bound[signal] < greatest * _AT_BOUND:
+            if found.bound[signal] < greatest * _AT_BOUND:
                 # The previous bound is now a value like any other.
-                self._elsewhere[signal] = max(self._elsewhere[signal], self._at_bound[signal])
-                self._at_bound[signal] = 0.0
-            self._bound[signal] = max(self._bound[signal], greatest)
-            high = level >= self._bound[signal] * _AT_BOUND
-            self._at_bound[signal] = max(self._at_bound[signal], lengths[high].max(initial=1.0) - 1.0)
-            self._elsewhere[signal] = max(self._elsewhere[signal], lengths[~high].max(initial=1.0) - 1.0)
+                found.elsewhere[signal] = max(found.elsewhere[signal], found.at_bound[signal])
+                found.at_bound[signal] = 0.0
+            found.bound[signal] = max(found.bound[signal], greatest)
+            high = level >= found.bound[signal] * _AT_BOUND
+            found.at_bound[signal] = max(found.at_bound[signal], lengths[high].max(initial=1.0) - 1.0)
+            found.elsewhere[signal] = max(found.elsewhere[signal], lengths[~high].max(initial=1.0) - 1.0)
 
     def result(self) -> RepeatedValues:
         """The repetitions counted so far."""
-        counted = (self._bound, self._at_bound, self._elsewhere, self._turned_rad, self._turned_for, self._turned_at)
-        return RepeatedValues(*(values.copy() for values in counted))
+        return self._found.joints(np.arange(self._last.size))
 
 
 def repeated_values(values: FloatArray, position: FloatArray) -> RepeatedValues:
