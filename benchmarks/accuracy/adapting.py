@@ -32,7 +32,6 @@ from armload_controller.motion.phase import PhaseState, Segment
 from armload_controller.session.feedforward_comparison import LOADED_SHARE
 from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
@@ -43,6 +42,7 @@ from armload_identification.recording.recording import Recording, RecordingSourc
 from benchmarks.arms.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid
 from benchmarks.arms.calibrated import calibrated
 from benchmarks.results.tally import Tally
+from tests.fake_servos import FakeServos
 
 CASES = {"er50": (0.5, 2.0, 10.0), "prbt": (0.5, 3.0)}
 WEIGHED_KG = {"er50": 13.0, "prbt": 5.0}

@@ -37,7 +37,6 @@ from armload_drivers.cia402.state_machine import POWERED, decode
 from armload_drivers.driver_errors import DriverError
 from armload_drivers.servos import JointServos
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.mujoco_plant import ArmPlant
@@ -46,6 +45,7 @@ from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_drivers.simulation.virtual_clock import VirtualClock
 from armload_identification.excitation.fourier import Excitation
 from benchmarks.arms.trials import workers
+from tests.fake_servos import FakeServos
 
 ROBOTS = ("er50", "prbt")
 LEGS = ("slow round", "full speed")

@@ -33,12 +33,12 @@ from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.servos import JointFeedback, JointServos
-from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import NOISE_CYCLE_S, ArmPlant, PlantSample
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_identification.excitation.fourier import Excitation
 from benchmarks.arms.setups import Twin, twin_spec
 from benchmarks.arms.trials import workers
+from tests.fake_servos import FakeServos
 
 ROBOTS = ("er50", "prbt")
 SEEDS = 20

@@ -19,12 +19,12 @@ from armload_controller.motion.phase import Segment
 from armload_controller.session.run_session import ServosFactory, SessionLoad, no_operator, run_session
 from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointServos
-from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 from benchmarks.arms.setups import Twin, twin_spec
+from tests.fake_servos import FakeServos
 
 ROBOTS = ("er50", "prbt")
 TOOLS_M = (0.0, 0.2)

@@ -40,10 +40,10 @@ from armload_drivers.driver_errors import (
     WorkingCounterWrong,
 )
 from armload_drivers.servos import JointCommand, JointFeedback
-from armload_drivers.simulation.fake_servos import FailureKind, FakeServos, ScriptedFailure
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_interface import REVERSED
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from tests.fake_servos import FailureKind, FakeServos, ScriptedFailure
 
 AT_S = 1.3
 """Phase, in s, at which the cause occurs."""

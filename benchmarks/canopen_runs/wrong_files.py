@@ -18,12 +18,12 @@ from armload_controller.motion.checked_path import check_path
 from armload_controller.session.flange_check import unloaded_doubts
 from armload_controller.session.run_session import SessionLoad, no_operator, run_session
 from armload_drivers.servos import JointServos
-from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation
 from benchmarks.arms.misread_arm import MisreadPlant, mistakes
 from benchmarks.arms.setups import Twin, twin_spec
 from benchmarks.arms.trials import workers
+from tests.fake_servos import FakeServos
 
 ROBOT = "prbt"
 """Of the shipped robots the one with a [body]."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from armload_drivers.bring_up.drive_check import reset
-from armload_drivers.cia402.arm_settings import Fieldbus, OperationMode, VendorEffort
+from armload_drivers.cia402.arm_settings import Fieldbus, OperationMode, VendorObject
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.cia402.process_data.offset_fade import OFFSET_FADE_S
 from armload_drivers.cia402.state_machine import State, decode
@@ -15,8 +15,8 @@ from armload_drivers.driver_errors import AxisMoves, CommandError, ServoFault, S
 from armload_drivers.ethercat.ethercat_bring_up import EthercatBringUp
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
 from armload_drivers.servos import JointCommand, JointServos
-from armload_drivers.simulation.fake_servos import FailureKind, FakeServos, ScriptedFailure
 from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.fake_servos import FailureKind, FakeServos, ScriptedFailure
 from tests.lockstep_line import UNDER_IT, WHY, LockstepLine, PlantBehindDrives, VirtualFrames, order
 
 START_AXIS_RAD = np.array([0.1, -0.2, 0.3])
@@ -83,7 +83,7 @@ def ethercat_rig(arm, plant, stack):
     """The drives of with-ethercat, which .ci/run starts with the identity and scale of these settings."""
     if not UNDER_IT:
         pytest.skip(WHY)
-    effort = VendorEffort(0x6077, 0, DataType.I16, arm.drives[0].rated_torque_nm / 20_000)
+    effort = VendorObject(0x6077, 0, DataType.I16, arm.drives[0].rated_torque_nm / 20_000)
     drives = [replace(drive, node_id=place, vendor_effort=effort) for place, drive in enumerate(arm.drives, start=1)]
     arm = replace(arm, drives=tuple(drives), fieldbus=Fieldbus.ETHERCAT, watchdog_s=2.0)
     line = stack.enter_context(LockstepLine(PlantBehindDrives(plant, arm, arm.cycle_s)))

@@ -10,7 +10,7 @@ import pytest
 from armload_drivers.bring_up.drive_check import reset
 from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import Identity, VendorEffort
+from armload_drivers.cia402.arm_settings import Identity, VendorObject
 from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.cia402.state_machine import State
@@ -175,7 +175,7 @@ def test_quick_stop_by_the_operator(fault_arm):
 
 
 def test_a_vendors_32_bit_current_travels_in_a_pdo_of_its_own(fault_arm, arm_settings):
-    vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
+    vendor = VendorObject(0x30D1, 2, DataType.I32, 1e-3)
     arm = fault_arm(arm_settings(cycle_s=0.02, vendor_effort=vendor))
     arm.plant._torque_nm[:] = [20.0, -40.0, 60.0]
     arm.enable()
@@ -185,7 +185,7 @@ def test_a_vendors_32_bit_current_travels_in_a_pdo_of_its_own(fault_arm, arm_set
 
 
 def test_a_vendors_pdo_that_goes_missing_is_missing_feedback(fault_arm, arm_settings):
-    vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
+    vendor = VendorObject(0x30D1, 2, DataType.I32, 1e-3)
     arm = fault_arm(arm_settings(cycle_s=0.02, vendor_effort=vendor))
     arm.enable()
     # A tool on another cable disables TPDO2.

@@ -11,7 +11,7 @@ import pytest
 
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import EffortFeedback as Effort
-from armload_drivers.cia402.arm_settings import Fieldbus, FixedPdo, Identity, OperationMode, VendorEffort, VendorSetting
+from armload_drivers.cia402.arm_settings import Fieldbus, FixedPdo, Identity, OperationMode, VendorObject, VendorSetting
 from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.drive_safety import SAFETY_KEYS
 from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
@@ -93,7 +93,7 @@ def fifth_rpdo(cob_id):
 
 NO_REACTIONS = ("master_lost", "setpoints_lost", "quick_stop", "fault_reaction")
 MAXON = {
-    "vendor_effort": VendorEffort(0x30D1, 2, DataType.I32, 1e-3),
+    "vendor_effort": VendorObject(0x30D1, 2, DataType.I32, 1e-3),
     "rated_torque_unit_nm": 1e-6,
     "vendor_settings": (VendorSetting(Entry(0x3001, 2, "vendor's setting", DataType.U32), 5000, "torque_limit"),),
 }
@@ -295,7 +295,7 @@ WRITTEN = {
     "only 6077": own({"feedback": Effort.TORQUE}, without=[0x6078], expected=ways()),
     "only 6077, 6078 expected": own(without=[0x6078], error=WrongDevice, reason='set feedback = "torque"'),
     "only a maker's current": own(
-        {"vendor_effort": VendorEffort(0x2100, 1, DataType.I16, 1e-3)},
+        {"vendor_effort": VendorObject(0x2100, 1, DataType.I16, 1e-3)},
         without=[0x6077, 0x6078],
         changes=VENDORS_CURRENT,
         expected=ways(),
@@ -304,20 +304,20 @@ WRITTEN = {
         without=[0x6077, 0x6078], changes=VENDORS_CURRENT, error=WrongDevice, reason="effort_object"
     ),
     "a maker's current that it does not have": own(
-        {"vendor_effort": VendorEffort(0x2100, 2, DataType.I16, 1e-3)},
+        {"vendor_effort": VendorObject(0x2100, 2, DataType.I16, 1e-3)},
         changes=VENDORS_CURRENT,
         error=WrongDevice,
         reason=r'no 2100:2 .*Correct effort_object\. Or leave it out\. It has 6077:0 .*feedback = "torque"',
     ),
     "a maker's current of another size": own(
-        {"vendor_effort": VendorEffort(0x2100, 1, DataType.I32, 1e-3)},
+        {"vendor_effort": VendorObject(0x2100, 1, DataType.I32, 1e-3)},
         without=[0x6077, 0x6078],
         changes=VENDORS_CURRENT,
         error=WrongDevice,
         reason='16 bits instead of 32.*Correct the type in effort_object: "i16"',
     ),
     "a maker's current that cannot be mapped": own(
-        {"vendor_effort": VendorEffort(0x2100, 1, DataType.I16, 1e-3)},
+        {"vendor_effort": VendorObject(0x2100, 1, DataType.I16, 1e-3)},
         without=[0x6077, 0x6078],
         changes=VENDORS_CURRENT | {"2100sub1": VENDORS_CURRENT["2100sub1"] | {"PDOMapping": "0"}},
         reason=r"does not allow 2100:1 .*Correct effort_object\. A drive must report current",

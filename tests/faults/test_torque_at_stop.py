@@ -11,11 +11,11 @@ from armload_controller.config.robot import load_robot
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
+from tests.fake_servos import FakeServos
 
 JOINT = 1
 OFFSET_NM = 150.0

@@ -10,6 +10,7 @@ import numpy as np
 
 from armload_controller.config.drive_profiles import read_profile
 from armload_controller.config.robot_source import RobotSource
+from armload_controller.config.tables.drive_tables import OF_THE_JOINT
 from armload_controller.config.tables.joint_table import JointTable
 from armload_controller.config.tables.profile_table import ProfileFile
 from armload_core.arrays import FloatArray
@@ -44,10 +45,8 @@ class RobotDrives:
         for number, joint in enumerate(self.source.tables.joints, start=1):
             if joint.drive is None:
                 raise self.source.refused(f"joints[{number}].drive", None, "an arm on a bus requires one per joint")
-            limits = (joint.position_min_rad, joint.position_max_rad)
-            rates = (joint.velocity_max_rad_s, joint.acceleration_max_rad_s2)
-            described = self.descriptions.get(joint.name)
-            drives.append(joint.drive.settings(joint.name, limits, rates, joint.gear_ratio, described))
+            stated = {"joint": joint.name} | {key: getattr(joint, key) for key in OF_THE_JOINT[1:]}
+            drives.append(joint.drive.settings(stated, self.descriptions.get(joint.name)))
         return bus.arm_settings(drives, self.coupling)
 
     @cached_property

@@ -75,7 +75,7 @@ class DriveDialogue:
             return None
         self._sdo.step = "reading the temperature"
         value = self._sdo.read_real_if_there(entry)
-        return None if value is None else value * configured.celsius_per_unit
+        return None if value is None else value * configured.per_unit
 
     def read_position(self) -> int:
         """Actual position in the drive's units, by SDO."""

@@ -43,37 +43,20 @@ class EffortFeedback(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class VendorEffort:
-    """A vendor's object that reports the effort, for drives without 6078 or 6077.
+class VendorObject:
+    """A vendor's object with a measured value: the effort of drives without 6078 or 6077, or a temperature.
 
     Attributes:
         index: Index of the object.
         subindex: Sub-index.
-        type: Data type, 16 or 32 bits.
-        per_unit: Motor current in A, or axis torque in N m, per unit of the object.
+        type: Data type; of an effort 16 or 32 bits.
+        per_unit: Motor current in A, axis torque in N m, or degrees Celsius, per unit of the object.
     """
 
     index: int
     subindex: int
     type: DataType
     per_unit: float
-
-
-@dataclass(frozen=True, slots=True)
-class TemperatureObject:
-    """A vendor's object that reports a temperature of the drive or its motor; the standard has none.
-
-    Attributes:
-        index: Index of the object.
-        subindex: Sub-index.
-        type: Data type.
-        celsius_per_unit: Degrees Celsius per unit of the object.
-    """
-
-    index: int
-    subindex: int
-    type: DataType
-    celsius_per_unit: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,10 +170,10 @@ class DriveSettings:
     identity: Identity
     torque_offset: bool = True
     gear_ratio: float | None = None
-    vendor_effort: VendorEffort | None = None
+    vendor_effort: VendorObject | None = None
     accept_missing: frozenset[str] = frozenset()
     description: DeviceDescription | None = None
-    temperature: TemperatureObject | None = None
+    temperature: VendorObject | None = None
     torque_limit_in_drive: bool = False
     vendor_settings: tuple[VendorSetting, ...] = ()
     torque_offset_bits: int = 16

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from armload_drivers.cia402 import object_dictionary as od
@@ -120,18 +120,17 @@ class Setting:
 
     Attributes:
         entry: The object.
-        wanted: Its required value.
+        value: Its required value, of every drive or of one.
         optional: Whether a drive without it still has the property.
     """
 
     entry: Entry
-    wanted: Callable[[SafetyValues], int]
+    value: int | Callable[[SafetyValues], int]
     optional: bool = False
 
-
-def _holds(value: int) -> Callable[[SafetyValues], int]:
-    """The same value for every drive."""
-    return lambda values: value
+    def wanted(self, values: SafetyValues) -> int:
+        """Its required value on one drive."""
+        return self.value if isinstance(self.value, int) else self.value(values)
 
 
 Condition = Callable[[DriveSettings, float | None], str]
@@ -150,8 +149,8 @@ class Way:
 
     Attributes:
         text: What provides the property.
-        verified: How that is verified.
         settings: Objects with their required values.
+        note: What else is verified, or not.
         reads: Objects that the condition needs.
         condition: Returns why the way is not available to a drive; empty if it is.
         by_vendor: Whether the settings are manufacturer-specific, from the configuration.
@@ -159,12 +158,18 @@ class Way:
     """
 
     text: str
-    verified: str
     settings: tuple[Setting, ...] = ()
+    note: str = ""
     reads: tuple[Entry, ...] = ()
     condition: Condition = _always
     by_vendor: bool = False
     fieldbus: Fieldbus | None = None
+
+    @property
+    def verified(self) -> str:
+        """How the property is verified."""
+        back = "reads back as written" if self.settings else "reads back as configured" if self.by_vendor else ""
+        return "; ".join(filter(None, (back, self.note)))
 
 
 def _rated_current_known(drive: DriveSettings, rated_current_a: float | None) -> str:
@@ -189,7 +194,7 @@ def _has_brake(drive: DriveSettings, rated_current_a: float | None) -> str:
 
 def _vendor(what: str) -> Way:
     """A way by manufacturer-specific objects."""
-    return Way(f"the manufacturer's object for {what} (`vendor_settings`)", "reads back as configured", by_vendor=True)
+    return Way(f"the manufacturer's object for {what} (`vendor_settings`)", by_vendor=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,11 +218,17 @@ class SafetyProperty:
         return tuple(way for way in self.ways if way.fieldbus in {None, fieldbus})
 
 
-_READ_BACK = "reads back as written"
+def _max_torque(values: SafetyValues) -> int:
+    """6072 and 6073 are both in per mille."""
+    return values.drive.max_torque_permille
+
+
 _WATCH = Setting(od.HEARTBEAT_CONSUMER, lambda values: values.master_watch)
 _WATCHDOG = Setting(SYNC_MANAGER_WATCHDOG_US, lambda values: values.watchdog_us)
+_QUICK_STOP_ON_ABORT = Setting(od.ABORT_CONNECTION_OPTION, ABORT_BY_QUICK_STOP)
+_QUICK_STOP_ON_FAULT = Setting(od.FAULT_REACTION_OPTION, FAULT_REACTION_RAMP)
+_PRE_OPERATIONAL = Setting(od.COMMUNICATION_ERROR_BEHAVIOUR, PRE_OPERATIONAL_ON_ERROR)
 _CANOPEN, _ETHERCAT = Fieldbus.CANOPEN, Fieldbus.ETHERCAT
-_PRE_OPERATIONAL = _holds(PRE_OPERATIONAL_ON_ERROR)
 
 
 class Safety(Enum):
@@ -228,22 +239,18 @@ class Safety(Enum):
         "the drive does not limit its torque",
         "Set the limit with the manufacturer's tool, check it there, and set torque_limit_in_drive = true",
         (
-            Way(
-                "6072 = max_torque_permille",
-                _READ_BACK,
-                (Setting(od.MAX_TORQUE, lambda values: values.drive.max_torque_permille),),
-            ),
+            Way("6072 = max_torque_permille", (Setting(od.MAX_TORQUE, _max_torque),)),
             Way(
                 "6073 = max_torque_permille, of the rated current (6075)",
-                "reads back as written; 6075 reports a current, and it equals the configured one, if any",
-                (Setting(od.MAX_CURRENT, lambda values: values.drive.max_torque_permille),),
+                (Setting(od.MAX_CURRENT, _max_torque),),
+                "6075 reports a current, and it equals the configured one, if any",
                 (od.RATED_CURRENT_MA,),
                 _rated_current_known,
             ),
             _vendor("the limit"),
             Way(
                 "a limit set in the drive (`torque_limit_in_drive = true`)",
-                "only by the integrator's statement: nothing is read, and on a real arm the operator must confirm",
+                note="only by the integrator's statement: nothing is read, and on a real arm the operator must confirm",
                 condition=_torque_limit_set,
             ),
         ),
@@ -256,30 +263,24 @@ class Safety(Enum):
         (
             Way(
                 "6007 = 3 (quick stop), with the master's heartbeat watched (1016) and, if present, 1029 = 0",
-                _READ_BACK,
-                (
-                    _WATCH,
-                    Setting(od.ABORT_CONNECTION_OPTION, _holds(ABORT_BY_QUICK_STOP)),
-                    Setting(od.COMMUNICATION_ERROR_BEHAVIOUR, _PRE_OPERATIONAL, optional=True),
-                ),
+                (_WATCH, _QUICK_STOP_ON_ABORT, replace(_PRE_OPERATIONAL, optional=True)),
                 fieldbus=_CANOPEN,
             ),
             Way(
                 "1029 = 0 (PRE-OPERATIONAL), with the master's heartbeat watched (1016)",
-                "reads back as written; see the drive's manual for how an axis stops when it leaves OPERATIONAL",
-                (_WATCH, Setting(od.COMMUNICATION_ERROR_BEHAVIOUR, _PRE_OPERATIONAL)),
+                (_WATCH, _PRE_OPERATIONAL),
+                "see the drive's manual for how an axis stops when it leaves OPERATIONAL",
                 fieldbus=_CANOPEN,
             ),
             Way(
                 "6007 = 3 (quick stop), and the sync manager's watchdog (register 0420) ends OP",
-                _READ_BACK,
-                (_WATCHDOG, Setting(od.ABORT_CONNECTION_OPTION, _holds(ABORT_BY_QUICK_STOP))),
+                (_WATCHDOG, _QUICK_STOP_ON_ABORT),
                 fieldbus=_ETHERCAT,
             ),
             Way(
                 "605E = 2 (quick stop ramp), and the sync manager's watchdog (register 0420) ends OP",
-                "reads back as written; see the drive's manual for whether leaving OP is a fault to it",
-                (_WATCHDOG, Setting(od.FAULT_REACTION_OPTION, _holds(FAULT_REACTION_RAMP))),
+                (_WATCHDOG, _QUICK_STOP_ON_FAULT),
+                "see the drive's manual for whether leaving OP is a fault to it",
                 fieldbus=_ETHERCAT,
             ),
             _vendor("a lost master"),
@@ -293,17 +294,16 @@ class Safety(Enum):
         (
             Way(
                 "event timer of the RPDO (1400:5)",
-                _READ_BACK,
                 (Setting(_RPDO_TIMER, lambda values: values.setpoint_timeout_ms),),
                 fieldbus=_CANOPEN,
             ),
             Way(
                 "SYNC period (1006)",
-                "reads back as written; see the drive's manual for how many missing SYNCs it tolerates",
                 (Setting(od.CYCLE_PERIOD_US, lambda values: values.sync_period_us),),
+                "see the drive's manual for how many missing SYNCs it tolerates",
                 fieldbus=_CANOPEN,
             ),
-            Way("sync manager's watchdog (register 0420)", _READ_BACK, (_WATCHDOG,), fieldbus=_ETHERCAT),
+            Way("sync manager's watchdog (register 0420)", (_WATCHDOG,), fieldbus=_ETHERCAT),
             _vendor("missing setpoints"),
         ),
     )
@@ -313,15 +313,11 @@ class Safety(Enum):
         "Look up in its manual what a quick stop does, or set it with the manufacturer's tool; then try one in slow "
         "motion",
         (
-            Way(
-                "605A = 6 (ramp, then held with torque)",
-                _READ_BACK,
-                (Setting(od.QUICK_STOP_OPTION, _holds(QUICK_STOP_AND_STAY)),),
-            ),
+            Way("605A = 6 (ramp, then held with torque)", (Setting(od.QUICK_STOP_OPTION, QUICK_STOP_AND_STAY),)),
             Way(
                 "605A = 2 (ramp, then held by the brake)",
-                "reads back as written; the axis has a brake",
-                (Setting(od.QUICK_STOP_OPTION, _holds(QUICK_STOP_AND_LEAVE)),),
+                (Setting(od.QUICK_STOP_OPTION, QUICK_STOP_AND_LEAVE),),
+                "the axis has a brake",
                 condition=_has_brake,
             ),
             _vendor("the quick stop"),
@@ -332,16 +328,8 @@ class Safety(Enum):
         "the drive's reaction to a fault is unknown",
         "Look up in its manual how it stops after a fault, or set it with the manufacturer's tool",
         (
-            Way(
-                "605E = 2 (quick stop ramp)",
-                _READ_BACK,
-                (Setting(od.FAULT_REACTION_OPTION, _holds(FAULT_REACTION_RAMP)),),
-            ),
-            Way(
-                "605E = 1 (slow down ramp)",
-                _READ_BACK,
-                (Setting(od.FAULT_REACTION_OPTION, _holds(FAULT_REACTION_SLOW_DOWN)),),
-            ),
+            Way("605E = 2 (quick stop ramp)", (_QUICK_STOP_ON_FAULT,)),
+            Way("605E = 1 (slow down ramp)", (Setting(od.FAULT_REACTION_OPTION, FAULT_REACTION_SLOW_DOWN),)),
             _vendor("the fault reaction"),
         ),
     )
@@ -352,16 +340,15 @@ class Safety(Enum):
         (
             Way(
                 "605B = 1 and 605C = 1 (ramp first), and 605D = 1 if present",
-                _READ_BACK,
                 (
-                    Setting(od.SHUTDOWN_OPTION, _holds(SLOW_DOWN_FIRST)),
-                    Setting(od.DISABLE_OPTION, _holds(SLOW_DOWN_FIRST)),
-                    Setting(od.HALT_OPTION, _holds(SLOW_DOWN_FIRST), optional=True),
+                    Setting(od.SHUTDOWN_OPTION, SLOW_DOWN_FIRST),
+                    Setting(od.DISABLE_OPTION, SLOW_DOWN_FIRST),
+                    Setting(od.HALT_OPTION, SLOW_DOWN_FIRST, optional=True),
                 ),
             ),
             Way(
                 "this master removes torque at standstill only",
-                "the position (6064) moves by less than 0.005 rad/s for some cycles",
+                note="the position (6064) moves by less than 0.005 rad/s for some cycles",
             ),
         ),
     )
@@ -372,14 +359,9 @@ class Safety(Enum):
         (
             Way(
                 "6065 = following_error_rad, and 6066 if present",
-                _READ_BACK,
                 (
                     Setting(od.FOLLOWING_ERROR_WINDOW, lambda values: values.following_error_counts),
-                    Setting(
-                        od.FOLLOWING_ERROR_TIMEOUT_MS,
-                        _holds(milliseconds(FOLLOWING_ERROR_TIMEOUT_S)),
-                        optional=True,
-                    ),
+                    Setting(od.FOLLOWING_ERROR_TIMEOUT_MS, milliseconds(FOLLOWING_ERROR_TIMEOUT_S), optional=True),
                 ),
             ),
             _vendor("the following error"),
@@ -392,7 +374,6 @@ class Safety(Enum):
         (
             Way(
                 "607D = the joint's limits",
-                _READ_BACK,
                 (
                     Setting(od.POSITION_LIMIT_MIN, lambda values: values.position_min_counts),
                     Setting(od.POSITION_LIMIT_MAX, lambda values: values.position_max_counts),
@@ -408,13 +389,12 @@ class Safety(Enum):
         (
             Way(
                 "heartbeat (1017)",
-                _READ_BACK,
                 (Setting(od.HEARTBEAT_PRODUCER_MS, lambda values: values.heartbeat_ms),),
                 fieldbus=_CANOPEN,
             ),
             Way(
                 "working counter and EtherCAT state",
-                "nothing is set: the master compares them in motion",
+                note="nothing is set: the master compares them in motion",
                 fieldbus=_ETHERCAT,
             ),
         ),
@@ -470,9 +450,7 @@ def settings_of(way: Way, of: Safety, drive: DriveSettings) -> tuple[Setting, ..
     """The objects of a way on one drive, including manufacturer-specific ones."""
     if not way.by_vendor:
         return way.settings
-    return tuple(
-        Setting(setting.entry, _holds(setting.value)) for setting in drive.vendor_settings if setting.meets == of.key
-    )
+    return tuple(Setting(each.entry, each.value) for each in drive.vendor_settings if each.meets == of.key)
 
 
 def has_a_way(

@@ -10,7 +10,6 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.motion.setpoints import Segment, plan_leg, plan_measured
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.model.regressor import payload_torque
@@ -21,6 +20,7 @@ from benchmarks.arms.steady_state import Streaming, steady_period
 from benchmarks.arms.streamed_arm import noiseless
 from benchmarks.arms.trials import identified, trial
 from benchmarks.results.error_statistics import Census, Errors
+from tests.fake_servos import FakeServos
 
 pytest.importorskip("mujoco")
 

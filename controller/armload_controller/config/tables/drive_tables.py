@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from typing import Annotated, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -19,8 +20,7 @@ from armload_drivers.cia402.arm_settings import (
     FixedPdo,
     Identity,
     OperationMode,
-    TemperatureObject,
-    VendorEffort,
+    VendorObject,
     VendorSetting,
 )
 from armload_drivers.cia402.device_description import DeviceDescription
@@ -34,7 +34,16 @@ _NUMBER_TYPES = {
     "i8": DataType.I8, "u8": DataType.U8, "i16": DataType.I16, "u16": DataType.U16, "i32": DataType.I32,
     "u32": DataType.U32, "f32": DataType.F32,
 }  # fmt: skip
-
+_MODES = {"csp": OperationMode.CYCLIC_SYNCHRONOUS_POSITION, "ip": OperationMode.INTERPOLATED_POSITION}
+_KEYS_OF = {
+    Fieldbus.ETHERCAT: ("watchdog_s",),
+    Fieldbus.CANOPEN: ("bitrate", "heartbeat_s", "sync_counter"),
+}
+"""Keys of `[bus]` that belong to one bus only."""
+OF_THE_JOINT = (
+    "joint", "position_min_rad", "position_max_rad", "velocity_max_rad_s", "acceleration_max_rad_s2", "gear_ratio",
+)  # fmt: skip
+"""Fields of `DriveSettings` that the joint's table states."""
 
 _PdoName = Annotated[str, Field(pattern="^[rt]pdo[1-4]$")]
 _MappingWord = Annotated[int, Field(ge=0, lt=1 << 32)]
@@ -106,22 +115,21 @@ class BusTable(Table):
 
     @model_validator(mode="after")
     def _one_or_two(self) -> BusTable:
-        single = {"interface": self.interface, "channel": self.channel}
-        double = {"a": self.a, "b": self.b}
-        if self.a is None and self.b is None:
+        single: dict[str, object] = {"interface": self.interface, "channel": self.channel}
+        required, why = single, "required, or [bus.a] and [bus.b] for an arm on two buses"
+        two = self.a is not None or self.b is not None
+        if two:
+            required, why = {"a": self.a, "b": self.b}, "required: an arm on two buses has [bus.a] and [bus.b]"
+        for key, value in required.items():
+            if value is None:
+                raise BadValue(key, None, why)
+        if two:
             for key, value in single.items():
-                if value is None:
-                    raise BadValue(key, None, "required, or [bus.a] and [bus.b] for an arm on two buses")
-            return self
-        for key, part in double.items():
-            if part is None:
-                raise BadValue(key, None, "required: an arm on two buses has [bus.a] and [bus.b]")
-        for key, value in single.items():
-            if value is not None:
-                raise BadValue(key, value, "an arm on two buses states it in [bus.a] and [bus.b]")
-        first, second = self.parts
-        if first.interface != second.interface or first.channel == second.channel:
-            raise BadValue("b", self.address, "expected two channels of one interface")
+                if value is not None:
+                    raise BadValue(key, value, "an arm on two buses states it in [bus.a] and [bus.b]")
+            first, second = self.parts
+            if first.interface != second.interface or first.channel == second.channel:
+                raise BadValue("b", self.address, "expected two channels of one interface")
         return self
 
     @property
@@ -131,25 +139,18 @@ class BusTable(Table):
 
     @model_validator(mode="after")
     def _keys_of_its_kind(self) -> BusTable:
-        required, foreign = (["bitrate", "heartbeat_s"], ["watchdog_s"])
-        kind, other = "CANopen", "EtherCAT"
-        if self.on_ethercat:
-            if self.a is not None:
-                raise BadValue("a", self.address, "an arm on EtherCAT has one line: give interface and channel")
-            required, foreign = ["watchdog_s"], ["bitrate", "heartbeat_s", "sync_counter"]
-            kind, other = other, kind
-        for key in required:
+        if self.on_ethercat and self.a is not None:
+            raise BadValue("a", self.address, "an arm on EtherCAT has one line: give interface and channel")
+        own, other = _KEYS_OF if self.on_ethercat else reversed(_KEYS_OF)
+        interface = f'interface = "{self.parts[0].interface}"'
+        for key in _KEYS_OF[own]:
             if getattr(self, key) is None:
-                raise BadValue(key, None, f'required on {kind} (interface = "{self.parts[0].interface}")')
-        for key in foreign:
+                raise BadValue(key, None, f"required on {own.value} ({interface})")
+        for key in _KEYS_OF[other]:
             if getattr(self, key):
-                raise BadValue(
-                    key,
-                    getattr(self, key),
-                    f'belongs to {other}: remove it, as interface = "{self.parts[0].interface}"',
-                )
-        if self.watchdog_s is not None and self.watchdog_s < (self.max_missing_cycles + 2) / self.cycle_hz:
-            least_s = (self.max_missing_cycles + 2) / self.cycle_hz
+                raise BadValue(key, getattr(self, key), f"belongs to {other.value}: remove it, as {interface}")
+        least_s = (self.max_missing_cycles + 2) / self.cycle_hz
+        if self.watchdog_s is not None and self.watchdog_s < least_s:
             raise BadValue(
                 "watchdog_s",
                 self.watchdog_s,
@@ -217,10 +218,10 @@ class EffortObjectTable(VendorObjectTable):
             )
         return self
 
-    def effort(self) -> VendorEffort:
+    def effort(self) -> VendorObject:
         """Object for the driver layer."""
         scale = float(self.a_per_unit or self.nm_per_unit or 0.0)
-        return VendorEffort(self.index, self.subindex, _NUMBER_TYPES[self.type], scale)
+        return VendorObject(self.index, self.subindex, _NUMBER_TYPES[self.type], scale)
 
 
 class TemperatureObjectTable(VendorObjectTable):
@@ -229,9 +230,9 @@ class TemperatureObjectTable(VendorObjectTable):
     type: Literal["i8", "u8", "i16", "u16", "i32", "u32", "f32"]
     celsius_per_unit: Positive
 
-    def temperature(self) -> TemperatureObject:
+    def temperature(self) -> VendorObject:
         """Object for the driver layer."""
-        return TemperatureObject(self.index, self.subindex, _NUMBER_TYPES[self.type], self.celsius_per_unit)
+        return VendorObject(self.index, self.subindex, _NUMBER_TYPES[self.type], self.celsius_per_unit)
 
 
 class VendorSettingTable(VendorObjectTable):
@@ -307,7 +308,7 @@ class DriveTable(ProductKeys):
                 meant = "" if of is None else f'; {name.upper()} belongs to "{of.key}"'
                 raise BadValue("accept_missing", name, f"expected names of {', '.join(SAFETY_KEYS)}{meant}")
         try:
-            drive_image(self.settings("", (0.0, 0.0), (0.0, 0.0), None, None))
+            drive_image(self.settings(dict.fromkeys(OF_THE_JOINT), None))
         except ValueError as error:
             raise BadValue("fixed_pdos", "", str(error)) from error
         return self
@@ -317,61 +318,36 @@ class DriveTable(ProductKeys):
         needed = ["counts_per_axis_turn", "rated_torque_nm"] + ["rated_current_a"] * (self.feedback == "current")
         return next((name for name in needed if getattr(self, name) is None), None)
 
-    def settings(
-        self,
-        joint: str,
-        position_rad: tuple[float, float],
-        rates: tuple[float, float],
-        gear_ratio: float | None,
-        description: DeviceDescription | None,
-    ) -> DriveSettings:
-        """Settings for the driver layer.
+    def settings(self, of_the_joint: Mapping[str, Any], description: DeviceDescription | None) -> DriveSettings:
+        """Settings for the driver layer. Keys that both tables have pass as they are.
 
         Args:
-            joint: Name of the joint.
-            position_rad: Least and greatest position of the joint.
-            rates: Its greatest speed in rad/s and acceleration in rad/s2.
-            gear_ratio: Motor turns per axis turn; None if unknown.
+            of_the_joint: Those of `OF_THE_JOINT`.
             description: The vendor's device description.
         """
-        csp = self.mode == "csp"
-        turn, named = self.counts_per_axis_turn, self.identity
-        effort, heat = self.effort_object, self.temperature_object
-        return DriveSettings(
-            joint=joint,
-            node_id=self.node_id,
-            mode=OperationMode.CYCLIC_SYNCHRONOUS_POSITION if csp else OperationMode.INTERPOLATED_POSITION,
-            feedback=EffortFeedback.CURRENT if self.feedback == "current" else EffortFeedback.TORQUE,
-            counts_per_rad=None if turn is None else turn / (2 * math.pi),
-            rated_current_a=self.rated_current_a,
-            rated_torque_nm=self.rated_torque_nm,
-            max_torque_permille=self.max_torque_permille,
-            following_error_rad=self.following_error_rad,
-            position_min_rad=position_rad[0],
-            position_max_rad=position_rad[1],
-            velocity_max_rad_s=rates[0],
-            acceleration_max_rad_s2=rates[1],
-            has_brake=self.has_brake,
-            identity=Identity(None, None) if named is None else Identity(**named.model_dump()),
-            torque_offset=self.torque_offset,
-            gear_ratio=gear_ratio,
-            vendor_effort=None if effort is None else effort.effort(),
-            accept_missing=frozenset(self.accept_missing),
-            description=description,
-            temperature=None if heat is None else heat.temperature(),
-            torque_limit_in_drive=self.torque_limit_in_drive,
-            second_axis_unused=self.second_axis_unused,
-            bus="ab".index(self.bus),
-            alias=self.alias,
-            sync0=self.sync0,
-            vendor_settings=tuple(table.setting() for table in self.vendor_settings),
-            torque_offset_bits=self.torque_offset_bits,
-            effort_bits=self.effort_bits,
-            homed_bit=self.homed_bit,
-            pdo_objects_max=self.pdo_objects_max,
-            fixed_pdos=tuple(
+        turn, named, effort, heat = (
+            self.counts_per_axis_turn,
+            self.identity,
+            self.effort_object,
+            self.temperature_object,
+        )
+        unchanged = {key.name: getattr(self, key.name) for key in fields(DriveSettings) if hasattr(self, key.name)}
+        converted = {
+            "mode": _MODES[self.mode],
+            "feedback": EffortFeedback[self.feedback.upper()],
+            "identity": Identity(None, None) if named is None else Identity(**named.model_dump()),
+            "accept_missing": frozenset(self.accept_missing),
+            "description": description,
+            "bus": "ab".index(self.bus),
+            "vendor_settings": tuple(table.setting() for table in self.vendor_settings),
+            "fixed_pdos": tuple(
                 FixedPdo(_DIRECTION[name[0]], int(name[-1]) - 1, tuple(words))
                 for name, words in self.fixed_pdos.items()
             ),
-            rated_torque_unit_nm=self.rated_torque_unit_nm,
+        }
+        return DriveSettings(
+            counts_per_rad=None if turn is None else turn / (2 * math.pi),
+            vendor_effort=None if effort is None else effort.effort(),
+            temperature=None if heat is None else heat.temperature(),
+            **(unchanged | converted | dict(of_the_joint)),
         )

@@ -183,7 +183,7 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
         dictionary.add(effort, 0)
     temperature = temperature_entry(settings)
     if temperature is not None and settings.temperature is not None:
-        dictionary.add(temperature, round(CELSIUS / settings.temperature.celsius_per_unit))
+        dictionary.add(temperature, round(CELSIUS / settings.temperature.per_unit))
     if not settings.torque_offset:
         dictionary.remove([od.TORQUE_OFFSET.index])
     if settings.rated_current_a is None:

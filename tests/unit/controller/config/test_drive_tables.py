@@ -67,7 +67,7 @@ def test_a_vendors_object_for_the_effort(edited):
 def test_a_vendors_object_for_a_temperature(edited):
     table = 'temperature_object = { index = 0x3201, subindex = 1, type = "i16", celsius_per_unit = 0.1 }'
     read = drive(edited("has_brake = true", "has_brake = true\n" + table)).temperature
-    assert (read.index, read.subindex, read.type, read.celsius_per_unit) == (0x3201, 1, DataType.I16, 0.1)
+    assert (read.index, read.subindex, read.type, read.per_unit) == (0x3201, 1, DataType.I16, 0.1)
     assert drive(edited()).temperature is None
 
 

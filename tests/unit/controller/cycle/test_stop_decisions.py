@@ -1,7 +1,5 @@
 """The decision table written a second time, so that it is not changed by accident."""
 
-from pathlib import Path
-
 import pytest
 
 from armload_controller.control_errors import ControlError, OffsetRefused, RecordingFailed
@@ -15,7 +13,6 @@ from armload_controller.cycle.feedback_truth import (
     VoltageLost,
 )
 from armload_controller.cycle.monitors import FollowingError, LateCycle, StaleFeedback, TorqueError
-from armload_controller.cycle.page_of_stops import stop_table
 from armload_controller.cycle.plugins import PluginFailed, PluginTooSlow
 from armload_controller.cycle.stop_decisions import DECISIONS, Cause, PathDeviation, StopCategory, StopStep, cause_of
 from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
@@ -115,10 +112,3 @@ def test_what_a_stop_consists_of():
     assert QUICK.sequence == (StopStep.QUICK_STOP, StopStep.DISABLE)
     assert OFF.sequence == (StopStep.DISABLE,)
     assert StopCategory.EMERGENCY_STOP.sequence == (StopStep.EMERGENCY_STOP, StopStep.DISABLE)
-
-
-def test_the_page_is_the_table():
-    """If this fails: python -m armload_controller.cycle.page_of_stops > controller/STOPS.md."""
-    page = Path(__file__).parents[4] / "controller" / "STOPS.md"
-    assert page.read_text("utf-8") == stop_table()
-    assert all(cause.value in stop_table() and decision.advice in stop_table() for cause, decision in DECISIONS.items())

@@ -14,10 +14,10 @@ from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, tried_torque
 from armload_controller.motion.motion_control import MotionControl
 from armload_drivers.servos import JointCommand, JointFeedback
-from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.model.regressor import payload_torque
 from armload_identification.signals.joint_torque import Transmission
+from tests.fake_servos import FakeServos
 
 ROBOT = load_robot("prbt")
 POSITION = np.array([0.2, 0.7, 1.1, 0.3, 0.9, 0.4])

@@ -14,11 +14,11 @@ from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.run_session import SessionLoad, run_leg, torque_window
-from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque
+from tests.fake_servos import FakeServos
 
 ROBOT = load_robot("prbt").with_simulated_payload("block")
 SWING = FourierTrajectory(

@@ -13,10 +13,10 @@ from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.feedforward_comparison import ComparisonRuns
 from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad, no_operator, run_session
-from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.model.payload import PayloadResult, Provenance
+from tests.fake_servos import FakeServos
 
 ROBOT = load_robot("prbt").with_bus(cycle_hz=50.0)
 START_RAD = np.array([0.2, 0.7, 1.1, 0.3, 0.9, 0.4])

@@ -18,7 +18,6 @@ from armload_controller.session import flange_check
 from armload_controller.session.commissioning import CommissioningPlan, record_half, recording_path
 from armload_controller.session.flange_check import loaded_doubts, recorded_slow_round, unloaded_doubts
 from armload_controller.session.run_session import NoDisplay, SessionLoad, no_operator
-from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.payload import InertialParameters
@@ -33,6 +32,7 @@ from benchmarks.arms.misread_arm import (
     tilted_base,
 )
 from benchmarks.arms.setups import Twin, twin_spec
+from tests.fake_servos import FakeServos
 from tests.short_commissioning import MIDDLE_RAD, least_robot, record
 from tests.unit.conftest import pinocchio_model
 

@@ -6,7 +6,7 @@ import pytest
 
 from armload_drivers.bring_up.description_check import description_gaps
 from armload_drivers.bring_up.description_file import read_description
-from armload_drivers.cia402.arm_settings import EffortFeedback, OperationMode, VendorEffort
+from armload_drivers.cia402.arm_settings import EffortFeedback, OperationMode, VendorObject
 from armload_drivers.cia402.device_description import DescribedObject, DeviceDescription
 from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.object_dictionary import Access, DataType, Mappable
@@ -80,7 +80,7 @@ def test_real_descriptions(drive, shared_data):
     """Pilz has IP without 607A in a PDO; maxon has 6077 and a vendor-specific current, but no 6078."""
     maxon = read_description(shared_data / "eds" / "maxon_epos4_50_15.dcf")
     assert any("6078:0" in gap for gap in description_gaps(drive(description=maxon)))
-    vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
+    vendor = VendorObject(0x30D1, 2, DataType.I32, 1e-3)
     gaps = description_gaps(drive(description=maxon, vendor_effort=vendor))
     assert not any("PDO" in gap for gap in gaps), gaps
     pilz = read_description(shared_data / "eds" / "pilz_prbt_0_1.dcf")

@@ -13,7 +13,7 @@ from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.canopen_sdo import CanopenSdo
 from armload_drivers.canopen.canopen_setup import CanopenSetup, write_cycle
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, EffortFeedback, Identity, TemperatureObject
+from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, EffortFeedback, Identity, VendorObject
 from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.object_dictionary import DataType, NmtCommand, PdoDirection
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
@@ -379,7 +379,7 @@ def test_the_target_is_preset_to_the_present_position_without_an_offset(bench):
 
 def test_a_temperature_is_read_where_one_is_configured_in_its_unit(bench):
     assert bench().setup.read_temperature_celsius() is None
-    place = TemperatureObject(0x2027, 0, DataType.I16, 0.1)
+    place = VendorObject(0x2027, 0, DataType.I16, 0.1)
     assert bench({"temperature": place}).setup.read_temperature_celsius() == pytest.approx(CELSIUS)
 
 

@@ -10,7 +10,7 @@ import pytest
 from armload_drivers.bring_up.drive_check import Verdict, check, reset
 from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 from armload_drivers.canopen.canopen_inspection import find_nodes, show
-from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, TemperatureObject
+from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, VendorObject
 from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.object_dictionary import DataType
@@ -281,7 +281,7 @@ def test_show_only_reads(bench):
 
 @pytest.mark.parametrize(("kind", "per_unit"), [(DataType.I16, 0.1), (DataType.U8, 1.0), (DataType.F32, 1.0)])
 def test_show_reports_a_vendors_temperature(bench, arm_settings, kind, per_unit):
-    arm = arm_settings(temperature=TemperatureObject(0x3201, 1, kind, per_unit))
+    arm = arm_settings(temperature=VendorObject(0x3201, 1, kind, per_unit))
     rig = bench({5: DriveTraits(absent=frozenset({0x3201}))}, arm)
     shown = [drive.temperature_celsius for drive in show(rig.arm, rig.bus, 0.01, LIMITS).drives]
     assert shown[:2] == pytest.approx([40.0, 40.0])

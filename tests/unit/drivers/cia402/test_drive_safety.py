@@ -1,20 +1,10 @@
 """The table of a drive's safety properties, without a bus."""
 
-from pathlib import Path
-
 import pytest
 
 from armload_drivers.cia402.arm_settings import VendorSetting
 from armload_drivers.cia402.drive_safety import Safety, acceptance, has_a_way, property_of
 from armload_drivers.cia402.object_dictionary import DataType, Entry
-from armload_drivers.cia402.page_of_drive_safety import safety_page
-
-
-def test_the_page_is_the_table():
-    """If this fails: python -m armload_drivers.cia402.page_of_drive_safety > drivers/SAFETY.md."""
-    page = Path(__file__).parents[4] / "drivers" / "SAFETY.md"
-    assert page.read_text("utf-8") == safety_page()
-    assert all(way.text in safety_page() and of.key in safety_page() for of in Safety for way in of.value.ways)
 
 
 def test_every_property_says_what_is_lost_without_it_and_how_each_way_is_verified():

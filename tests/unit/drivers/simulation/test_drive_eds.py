@@ -6,7 +6,7 @@ import canopen
 import pytest
 
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, VendorEffort
+from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, VendorObject
 from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
@@ -44,7 +44,7 @@ def test_it_is_read_without_a_warning_and_describes_every_object(eds, virtual_ar
 
 
 def test_a_vendors_effort_is_in_it(arm_settings):
-    drive = replace(arm_settings().drives[0], vendor_effort=VendorEffort(0x30D1, 2, DataType.I32, 0.001))
+    drive = replace(arm_settings().drives[0], vendor_effort=VendorObject(0x30D1, 2, DataType.I32, 0.001))
     described = parse_description(drive_eds(drive, 0.01).encode(), "joint_2.eds")
     assert described.objects[0x30D102].bits == 32
     assert described.warnings == ()

@@ -15,9 +15,9 @@ from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.state_machine import State, decode
 from armload_drivers.driver_errors import CommandError, ServoFault, ServoTimeout, SimulationError, StateError
 from armload_drivers.servos import JointCommand, JointFeedback, JointServos
-from armload_drivers.simulation.fake_servos import QUICK_STOP_S, FailureKind, FakeServos, ScriptedFailure
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec
+from tests.fake_servos import QUICK_STOP_S, FailureKind, FakeServos, ScriptedFailure
 
 pytest.importorskip("mujoco")
 

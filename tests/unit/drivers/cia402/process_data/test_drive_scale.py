@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback, Identity, OperationMode, VendorEffort
+from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback, Identity, OperationMode, VendorObject
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.cia402.process_data.drive_scale import ReportedScale, resolve
 from armload_drivers.driver_errors import CommandError
@@ -86,7 +86,7 @@ def test_a_drive_that_knows_nothing_of_its_gear_may_mean_either_side(gear):
 
 
 def test_a_vendors_effort_needs_no_rated_current():
-    vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
+    vendor = VendorObject(0x30D1, 2, DataType.I32, 1e-3)
     drive = replace(OPEN, vendor_effort=vendor)
     assert resolve(drive, replace(REPORTED, rated_current_a=None)).rated_current_a is None
     with pytest.raises(CommandError, match="rated current"):

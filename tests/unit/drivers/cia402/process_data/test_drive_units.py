@@ -14,7 +14,7 @@ from armload_drivers.cia402.arm_settings import (
     EffortFeedback,
     Identity,
     OperationMode,
-    VendorEffort,
+    VendorObject,
 )
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.cia402.process_data.drive_units import (
@@ -206,7 +206,7 @@ def test_a_scale_that_only_the_drive_knows_is_not_there_before_connecting(key):
 
 
 def test_a_vendors_effort_has_its_own_scale():
-    vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
+    vendor = VendorObject(0x30D1, 2, DataType.I32, 1e-3)
     units = AxisUnits.of(replace(drive(1), vendor_effort=vendor), 0x20)
     assert units.effort_per_unit == -1e-3
     # 100 N m are 1000 per mille of torque, and of current: 10 A.

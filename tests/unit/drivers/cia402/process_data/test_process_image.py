@@ -11,8 +11,7 @@ from armload_drivers.cia402.arm_settings import (
     FixedPdo,
     Identity,
     OperationMode,
-    TemperatureObject,
-    VendorEffort,
+    VendorObject,
 )
 from armload_drivers.cia402.object_dictionary import DataType, PdoDirection
 from armload_drivers.cia402.process_data.process_image import drive_image, effort_entry, target_entry, temperature_entry
@@ -94,7 +93,7 @@ def test_parameters_of_the_pre_defined_connection_set():
 
 @pytest.mark.parametrize(("kind", "frames"), [(DataType.I16, 1), (DataType.I32, 2)])
 def test_a_vendors_effort_gets_a_frame_of_its_own_where_there_is_no_room(kind, frames):
-    image = drive_image(replace(DRIVE, vendor_effort=VendorEffort(0x30D1, 2, kind, 1e-3)))
+    image = drive_image(replace(DRIVE, vendor_effort=VendorObject(0x30D1, 2, kind, 1e-3)))
     assert len(image.layouts) == 1 + frames
     last = image.layouts[-1]
     assert last.entries[-1].mapping == 0x30D1_0200 | kind.bits
@@ -165,7 +164,7 @@ def test_a_fixed_mapping_that_cannot_be_used_is_named(change, what):
 
 def test_a_temperature_is_read_by_sdo_and_no_pdo_carries_it():
     assert temperature_entry(DRIVE) is None
-    drive = replace(DRIVE, temperature=TemperatureObject(0x3201, 1, DataType.I16, 0.1))
+    drive = replace(DRIVE, temperature=VendorObject(0x3201, 1, DataType.I16, 0.1))
     entry = temperature_entry(drive)
     assert (entry.index, entry.subindex, entry.type, entry.mappable) == (0x3201, 1, DataType.I16, od.Mappable.NO)
     assert drive_image(drive) == drive_image(DRIVE)
