@@ -86,7 +86,7 @@ def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | 
         One sentence.
     """
     elsewhere = mounting in arm.fit.problem.mountings
-    said = _trial(arm, run, arm.chain, mounting) if mass_kg is None or elsewhere else _as_said(arm, run, mass_kg)
+    said = _trial(arm, run, mounting) if mass_kg is None or elsewhere else _as_said(arm, run, mass_kg)
     off = said.off
     worst = int(np.argmax(off))
     start = f"joint {worst + 1} is off by {off[worst]:.0f} times the noise of the other runs"
@@ -112,14 +112,12 @@ class _Trial:
     off: FloatArray
 
 
-def _trial(
-    arm: ArmKnowledge, run: RunSignals, chain: Chain, mounting: str, *, free: bool = False, drift: float = 1.0
-) -> _Trial:
+def _trial(arm: ArmKnowledge, run: RunSignals, mounting: str, *, free: bool = False, drift: float = 1.0) -> _Trial:
     """Fit of a run's own friction, and of its payload if unknown, on the arm.
 
     The expected change of friction is `drift` times the usual one.
     """
-    fit = arm.fit
+    fit, chain = arm.fit, arm.chain
     loaded = bool(mounting) or free
     rows = arm_rows(run, chain, arm.coupling, arm.base, arm.peak_rad_s, loaded=loaded)
     terms = known_arm_terms({name: fit.value(name) for name in ARM_TERMS}, "the other runs")
@@ -145,7 +143,7 @@ def _trial(
 
 def _as_said(arm: ArmKnowledge, run: RunSignals, mass_kg: float) -> _Trial:
     """The run with the best-fitting payload, scaled to the stated mass."""
-    trial = _trial(arm, run, arm.chain, "", free=True)
+    trial = _trial(arm, run, "", free=True)
     theta = trial.theta * mass_kg / max(float(trial.theta[0]), Contradiction.light_kg)
     torque = trial.rows.payload @ (theta - trial.theta) @ arm.coupling
     predicted = trial.predicted_nm + np.exp(arm.fit.value(GAIN)) * torque
@@ -155,7 +153,7 @@ def _as_said(arm: ArmKnowledge, run: RunSignals, mass_kg: float) -> _Trial:
 
 def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | None) -> Iterator[tuple[_Trial, str]]:
     """All possible mistakes, each with the run tested after its correction."""
-    trial = _trial(arm, run, arm.chain, mounting, free=True)
+    trial = _trial(arm, run, mounting, free=True)
     elsewhere = None
     if mounting in arm.fit.problem.mountings:
         place = arm.fit.problem.place(PAYLOAD, mounting)
@@ -167,17 +165,17 @@ def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float 
         swap = np.eye(n)
         swap[:, [one, other]] = swap[:, [other, one]]
         swapped = replace(_moved(run, swap), effort_nm=run.effort_nm @ swap)
-        yield _trial(arm, swapped, arm.chain, mounting), f"joints {one + 1} and {other + 1} are exchanged"
+        yield _trial(arm, swapped, mounting), f"joints {one + 1} and {other + 1} are exchanged"
     for joint in range(n):
         turn = np.diag(np.where(np.arange(n) == joint, -1.0, 1.0))
         turned = _moved(run, turn)
-        yield _trial(arm, turned, arm.chain, mounting), f"the position of joint {joint + 1} is inverted"
+        yield _trial(arm, turned, mounting), f"the position of joint {joint + 1} is inverted"
         both = replace(turned, effort_nm=run.effort_nm @ turn)
         text = f"position and effort of joint {joint + 1} are inverted"
-        yield _trial(arm, both, arm.chain, mounting), text
+        yield _trial(arm, both, mounting), text
     for how, gravity in directions(arm.chain.gravity_m_s2).items():
         mounted = Chain(arm.chain.placement, arm.chain.axis, arm.chain.flange, gravity)
-        yield _trial(arm, run, mounted, mounting), f"the arm was mounted {how} in this run"
+        yield _trial(replace(arm, chain=mounted), run, mounting), f"the arm was mounted {how} in this run"
 
 
 def _moved(run: RunSignals, matrix: FloatArray) -> RunSignals:
@@ -240,23 +238,20 @@ def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhe
 
 def _scaled(arm: ArmKnowledge, run: RunSignals, mounting: str) -> tuple[_Trial, str]:
     """Axes that report a multiple of their effort."""
-    share = np.ones(arm.chain.n)
-    # Freely varying friction would absorb part of a wrong scale.
-    trial = _trial(arm, run, arm.chain, mounting, drift=Contradiction.stiff)
+    share, corrected = np.ones(arm.chain.n), run
     for _ in range(Contradiction.scalings):
+        # Freely varying friction would absorb part of a wrong scale.
+        trial = _trial(arm, corrected, mounting, drift=Contradiction.stiff)
         square = trial.rows.weight**2
         now = np.sum(square * trial.rows.effort_nm * trial.predicted_nm, axis=0)
         now = now / np.maximum(np.sum(square * trial.predicted_nm**2, axis=0), _ZERO)
         share = share * np.where((trial.off >= Contradiction.contradicts) | (share != 1.0), now, 1.0)
         share = np.where(np.abs(share) > Contradiction.least_scale, share, Contradiction.least_scale)
-        trial = _trial(
-            arm, replace(run, effort_nm=run.effort_nm / share), arm.chain, mounting, drift=Contradiction.stiff
-        )
-    trial = _trial(arm, replace(run, effort_nm=run.effort_nm / share), arm.chain, mounting)
+        corrected = replace(run, effort_nm=run.effort_nm / share)
     parts = [
         f"the sign of joint {j + 1}'s effort is flipped"
         if abs(share[j] + 1.0) < Contradiction.as_it_is
         else f"joint {j + 1} reports {share[j]:.2f} times its effort (another gear ratio or torque constant)"
         for j in np.flatnonzero(np.abs(share - 1.0) > Contradiction.same_scale)
     ]
-    return trial, " and ".join(parts) or "nothing is changed"
+    return _trial(arm, corrected, mounting), " and ".join(parts) or "nothing is changed"
