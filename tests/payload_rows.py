@@ -48,7 +48,6 @@ def rows_of(
         root=zero,
         effort_nm=torque_nm,
         weight=weight,
-        repeated=weight,
         links=links,
         links_rate=np.zeros_like(links),
         links_tilt=np.zeros((2, *links.shape)),

@@ -136,8 +136,8 @@ class ArmRows:
         root: (N, n) direction times sqrt|dq|.
         effort_nm: (N, n) axis torque with nominal gains.
         weight: (N, n) 0 where the joint turns or stands within the window, 1 far from that. Near a reversal no friction
-            model is accurate: on prbt, residuals of such rows made runs contradict each other.
-        repeated: (N, n) the same for the difference to another run of this motion, in which most friction cancels.
+            model is accurate: on prbt, residuals of such rows made runs contradict each other. The difference of two
+            runs is no better there: the torque changes faster than it is sampled, which looks like inertia.
         links: (N, n, b) joint torque per base parameter of the links.
         links_rate: (N, n, b) its change per second of delay.
         links_tilt: (2, N, n, b) its change per rad of tilt of the base.
@@ -156,7 +156,6 @@ class ArmRows:
     root: FloatArray
     effort_nm: FloatArray
     weight: FloatArray
-    repeated: FloatArray
     links: FloatArray
     links_rate: FloatArray
     links_tilt: FloatArray
@@ -181,7 +180,7 @@ class ArmRows:
 
     def weighted(self, factor: NDArray[Any]) -> ArmRows:
         """The rows with their weights times an (n,) factor."""
-        return replace(self, weight=self.weight * factor, repeated=self.repeated * factor)
+        return replace(self, weight=self.weight * factor)
 
 
 def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
@@ -268,7 +267,6 @@ def arm_rows(
         root=window.mean(sign * np.sqrt(np.abs(run.velocity_rad_s))),
         effort_nm=window.mean(run.effort_nm),
         weight=np.where(moves, window.onward(sign) * moving_weights(velocity, REVERSAL * scale), 0.0),
-        repeated=np.where(moves, moving_weights(window.rms(run.velocity_rad_s), Rows.repeated * scale), 0.0),
         links=links,
         links_rate=-links_slope,
         links_tilt=np.stack([body_regressor(side, middle, still, still)[:, :, base] for side in sides]),

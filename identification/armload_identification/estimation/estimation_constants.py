@@ -87,15 +87,6 @@ class Rows:
     Factor of two: either way: nothing.
     """
 
-    repeated: Final = 0.1
-    """[1] Share of a joint's greatest speed at which the weight of a row's difference to the other run is 0.7:
-    half of the servo's behaviour at a reversal cancels.
-
-    Origin: measured on simulated arms: 0.2 reduces the bias of load friction on prbt and makes the Panda worse.
-    Factor of two: twice: masses by up to 0.74 %, centres by up to 1 mm, intervals by -3 to +0 %, other notes on 1
-        of 4; half: masses by up to 0.15 %, centres by up to 5.1 mm, intervals by +0 to +1 %.
-    """
-
 
 class Priors:
     """What is known of any arm before a run (`arm_terms`)."""

@@ -14,7 +14,7 @@ knowledge of the arm, and s is s minus its mean over the periods, phase by phase
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -87,8 +87,6 @@ def change_between_periods(
     coupling = arm.problem.coupling
     signals = RunSignals.of_motion(run.motion, coupling, "run")
     rows = arm_rows(signals, chain, coupling, arm.base, arm.peak_rad_s, loaded=True)
-    # Most of the servo's behaviour at a reversal is that of the average period, as in the difference of two runs.
-    rows = replace(rows, weight=rows.repeated)
     elapsed_s = np.interp(rows.time_s, run.motion.time_s, run.since_s)
     phase_s = elapsed_s % run.period_s
     starts_s = run.period_s * np.arange(run.periods)[:, None]

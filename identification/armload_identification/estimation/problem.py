@@ -67,11 +67,8 @@ class Group:
 
     @cached_property
     def weight(self) -> FloatArray:
-        """(c, N, n) weight of a row, the least of its runs'; what the runs have in common leaves a difference."""
-        alone, repeated = (
-            np.min([getattr(run.rows, name) for run in self.runs], axis=0) for name in ("weight", "repeated")
-        )
-        return np.stack([repeated if abs(mix.sum()) < np.abs(mix).max() * 1e-9 else alone for mix in self.mix])
+        """(c, N, n) weight of a row, the least of its runs'."""
+        return np.stack([np.min([run.rows.weight for run in self.runs], axis=0)] * len(self.mix))
 
     @property
     def time_s(self) -> FloatArray:

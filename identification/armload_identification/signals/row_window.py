@@ -96,10 +96,6 @@ class RowWindow:
         """(R, ...) weighted means of (K, ...) values."""
         return weighted_sums(values, self.samples, self.weight)
 
-    def rms(self, values: FloatArray) -> FloatArray:
-        """(R, ...) weighted root mean squares of (K, ...) values."""
-        return np.sqrt(weighted_sums(values**2, self.samples, self.weight))
-
     def slope(self, values: FloatArray) -> FloatArray:
         """(R, ...) derivatives of the weighted means of (K, ...) values, per s."""
         return weighted_sums(values, self.samples, self.slope_weight)

@@ -136,10 +136,7 @@ def test_two_gains_of_which_either_explains_the_runs_are_both_listed(pinocchio_a
     problem = pair_problem(load_signal(*pair, transmission), arm.chain, transmission.coupling, None)
     (group,) = problem.problem.groups
     both = np.isin(np.arange(6), axes)
-    runs = tuple(
-        replace(run, rows=replace(run.rows, weight=run.rows.weight * both, repeated=run.rows.repeated * both))
-        for run in group.runs
-    )
+    runs = tuple(replace(run, rows=run.rows.weighted(both)) for run in group.runs)
     problem = replace(problem, problem=replace(problem.problem, groups=[replace(group, runs=runs)]))
     _, gains = fit_gains(problem, transmission.gains(from_torque=False), None)
     assert tuple(np.flatnonzero(gains.possible)) == axes
