@@ -1,5 +1,7 @@
 """The table of a drive's safety properties, without a bus."""
 
+import re
+
 import pytest
 
 from armload_drivers.cia402.arm_settings import VendorSetting
@@ -12,6 +14,17 @@ def test_every_property_says_what_is_lost_without_it_and_how_each_way_is_verifie
         assert of.value.lost, of
         assert of.value.remedy or of is Safety.DISABLE_REACTION, of
         assert all(way.verified for way in of.value.ways), of
+
+
+def test_every_way_writes_what_its_text_says():
+    """The operator reads the text, such as `605E = 1`; the drive gets the setting."""
+    said = []
+    for way in (way for of in Safety for way in of.value.ways):
+        written = {setting.entry.index: setting.value for setting in way.settings}
+        for index, value in re.findall(r"\b([0-9A-F]{4}) = (\d+)\b", way.text):
+            assert written[int(index, 16)] == int(value), way.text
+            said.append(index)
+    assert {"6007", "1029", "605A", "605B", "605C", "605D", "605E"} <= set(said)
 
 
 @pytest.mark.parametrize(
