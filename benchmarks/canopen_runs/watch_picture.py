@@ -45,7 +45,7 @@ def draw(folder: Path) -> None:
     changes = (ScheduledPayload(MOUNTED_S, body), ScheduledPayload(DROPPED_S, None))
     cycles = overheard_shift(robot, None, 7, WATCHED_S, changes)
     watching = PayloadWatch(robot, calibration)
-    diary = WatchDiary(robot, watching, "a simulated bus", "")
+    diary = WatchDiary(robot, watching, "a simulated bus")
     for moment in moments_of(BusWatch(robot, watching, None), cycles):
         diary.add(moment)
     title = (

@@ -98,7 +98,7 @@ def test_a_payload_is_mounted_and_dropped_and_the_watch_notices(robot, calibrati
     assert abs(before.mass_kg) < before.half_width_95[0] < 1.5
     assert abs(held.mass_kg - body.mass_kg) < held.half_width_95[0] < 1.5
     report = tmp_path / "shift.html"
-    diary = WatchDiary(robot, watching_payload, "can0", "0")
+    diary = WatchDiary(robot, watching_payload, "can0")
     for moment in moments:
         diary.add(moment)
     diary.write(report)

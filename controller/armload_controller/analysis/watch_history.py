@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
@@ -21,12 +22,11 @@ class WatchDiary:
         robot: The arm.
         watching: The watch of the arm.
         watched: The recording or the bus, for the report.
-        armload_version: Version of the program.
     """
 
-    def __init__(self, robot: MeasuredArm, watching: PayloadWatch, watched: str, armload_version: str) -> None:
+    def __init__(self, robot: MeasuredArm, watching: PayloadWatch, watched: str) -> None:
         self._robot, self._watching = robot, watching
-        self._watched, self._version = watched, armload_version
+        self._watched = watched
         self._rows: list[tuple[float, float, float, bool]] = []
         self._events: list[WatchedEvent] = []
         self._last_estimated: WatchedMoment | None = None
@@ -55,7 +55,7 @@ class WatchDiary:
             robot=self._robot.name,
             description=self._robot.description,
             watched=self._watched,
-            armload_version=self._version,
+            armload_version=version("armload"),
             time_s=time_s,
             mass_kg=mass_kg,
             half_width_95_kg=width_kg,

@@ -48,12 +48,11 @@ class JointStateCycles:
     Attributes:
         of_others: Number of messages without all of the arm's joints.
         incomplete: Number of messages with the arm's joints, but not a position and an effort for each.
-        late: Number of messages that were not later than the one before.
         other_names: Names in the last message of others.
     """
 
     def __init__(self, joint_names: Sequence[str], *, current: bool) -> None:
-        self.of_others = self.incomplete = self.late = 0
+        self.of_others = self.incomplete = 0
         self.other_names: tuple[str, ...] = ()
         self._names, self._with_current = tuple(joint_names), current
         self._order: dict[tuple[str, ...], list[int] | None] = {}
@@ -88,7 +87,6 @@ class JointStateCycles:
         last_ns = self._last_ns
         elapsed_ns = self._elapsed_ns(10**9 * message.header.stamp.sec + message.header.stamp.nanosec, now_s)
         if elapsed_ns is None:
-            self.late += 1
             return None
         if self._count:
             self._left_out += self._missing(elapsed_ns - last_ns)

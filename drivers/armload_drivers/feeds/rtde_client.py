@@ -17,6 +17,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from enum import IntEnum
+from itertools import islice
 from typing import Final, Self
 
 import numpy as np
@@ -206,10 +207,8 @@ class RtdeClient:
 
     def _fields(self, content: bytes) -> dict[str, tuple[float, ...]]:
         """Values of a data package by name."""
-        values = iter(self._format.unpack(content)[1:])
-        sizes = {"DOUBLE": 1, "INT32": 1, "VECTOR3D": 3, "VECTOR6D": 6}
-        kinds = _REQUIRED | _OPTIONAL
-        return {name: tuple(next(values) for _ in range(sizes[kinds[name]])) for name in self._names}
+        values, kinds = iter(self._format.unpack(content)[1:]), _REQUIRED | _OPTIONAL
+        return {name: tuple(islice(values, int(_DATA_TYPES[kinds[name]][:-1] or 1))) for name in self._names}
 
 
 def _cycle(fields: dict[str, tuple[float, ...]], time_s: float, count: int, lost: int) -> OverheardCycle:

@@ -40,7 +40,6 @@ class ArmMemory:
 
     def __init__(self, states: int) -> None:
         self._prior = np.eye(states)
-        self._prior_right = np.zeros(states)
         self._information = np.zeros((states, states))
         self._right = np.zeros(states)
         self._last_s: float | None = None
@@ -77,7 +76,7 @@ class ArmMemory:
 
     def _checkpoint(self, time_s: float) -> None:
         covariance: FloatArray = np.asarray(np.linalg.inv(self._prior + self._information), dtype=float)
-        self._known.append(RememberedState(time_s, covariance @ (self._prior_right + self._right), covariance))
+        self._known.append(RememberedState(time_s, covariance @ self._right, covariance))
         del self._known[:-16]
 
     def before(self, time_s: float) -> RememberedState | None:
@@ -99,5 +98,5 @@ class ArmMemory:
         # the prior itself never fades; what was learnt does
         value = known.value if payload else np.concatenate([np.zeros(PAYLOAD), known.value[PAYLOAD:]])
         self._information = prior - self._prior
-        self._right = prior @ value - self._prior_right
+        self._right = prior @ value
         self._known, self._last_s = [RememberedState(known.time_s, value, np.linalg.inv(prior))], None

@@ -11,7 +11,7 @@ over the means within [t0, t1),
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -47,7 +47,6 @@ class Assessment:
         push_s: Most likely onset and end if it is a push; the end is infinite while it lasts.
         force_n: (3,) its force on the arm in the base frame.
         force_deviation_n: (3,) standard deviations.
-        mass_kg: Change of the payload's mass if it is a payload.
     """
 
     odds: float
@@ -56,7 +55,6 @@ class Assessment:
     push_s: tuple[float, float]
     force_n: FloatArray
     force_deviation_n: FloatArray
-    mass_kg: float
 
 
 class _Fits(NamedTuple):
@@ -146,7 +144,6 @@ def assess(
         push_s=(float(means.time_s[first]), np.inf if last == count else float(means.time_s[last])),
         force_n=_FORCE[:3] * pushes.b[:3],
         force_deviation_n=_FORCE[:3] * np.sqrt(np.diag(pushes.covariance)[:3]),
-        mass_kg=mass_kg,
     )
 
 
@@ -193,18 +190,12 @@ def _means(rows: ForceRows) -> ForceRows:
     starts = np.flatnonzero(np.diff(step, prepend=-1))
     counts = np.diff(np.append(starts, rows.size))
 
-    def mean(values: FloatArray) -> FloatArray:
+    def mean(name: str) -> FloatArray:
+        values = getattr(rows, name)
         return np.asarray(np.add.reduceat(values, starts, axis=0) / counts.reshape(-1, *[1] * (values.ndim - 1)))
 
-    return ForceRows(
-        time_s=rows.time_s[starts],
-        position_rad=mean(rows.position_rad),
-        residual_nm=mean(rows.residual_nm),
-        columns=mean(rows.columns),
-        doubt_nm=np.maximum.reduceat(rows.doubt_nm, starts, axis=0),
-        acceleration_rad_s2=mean(rows.acceleration_rad_s2),
-        weight=mean(rows.weight),
-    )
+    means = ForceRows(*(mean(field.name) for field in fields(rows)))
+    return replace(means, time_s=rows.time_s[starts], doubt_nm=np.maximum.reduceat(rows.doubt_nm, starts, axis=0))
 
 
 def _covariance(means: ForceRows, known: RememberedState, noise: ResidualNoise) -> FloatArray:

@@ -86,7 +86,10 @@ def watch(
     Joints come from the arm's CANopen bus, where armload only listens, from ROS 2 (--ros2), or from a UR controller
     (--rtde). --record saves the received data, --report draws them.
     """
+    from time import sleep
+
     from armload_controller.analysis.payload_watch import PayloadWatch
+    from armload_controller.analysis.payload_watch import follow as followed
     from armload_controller.analysis.stated_drift import StatedDrift
     from armload_controller.cli.output.output_files import require_drawable
     from armload_controller.cli.screen import Screen
@@ -105,7 +108,8 @@ def watch(
     unused = (calibration, arm.calibration_file, gain_drift, reference, reference_mass_kg) == (None,) * 5
     payload = None if unused and record is not None else PayloadWatch(arm, calibration, every_s, drift)
     if recording is not None and payload is not None:
-        watched, moments = str(recording), _recording_moments(payload, recording, every_s, follow=follow)
+        watched = str(recording)
+        moments = followed(payload, recording, sleep, every_s) if follow else payload.file(recording)
     else:
         duration_s = float("inf") if for_s is None else seconds_of(for_s, "--for")
         stated_load, stated_effort = (
@@ -120,7 +124,14 @@ def watch(
             arm = arm_on_bus(robot, bus, bitrate)
             watched, feed = f"{arm.bus.address}", bus_feed(arm)
         moments = _live_moments(screen, arm, payload, feed, every_s, record, stated_load, duration_s)
-    diary = None if report is None else _diary(arm, payload, watched)
+    diary = None
+    if report is not None:
+        from armload_controller.analysis.watch_history import WatchDiary
+
+        if payload is None:
+            what = "requires a calibrated arm; without a calibration the arm is only recorded"
+            raise typer.BadParameter(what, param_hint="--report")
+        diary = WatchDiary(arm, payload, watched)
     _show(screen, arm, moments, diary, report)
 
 
@@ -171,30 +182,6 @@ def _check_combination(
         raise typer.BadParameter("requires --record", param_hint="--load")
     if follow and recording is None:
         raise typer.BadParameter("requires a RECORDING; a moving arm is always followed", param_hint="--follow")
-
-
-def _diary(arm: Robot, payload: PayloadWatch | None, watched: str) -> WatchDiary:
-    """Collects the moments for a report."""
-    from importlib.metadata import version
-
-    from armload_controller.analysis.watch_history import WatchDiary
-
-    if payload is None:
-        raise typer.BadParameter(
-            "requires a calibrated arm; without a calibration the arm is only recorded", param_hint="--report"
-        )
-    return WatchDiary(arm, payload, watched, version("armload"))
-
-
-def _recording_moments(
-    watching: PayloadWatch, recording: Path, every_s: float, *, follow: bool
-) -> Iterator[WatchedMoment]:
-    """Moments of a recording, from its beginning."""
-    from time import sleep
-
-    from armload_controller.analysis.payload_watch import follow as followed
-
-    return followed(watching, recording, sleep, every_s) if follow else watching.file(recording)
 
 
 def _live_moments(

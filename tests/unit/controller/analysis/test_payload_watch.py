@@ -164,7 +164,7 @@ def test_a_drift_of_the_gains_is_allowed_for_and_measured_by_a_reference(
     loaded, empty = (arm.run(trajectory, load, seed=70 + load, with_phase=False) for load in (True, False))
     reference = replace(empty, current_a=1.02 * empty.current_a) if measured else None
     watching = PayloadWatch(robot, calibration_file, drift=StatedDrift(0.02, reference))
-    diary, screen = WatchDiary(robot, watching, "a run", "1"), Screen()
+    diary, screen = WatchDiary(robot, watching, "a run"), Screen()
     screen.console = Console(width=500, file=StringIO())
     with shown_moments(screen, "six", robot.joint_names) as show:
         for part in np.array_split(np.arange(loaded.size), 20):

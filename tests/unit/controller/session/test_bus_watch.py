@@ -69,7 +69,7 @@ def test_silence_before_the_first_cycle(robot, payload, enabled):
     watching = BusWatch(robot, payload, None, 1.0, clock=lambda: next(ticks), effort=Effort.CURRENT)
     moments = list(watching.moments(cycles, lambda: next(left, None) is not None))
     assert [each.time_s for each in moments] == pytest.approx([None, None, 5001.0, 5001.4])
-    diary = WatchDiary(robot, payload, "here", "0")
+    diary = WatchDiary(robot, payload, "here")
     for each in moments:
         diary.add(each)
         json.dumps(each.to_dict("six"), allow_nan=False)
