@@ -34,7 +34,6 @@ def extension_names(group: ExtensionGroup, own: Collection[str]) -> tuple[str, .
     """Names of the extensions that can be used.
 
     Args:
-        group: The group.
         own: Names that armload has itself.
     """
     return tuple(sorted(_usable(group, own)))
@@ -44,7 +43,6 @@ def extension(group: ExtensionGroup, name: str, own: Collection[str]) -> tuple[o
     """An extension, loaded, and its package with version; None if there is none with the name, or it is skipped.
 
     Args:
-        group: The group.
         name: Name of the entry point.
         own: Names that armload has itself.
     """
@@ -62,7 +60,6 @@ def skip(group: ExtensionGroup, name: str, package: str, why: str) -> None:
     """Warn of an extension that is not used.
 
     Args:
-        group: The group.
         name: Name of the entry point.
         package: The package and its version.
         why: The reason, after the name.

@@ -35,7 +35,6 @@ def decimals_for(half_width: float, value: float) -> int:
 
     Args:
         half_width: Half width of the value's interval; if it is 0 or not finite, the value itself decides.
-        value: The value.
     """
     if np.isfinite(half_width) and half_width > 0.0:
         return _decimals(half_width, 2)

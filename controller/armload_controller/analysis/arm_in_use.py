@@ -63,7 +63,6 @@ def arm_in_use(robot: MeasuredArm, calibration: Calibration | None = None) -> Ar
     """The arm model, calibrated if a calibration is given or the robot's file names one.
 
     Args:
-        robot: The arm.
         calibration: Calibration or its file; takes precedence over the one that the robot's file names.
 
     Raises:

@@ -142,7 +142,6 @@ class PayloadWatch:
     """Watches one arm.
 
     Args:
-        robot: The arm.
         calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
         every_s: Time between the moments that are shown of a recording.
         drift: What is stated of the drift of the gains since the calibration.
@@ -208,7 +207,6 @@ class PayloadWatch:
 
         Args:
             path: The recording, for messages.
-            block: The rows.
 
         Raises:
             RecordingError: the rows lack the effort that the arm was calibrated with, or have other joints.

@@ -67,7 +67,6 @@ def calibrate_from_runs(
     """Calibrate an arm from recordings in memory.
 
     Args:
-        robot: The arm.
         runs: The recordings with their payloads, and those that could not be read.
         progress: Called with the steps done and their total.
 

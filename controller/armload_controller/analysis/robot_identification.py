@@ -354,7 +354,6 @@ def findings_from_files(
 
     Args:
         robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML or URDF.
-        payload: Payload file.
         fitted: The runs that it was identified from.
         validation: Runs that it was not identified from.
         calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.

@@ -152,7 +152,6 @@ def design_wiggle(
     """Find the shortest motion about a pose that determines the mass of the robot's expected payload.
 
     Args:
-        robot: The arm.
         request: What the motion must determine, and where.
         calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
         seed: Seed of the random starts; the same seed gives the same motion.

@@ -36,7 +36,6 @@ def add_tool(name: str, payload: Path) -> Path:
 
     Args:
         name: Letters, digits, - and _.
-        payload: The payload file.
 
     Returns:
         The tool's file.

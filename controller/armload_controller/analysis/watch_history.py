@@ -19,7 +19,6 @@ class WatchDiary:
     """Collects the moments of one watch.
 
     Args:
-        robot: The arm.
         watching: The watch of the arm.
         watched: The recording or the bus, for the report.
     """

@@ -30,7 +30,6 @@ def operator_at(
     """The operator of an arm: within the block signals stop the arm, and a question is answered at the terminal.
 
     Args:
-        arm: The arm.
         screen: Shows progress and asks.
         control: Receives the operator's requests.
         agreed: Whether the operator has agreed in advance to everything that allows it.

@@ -26,7 +26,6 @@ def fitted(table: Table, console: Console) -> list[Table]:
 
     Args:
         table: Texts and numbers in columns.
-        console: The console.
 
     Returns:
         The table unchanged, or with reduced widths, or several tables with its columns.

@@ -98,7 +98,6 @@ def recording_of(arm: MeasuredArm, run: RunSource, argument: str) -> Recording:
     """A recording with the arm's joints.
 
     Args:
-        arm: The arm.
         run: The recording, its path, or a data frame.
         argument: Name of the argument, for messages.
 

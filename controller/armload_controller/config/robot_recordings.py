@@ -61,7 +61,6 @@ def chosen_joints(recording: Recording, joints: tuple[int, ...]) -> Recording:
     """Some of the joints of a recording.
 
     Args:
-        recording: The recording.
         joints: Their indices, from 0; empty for all.
 
     Raises:

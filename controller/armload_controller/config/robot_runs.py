@@ -57,7 +57,6 @@ def read_runs(
     """Read all runs of an arm.
 
     Args:
-        robot: The arm.
         given: One table of runs, or recordings that state their payload.
         progress: Called with the number of recordings read and their total.
 
@@ -91,7 +90,6 @@ def runs_of_commissioning(recordings: Sequence[Recording], mass_kg: float | None
     enter a calibration.
 
     Args:
-        recordings: The recordings.
         mass_kg: Mass of the payload; None if it was not weighed.
 
     Raises:
@@ -106,7 +104,6 @@ def masses_otherwise_recorded(recordings: Sequence[Recording], mass_kg: float | 
     """Masses in kg that recordings of a payload state and that are not its mass.
 
     Args:
-        recordings: The recordings.
         mass_kg: Mass of the payload; None if it was not weighed.
     """
     said = {recording.source.run().get("mass_kg") for recording in recordings}

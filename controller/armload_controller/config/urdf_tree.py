@@ -109,7 +109,6 @@ class UrdfTree:
         Args:
             owner: Name of the joint or link that contains it, for messages.
             tag: Name of the element.
-            element: The element.
             key: Name of the attribute.
 
         Raises:

@@ -127,7 +127,6 @@ class PluginHost:
 
     Args:
         plugins: The plug-ins, in the order of their calls.
-        n: Number of joints.
         cycle_s: Duration of the cycle.
         stopwatch: Monotonic clock that calls are timed with, in s.
 

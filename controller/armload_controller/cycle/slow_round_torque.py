@@ -121,7 +121,6 @@ class SlowRound:
 
     Args:
         joint_names: Names, for messages.
-        chain: The arm.
         position: (N, n) positions at equal intervals `AVERAGED_S`.
         torque: (N, n) joint torques.
 

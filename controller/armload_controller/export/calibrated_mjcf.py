@@ -38,7 +38,6 @@ def arm_mjcf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
 
     Args:
         robot: The arm as configured: kinematics, names and limits.
-        calibration: Its calibration.
         possible: Physically possible links for that calibration.
         made_from: The program's version, the calibration's file and its hash, for the comment.
 

@@ -84,7 +84,6 @@ def complete_inertia(payload: PayloadResult, elements: tuple[str, ...]) -> Writt
     """The inertia for a format that needs a complete one.
 
     Args:
-        payload: The payload.
         elements: Elements of the format.
     """
     undetermined = _undetermined(payload, elements)
@@ -96,7 +95,6 @@ def inertia_or_point_mass(payload: PayloadResult, elements: tuple[str, ...]) -> 
     """The inertia for a controller that interprets zero as a point mass.
 
     Args:
-        payload: The payload.
         elements: Elements of the format.
     """
     undetermined = _undetermined(payload, elements)

@@ -221,7 +221,6 @@ class PayloadAdaptation:
         rules: Check the estimates.
         feedforward: Adds the torque once allowed; starts without payload.
         robot: Name of the robot.
-        n: Number of joints.
         beside: Computes estimates outside the cycle.
         report: Called with every decision.
 

@@ -85,7 +85,6 @@ class AdaptationRules:
     Args:
         declared: The expected range of mass.
         calibration: The calibration that the estimates are based on.
-        joint_names: Names of the joints.
     """
 
     def __init__(self, declared: DeclaredMass, calibration: ArmCalibration, joint_names: Sequence[str]) -> None:

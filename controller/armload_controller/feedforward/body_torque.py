@@ -53,7 +53,6 @@ class ArmTorque:
     """All torque of the arm, including friction.
 
     Args:
-        chain: The arm.
         body: Its links, rotors and friction.
     """
 

@@ -78,7 +78,6 @@ class FeedforwardPlugin:
     """Adds a payload's torque once allowed.
 
     Args:
-        chain: The arm.
         robot: Its name, for messages.
         payload: The payload at its flange; None for an empty flange.
         cycle_s: Duration of a cycle.

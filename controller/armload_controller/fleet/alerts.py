@@ -42,7 +42,6 @@ def metrics_text(review: FleetReview, attention: Attention, now: datetime) -> st
     """The fleet in Prometheus' text format.
 
     Args:
-        review: The fleet.
         attention: Its findings.
         now: Time of the report, UTC.
     """

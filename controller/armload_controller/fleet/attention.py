@@ -152,7 +152,6 @@ def acknowledge(folder: Path, review: FleetReview, arm: str, until: str, why: st
 
     Args:
         folder: Folder of the rows.
-        review: The fleet.
         arm: Name of the arm.
         until: Last day, ISO 8601.
         why: The reason.

@@ -71,7 +71,6 @@ def empty_row(job: Job, armload_version: str) -> Row:
     """A row with only the data of the job, and the outcome "failed".
 
     Args:
-        job: The job.
         armload_version: Version of the program.
     """
     row: Row = dict.fromkeys(column_kinds())

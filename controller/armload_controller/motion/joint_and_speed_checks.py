@@ -36,7 +36,6 @@ def require_joint_limits(reach: FourierBounds, phase: PhaseLimits, constraints: 
 
     Args:
         reach: Range and greatest derivatives of the path to its phase.
-        phase: Limits of its phase.
         constraints: Constraints of the arm.
 
     Raises:
@@ -69,7 +68,6 @@ def require_reduced_speed(leg: Leg, limit: SpeedLimit) -> None:
     `paths`).
 
     Args:
-        leg: The leg.
         limit: Reduced speed, or a lower limit.
 
     Raises:

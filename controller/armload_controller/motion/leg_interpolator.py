@@ -66,7 +66,6 @@ class LegInterpolator:
     """Rows of one leg, one per cycle, following the operator's goal.
 
     Args:
-        leg: The leg.
         cycle_s: Time between rows.
         control: The goal; read before every row.
     """

@@ -87,7 +87,6 @@ class PhaseRamp:
 
     Args:
         problem: Ruckig's input for one degree of freedom; its limits are set here.
-        bounds: Limits of the phase.
         cycle_s: Time between rows.
 
     Attributes:

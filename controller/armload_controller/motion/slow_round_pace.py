@@ -196,8 +196,6 @@ def reduced_pace(path: FourierTrajectory, bounds: PhaseLimits, speed: SpeedLimit
     """The fastest pace found at which no point exceeds `PLANNED_SHARE` of a speed, nor the rate `SLOW_RATE`.
 
     Args:
-        path: The path.
-        bounds: Limits of its phase.
         speed: Limit of the speed of the arm's points and of what it carries.
 
     Returns:

@@ -48,7 +48,6 @@ def draft_file(
     Args:
         arm: Kinematics, limits, links.
         payload_kg: The heaviest payload; None if unknown.
-        workspace: The workspace.
         bus: Its drives; None writes a template.
         excitations: Files of the identification's and the validation's excitation.
         twin_start_rad: (n,) initial pose of a simulated arm; if given, drives and arm are simulated, in place of

@@ -68,7 +68,6 @@ def drives_found(nodes: Sequence[FoundNode], n: int, described: DeviceDescriptio
 
     Args:
         nodes: All nodes that answered.
-        n: Number of joints.
         described: Their device description; None without one.
 
     Raises:
@@ -118,12 +117,7 @@ def drive_described(description: DeviceDescription, node_id: int) -> DriveDraft:
 
 
 def nodes_described(description: DeviceDescription, n: int) -> tuple[DriveDraft, ...]:
-    """The same drive at every joint, with nodes numbered from the base, starting at 1 or at the node of a DCF.
-
-    Args:
-        description: The description.
-        n: Number of joints.
-    """
+    """The same drive at every joint, with nodes numbered from the base, starting at 1 or at the node of a DCF."""
     first = description.node_id or 1
     return tuple(drive_described(description, first + joint) for joint in range(n))
 

@@ -17,7 +17,6 @@ def add_bus(file: DraftedFile, name: str, bus: BusDraft | None, *, twin: bool) -
     """Add `[bus]`.
 
     Args:
-        file: The file.
         name: Name of the robot.
         bus: The bus; None adds a commented-out template.
         twin: Whether drives and arm are simulated.
@@ -50,10 +49,8 @@ def add_drive(file: DraftedFile, joint: int, drive: DriveDraft | None, bus: BusD
     """Add `[joints.drive]`.
 
     Args:
-        file: The file.
         joint: Index of the joint, from 0.
         drive: The drive; None adds a commented-out template.
-        bus: Its bus.
     """
     where = f"joints[{joint + 1}]"
     lines = ["[joints.drive]"]

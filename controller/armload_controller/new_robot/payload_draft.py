@@ -13,11 +13,7 @@ DENSITY_KG_M3: Final = 2000.0
 
 
 def cube(mass_kg: float) -> InertialParameters:
-    """A payload of known mass, assumed to be a cube in front of the flange.
-
-    Args:
-        mass_kg: Mass.
-    """
+    """A payload of known mass, assumed to be a cube in front of the flange."""
     edge = _edge_m(mass_kg)
     return InertialParameters.from_center_of_mass(
         mass_kg, np.array([0.0, 0.0, 0.5 * edge]), mass_kg * edge**2 / 6.0 * np.eye(3)
@@ -28,7 +24,6 @@ def tool_sphere(n: int, mass_kg: float | None) -> Sphere:
     """The sphere around that cube; around the flange if the mass is unknown.
 
     Args:
-        n: Number of joints.
         mass_kg: Mass of the payload; None if unknown.
     """
     edge = 0.1 if mass_kg is None else _edge_m(mass_kg)

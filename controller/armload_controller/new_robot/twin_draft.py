@@ -32,7 +32,6 @@ def twin_drive(arm: ArmDraft, joint: int) -> list[str]:
     """Lines of `[joints.drive]`.
 
     Args:
-        arm: The arm.
         joint: Index of the joint, from 0.
     """
     return [
@@ -60,7 +59,6 @@ def twin_simulation(
     """Lines of `[simulation]`.
 
     Args:
-        arm: The arm.
         links: The body moved by each joint.
         payload: The payload on the flange.
         start_rad: (n,) initial pose.

@@ -73,7 +73,6 @@ def workspace_of_urdf(arm: UrdfArm, draft: ArmDraft, tool: Sphere) -> WorkspaceD
     """The workspace of a URDF's arm.
 
     Args:
-        arm: The arm.
         draft: The same arm, with the ranges to use.
         tool: Sphere around tool and payload.
 
@@ -110,7 +109,6 @@ def workspace_of_spheres(
     """A workspace with spheres only.
 
     Args:
-        draft: The arm.
         spheres: The known spheres.
         tool: Sphere around tool and payload.
         why: Why meshes are not checked.

@@ -44,8 +44,6 @@ def adapted_run(
     """Run a path; the torque offset is tried first, as before any feed-forward.
 
     Args:
-        path: The path.
-        calibration: The arm's calibration.
         declared: The expected range of mass.
         session: Session with the arm.
         beside: Computes estimates outside the cycle.

@@ -59,7 +59,6 @@ def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> No
     `arm_on_bus` begins with this; commands call it before they ask anything or create a folder.
 
     Args:
-        robot: The arm.
         simulated_drives: Whether only drives with the simulation's identity will be driven.
         attended: Whether an operator is at the terminal.
 
@@ -89,7 +88,6 @@ def open_arm(
     """Open the arm that the configuration names: in this process or on a bus.
 
     Args:
-        robot: The arm.
         load: Load on the flange, for a simulation in this process.
         report: Called with remarks for the operator.
         simulated_drives: On a bus, require the simulation's identity of every drive.
@@ -139,7 +137,6 @@ def arm_on_bus(
     """Drives on a bus; within the block this process is tuned for the cycle.
 
     Args:
-        robot: The arm.
         report: Called with the tuning that was not permitted.
         simulated_drives: Require the simulation's identity of every drive, instead of the configured one.
         attended: Whether an operator is at the terminal.
@@ -180,7 +177,6 @@ def drives_alone(
     """Simulated drives on a bus, in real time, commanded by another process.
 
     Args:
-        robot: The arm.
         payload: Name of the payload on the flange, see `RobotSimulation.mounted`.
         changes: Payloads mounted and removed later.
         described: Device descriptions that the drives implement: none, one for all joints, or one per joint.
@@ -219,7 +215,6 @@ def bus_of(robot: Robot, role: BusRole = BusRole.MASTER) -> Iterator[can.BusABC]
     """The robot's bus, or its buses as one, shut down after the block; see `open_bus`.
 
     Args:
-        robot: The arm.
         role: Who uses the bus.
 
     Raises:

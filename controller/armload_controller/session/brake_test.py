@@ -58,7 +58,6 @@ class BrakeTest:
     """Plug-in that pushes against the brakes of a standing arm.
 
     Args:
-        joint_names: Names of the joints.
         transmission: Converts motor current to joint torque.
         tried_nm: (n,) torque of each joint; 0 for one that is not tried.
         cycle_s: Duration of a cycle.

@@ -59,7 +59,6 @@ def recorder_of(robot: Robot, path: Path, load: SessionLoad | None) -> Recorder:
     """A recorder for a motion under another master.
 
     Args:
-        robot: The arm.
         path: File to write; it must not exist.
         load: What the arm carries, if stated by the user.
 
@@ -89,7 +88,6 @@ class BusWatch:
     While a drive is not enabled, its motor torque is not the joint's load: such cycles are neither used nor recorded.
 
     Args:
-        robot: The arm.
         payload: Estimates the payload; None to record only.
         recorder: Records; None to estimate only.
         every_s: Time between two moments.

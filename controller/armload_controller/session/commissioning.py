@@ -93,7 +93,6 @@ def record_half(
     """Run and record the excitations that have not yet been recorded with one load.
 
     Args:
-        robot: The arm.
         load: Present load on its flange.
         open_servos: Opens the arm.
         operator: The person at the arm.

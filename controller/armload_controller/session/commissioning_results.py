@@ -89,7 +89,6 @@ def evaluate(
     The report is written last: a folder that contains one is complete.
 
     Args:
-        arm: The arm.
         plan: Where the recordings are, and what is known of arm and payload.
         tolerance: Permitted error of the payload; the default if not given.
         created: Date and time on the report; now if not given.

@@ -157,7 +157,6 @@ class ComparisonRuns:
     """The runs of a comparison on one arm.
 
     Args:
-        robot: The arm.
         path: The path of all runs.
         tried_nm: (n,) least torque to try at standstill on every joint; zeros if not given.
         commanded: (n, n) matrix that the row of torques is multiplied with to compensate for gain errors of the

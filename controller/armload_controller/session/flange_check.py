@@ -58,10 +58,8 @@ def loaded_doubts(robot: Robot, arm: ArmInUse, unloaded: Path, rows: SlowRoundRo
     """Warnings for the operator if the flange carries no more than in the unloaded run.
 
     Args:
-        robot: The arm.
         arm: Its model.
         unloaded: Recording of the same path without the payload.
-        rows: The slow round.
     """
     both = recorded_slow_round(unloaded, rows.cycle_s), rows
     before, now = (each.fitted(robot.joint_names, arm.chain, arm.transmission) for each in both)

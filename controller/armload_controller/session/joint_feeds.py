@@ -47,7 +47,6 @@ def rtde_feed(robot: Robot, host: str) -> Iterator[JointFeed]:
     """The controller of a UR arm.
 
     Args:
-        robot: The arm.
         host: Name or address of the controller.
 
     Raises:
@@ -68,9 +67,7 @@ def ros2_feed(robot: Robot, topic: str, effort: Effort) -> Iterator[JointFeed]:
     """A topic of `sensor_msgs/JointState`.
 
     Args:
-        robot: The arm.
         topic: Name of the topic.
-        effort: What its efforts are.
 
     Raises:
         CommissioningError: the extra ros2 is not installed.

@@ -139,7 +139,6 @@ def run_session(
     """Open and connect an arm for any number of runs within the block.
 
     Args:
-        robot: The arm.
         load: Load on its flange during the session.
         open_servos: Opens the arm.
         operator: The person at the arm.
@@ -191,7 +190,6 @@ class RunSession:
     """Runs on one connected arm; created by `run_session`.
 
     Args:
-        robot: The arm.
         load: Load on its flange.
         servos: Its servos, connected.
         operator: The person at the arm.
@@ -372,7 +370,6 @@ def run_leg(
 
     Args:
         cycle: Cycle of a connected, disabled arm.
-        path: The path.
         leg: Its slow or its measured leg.
         progress: Called with the part of `BAR` that is done; 0 during the approach.
         before: Called with the arm standing at the start of the leg; it can only hold the arm there.

@@ -21,7 +21,6 @@ def moved_since_recording(robot: Robot, folder: Path, standing_rad: FloatArray) 
     by another program, which the operator knows. Joints without a gear ratio are not compared.
 
     Args:
-        robot: The arm.
         folder: Folder of its recordings.
         standing_rad: (n,) present joint positions.
 

@@ -79,7 +79,6 @@ class StopSignals:
         """Ask a question; a signal ends it, and after one nothing is asked.
 
         Args:
-            question: The question.
             put: Asks it; True means yes.
 
         Raises:

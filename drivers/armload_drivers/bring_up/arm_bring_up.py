@@ -15,7 +15,6 @@ class ArmBringUp(ABC):
     """Bring-up of the drives of one arm.
 
     Args:
-        arm: The arm.
         setups: Bring-up of each drive.
 
     Attributes:

@@ -179,7 +179,6 @@ def require_named(setup: DriveSetup, what: str) -> Identity:
     """Identity of a drive that may be written to.
 
     Args:
-        setup: The drive.
         what: What is to be done with it, for the error.
 
     Raises:

@@ -26,8 +26,6 @@ class DriveDialogue:
     """SDO access to one drive, by purpose.
 
     Args:
-        drive: Its settings.
-        arm: The arm's settings.
         sdo: SDO access to it.
         timeouts: Limits of the waits.
 

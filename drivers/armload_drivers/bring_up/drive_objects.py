@@ -109,8 +109,6 @@ def set_interpolation(
     """Set 60C2; a drive that has it must interpolate over the cycle.
 
     Args:
-        drive: The drive.
-        cycle_s: The cycle.
         rates_hz: Other rates that the bus carries.
         otherwise: What to do about a drive that accepts none of them.
 

@@ -36,8 +36,6 @@ def judged(setup: DriveSetup, state: State, commands: str, speed_counts_s: float
     """Whether the reset of a drive that carries torque would be safe, and why not.
 
     Args:
-        setup: The drive.
-        state: Its state.
         commands: What another master was heard to command, as text; empty if nothing.
         speed_counts_s: Speed of its axis.
     """

@@ -37,7 +37,6 @@ class SdoChannel(ABC):
     """SDO access to one drive.
 
     Args:
-        node_id: Node id.
         joint: Name of its joint, for errors.
 
     Attributes:

@@ -22,8 +22,6 @@ class ForeignTraffic:
     """Watches one bus.
 
     Args:
-        arm: The arm.
-        link: The bus.
         sync_is_ours: Whether this master's own SYNCs are received back; then the SYNC source detects others.
 
     Attributes:

@@ -59,7 +59,6 @@ class SyncSource(Protocol):
         """Start counting periods: the first SYNC is due one period from now.
 
         Args:
-            link: The bus.
             cycle_s: Period.
             counter: Overflow value of the SYNC counter (1019); 0 sends SYNC without one.
         """
@@ -68,7 +67,6 @@ class SyncSource(Protocol):
         """Wait for, and if necessary send, the next SYNC.
 
         Args:
-            link: The bus.
             on_sync: Called after all frames of earlier SYNCs and before any frame of this one.
         """
 

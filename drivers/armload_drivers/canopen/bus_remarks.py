@@ -17,7 +17,6 @@ class BusRemarks:
     """Remarks on one bus.
 
     Args:
-        link: The bus.
         nodes: The drives of the arm.
         rhythms: What should recur every cycle.
     """

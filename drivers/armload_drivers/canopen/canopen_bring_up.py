@@ -21,7 +21,6 @@ class CanopenBringUp(ArmBringUp):
     """The drives of one arm on an open bus.
 
     Args:
-        arm: The arm.
         bus: An open bus; nothing else may read from it.
         timeouts: Limits of all waits.
     """

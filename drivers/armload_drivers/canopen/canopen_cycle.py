@@ -34,10 +34,7 @@ class CanopenCycle(ArmCycle[DriveNode]):
     """Cycles over all drives of one arm.
 
     Args:
-        arm: The arm.
         nodes: Its drives.
-        link: The bus.
-        sync: Source of SYNC.
         units: Conversion of setpoints and feedback.
         rhythms: Those of SYNC and of the feedback.
 

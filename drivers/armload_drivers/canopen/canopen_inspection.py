@@ -37,7 +37,6 @@ def show(arm: ArmSettings, bus: can.BusABC, listen_s: float, timeouts: Timeouts 
     """Status of the drives of an arm. Only reads, so it can be used while another program moves the arm.
 
     Args:
-        arm: The arm.
         bus: Where its drives are.
         listen_s: Time over which the bus load is measured.
         timeouts: Limits of all waits.

@@ -121,9 +121,7 @@ class CanopenSdo(SdoChannel):
     """SDO access to one node.
 
     Args:
-        node_id: Node id.
         joint: Name of its joint, for errors.
-        link: The bus.
         timeout_s: Limit of one request.
     """
 

@@ -34,9 +34,7 @@ class CanopenServos(CyclicServos):
     """All drives of one arm over CANopen.
 
     Args:
-        arm: The arm.
         bus: An open bus; nothing else may read from it.
-        sync: Source of SYNC.
         timeouts: Limits of all waits.
     """
 

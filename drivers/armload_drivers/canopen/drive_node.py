@@ -30,8 +30,6 @@ class DriveNode(CyclicDrive):
     """One drive in the cycle of CANopen.
 
     Args:
-        drive: Its settings.
-        link: The bus.
         sync: Provides the clock for heartbeats.
         arm: Settings of its arm: cycle, heartbeat, and cycles in which feedback may be missing.
 

@@ -56,7 +56,6 @@ class LssMaster:
     """Layer setting services on one bus.
 
     Args:
-        link: The bus.
         answer_s: Longest wait for an answer; fastscan waits for it up to 128 times.
     """
 

@@ -29,7 +29,6 @@ def assign(
 
     Args:
         bus: An open bus.
-        node_id: The node id.
         bitrate: The bit rate; None leaves it.
         address: Identity of the node; None for the one that has no node id.
         consent: Asked with a description of the action before anything is set.

@@ -46,7 +46,6 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout, advice: MappingAdvice) -> dict[E
 
     Args:
         sdo: Access to the drive; its `step` names the step in progress.
-        layout: The PDO.
         advice: What the configuration can do about a drive that cannot map it.
 
     Returns:

@@ -38,8 +38,6 @@ def answering_drives(setups: Sequence[CanopenSetup], arm: ArmSettings, link: Bus
 
     Args:
         setups: Drives of the arm.
-        arm: The arm.
-        link: Its bus.
 
     Returns:
         Those that answer.
@@ -87,8 +85,6 @@ def powered_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLink
 
     Args:
         setups: Drives of the arm that answer.
-        arm: The arm.
-        link: Its bus.
 
     Raises:
         ServoError: a drive does not report its state, position or scale.
@@ -115,7 +111,6 @@ def reset_drives(
     Args:
         setups: The drives.
         powered: Drives of the arm that carry torque, from `powered_drives`.
-        link: The bus.
         boot_s: Longest wait.
 
     Returns:

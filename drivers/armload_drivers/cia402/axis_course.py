@@ -237,7 +237,6 @@ def axis_courses(arm: ArmSettings, units: ArmUnits) -> list[AxisCourse]:
 
     Args:
         arm: The arm; every drive with its scale.
-        units: Its units.
     """
     courses = []
     for axis, (drive, scale) in enumerate(zip(arm.drives, units.axes, strict=True)):
@@ -260,7 +259,6 @@ def loop_lost(drive: DriveSettings, step: str, why: str) -> LoopLost:
     """Error for an axis that has left its course.
 
     Args:
-        drive: Its drive.
         step: The step in progress.
         why: `AxisCourse.lost`.
     """

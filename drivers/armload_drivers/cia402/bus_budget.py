@@ -128,7 +128,6 @@ def with_rate_for(arm: ArmSettings, **of_drives: Any) -> str:
     """What advice about every drive must add so that it fits the bus, as text; empty if it fits, or fits no PDO.
 
     Args:
-        arm: The arm.
         of_drives: Fields of `DriveSettings` as the advice would set them.
     """
     try:

@@ -174,7 +174,6 @@ def parse_description(data: bytes, source: str) -> DeviceDescription:
     """Read the bytes of an EDS or DCF file.
 
     Args:
-        data: The bytes.
         source: Name of the file, for messages.
 
     Raises:

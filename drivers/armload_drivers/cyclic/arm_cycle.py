@@ -26,7 +26,6 @@ class ArmCycle(ABC, Generic[Drive]):
     """Cycles over all drives of one arm.
 
     Args:
-        arm: The arm.
         nodes: Its drives.
         units: Conversion of setpoints and feedback.
 

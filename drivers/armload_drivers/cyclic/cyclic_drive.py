@@ -30,7 +30,6 @@ class CyclicDrive(ABC):
     """One drive in the cycle, on either bus.
 
     Args:
-        drive: Its settings.
         now_s: Clock of the cycles.
         cycle_s: Duration of a cycle.
         max_missing_cycles: Greatest number of consecutive cycles in which feedback may be missing.
@@ -75,7 +74,6 @@ class CyclicDrive(ABC):
 
         Args:
             counts_per_rad: Position units per radian of the axis.
-            course: The course of the axis.
         """
         self.machine = MasterMachine()
         self.course, self.step = course, course.step

@@ -54,7 +54,6 @@ class CyclicServos(ABC):
     """All drives of one arm.
 
     Args:
-        arm: The arm.
         setups: Bring-up of its drives.
         nodes: Its drives in the cycle.
         timeouts: Limits of all waits.

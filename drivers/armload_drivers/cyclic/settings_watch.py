@@ -25,7 +25,6 @@ class SettingsWatch:
     """Reads the settings of an arm's drives again, in turn.
 
     Args:
-        drives: Objects of the drives.
         cycle_s: Duration of a cycle.
     """
 

@@ -42,7 +42,6 @@ class TorqueRemoval:
     """Stops one arm and removes its torque; made anew whenever the arm is enabled.
 
     Args:
-        cycle: Its cycle.
         nodes: Its drives.
         setups: SDO access to them, in the same order.
         timeouts: Limits of the waits.

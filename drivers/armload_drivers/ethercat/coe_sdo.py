@@ -20,7 +20,6 @@ class CoeSdo(SdoChannel):
     Args:
         node_id: Place of the drive in the line, from 1.
         joint: Name of its joint, for errors.
-        line: The line.
         worker: One thread that makes the requests that are not waited for.
         timeout_s: Limit of one request.
 

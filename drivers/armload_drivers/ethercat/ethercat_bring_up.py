@@ -34,8 +34,6 @@ class EthercatBringUp(ArmBringUp):
     """The drives of one arm on an open line.
 
     Args:
-        arm: The arm.
-        line: The line.
         clock: Decides when frames are sent.
         timeouts: Limits of all waits.
 

@@ -54,10 +54,8 @@ class EthercatCycle(ArmCycle[EthercatDrive]):
     """Cycles over all drives of one arm.
 
     Args:
-        arm: The arm.
         nodes: Its drives.
         units: Conversion of setpoints and feedback.
-        line: The line.
         clock: Decides when frames are sent.
         worker: One thread for requests beside the cycle.
 

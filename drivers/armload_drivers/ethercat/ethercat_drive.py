@@ -30,8 +30,6 @@ class EthercatDrive(CyclicDrive):
     """One drive in the cycle of EtherCAT.
 
     Args:
-        drive: Its settings.
-        line: The line.
         sdo: SDO access to it.
         clock: Provides the time.
         cycle_s: Duration of a cycle.
@@ -66,8 +64,6 @@ class EthercatDrive(CyclicDrive):
         """Set where its objects are in the frame.
 
         Args:
-            outputs: Its outputs.
-            inputs: Its inputs.
             constants: Its outputs with the values of those that are not sent, and zeros elsewhere.
         """
         self._pack = outputs.packer(setpoint_entries(self.settings), constants)

@@ -184,7 +184,6 @@ class EthercatLine:
 
         Args:
             place: Place of the drive in the line, from 0.
-            index: Index.
             subindex: Sub-index.
             limit_s: Limit of the wait.
 

@@ -23,8 +23,6 @@ class EthercatServos(CyclicServos):
     """All drives of one arm over EtherCAT.
 
     Args:
-        arm: The arm.
-        line: Its line.
         clock: Decides when frames are sent.
         timeouts: Limits of all waits.
     """

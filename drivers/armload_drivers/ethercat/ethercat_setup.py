@@ -18,11 +18,8 @@ class EthercatSetup(DriveSetup):
     """Bring-up of one drive over EtherCAT.
 
     Args:
-        drive: Its settings.
-        arm: The arm's settings.
         sdo: SDO access to it.
         timeouts: Limits of the waits.
-        line: The line.
 
     Attributes:
         outputs: Its outputs in the frame; known once it is configured.

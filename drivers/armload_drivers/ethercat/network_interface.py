@@ -138,11 +138,7 @@ def claimed(interface: str) -> Iterator[None]:
 
 
 class FrameMonitor:
-    """Receives EtherCAT's frames beside the master.
-
-    Args:
-        interface: The interface.
-    """
+    """Receives EtherCAT's frames beside the master."""
 
     def __init__(self, interface: str) -> None:
         self._interface = interface

@@ -86,7 +86,6 @@ def assign(sdo: SdoChannel, direction: FrameDirection, entries: list[Entry]) -> 
 
     Args:
         sdo: Access to the drive, which is in PREOP; its `step` names the step in progress.
-        direction: The direction.
         entries: Objects that are needed.
 
     Returns:

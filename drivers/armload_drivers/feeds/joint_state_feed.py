@@ -68,7 +68,6 @@ class JointStateCycles:
         """Process one message.
 
         Args:
-            message: The message.
             now_s: Monotonic time.
             lost: Number of samples that the middleware reported as lost before it.
 

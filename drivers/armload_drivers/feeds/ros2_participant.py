@@ -102,7 +102,6 @@ class Subscription:
 
     Args:
         participant: The process in the network.
-        topic: The topic.
     """
 
     def __init__(self, participant: DomainParticipant, topic: Topic[Any]) -> None:
@@ -147,7 +146,6 @@ class Publication:
 
     Args:
         participant: The process in the network.
-        topic: The topic.
     """
 
     def __init__(self, participant: DomainParticipant, topic: Topic[Any]) -> None:

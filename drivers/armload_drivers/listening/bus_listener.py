@@ -34,7 +34,6 @@ def overheard(
 
     Args:
         bus: The bus to receive from.
-        arm: The arm.
         patience_s: Longest time until the first complete cycle.
         clock: Monotonic time in s.
 

@@ -100,8 +100,6 @@ class OverheardArm:
 
         Args:
             cob_id: CAN identifier.
-            data: Its bytes.
-            time_s: Its time.
 
         Returns:
             The cycle that it completes or ends; None if it does neither.
@@ -154,9 +152,6 @@ class OverheardArm:
 
 class _HeardDrive:
     """The last values of one drive.
-
-    Args:
-        drive: Its settings.
 
     Attributes:
         cob_ids: COB-IDs of its PDOs.

@@ -148,7 +148,6 @@ def lockstep_bus(arm: ArmSettings, wires: Sequence[LockstepWire], role: BusRole)
     """An endpoint of each of an arm's wires, as one bus.
 
     Args:
-        arm: The arm.
         wires: Its wires, from `lockstep_wires`.
         role: Who uses the bus.
     """

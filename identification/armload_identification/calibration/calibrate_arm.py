@@ -78,7 +78,6 @@ def calibrate_arm(
 
     Args:
         runs: All runs, of any motions, days and payloads.
-        chain: The arm.
         transmission: Nominal gains, and coupling.
         robot: Its name.
         made: Version of the program, and hash of the robot's configuration.

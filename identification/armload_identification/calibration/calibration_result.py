@@ -464,11 +464,7 @@ class ArmCalibration:
 
 
 def kinematics_sha256(chain: Chain) -> str:
-    """Hash of an arm's kinematics and mounting, the same on every machine.
-
-    Args:
-        chain: The arm.
-    """
+    """Hash of an arm's kinematics and mounting, the same on every machine."""
     numbers = np.concatenate([part.ravel() for part in (chain.placement, chain.axis, chain.flange, chain.gravity_m_s2)])
     text = " ".join(f"{value:.{_DIGITS}f}" for value in np.round(numbers, _DIGITS) + 0.0)
     return hashlib.sha256(text.encode()).hexdigest()

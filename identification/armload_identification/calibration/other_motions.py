@@ -26,7 +26,6 @@ def doubtful_share(calibration: ArmCalibration, level: Chain, run: RunSignals) -
     """Relative uncertainty of the predicted torque on another motion.
 
     Args:
-        calibration: The arm.
         level: The arm with its tilt, `calibration.level`.
         run: A run with the range and speeds of the other motion.
 

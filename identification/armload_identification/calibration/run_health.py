@@ -122,7 +122,6 @@ def run_health(
 
     Args:
         recording: The run, of any motion.
-        calibration: The arm.
         chain: The configured arm.
         transmission: The configured transmission; its gains are replaced by the calibration's.
         mounting: "" for an empty arm, or a mounting of the calibration; for any other value the payload is fitted.

@@ -85,7 +85,6 @@ class SessionGains:
 
         Args:
             reference: A run of any motion, empty or with a weighed tool.
-            calibration: The arm.
             chain: The arm as configured.
             transmission: Nominal gains, and coupling.
             mass_kg: Mass of the tool; None if the reference is empty.
@@ -171,7 +170,6 @@ class SessionGains:
         """What is assumed of the drift, and what it means for the mass.
 
         Args:
-            mass_kg: The mass.
             considered_kg: Its change for one standard deviation of the drift.
         """
         per_percent = abs(considered_kg) / mass_kg / self.deviation

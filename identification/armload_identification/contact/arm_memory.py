@@ -49,7 +49,6 @@ class ArmMemory:
         """Add rows.
 
         Args:
-            rows: The rows.
             density: (n,) spectral density of the residual, (N m)^2 s.
         """
         start = 0

@@ -69,7 +69,6 @@ class RowMaker:
     """Makes rows of samples.
 
     Args:
-        calibration: The arm.
         chain: The configured arm.
         from_effort: (n, n) joint torque is effort @ from_effort.
     """

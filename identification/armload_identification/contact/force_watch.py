@@ -88,7 +88,6 @@ class ForceWatch:
     """Watches one arm.
 
     Args:
-        calibration: The arm.
         chain: The configured arm.
         transmission: Nominal gains, and coupling.
 

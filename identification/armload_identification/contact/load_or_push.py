@@ -110,8 +110,6 @@ def assess(
     Args:
         rows: Rows from before the earliest onset until now.
         known: What was known of payload and friction before.
-        noise: The residual's noise.
-        chain: The arm.
         scale: (10,) units of the payload's parameters.
         noticed_s: Time of the notice.
 
@@ -153,7 +151,6 @@ def payload_evidence(rows: ForceRows, known: RememberedState, noise: ResidualNoi
     Args:
         rows: Rows until now.
         known: What was known of payload and friction before them.
-        noise: The residual's noise.
         now_s: Time of the newest row.
     """
     means = _means(rows.part(rows.time_s >= now_s - BACK_S))

@@ -91,7 +91,6 @@ def acting(
         rows: Rows of the last seconds.
         since: Index of the first row to test.
         known: What is known of payload and friction.
-        noise: The residual's noise.
         inertia_kg_m2: (n,) inertia about each joint.
     """
     first = int(np.searchsorted(rows.time_s, rows.time_s[since] - WINDOWS_S[-1] - AHEAD_S))

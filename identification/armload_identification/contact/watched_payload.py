@@ -35,7 +35,6 @@ class WatchedPayload:
     """Payload and forces of one arm.
 
     Args:
-        calibration: The arm.
         chain: The configured arm.
         transmission: Nominal gains, and coupling.
         session: Drift of the gains since the calibration, for the intervals; None to allow for none.

@@ -187,7 +187,6 @@ def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
     """Motion and effort of one run.
 
     Args:
-        recording: The run.
         transmission: Nominal gains, and coupling.
 
     Returns:
@@ -229,7 +228,6 @@ def arm_rows(
     """The equations of a run.
 
     Args:
-        run: Its signals.
         chain: The arm as configured, without tilt.
         coupling: (n, n) C of its motors.
         base: (10 n,) True for the base parameters of the links.

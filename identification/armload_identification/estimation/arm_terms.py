@@ -132,7 +132,6 @@ def arm_terms(
 
     Args:
         runs: All runs, whose torques and motions set the scale.
-        chain: The arm.
         base: (10 n,) True for the base parameters of the links.
         peak_rad_s: (n,) greatest speeds.
     """

@@ -78,7 +78,6 @@ def change_between_periods(
     Args:
         run: What differs between its periods.
         arm: The problem of its payload, for coupling and speeds.
-        chain: The arm.
         edge_s: As of `change_in`.
 
     Returns:

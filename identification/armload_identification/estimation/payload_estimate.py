@@ -50,8 +50,6 @@ def estimate_of(
 
     Args:
         posterior: The solution.
-        arm: Its problem.
-        chain: The arm.
         prior: What was known of the payload.
         errors: (k, p) change of the first p unknowns, those of the arm, for one standard deviation of each independent
             error with which they are held.
@@ -207,7 +205,6 @@ class PayloadEstimate:
 
         Args:
             slope: (4, 10) derivatives of mass and centre of mass by theta.
-            mass_kg: The mass.
             gain: (n,) gains of the estimate.
         """
         problem = self.posterior.problem

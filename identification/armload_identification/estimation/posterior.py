@@ -105,7 +105,6 @@ class Posterior:
         """Values of a run's own term.
 
         Args:
-            name: Its name.
             group: Index of the run's group.
             run: Index of the run in it.
         """

@@ -205,7 +205,6 @@ class Problem:
         """Place of a shared term.
 
         Args:
-            name: Its name.
             mounting: The mounting it refers to; empty for a term of the arm.
         """
         return self._shared[name, mounting]
@@ -214,7 +213,6 @@ class Problem:
         """Place of a run's own term.
 
         Args:
-            name: Its name.
             group: Index of the run's group.
             run: Index of the run in it.
         """

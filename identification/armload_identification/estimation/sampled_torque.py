@@ -29,7 +29,6 @@ def sampling_doubt(rows: ArmRows, chain: Chain, theta: FloatArray, interval_s: f
 
     Args:
         rows: N rows of a loaded run.
-        chain: The arm.
         theta: (10,) the payload.
         interval_s: Time between the run's samples.
 

@@ -28,7 +28,6 @@ def on_one_motion(signal: LoadSignal, chain: Chain, body: BodyModel) -> LoadSign
 
     Args:
         signal: The pair.
-        chain: The arm.
         body: Its links and rotors.
 
     Returns:

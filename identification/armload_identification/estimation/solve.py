@@ -51,7 +51,6 @@ def solve(
     """Solve a problem.
 
     Args:
-        problem: The problem.
         progress: Called with the number of iterations done, and an estimate of their total.
         start: Solution of a problem with other priors, from which to start.
         rough: Return the last iterate even if it has not settled; sufficient if only the residual is needed.
@@ -317,7 +316,6 @@ def clipped_rms(state: GroupState, moved: NDArray[np.bool_]) -> FloatArray:
     """(n,) RMS residual of a group's moving joints with clipped outliers; NaN for others.
 
     Args:
-        state: The group.
         moved: (n,) True for the moving joints.
     """
     found = np.full(moved.size, np.nan)

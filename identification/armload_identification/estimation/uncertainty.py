@@ -94,7 +94,6 @@ def quantify(found: PayloadEstimate, parameters: InertialParameters) -> Uncertai
     """Intervals of the ten quantities.
 
     Args:
-        found: The estimate.
         parameters: The reported parameters, at which derivatives are taken and intervals centred.
 
     Returns:

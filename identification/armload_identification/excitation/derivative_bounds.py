@@ -50,7 +50,6 @@ def point_rates(chain: Chain, rates: FloatArray, link: int, lever_m: float) -> F
     """Greatest speed of a point that is fixed in a link, and of its first three derivatives.
 
     Args:
-        chain: The arm.
         rates: (4, n) from `rate_bounds`.
         link: Number of the joint that moves the link, from 1; 0 is the base.
         lever_m: Distance of the point from the joint frame's origin.

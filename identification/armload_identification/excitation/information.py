@@ -149,7 +149,6 @@ def named_criterion(
     Args:
         name: "a-optimal", the program's default; "a-optimal-mean" or "a-optimal-max" over a set of payloads;
             "d-optimal"; "condition-number".
-        chain: The arm.
         torque_noise_nm: (n,) standard deviation of one raw torque sample at NOISE_RATE_HZ.
         expected_payload: In the flange frame.
         payload_set: In the flange frame; for the robust criteria.

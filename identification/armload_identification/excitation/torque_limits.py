@@ -83,7 +83,6 @@ class TorqueLimits:
         """Limits from a model of the arm.
 
         Args:
-            chain: The arm.
             body: Its links, rotors and friction.
             payload: The heaviest one expected, in the flange frame.
             torque_max_nm: (n,) greatest torque of each joint.
@@ -100,7 +99,6 @@ class TorqueLimits:
         """Limits from a stated share of the torque that the arm itself requires.
 
         Args:
-            chain: The arm.
             arm_share: (n,) greatest share of each joint's torque for links, rotors and friction, in [0, 1).
             payload: The heaviest one expected, in the flange frame.
             torque_max_nm: (n,) greatest torque of each joint.

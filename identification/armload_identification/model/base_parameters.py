@@ -25,7 +25,6 @@ def base_columns(chain: Chain, coupling: FloatArray) -> NDArray[np.bool_]:
     """Which parameters of links and rotors are identifiable from an arm's motion.
 
     Args:
-        chain: The arm.
         coupling: (n, n) C of its motors.
 
     Returns:

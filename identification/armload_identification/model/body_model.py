@@ -69,7 +69,6 @@ class BodyModel(LinksAndDrives):
         """Torque of the links, Y beta.
 
         Args:
-            chain: The arm.
             q: (N, n) positions in rad.
             dq: (N, n) velocities in rad/s.
             ddq: (N, n) accelerations in rad/s2.

@@ -53,7 +53,6 @@ class MassCenterCovariance:
 
         Args:
             interval_95: (4, 2) low and high; nan where a value is not determined.
-            mass_kg: The mass.
         """
         deviation = 0.5 * np.diff(interval_95, axis=1)[:, 0] / _NORMAL_95
         known = np.isfinite(deviation)

@@ -26,7 +26,6 @@ def feedforward_model(chain: Chain, theta: ArrayLike) -> FloatArray:
     """Chain and payload as one array for the feed-forward's kernel.
 
     Args:
-        chain: The arm.
         theta: (10,) payload parameters in the flange frame.
 
     Returns:
@@ -47,7 +46,6 @@ def payload_torque(chain: Chain, theta: ArrayLike, q: ArrayLike, dq: ArrayLike, 
         tau = J(q)^T w(q, dq, ddq, theta)
 
     Args:
-        chain: The arm.
         theta: (10,) payload parameters in the flange frame.
         q: (N, n) or (n,) joint positions in rad.
         dq: Velocities in rad/s, same shape.
@@ -73,7 +71,6 @@ def payload_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike)
     """Phi_L with tau_payload = Phi_L theta_L, for a body in the flange frame.
 
     Args:
-        chain: The arm.
         q: (N, n) or (n,) joint positions in rad.
         dq: Velocities in rad/s, same shape.
         ddq: Accelerations in rad/s2, same shape.
@@ -97,7 +94,6 @@ def body_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) ->
     """Regressor of all links' parameters: tau_links = body_regressor [theta_1; ...; theta_n].
 
     Args:
-        chain: The arm.
         q: (N, n) or (n,) joint positions in rad.
         dq: Velocities in rad/s, same shape.
         ddq: Accelerations in rad/s2, same shape.

@@ -27,9 +27,7 @@ def change_notes(
 
     Args:
         found: The payload, assumed constant.
-        loaded: The loaded run.
         unloaded: The unloaded run, if there is one.
-        chain: The arm.
         transmission: Gains and coupling.
     """
     signal = found.signal

@@ -56,7 +56,6 @@ def estimator_constants(
     """The constants of a calibrated arm.
 
     Args:
-        calibration: The arm.
         chain: The configured arm.
         transmission: Nominal gains, and coupling.
         memory_s: Time after which the weight of data has decreased to 37 %.

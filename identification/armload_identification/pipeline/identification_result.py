@@ -110,11 +110,9 @@ def completed(
     """Complete an estimate with its physically possible body and intervals.
 
     Args:
-        plain: The estimate.
         gains: Gains that were fitted with the payload.
         signal: The signal on the loaded run's motion, with the estimated gains.
         friction_nm: (K, n) friction of the loaded run beyond that of the arm that was subtracted (`added_friction`).
-        chain: The arm.
         transmission: The gains that the recordings' torques were computed with.
         runs: The loaded and, if there is one, the unloaded recording.
     """

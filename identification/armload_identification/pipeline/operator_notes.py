@@ -37,7 +37,6 @@ def notes_on(
     """Notes on recordings, gains, signal and result.
 
     Args:
-        found: The identification.
         runs: The loaded and, if there is one, the unloaded recording.
         transmission: Gains and which of them are calibrated.
         arm: The calibrated arm, or None.

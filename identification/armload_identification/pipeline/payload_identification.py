@@ -147,7 +147,6 @@ def payload_result(
     """The content of a payload file.
 
     Args:
-        result: The identification.
         armload_version: Version of the program.
         configuration_sha256: Hash of the robot's configuration.
         calibration_sha256: File name and hash of the arm's calibration, if there is one.

@@ -114,8 +114,6 @@ def judge(measured: Identification, chain: Chain, judged: KnownMassCenter, toler
     """Judge a payload by an identification from other runs.
 
     Args:
-        measured: The identification.
-        chain: The arm.
         judged: The payload in question.
         tolerance: Tolerated error.
 

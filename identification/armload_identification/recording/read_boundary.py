@@ -22,9 +22,6 @@ _LONGEST_REASON: Final = 200
 def reading(path: Path) -> Iterator[None]:
     """Turn any error within the block into one that names the file.
 
-    Args:
-        path: The file.
-
     Raises:
         RecordingError: the file cannot be read.
     """

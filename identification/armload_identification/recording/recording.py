@@ -270,9 +270,7 @@ def recording_of(
     """A recording of the usable rows of a run, or of rows to which these were reduced.
 
     Args:
-        rows: The rows.
         excitation: The trajectory that was streamed, or None.
-        source: Their source.
         average: Statistics of the average period, if the rows are one.
         repeats: Repeated values in the rows before their reduction.
     """

@@ -31,7 +31,6 @@ def write_calibration_report(path: Path, calibration: ArmCalibration, descriptio
 
     Args:
         path: The file; an existing one is replaced.
-        calibration: The calibration.
         description: Description of the arm, in one line.
         names: Names of its joints.
 

@@ -58,7 +58,6 @@ def joint_rows(
     """The table of a run.
 
     Args:
-        signal: The measured difference.
         residual_rms_nm: (n,) RMS of single raw differences minus prediction.
         names: Names of the joints.
         scales: Ratio of measured to predicted torque; None if not requested.

@@ -16,7 +16,6 @@ def next_steps(payload: PayloadResult, validation: Validation | None) -> tuple[s
     """One to three sentences, in the order of the steps.
 
     Args:
-        payload: The result.
         validation: Its validation with other runs; None without one.
     """
     outcome = None if validation is None else validation.outcome

@@ -129,7 +129,6 @@ def truth_sentence(payload: PayloadResult, truth: InertialParameters) -> str:
     """Error of a simulated payload's mass and centre of mass, if determined.
 
     Args:
-        payload: The result.
         truth: The payload that was simulated, in the same frame.
     """
     known_parts = []
@@ -149,7 +148,6 @@ def parameter_rows(
     """The table of the ten parameters.
 
     Args:
-        payload: The result.
         half_width_95: (10,) half widths of the 95 % intervals, also of undetermined parameters; nan if unknown.
         truth: In simulation, the payload in the same frame; else None.
     """

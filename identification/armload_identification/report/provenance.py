@@ -71,7 +71,6 @@ def motion_sentence(source: RecordingSource | None, signal: LoadSignal) -> str:
 
     Args:
         source: Source of the loaded run, if available.
-        signal: The measured difference.
     """
     text = None if source is None else source.attachments.get(EXCITATION_ATTACHMENT)
     span = f"{numeral(signal.time_s[-1] + signal.interval_s, 1)}{NO_BREAK}s"

@@ -51,7 +51,6 @@ def write_report(path: Path, subject: ReportSubject, content: ReportContent) -> 
 
     Args:
         path: The file; an existing one is replaced.
-        subject: Subject of the report.
         content: Fit, runs and validation, as far as available.
 
     Raises:

@@ -109,7 +109,6 @@ def watch_svg(history: WatchHistory, name: str, title: str) -> str:
     """Mass with its interval over time, and a line at each marked event.
 
     Args:
-        history: The watch.
         name: Id, unique on the page.
         title: Description of the figure.
 

@@ -31,8 +31,6 @@ def findings_document(
 
     Args:
         robot: Name of the arm.
-        joint_names: Names of its joints.
-        payload: The payload.
         content: Fit, runs and validation.
         verdict: Result of the validation in words.
     """

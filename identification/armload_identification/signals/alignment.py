@@ -89,7 +89,6 @@ def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
     least squares (Gauss-Newton in one unknown).
 
     Args:
-        first: One run.
         second: Another run of the same motion.
 
     Returns:

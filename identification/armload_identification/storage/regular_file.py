@@ -34,7 +34,6 @@ def read_whole(path: Path, largest_bytes: int = LARGEST_BYTES) -> bytes:
     """The content of a file.
 
     Args:
-        path: The file.
         largest_bytes: Largest accepted size.
 
     Raises:

@@ -16,7 +16,6 @@ def replace_file(path: Path, content: str | bytes) -> None:
     remains a link to the new content, and other kinds of file (/dev/stdout, a pipe) are written to directly.
 
     Args:
-        path: The file.
         content: Bytes, or text that is written as UTF-8 with its own line ends.
 
     Raises:

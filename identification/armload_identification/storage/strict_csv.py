@@ -57,7 +57,6 @@ def read_csv(path: Path, error: FileErrorClass, largest_bytes: int = LARGEST_BYT
     """The text of a table.
 
     Args:
-        path: The file.
         error: Class of the error raised if it cannot be read, is not text, or is larger.
         largest_bytes: Largest accepted size.
     """

@@ -88,7 +88,6 @@ def read_text(path: Path, error: FileErrorClass) -> str:
     """The text of a file in UTF-8.
 
     Args:
-        path: The file.
         error: Makes the error that is raised.
 
     Raises:

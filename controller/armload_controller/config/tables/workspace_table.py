@@ -154,7 +154,6 @@ class WorkspaceTable(Table):
 
         Args:
             folder: Folder of the URDF.
-            chain: The arm.
             joint_names: Names of its joints, which the URDF must also contain.
 
         Raises:

@@ -39,7 +39,6 @@ def change_rate(chain: Chain, torque_rate_nm_s: FloatArray) -> ChangeRate:
     """The shortest transition of a payload.
 
     Args:
-        chain: The arm.
         torque_rate_nm_s: (n,) greatest rate of each joint's torque.
     """
     g = _GREATEST_SLOPE * float(np.linalg.norm(chain.gravity_m_s2))

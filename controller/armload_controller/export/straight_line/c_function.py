@@ -14,7 +14,6 @@ def c_statements(function: Function, precision: Precision = Precision.DOUBLE) ->
     no output depends on is marked as unused.
 
     Args:
-        function: The function.
         precision: Type of every number.
     """
     graph = function.graph

@@ -97,7 +97,6 @@ def planar_groups(chain: Chain, about_last_axis_rad: float = 0.0) -> PlanarGroup
     """Write a chain in groups of parallel joints.
 
     Args:
-        chain: The arm.
         about_last_axis_rad: Rotation of the last frame about its own axis, which can be chosen freely.
     """
     axes = _axes(chain)

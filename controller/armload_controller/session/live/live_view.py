@@ -167,7 +167,6 @@ def shown_live(operator: Operator, robot: Robot, address: LiveAddress | None) ->
 
     Args:
         operator: The person at the arm.
-        robot: The arm.
         address: Address to serve at; None for no live view.
 
     Yields:

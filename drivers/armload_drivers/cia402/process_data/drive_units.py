@@ -128,7 +128,6 @@ class ArmUnits:
     """Conversion of a cycle's values, including coupling and signs.
 
     Args:
-        arm: The arm.
         polarity: 607E of every drive; zeros if None.
 
     Attributes:

@@ -89,7 +89,6 @@ def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int)
 
     Args:
         dictionary: The objects of a simulated drive without its PDO parameters, freshly reset; changed in place.
-        described: The description.
         node_id: Node id of the drive.
 
     Raises:

@@ -85,7 +85,6 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
 
     Args:
         runs: Runs without a payload.
-        chain: The arm.
         coupling: (n, n) C of its motors.
     """
     n, identifiable = chain.n, base_columns(chain, coupling)

@@ -31,7 +31,6 @@ class CsvReader:
     """Reads a table with or without a header line.
 
     Args:
-        path: The file.
         options: The columns, recognised by the header if not given, and the names of the arm's joints.
     """
 

@@ -47,7 +47,6 @@ class ExtensionReader:
     """Yields the arrays of a package's function in blocks of rows.
 
     Args:
-        path: The file.
         function: The package's function.
         package: Name and version of the package, for messages.
     """

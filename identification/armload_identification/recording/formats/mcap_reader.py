@@ -250,9 +250,6 @@ class _MessageTable:
 def require_small_chunks(path: Path) -> None:
     """Raise if a record or a chunk of any program's MCAP file would take more memory than a reader may hold.
 
-    Args:
-        path: The file.
-
     Raises:
         ValueError: naming the size.
     """

@@ -35,9 +35,6 @@ _MOST_NAME_BYTES: Final = 2**20
 class NumpyReader:
     """Reads the arrays of an archive in blocks of rows.
 
-    Args:
-        path: The file.
-
     Raises:
         RecordingError: not an archive, or one without time or position.
     """

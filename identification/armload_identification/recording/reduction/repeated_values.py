@@ -69,11 +69,7 @@ class _ConstantStretch:
 
 
 class RepeatCounter:
-    """Counts repetitions block by block.
-
-    Args:
-        n: Number of joints.
-    """
+    """Counts repetitions block by block."""
 
     def __init__(self, n: int) -> None:
         self._found = RepeatedValues(*np.zeros((6, n)))

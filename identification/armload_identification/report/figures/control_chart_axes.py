@@ -36,9 +36,7 @@ def draw_control_chart(
     """Draw limits in grey, runs, levels in black, and outliers and changes in orange.
 
     Args:
-        axes: The axes.
         place: (r,) positions of the runs along the axis.
-        chart: The chart.
         drawn: Converts the chart's values to those of the axis.
     """
     known = np.isfinite(chart.values)
@@ -58,7 +56,6 @@ def draw_dates(axes: Axes, place: FloatArray) -> None:
     """Label an axis of days with dates, with times if there are few days; a single moment is the middle of a day.
 
     Args:
-        axes: The axes.
         place: (r,) days, from `days_of`.
     """
     if np.ptp(place) == 0.0:

@@ -18,7 +18,6 @@ def write_figure(path: Path, figure: Figure, dpi: float) -> None:
 
     Args:
         path: The file; its suffix is the format, such as .svg or .png.
-        figure: The figure.
         dpi: Resolution in pixels per inch.
 
     Raises:

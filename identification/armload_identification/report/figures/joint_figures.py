@@ -63,7 +63,6 @@ def torque_figure(signal: LoadSignal, predicted_nm: FloatArray, joint: int, name
     The dashed lines of the residual are at two standard deviations of the noise in the raw curve.
 
     Args:
-        signal: The measured difference.
         predicted_nm: (K, n) predicted difference.
         joint: Joint, from 0.
         name: Id, unique on the page.

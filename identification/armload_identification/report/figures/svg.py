@@ -25,7 +25,6 @@ def inline_svg(figure: Figure, name: str, title: str) -> str:
     """A figure as the text of an `svg` element that fills the available width.
 
     Args:
-        figure: The figure.
         name: Prefix of every id, unique on the page.
         title: Description of the figure, for readers who cannot see it.
     """

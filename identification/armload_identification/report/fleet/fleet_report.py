@@ -38,7 +38,6 @@ def write_fleet_report(
 
     Args:
         path: The file; an existing one is replaced.
-        review: The fleet.
         armload_version: Version of the program.
         acknowledged: What was said of arms whose findings are acknowledged, by arm.
         needing_attention: Names of the arms with findings that nobody has acknowledged.
@@ -85,7 +84,6 @@ def write_arm_history(path: Path, arm: ArmReview, armload_version: str, acknowle
 
     Args:
         path: The file; an existing one is replaced.
-        arm: The arm.
         armload_version: Version of the program.
         acknowledged: What was said of its findings; empty if they are not acknowledged.
 

@@ -44,7 +44,6 @@ def require_possible(run: Recording, chain: Chain, torque_nm: FloatArray | None,
 
     Args:
         run: The run, with the arm's joints.
-        chain: The arm.
         torque_nm: (N, n) joint torque of the run; None without any.
         arm: Its possible magnitudes.
 

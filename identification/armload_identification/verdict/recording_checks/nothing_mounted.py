@@ -19,7 +19,6 @@ def refuse_nothing(
     An estimate below 0 is not a payload either, as long as the interval does not certainly exclude 0.
 
     Args:
-        plain: The payload.
         regressor: (K, n, 10) payload columns of the run.
         arm_nm: (K, n) torque of the arm itself, N m.
         floor_kg: Standard deviation of a mass's error that is not in the estimate.

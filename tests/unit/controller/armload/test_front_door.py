@@ -2,6 +2,7 @@
 
 import contextlib
 import doctest
+import inspect
 import json
 import pydoc
 import re
@@ -53,6 +54,17 @@ def test_every_public_name_is_there_and_listed():
         assert getattr(armload, name) is getattr(armload, name)
     with pytest.raises(AttributeError, match="no attribute 'identity'"):
         armload.identity  # noqa: B018 - tests the attribute access
+
+
+def test_every_argument_of_a_public_function_is_described():
+    """Inside, an argument that would only repeat its name has no entry; here all have, and every shape and unit."""
+    functions = [getattr(armload, name) for name in armload.__all__]
+    methods = [method for thing in functions if inspect.isclass(thing) for method in vars(thing).values()]
+    for function in (getattr(one, "__func__", one) for one in (*functions, *methods)):
+        text = inspect.getdoc(function) or ""
+        if inspect.isfunction(function) and ("Args:" in text or function in functions):
+            arguments = set(inspect.signature(function).parameters) - {"self", "cls"}
+            assert [name for name in arguments if f"\n    {name}: " not in text] == [], function
 
 
 def test_each_name_is_that_of_its_module():
