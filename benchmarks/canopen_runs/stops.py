@@ -299,8 +299,8 @@ def _limits(cause: Cause | None, limits: MotionLimits, trajectory: FourierTrajec
         return replace(limits, position_min_rad=low, position_max_rad=high)
     if cause is Cause.DEVIATION:
         grid_s = np.arange(0.0, trajectory.period_s, GRID_S)
-        peak = np.abs(trajectory.evaluate(grid_s).jerk_rad_s3).max(axis=0)
-        return replace(limits, jerk_max_rad_s3=0.5 * peak)
+        peak = np.abs(trajectory.evaluate(grid_s).velocity_rad_s).max(axis=0)
+        return replace(limits, velocity_max_rad_s=0.7 * peak)
     return limits
 
 

@@ -21,10 +21,10 @@ from armload_controller.config.robot import Robot, shipped_robots
 from armload_controller.control_errors import ControlError
 from armload_controller.motion.paths import PLANNED_SPEED_M_S, bound_phase
 from armload_controller.motion.setpoints import CYCLE_ROUNDING
-from armload_controller.motion.slow_round_pace import reduced_pace
+from armload_controller.motion.slow_round_pace import SLOW_RATE, reduced_pace
 from armload_identification.excitation.design import DesignResult, optimal_excitation
 from armload_identification.excitation.design_envelope import Envelope
-from armload_identification.excitation.design_search import PeriodRange, Search, SearchSettings
+from armload_identification.excitation.design_search import PeriodRange, Search, SearchSettings, SlowRound
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.information import named_criterion
@@ -196,12 +196,14 @@ def design(
     seed: int = 1,
     restarts: int = 8,
     harmonics: int = 5,
-    period_s: float | Literal["auto"] = 10.0,
+    period_s: float | Literal["auto"] = 5.0,
     periods: int | None = None,
     criterion: str = "a-optimal",
     progress: Callable[[int], None] | None = None,
 ) -> DesignedExcitation:
     """Design an excitation for a robot's expected payload, within all limits and clear of all obstacles at any time.
+
+    It gives the most information in the time of a run with its slow round (condition number: in that of a period).
 
     Several starts run in separate processes, so a calling program needs the usual guard `if __name__ == "__main__":`.
 
@@ -237,11 +239,15 @@ def design(
     objective = named_criterion(
         criterion, arm.chain, arm.limits.torque_noise_nm, arm.payloads.expected, arm.payloads.design_set
     )
+    # A condition number, unlike a variance, does not fall with the measuring time.
+    in_time = criterion != "condition-number"
+    measured_s = _MEASURED_S if periods is None or isinstance(period_s, str) else periods * period_s
+    slow = SlowRound(arm.motion_constraints.reduced_speed, SLOW_RATE, measured_s) if in_time else None
     with _workers(restarts) as executor:
         result = optimal_excitation(
             objective,
             envelope,
-            SearchSettings(harmonics, frequency, seed, restarts),
+            SearchSettings(harmonics, frequency, seed, restarts, slow),
             executor=executor,
             progress=None if progress is None else lambda finished, _total, _best: progress(finished),
             objection=arm.obstacles.objection,

@@ -106,7 +106,7 @@ def optimal_excitation(
     chain = criterion.chain
     if envelope.n != chain.n:
         raise ExcitationError(f"limits of {envelope.n} joints for a chain of {chain.n}")
-    search = Search(criterion, envelope, settings.harmonics, settings.periods)
+    search = Search(criterion, envelope, settings)
     restarts = settings.restarts
     sources = np.random.SeedSequence(settings.seed).spawn(restarts)
     attempts: dict[int, Attempt] = {}

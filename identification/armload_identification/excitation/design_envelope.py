@@ -163,7 +163,7 @@ class Envelope:
         slope[:3] += self.torque.slope(torque / self._available, *states[:3])
         slope[0] -= self.workspace.slope(clearance / CLEARANCE_SCALE_M, states[0])
         if self.speed is not None:
-            slope[:2] += self.speed.points.slope(speed / self.speed.speed_m_s, states[0], states[1])
+            slope[:2] += self.speed.points.moving(*states[:2]).slope(speed / self.speed.speed_m_s)
         return np.asarray(slope)
 
     def worst(self, trajectory: FourierTrajectory) -> FloatArray:

@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.fourier import FourierTrajectory, fourier_basis
+from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 from armload_identification.excitation.information import Criterion
 from armload_identification.identification_errors import ExcitationError
 
@@ -72,6 +73,21 @@ class PeriodRange:
             )
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class SlowRound:
+    """A round of the path at reduced speed, before the periods.
+
+    Attributes:
+        limit: Speed limit of the arm's points.
+        rate: Greatest rate at which the path is followed.
+        measured_s: Duration of the periods after it.
+    """
+
+    limit: SpeedLimit
+    rate: float
+    measured_s: float
+
+
 @dataclass(frozen=True, slots=True)
 class SearchSettings:
     """What is searched, and from how many starts.
@@ -83,6 +99,7 @@ class SearchSettings:
             acceleration, jerk or torque.
         seed: Seed of the random starts.
         restarts: Number of starts, at least 1.
+        slow: The slow round before the periods; motions are then compared by the criterion times the duration of a run.
 
     Raises:
         ExcitationError: a number that is not above 0.
@@ -92,6 +109,7 @@ class SearchSettings:
     base_frequency_hz: float | PeriodRange
     seed: int
     restarts: int
+    slow: SlowRound | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.base_frequency_hz, PeriodRange) and not 0.0 < self.base_frequency_hz < np.inf:
@@ -114,7 +132,8 @@ class Attempt:
 
     Attributes:
         cost: The criterion of one period; inf if no motion within the limits was found.
-        score: The criterion for a measuring time that is the same for all periods, by which starts are compared.
+        score: The criterion for a measuring time that is the same for all periods, times the duration of a run, by
+            which starts are compared.
         trajectory: The motion, or None.
         history: (I,) criterion after each iteration; early iterations may exceed the limits.
         excess: Greatest relative excess over a limit, if no motion within the limits was found.
@@ -138,10 +157,12 @@ class Search:
     for a given measuring time: faster is better until a limit is reached.
     """
 
-    def __init__(self, criterion: Criterion, envelope: Envelope, harmonics: int, periods: PeriodRange) -> None:
+    def __init__(self, criterion: Criterion, envelope: Envelope, settings: SearchSettings) -> None:
+        harmonics, periods = settings.harmonics, settings.periods
         self._criterion = criterion
         self._envelope = envelope
         self._harmonics = harmonics
+        self._slow = settings.slow
         self._step_s = periods.step_s
         self._reference_s = float(np.sqrt(periods.shortest_s * periods.longest_s))
         half_span = 0.5 * float(np.log(periods.longest_s / periods.shortest_s))
@@ -187,13 +208,16 @@ class Search:
                 reserve = np.maximum(0.0, worst - excess.max(axis=0))
             multipliers = np.maximum(0.0, multipliers + penalty * (excess + reserve))
             penalty *= _PENALTY_GROWTH
-        trajectory, worst = self._shrunk_within_limits(self._with_period_in_steps(self._trajectory(x)))
+        trajectory, worst = self._shrunk_within_limits(self._with_period_in_steps(self._begun_nearby(x)))
         if worst.max() > -_LIMIT_MARGIN:
             problem = self._envelope.most_exceeded(worst)
             return Attempt(np.inf, np.inf, None, np.array(history), float(worst.max()), problem)
         cost = self.cost_of(self._criterion, trajectory)
-        score = self._cost(self._criterion, trajectory, self._reference_s)
-        return Attempt(cost, score, trajectory, np.array(history) * (cost / score))
+        equally_long = self._cost(self._criterion, trajectory, self._reference_s)
+        samples = len(self._basis[0])
+        state = trajectory.evaluate(np.arange(samples) * (trajectory.period_s / samples))
+        lasts_s = self._duration(np.stack([state.position_rad, state.velocity_rad_s]), trajectory.period_s)[0]
+        return Attempt(cost, equally_long * lasts_s, trajectory, np.array(history) * (cost / equally_long))
 
     def _best_random_motion(self, rng: np.random.Generator) -> FloatArray:
         """The best of many random motions: informative, and not far outside the limits."""
@@ -243,13 +267,28 @@ class Search:
         if not np.isfinite(cost):
             return np.inf, np.zeros_like(x), cost
         active = np.maximum(0.0, multipliers + penalty * (self._envelope.excess(states) + reserve))
-        value = np.log(cost) + (np.sum(active**2) - np.sum(multipliers**2)) / (2.0 * penalty)
+        lasts_s, slowly_s, slower_s = self._duration(states, self._reference_s / float(np.exp(x[-1])))
+        value = np.log(cost * lasts_s) + (np.sum(active**2) - np.sum(multipliers**2)) / (2.0 * penalty)
         total = self._envelope.slope(active, states)
         total[:3] += slope / cost
+        total[:2] += slower_s / lasts_s
         orders = np.arange(_ORDERS)
         by_coefficient = np.tensordot(total * np.exp(orders * x[-1])[:, None, None], self._basis, ((0, 1), (0, 1)))
-        by_frequency = orders @ np.einsum("kij,kij->k", total, states)
+        by_frequency = orders @ np.einsum("kij,kij->k", total, states) - slowly_s / lasts_s
         return float(value), np.append((by_coefficient * self._scale).ravel(), by_frequency), cost
+
+    def _duration(self, states: FloatArray, period_s: float) -> tuple[float, float, FloatArray]:
+        """Duration of a run and of its slow round, and (2, N, n) their slope by positions and velocities."""
+        if self._slow is None:
+            return 1.0, 0.0, np.zeros((2, *states.shape[1:]))
+        limit, least = self._slow.limit, 1.0 / self._slow.rate
+        points = limit.points.moving(states[0], states[1])
+        speeds = points.speeds
+        fastest = speeds.max(axis=1) / limit.speed_m_s
+        decisive = (np.arange(speeds.shape[1]) == speeds.argmax(axis=1)[:, None]) & (fastest > least)[:, None]
+        slowly_s = period_s * float(np.mean(np.maximum(fastest, least)))
+        weight = decisive * (period_s / (len(speeds) * limit.speed_m_s))
+        return self._slow.measured_s + slowly_s, slowly_s, points.slope(weight)
 
     def _states(self, x: FloatArray) -> FloatArray:
         """(4, N, n) position, velocity, acceleration and jerk on the grid."""
@@ -266,6 +305,28 @@ class Search:
             coefficients[:, 0] + self._middle,
             coefficients[:, 1 : 1 + harmonics],
             coefficients[:, 1 + harmonics :],
+        )
+
+    def _begun_nearby(self, x: FloatArray) -> FourierTrajectory:
+        """The motion, begun where the way from the middle of the ranges is short and without whole turns of a joint.
+
+        That costs no information, and what approaches it at reduced speed takes less time.
+        """
+        trajectory = self._trajectory(x)
+        if self._slow is None:
+            return trajectory
+        turns = np.round((trajectory.offset_rad - self._middle) / (2.0 * np.pi))
+        nearer = replace(trajectory, offset_rad=trajectory.offset_rad - 2.0 * np.pi * turns)
+        if np.any(self._envelope.worst(nearer) > np.maximum(self._envelope.worst(trajectory), 0.0)):
+            nearer = trajectory
+        at = nearer.period(self._basis.shape[1]).position_rad
+        nearest = int(self._slow.limit.points.speeds(at, at - self._middle).max(axis=1).argmin())
+        angle = 2.0 * np.pi * nearest / len(at) * np.arange(1, self._harmonics + 1)
+        sine, cosine = nearer.sin_rad, nearer.cos_rad
+        return replace(
+            nearer,
+            sin_rad=sine * np.cos(angle) - cosine * np.sin(angle),
+            cos_rad=sine * np.sin(angle) + cosine * np.cos(angle),
         )
 
     def _cost(self, criterion: Criterion, trajectory: FourierTrajectory, measured_s: float) -> float:

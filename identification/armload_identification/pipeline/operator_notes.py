@@ -74,15 +74,15 @@ def _on_recordings(runs: Sequence[Recording]) -> list[str]:
 
 
 def _on_interruptions(runs: Sequence[Recording], signal: LoadSignal) -> list[str]:
-    """Runs that were paused or slowed down within their periods."""
+    """Runs that were interrupted within their periods."""
     notes = []
     for name, run, periods in zip(("loaded", "unloaded"), runs, signal.periods, strict=False):
         count = interruptions(run)
         if count:
             often, least = (f"{number} times" if number > 1 else "once" for number in (count, periods))
             notes.append(
-                f"{name} recording: the run was paused or slowed down {often} within its periods. What was measured at "
-                f"full speed was used: every part of the period at least {least}."
+                f"{name} recording: the run was continued, paused or slowed down {often} within its periods. What was "
+                f"measured at full speed was used: every part of the period at least {least}."
             )
     return notes
 

@@ -16,7 +16,7 @@ from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.model.payload import InertialParameters
 
-PERIODS, RATE_HZ = 2, 50.0
+PERIODS, RATE_HZ = 4, 50.0
 """Fewer rows than from a bus, each with the noise of a mean, so that tests are fast."""
 
 

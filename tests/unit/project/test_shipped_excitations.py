@@ -39,7 +39,7 @@ def driven():
 @CASES
 def test_room_is_left_for_the_ramps_and_the_servo(driven, robot, role):
     one = driven[robot, role]
-    assert (one.trajectory.period_s, one.excitation.periods, one.trajectory.harmonics) == (10.0, 3, 5)
+    assert (one.trajectory.period_s, one.excitation.periods, one.trajectory.harmonics) == (5.0, 4, 5)
     assert one.trajectory.n == one.arm.n
     limits, state = one.arm.limits.motion, one.state
     assert np.all(state.position_rad > limits.position_min_rad + POSITION_MARGIN_RAD)
@@ -114,7 +114,7 @@ def test_the_file_says_what_it_is_worth_and_how_it_was_made(driven, robot, role)
     criterion = named_criterion("a-optimal", one.arm.chain, one.arm.limits.torque_noise_nm, payload)
     design = one.excitation.design
     assert design["cost"] == pytest.approx(criterion.cost(*motion, one.trajectory.period_s), rel=0.01)
-    assert design["cost"] < 0.0045  # of a random start within the same limits: about five times as much
+    assert design["cost"] < 0.011
     assert str(design["command"]).startswith(
         f"armload design {robot} --output {robot}_{role}.toml --seed {design['seed']} "
     )

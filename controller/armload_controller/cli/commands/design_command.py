@@ -92,7 +92,7 @@ def design_motion(
     period_s: Annotated[
         str,
         typer.Option(help="Duration of one period in s, or auto: as short as torque, following error and rates allow."),
-    ] = "10",
+    ] = "5",
     periods: Annotated[
         int | None,
         typer.Option(min=1, max=MOST_PERIODS, help="Periods that a run records; by default 30 s and at least three."),

@@ -2,13 +2,13 @@
 
 A point p moved by the first m joints, with axes z_j through o_j in the base frame, has the velocity
 
-    v = sum_{j <= m} z_j x (p - o_j) dq_j
+    v = v_{o_m} + w_m x (p - o_m)      w_k = sum_{j <= k} z_j dq_j      v_{o_{k+1}} = v_{o_k} + w_k x (o_{k+1} - o_k)
 
-and for k <= m this velocity depends on a joint's position by
+and with its direction e = v / |v| its speed depends on joint k <= m by
 
-    dv/dq_k = z_k x sum_{k <= j <= m} z_j x (p - o_j) dq_j  +  w_{k-1} x (z_k x (p - o_k))
+    d|v|/dq_k = z_k . (e x v_{o_k}) + (w_{k-1} x z_k) . ((p - o_k) x e)        d|v|/d(dq_k) = z_k . ((p - o_k) x e)
 
-with w_k = sum_{j <= k} z_j dq_j, the angular velocity of link k.
+For a weighted sum of speeds, e and p x e are summed over the points that a joint moves.
 
 What the arm carries is bounded by spheres that are fixed to the flange. No point within a distance r of a centre c is
 faster than
@@ -29,6 +29,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.derivative_bounds import point_rates, rate_bounds
@@ -111,42 +112,22 @@ class ArmPoints:
         Returns:
             (N, P) in m/s.
         """
-        axes, levers = self._axes_and_levers(q)
-        centres = np.stack([_length(_velocity(axes, lever, dq)[:, 0]) for lever in levers], axis=1)
-        spin = _length(np.einsum("ijk,ij->ik", axes, dq))
-        return np.asarray(centres + spin[:, None] * self._radius_m)
+        return self.moving(q, dq).speeds
 
-    def slope(self, weight: FloatArray, q: FloatArray, dq: FloatArray) -> FloatArray:
-        """Derivative of the weighted sum of all speeds by positions and velocities.
-
-        Args:
-            weight: (N, P) weight of each speed.
-            q: (N, n) joint positions in rad.
-            dq: (N, n) joint velocities in rad/s.
-
-        Returns:
-            (2, N, n) by position and by velocity.
-        """
-        axes, levers = self._axes_and_levers(q)
+    def moving(self, q: FloatArray, dq: FloatArray) -> MovingPoints:
+        """The points in N states, of positions (N, n) in rad and velocities (N, n) in rad/s."""
+        origins, axes, rotations = _frames(self.chain, q)
+        link = np.array(self._link) - 1
         turning = np.cumsum(axes * dq[:, :, None], axis=1)
+        drift = np.zeros_like(origins)
+        drift[:, 1:] = np.cumsum(_cross(turning[:, :-1], np.diff(origins, axis=1)), axis=1)
+        lever = (rotations[:, link] @ self._in_link[:, :, None])[..., 0]
+        velocity = drift[:, link] + _cross(turning[:, link], lever)
+        moves = np.arange(self.chain.n)[:, None] <= link
         before = turning - axes * dq[:, :, None]
-        slope = np.zeros((2, *q.shape))
-        for point, lever in enumerate(levers):
-            m = lever.shape[1]
-            column = np.cross(axes[:, :m], lever)
-            outward = _velocity(axes, lever, dq)
-            velocity = outward[:, 0]
-            direction = velocity / np.maximum(_length(velocity), np.finfo(float).tiny)[:, None]
-            direction = direction * weight[:, point, None]
-            turned = np.cross(axes[:, :m], outward) + np.cross(before[:, :m], column)
-            slope[0, :, :m] += np.einsum("ijk,ik->ij", turned, direction)
-            slope[1, :, :m] += np.einsum("ijk,ik->ij", column, direction)
-        spin = turning[:, -1]
-        direction = spin / np.maximum(_length(spin), np.finfo(float).tiny)[:, None]
-        direction = direction * (weight @ self._radius_m)[:, None]
-        slope[0] += np.einsum("ijk,ik->ij", np.cross(axes, spin[:, None] - turning), direction)
-        slope[1] += np.einsum("ijk,ik->ij", axes, direction)
-        return slope
+        return MovingPoints(
+            origins, axes, before, turning, drift, origins[:, link] + lever, velocity, self._radius_m, moves
+        )
 
     def greatest_on(self, trajectory: FourierTrajectory) -> FloatArray:
         """(P,) upper bound of the speed of every point along a trajectory, also between samples, in m/s."""
@@ -189,14 +170,55 @@ class ArmPoints:
         )
         return np.asarray(between + bend * (duration_s / samples) ** 2 / 8.0)
 
-    def _axes_and_levers(self, q: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
-        """Axes (N, n, 3), and per point the vectors (N, m, 3) to it from the origins of the m joints that move it."""
-        origins, axes, rotations = _frames(self.chain, q)
-        levers = []
-        for link, at in zip(self._link, self._in_link, strict=True):
-            point = origins[:, link - 1] + rotations[:, link - 1] @ at
-            levers.append(point[:, None] - origins[:, :link])
-        return axes, levers
+
+@dataclass(frozen=True, eq=False)
+class MovingPoints:
+    """The P points of an arm of n joints in N states; vectors in the base frame.
+
+    Attributes:
+        origins: (N, n, 3) a point on each joint's axis.
+        axes: (N, n, 3) the axes.
+        before: (N, n, 3) angular velocity of the link before each joint.
+        turning: (N, n, 3) of the one after it.
+        drift: (N, n, 3) velocity of the origins.
+        at: (N, P, 3) the points.
+        velocity: (N, P, 3) of the points, or of the centres of spheres.
+        radius_m: (P,) of the spheres; 0 for a point.
+        moves: (n, P) whether a joint moves a point.
+    """
+
+    origins: FloatArray
+    axes: FloatArray
+    before: FloatArray
+    turning: FloatArray
+    drift: FloatArray
+    at: FloatArray
+    velocity: FloatArray
+    radius_m: FloatArray
+    moves: NDArray[np.bool_]
+
+    @property
+    def speeds(self) -> FloatArray:
+        """(N, P) speed of every point in m/s."""
+        return np.asarray(_length(self.velocity) + _length(self.turning[:, -1])[:, None] * self.radius_m)
+
+    def slope(self, weight: FloatArray) -> FloatArray:
+        """Derivative of the weighted sum of all speeds by positions and velocities.
+
+        Args:
+            weight: (N, P) weight of each speed.
+
+        Returns:
+            (2, N, n) by position and by velocity.
+        """
+        pull, twist = _unit(self.velocity) * weight[:, :, None], _unit(self.turning[:, -1])
+        spun = (twist * (weight @ self.radius_m)[:, None])[:, None]
+        moves = self.moves.astype(np.float64)
+        force = moves @ pull
+        moment = moves @ _cross(self.at, pull) - _cross(self.origins, force)
+        along = _cross(force, self.drift) + _cross(spun, self.turning)
+        by_position = np.sum(self.axes * along + _cross(self.before, self.axes) * moment, axis=2)
+        return np.stack([by_position, np.sum(self.axes * (moment + spun), axis=2)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,29 +236,29 @@ class SpeedLimit:
 
 def _frames(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Origins (N, n, 3), axes (N, n, 3) and orientations (N, n, 3, 3) of the joint frames."""
-    count, n = q.shape
-    origins, axes, rotations = np.empty((count, n, 3)), np.empty((count, n, 3)), np.empty((count, n, 3, 3))
-    origin, rotation = np.zeros((count, 3)), np.broadcast_to(np.eye(3), (count, 3, 3))
-    for i in range(n):
-        placement, (x, y, z) = chain.placement[i], chain.axis[i]
-        across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        turn = placement[:3, :3] @ np.hstack([np.eye(3), across, across @ across])
-        sine, cosine = np.sin(q[:, i])[:, None, None], np.cos(q[:, i])[:, None, None]
-        origin = origin + rotation @ placement[:3, 3]
-        fixed, first, second = np.split((rotation.reshape(-1, 3) @ turn).reshape(count, 3, 9), 3, axis=2)
-        rotation = fixed + sine * first + (1.0 - cosine) * second
-        origins[:, i], rotations[:, i] = origin, rotation
-        axes[:, i] = rotation @ chain.axis[i]
-    return origins, axes, rotations
+    across = np.cross(np.eye(3), chain.axis[:, None])
+    fixed = chain.placement[:, :3, :3]
+    sine, cosine = np.sin(q)[:, :, None, None], np.cos(q)[:, :, None, None]
+    rotations = fixed + sine * (fixed @ across) + (1.0 - cosine) * (fixed @ across @ across)
+    origins = np.empty((*q.shape, 3))
+    origins[:, 0] = chain.placement[0, :3, 3]
+    for i in range(1, chain.n):
+        origins[:, i] = origins[:, i - 1] + rotations[:, i - 1] @ chain.placement[i, :3, 3]
+        rotations[:, i] = rotations[:, i - 1] @ rotations[:, i]
+    return origins, (rotations @ chain.axis[:, :, None])[..., 0], rotations
 
 
-def _velocity(axes: FloatArray, lever: FloatArray, dq: FloatArray) -> FloatArray:
-    """(N, m, 3) velocity of a point due to joint j and those beyond it; for the first joint the total velocity."""
-    m = lever.shape[1]
-    each = np.cross(axes[:, :m], lever) * dq[:, :m, None]
-    return np.asarray(np.cumsum(each[:, ::-1], axis=1)[:, ::-1])
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(..., 3) cross products; NumPy's takes several times as long for some hundred of them."""
+    after, last = (1, 2, 0), (2, 0, 1)
+    return np.asarray(a[..., after] * b[..., last] - a[..., last] * b[..., after])
 
 
 def _length(vectors: FloatArray) -> FloatArray:
-    """(N,) lengths of (N, 3)."""
-    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
+    """(...) lengths of (..., 3)."""
+    return np.asarray(np.sqrt(np.sum(vectors * vectors, axis=-1)))
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    """(..., 3) directions; 0 for no length."""
+    return np.asarray(vectors / np.maximum(_length(vectors), np.finfo(float).tiny)[..., None])

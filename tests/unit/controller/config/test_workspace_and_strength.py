@@ -221,9 +221,9 @@ def test_the_shipped_excitations_may_be_driven(robot, role):
 @pytest.mark.parametrize(
     ("robot", "old", "new", "words"),
     [
-        ("er50", "floor_height_m = -1.0", "floor_height_m = -0.6", "of 'floor'"),
+        ("er50", "floor_height_m = -1.0", "floor_height_m = -0.5", "of 'floor'"),
         ("prbt", "torque_max_nm = 20.1", "torque_max_nm = 12.0", "N m of prbt_joint_6, which has 5 N m available"),
-        ("er50", "torque_max_nm = 4788", "torque_max_nm = 600", "N m of joint_2, which has 330 N m available"),
+        ("er50", "torque_max_nm = 4788", "torque_max_nm = 400", "N m of joint_2, which has 220 N m available"),
     ],
 )
 def test_an_excitation_of_another_cell_or_arm_is_not_driven(edited, robot, old, new, words):

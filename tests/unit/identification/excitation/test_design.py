@@ -11,9 +11,10 @@ import pytest
 
 from armload_identification.excitation.design import DesignResult, optimal_excitation
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
-from armload_identification.excitation.design_search import PeriodRange, SearchSettings
+from armload_identification.excitation.design_search import PeriodRange, SearchSettings, SlowRound
 from armload_identification.excitation.excitation_file import format_excitation, parse_excitation
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
 from armload_identification.excitation.information import Criterion, named_criterion
 from armload_identification.excitation.torque_limits import TorqueLimits
@@ -112,6 +113,25 @@ def test_a_optimal_halves_what_the_condition_number_leaves_uncertain(results):
     better = relative_deviation(ours.trajectory) / relative_deviation(paper.trajectory)
     assert np.all(better[[6, 8, 9]] < 0.6)  # Izz, Ixz, Iyz
     assert np.sum(relative_deviation(ours.trajectory) ** 2) == pytest.approx(ours.cost, rel=0.02)
+
+
+def test_with_a_slow_round_the_information_per_time_of_the_whole_run_counts(results):
+    limit, slow_rate, measured_s = SpeedLimit(ArmPoints(ARM, CENTER_M), 0.25), 0.25, 30.0
+    settings = SearchSettings(5, 0.05, 1, 1, SlowRound(limit, slow_rate, measured_s))
+    alone, shorter = results["a-optimal"], optimal_excitation(criterion_of("a-optimal"), wide(), settings)
+
+    def run_s(path):
+        state = path.evaluate(np.linspace(0.0, path.period_s, 1000, endpoint=False))
+        speed_m_s = limit.points.speeds(state.position_rad, state.velocity_rad_s).max(axis=1)
+        return measured_s + path.period_s * np.mean(np.maximum(speed_m_s / limit.speed_m_s, 1.0 / slow_rate))
+
+    assert run_s(shorter.trajectory) < 0.85 * run_s(alone.trajectory)
+    assert shorter.cost * run_s(shorter.trajectory) < alone.cost * run_s(alone.trajectory)
+    middle = 0.5 * (wide().joints.position_min_rad + wide().joints.position_max_rad)
+    at = shorter.trajectory.period(120).position_rad
+    way = limit.points.speeds(at, at - middle).max(axis=1)
+    assert way[0] == pytest.approx(way.min(), rel=1e-6)  # where it begins
+    assert np.all(np.abs(shorter.trajectory.offset_rad - middle) <= np.pi)
 
 
 def test_the_same_seed_gives_the_same_motion_and_another_seed_another():

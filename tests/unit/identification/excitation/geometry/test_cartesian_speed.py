@@ -89,7 +89,7 @@ def test_the_slope_is_that_of_finite_differences(seed, any_arm):
     points = ArmPoints(chain, TOOL_M, CARRIED)
     q, dq = states(rng, 3, chain.n)
     weight = rng.normal(size=(3, len(points.names)))
-    slope = points.slope(weight, q, dq)
+    slope = points.moving(q, dq).slope(weight)
     step = 1e-6
     for joint in range(chain.n):
         by = step * (np.arange(chain.n) == joint)
