@@ -39,7 +39,7 @@ from armload_drivers.cia402.process_data.process_image import (
     target_entry,
 )
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import CommandError, SdoRefused, ServoTimeout, WrongDevice
+from armload_drivers.driver_errors import CommandError, SdoRefused, ServoError, ServoTimeout, WrongDevice
 
 Step = tuple[str, Callable[[], str | None]]
 """A step of the configuration, by name; may return what it has found, as text."""
@@ -267,9 +267,9 @@ class DriveSetup(DriveDialogue, ABC):
         self._read_scale()
         return AxisUnits.of(self.settings, self._polarity)
 
-    def _wrong(self, what: str, remedy: str) -> WrongDevice:
-        """Error of this drive at the present step."""
-        return WrongDevice(self.settings.node_id, self.settings.joint, self._sdo.step, what, remedy)
+    def _wrong(self, what: str, remedy: str) -> ServoError:
+        """Error of a drive that contradicts the configuration, at the present step."""
+        return self._sdo.failure(what, remedy, WrongDevice)
 
     def _read_name(self) -> str:
         """Device name."""
@@ -450,12 +450,10 @@ class DriveSetup(DriveDialogue, ABC):
         shown = od.MODE_DISPLAY if self._objects.read(od.MODE_DISPLAY) is not None else od.MODE
         found = self._sdo.read_until(shown, mode, self._timeouts.mode_s)
         if found != mode:
-            raise ServoTimeout(
-                self.settings.node_id,
-                self.settings.joint,
-                self._sdo.step,
+            raise self._sdo.failure(
                 f"{shown.index:04X} reports mode {found} after {self._timeouts.mode_s} s, {mode} was requested",
                 "Is the mode licensed and allowed in the drive's present state?",
+                ServoTimeout,
             )
         return shown
 

@@ -56,15 +56,12 @@ def require_safety(drive: DriveObjects, values: SafetyValues, findings: tuple[Sa
     refused = tuple(finding for finding in findings if finding.refused)
     if not refused:
         return
-    settings = values.drive
     reasons = "; ".join(f"{finding.of.key}: {finding.of.value.lost} ({finding.found})" for finding in refused)
     remedies = ". ".join(dict.fromkeys(finding.of.value.remedy for finding in refused if finding.of.value.remedy))
     drive.sdo.step = "checking the safety properties"
-    raise MissingSafety(
-        settings.node_id,
-        settings.joint,
-        drive.sdo.step,
+    raise drive.sdo.failure(
         f"the drive lacks required safety properties: {reasons}",
         f"{remedies}. If the arm stops by other means that you have tested, accept this: "
-        f"{acceptance(tuple(finding.of for finding in refused), settings)}",
+        f"{acceptance(tuple(finding.of for finding in refused), values.drive)}",
+        MissingSafety,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup
 from armload_drivers.bring_up.sdo_channel import SdoChannel
@@ -52,10 +52,10 @@ class DriveStatus:
     Attributes:
         joint: Name of the joint.
         node_id: Node id.
+        effort_unit: "A" or "N m".
         state: Power state; None if the drive does not answer.
         position_rad: Axis position; None if it or its scale is not reported.
         effort: Motor current or axis torque in `effort_unit`; None if not reported.
-        effort_unit: "A" or "N m".
         error_code: 603F; None if not reported.
         temperature_celsius: Value of the vendor's object; None if not configured or not reported.
         trouble: Why there is no status; empty if there is.
@@ -63,13 +63,13 @@ class DriveStatus:
 
     joint: str
     node_id: int
-    state: State | None
-    position_rad: float | None
-    effort: float | None
     effort_unit: str
-    error_code: int | None
-    temperature_celsius: float | None
-    trouble: str
+    state: State | None = None
+    position_rad: float | None = None
+    effort: float | None = None
+    error_code: int | None = None
+    temperature_celsius: float | None = None
+    trouble: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,26 +124,21 @@ def describe(
 
 def drive_status(setup: DriveSetup, limits: Timeouts) -> DriveStatus:
     """Status of one drive."""
-    joint, node_id = setup.settings.joint, setup.settings.node_id
     unit = "A" if setup.settings.feedback is EffortFeedback.CURRENT else "N m"
+    status = DriveStatus(setup.settings.joint, setup.settings.node_id, unit)
     try:
         if not setup.is_up():
-            return DriveStatus(
-                joint, node_id, None, None, None, unit, None, None, f"no answer within {limits.probe_s} s"
-            )
+            return replace(status, trouble=f"no answer within {limits.probe_s} s")
         scale = setup.read_units()
-        values = setup.read_values((od.POSITION_ACTUAL, effort_entry(setup.settings), od.ERROR_CODE))
-        position, effort, code = values
-        return DriveStatus(
-            joint,
-            node_id,
-            setup.read_state(),
-            None if position is None else position / scale.counts_per_rad,
-            None if effort is None else effort * scale.effort_per_unit,
-            unit,
-            code,
-            setup.read_temperature_celsius(),
-            "",
+        objects = (od.POSITION_ACTUAL, effort_entry(setup.settings), od.ERROR_CODE)
+        position, effort, code = setup.read_values(objects)
+        return replace(
+            status,
+            state=setup.read_state(),
+            position_rad=None if position is None else position / scale.counts_per_rad,
+            effort=None if effort is None else effort * scale.effort_per_unit,
+            error_code=code,
+            temperature_celsius=setup.read_temperature_celsius(),
         )
     except DriverError as error:
-        return DriveStatus(joint, node_id, None, None, None, unit, None, None, str(error))
+        return replace(status, trouble=str(error))

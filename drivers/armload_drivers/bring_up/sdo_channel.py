@@ -174,9 +174,9 @@ class SdoChannel(ABC):
             found = self.read(entry)
         return found
 
-    def failure(self, what: str, remedy: str) -> ServoError:
+    def failure(self, what: str, remedy: str, kind: type[ServoError] = ServoError) -> ServoError:
         """Error of this node at the present step."""
-        return ServoError(*self.node, self.step, what, remedy)
+        return kind(*self.node, self.step, what, remedy)
 
     def _refused(self, verb: str, entry: Entry, code: int, text: str) -> SdoRefused:
         """Error for a transfer that the node answered with an abort code."""

@@ -56,14 +56,12 @@ class CanopenSetup(DriveSetup):
             self.check_identity()
             return True
         if simulation:
-            raise ServoTimeout(
-                self.settings.node_id,
-                self.settings.joint,
-                "looking for the node",
+            raise self._sdo.failure(
                 f"no answer within {wait_s} s; only simulated drives are allowed, so no node is reset that has not "
                 "identified itself as one",
                 "Is the simulated drive running and connected, with this node id? One that was stopped by NMT does not "
                 "answer: restart the simulation",
+                ServoTimeout,
             )
         return False
 
@@ -75,12 +73,10 @@ class CanopenSetup(DriveSetup):
         """
         self._sdo.step = "booting"
         if not self._sdo.answers(od.DEVICE_TYPE, self._timeouts.sdo_s):
-            raise ServoTimeout(
-                self.settings.node_id,
-                self.settings.joint,
-                "booting",
+            raise self._sdo.failure(
                 f"no boot-up message within {self._timeouts.boot_s} s of the reset and no answer after it",
                 "Is the drive powered and connected, with this node id and bit rate?",
+                ServoTimeout,
             )
 
     def watch_master(self, *, on: bool) -> None:

@@ -39,12 +39,10 @@ class EthercatSetup(DriveSetup):
         """Require an SDO answer in PREOP."""
         self._sdo.step = "starting"
         if self.settings.node_id > self._line.size or not self._sdo.answers(od.DEVICE_TYPE, self._timeouts.sdo_s):
-            raise ServoTimeout(
-                self.settings.node_id,
-                self.settings.joint,
-                "starting",
+            raise self._sdo.failure(
                 f"no answer; {self._line.size} devices were found in the line",
                 "Is the drive powered, and connected at this place in the line (node_id counts from 1)?",
+                ServoTimeout,
             )
 
     def check_identity(self) -> Identity:
