@@ -38,7 +38,9 @@ def drafted_arm() -> Robot:
         options = ["--payload-kg", str(PAYLOAD_KG), "--simulated", "--restarts", "2", "--output", str(robot)]
         program = Path(sys.executable).with_name("armload")
         subprocess.run([program, "init", str(urdf), *options], check=True, capture_output=True)
-        return load_robot(str(robot))
+        arm = load_robot(str(robot))
+        _ = arm.obstacles  # are read from the URDF while it is there
+        return arm
 
 
 def drafted_urdf() -> str:

@@ -29,6 +29,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.estimation.physical_consistency import inside_barrier
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PSEUDO_INERTIA_BASIS, SMALLEST_MARGIN, InertialParameters
 from armload_identification.model.regressor import PARAMETERS, body_regressor
@@ -43,8 +44,6 @@ _THICKNESS_M: Final = 0.08
 """Radius of gyration of a rod in every direction, in addition to its length."""
 _WEIGHTS: Final = 10.0 ** np.arange(-6, 11)
 _FIRM_ENOUGH: Final = 10.0
-_STEPS: Final = 100
-_SETTLED: Final = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,22 +107,9 @@ def _whitening(covariance: FloatArray) -> FloatArray:
 
 def _nearest(theta: FloatArray, inverse_rods: FloatArray, square: FloatArray, linear: FloatArray) -> FloatArray:
     """The minimum of the distance to the rods plus x' square x / 2 - linear' x, starting at a possible theta."""
-    n = len(theta)
-    for _ in range(_STEPS):
-        inverse = np.linalg.inv(_pseudo_inertia(theta))
-        apart = np.einsum("kab,iba->ik", PSEUDO_INERTIA_BASIS, inverse_rods - inverse)
-        gradient = square @ theta.ravel() - linear + apart.ravel()
-        moved = np.einsum("iab,kbc->ikac", inverse, PSEUDO_INERTIA_BASIS)
-        curvature = square.copy()
-        for i, own in enumerate(np.einsum("ikab,ilba->ikl", moved, moved)):
-            at = slice(PARAMETERS * i, PARAMETERS * (i + 1))
-            curvature[at, at] += own
-        step = np.linalg.solve(curvature, -gradient)
-        decrement = float(np.sqrt(max(-gradient @ step, 0.0)))
-        theta = theta + (step / (1.0 + decrement)).reshape(n, PARAMETERS)
-        if decrement < _SETTLED:
-            break
-    return theta
+    linear = linear - np.einsum("kab,iba->ik", PSEUDO_INERTIA_BASIS, inverse_rods).ravel()
+    found = inside_barrier(theta.ravel(), square, lambda x: square @ x - linear, PSEUDO_INERTIA_BASIS)
+    return found.reshape(theta.shape)
 
 
 def _rods(chain: Chain, torque: FloatArray, identified: FloatArray) -> FloatArray:

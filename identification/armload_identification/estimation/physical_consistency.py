@@ -15,7 +15,9 @@ References:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -158,7 +160,8 @@ def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArr
     sharpness = 4.0 / size
     while True:
         try:
-            x = _newton(x, sharpness, hessian, unconstrained, constraint)
+            square = sharpness * hessian
+            x = inside_barrier(x, square, partial(_pulled_to, unconstrained, square), constraint)
         except np.linalg.LinAlgError as error:
             if 4.0 / sharpness <= _SUFFICIENT_GAP * size:
                 return np.asarray(x * scale)
@@ -172,25 +175,46 @@ def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArr
         sharpness *= _BARRIER_GROWTH
 
 
-def _newton(
-    x: FloatArray, sharpness: float, hessian: FloatArray, unconstrained: FloatArray, constraint: FloatArray
+def inside_barrier(
+    x: FloatArray, square: FloatArray, slope: Callable[[FloatArray], FloatArray], constraint: FloatArray
 ) -> FloatArray:
-    """Minimum of sharpness ||T (x - u)||^2 - log det G(x), with the Hessian 2 T^T T of the first part."""
-    gradient, whitened = _slope(x, sharpness, hessian, unconstrained, constraint)
+    """Minimum of f(x) - sum_i log det G(x_i) over bodies x_i, by Newton's method with exact derivatives.
+
+    Args:
+        x: (10 b,) parameters of b bodies with G(x_i) positive definite.
+        square: (10 b, 10 b) Hessian of f, which is quadratic.
+        slope: Its (10 b,) gradient.
+        constraint: (10, 4, 4) G per parameter of a body.
+
+    Raises:
+        LinAlgError: it did not settle.
+    """
+
+    def derivatives(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Gradient, and (b, 10, 4, 4) L^-1 G_k L^-T per parameter with G = L L^T."""
+        bodies = np.tensordot(x.reshape(-1, len(constraint)), constraint, 1)
+        inverse = np.linalg.inv(np.linalg.cholesky(bodies))[:, None]
+        whitened = inverse @ constraint @ inverse.swapaxes(-1, -2)
+        return slope(x) - np.trace(whitened, axis1=-2, axis2=-1).ravel(), whitened
+
+    gradient, whitened = derivatives(x)
     for _ in range(_NEWTON_STEPS):
-        flat = whitened.reshape(whitened.shape[0], -1)
-        step = -np.linalg.solve(sharpness * hessian + flat @ flat.T, gradient)
+        hessian = square.copy()
+        for at, flat in enumerate(whitened.reshape(*whitened.shape[:2], -1)):
+            own = slice(len(flat) * at, len(flat) * (at + 1))
+            hessian[own, own] += flat @ flat.T
+        step = -np.linalg.solve(hessian, gradient)
         decrement = float(-gradient @ step)
         if decrement < _NEWTON_DECREMENT:
             return x
         # The function is self-concordant: this length stays inside and descends. Longer steps are judged by the
         # slope, which suffers less from rounding than the function's value.
         length = 1.0 / (1.0 + np.sqrt(decrement)) if decrement > _NEAR else 1.0
-        gradient, whitened = _slope(x + length * step, sharpness, hessian, unconstrained, constraint)
+        gradient, whitened = derivatives(x + length * step)
         while length < 1.0:
             longer = min(2.0 * length, 1.0)
             try:
-                trial = _slope(x + longer * step, sharpness, hessian, unconstrained, constraint)
+                trial = derivatives(x + longer * step)
             except np.linalg.LinAlgError:
                 break
             if trial[0] @ step > 0.0:
@@ -202,13 +226,9 @@ def _newton(
     return x
 
 
-def _slope(
-    x: FloatArray, sharpness: float, hessian: FloatArray, unconstrained: FloatArray, constraint: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Gradient of the barrier function, and L^-1 G_i L^-T per unknown with G = L L^T."""
-    inverse = np.linalg.inv(np.linalg.cholesky(np.tensordot(x, constraint, 1)))
-    whitened = inverse @ constraint @ inverse.T
-    return sharpness * (hessian @ (x - unconstrained)) - np.trace(whitened, axis1=1, axis2=2), whitened
+def _pulled_to(unconstrained: FloatArray, square: FloatArray, x: FloatArray) -> FloatArray:
+    """(10,) gradient of the cost."""
+    return np.asarray(square @ (x - unconstrained))
 
 
 def _compact_body(plain: InertialParameters) -> InertialParameters:
