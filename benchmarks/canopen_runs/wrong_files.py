@@ -16,7 +16,7 @@ from armload_controller.control_errors import CommissioningError, MotionError
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.flange_check import unloaded_doubts
-from armload_controller.session.run_session import SessionLoad, no_operator, run_session
+from armload_controller.session.run_session import Course, SessionLoad, no_operator, run_session
 from armload_drivers.servos import JointServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation
@@ -68,7 +68,7 @@ def named(number: int) -> str:
     path = check_path(one, robot.motion_constraints, 1 / robot.bus.cycle_hz, file=robot.file, key=ROBOT)
     try:
         with run_session(robot, SessionLoad.UNLOADED, opened, no_operator()) as session:
-            session.run(path, ROBOT, look=look)
+            session.run(path, ROBOT, course=Course(look))
     except SlowRoundOver as over:
         stopped = "stopped by the torque window; " if isinstance(over.__context__, MotionError) else ""
         return stopped + ("; ".join(texts) or "no")

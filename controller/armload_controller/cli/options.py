@@ -106,8 +106,8 @@ def seconds_of(text: str, option: str, *, above_zero: bool = True) -> float:
     return seconds
 
 
-def gain_drift_of(text: str | None) -> float | None:
-    """The share that --gain-drift states: 0.03 from '3%' or '0.03'; None if it is not given.
+def share_of(text: str | None, option: str = "--gain-drift") -> float | None:
+    """The share that an option states: 0.03 from '3%' or '0.03'; None if it is not given.
 
     Raises:
         BadParameter: not a share above zero.
@@ -120,7 +120,7 @@ def gain_drift_of(text: str | None) -> float | None:
     except ValueError:
         share = float("nan")
     if rest.strip() or not share > 0.0:
-        raise typer.BadParameter(f"{text!r}: expected a share such as 3% or 0.03", param_hint="--gain-drift")
+        raise typer.BadParameter(f"{text!r}: expected a share such as 3% or 0.03", param_hint=option)
     return share
 
 

@@ -15,7 +15,7 @@ segment by segment: `CheckedPath.approach_from`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Never, final
 
 import numpy as np
@@ -85,6 +85,12 @@ class CheckedPath:
 
     def __init__(self, *unchecked: Never, **fields: Never) -> None:
         raise TypeError("a CheckedPath is made by check_path, which checks the motion first")
+
+    def again(self, times: int) -> CheckedLeg:
+        """The measured leg after `times` of it: the same motion, whose phase goes on where theirs ended."""
+        leg = self.measured.leg
+        by_s = times * leg.end_s
+        return _checked_leg(replace(leg, start_s=leg.start_s + by_s, end_s=leg.end_s + by_s))
 
     @property
     def start_rad(self) -> FloatArray:

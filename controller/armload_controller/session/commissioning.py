@@ -17,9 +17,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from importlib.metadata import version
+from math import inf, sqrt
 from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
+from armload_controller.analysis.robot_identification import identify
 from armload_controller.analysis.stated_drift import NOTHING_STATED, StatedDrift
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_recordings import read_of
@@ -30,16 +32,21 @@ from armload_controller.cycle.monitors import CycleSummary
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.session.flange_check import loaded_doubts, unloaded_doubts
-from armload_controller.session.run_session import Operator, RunSession, ServosFactory, SessionLoad, run_session
+from armload_controller.session.run_session import Course, Operator, RunSession, ServosFactory, SessionLoad, run_session
 from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.estimation.uncertainty import student_half_width
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation
+from armload_identification.identification_errors import IdentificationError
+from armload_identification.model.payload import PayloadResult
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phase_advance import even_advance
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
 
 ROLES = ("identification", "validation")
 """Excitations of a commissioning: the payload is identified from the first and validated on the second."""
+MOST_TIMES = 5
+"""How often the loaded periods are recorded at most; those of the empty run then limit the interval."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +66,9 @@ class CommissioningPlan:
         mass_kg: The payload's mass for the loaded recordings; None if it was not weighed.
         calibration: Calibration of the arm; None for the one that its file names, if any.
         drift: What is stated of the drift of the gains since the calibration.
+        until: Relative half width of the repeatable part of the mass's interval until which the loaded periods are
+            repeated; None for the excitation's periods.
+        slow_only: Record the slow rounds alone.
 
     Raises:
         ModelError: the mass is not positive.
@@ -68,6 +78,8 @@ class CommissioningPlan:
     mass_kg: float | None = None
     calibration: Calibration | None = None
     drift: StatedDrift = NOTHING_STATED
+    until: float | None = None
+    slow_only: bool = False
 
     def __post_init__(self) -> None:
         _ = self.known
@@ -142,7 +154,11 @@ def _record(session: RunSession, arm: ArmInUse, role: str, path: CheckedPath, pl
     lateness = Lateness(path.cycle_s, None if robot.bus.in_virtual_time else time.monotonic)
     file = recording_path(directory, session.load, role)
     with Recorder(file, attachments, frames=frames, lateness=lateness) as recorder:
-        summary = session.run(path, name, recorder=recorder, look=look)
+        asking = plan.until is not None and session.load is SessionLoad.LOADED and role == ROLES[0]
+        more = partial(_more_periods, session, name, path, plan, recorder) if asking else lambda: ""
+        summary = session.run(path, name, recorder=recorder, course=Course(look, plan.slow_only, more))
+        if plan.slow_only:
+            return summary
         advance = even_advance(*recorder.measured, path.excitation.trajectory)
         if advance is None:
             raise CommissioningError(
@@ -150,11 +166,42 @@ def _record(session: RunSession, arm: ArmInUse, role: str, path: CheckedPath, pl
                 "Run the same command again: set the speed to 100 % (key +) before the slow round ends, and do not "
                 "pause in every period."
             )
-        if advance.interruptions:
+        if advance.interruptions and not asking:
             session.display.step(
                 f"{name}: paused or slowed down within the periods: {advance.periods} of {advance.held} remain"
             )
         return summary
+
+
+def _more_periods(session: RunSession, name: str, path: CheckedPath, plan: CommissioningPlan, run: Recorder) -> str:
+    """The question whether to repeat the periods; empty, and said why, if no more are wanted."""
+    robot, wanted, periods = session.robot, plan.until or 0.0, path.excitation.periods
+    recorded = len(run.measured[0]) * path.cycle_s / path.excitation.trajectory.period_s
+    empty = recording_path(plan.directory, SessionLoad.UNLOADED, ROLES[0])
+    runs = (read_of(robot, file) for file in (run.partial, empty))
+    try:
+        found = identify(robot, *runs, calibration=plan.calibration, known=plan.known, **vars(plan.drift))
+    except IdentificationError as error:
+        session.display.step(f"{name}: no more periods are asked for: {error}")
+        return ""
+    share = repeatable_share(found.payload)
+    text = (
+        f"{name}, {recorded:.0f} periods: the mass repeats within +-{100.0 * share:.2f} % (95 %, without its scale), "
+        f"{100.0 * wanted:.2g} % is wanted"
+    )
+    if share > wanted and recorded < (MOST_TIMES - 0.5) * periods:
+        session.display.step(text)
+        return f"{text}. Record {periods} more?"
+    session.display.step(f"{text}: {'reached' if share <= wanted else 'NOT reached, and no more are recorded'}")
+    return ""
+
+
+def repeatable_share(payload: PayloadResult) -> float:
+    """Relative half width of the mass's 95 % interval without the errors that gains and calibration share."""
+    known = payload.mass_center
+    if known is None:
+        return inf
+    return float(student_half_width(known.freedom)) * sqrt(known.measured[0, 0]) / payload.model.mass_kg
 
 
 def checked_excitations(robot: Robot, roles: Iterable[str]) -> dict[str, CheckedPath]:

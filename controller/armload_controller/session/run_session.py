@@ -87,6 +87,10 @@ class Consent:
     ask: Callable[[str], bool]
     given: bool
 
+    def agreed(self, servos: JointServos, question: str, *, always: bool) -> bool:
+        """Whether the operator agrees; with a simulated arm nobody is asked."""
+        return servos.simulated or (self.given and not always) or self.ask(question)
+
     def require(self, servos: JointServos, question: str, *, always: bool, first: bool = False) -> None:
         """Continue only with consent; a simulated arm requires none.
 
@@ -99,9 +103,7 @@ class Consent:
         Raises:
             CommissioningError: the answer is no.
         """
-        if servos.simulated or (self.given and not always):
-            return
-        if not self.ask(question):
+        if not self.agreed(servos, question, always=always):
             moved = "nothing was moved since the arm was connected, " if first else ""
             raise CommissioningError(f"not confirmed: {moved}the drives are off")
 
@@ -186,6 +188,25 @@ class AddedTorque:
     warning: str = ""
 
 
+@dataclass(frozen=True)
+class Course:
+    """What follows the slow round of a run.
+
+    Attributes:
+        look: Returns further warnings.
+        slow_only: Whether the run ends there.
+        more: Called after the periods; returns the question whether to run them again, empty to end.
+    """
+
+    look: Callable[[SlowRoundRows], list[str]] = lambda rows: []
+    slow_only: bool = False
+    more: Callable[[], str] = lambda: ""
+
+
+WHOLE = Course()
+"""The periods, once."""
+
+
 class RunSession:
     """Runs on one connected arm; created by `run_session`.
 
@@ -219,7 +240,7 @@ class RunSession:
         recorder: Recorder | None = None,
         plugins: Sequence[CyclePlugin] = (),
         added: AddedTorque | None = None,
-        look: Callable[[SlowRoundRows], list[str]] = lambda rows: [],
+        course: Course = WHOLE,
     ) -> CycleSummary:
         """Run a path at full speed, preceded by its slow round unless this session has already done that.
 
@@ -229,7 +250,7 @@ class RunSession:
             recorder: Records all rows, including the slow round and the row for which a monitor stops the arm.
             plugins: Further plug-ins, called after the monitors.
             added: Torque that the plug-ins add during the run; None for none.
-            look: Returns further warnings, after the slow round.
+            course: What follows the slow round.
 
         Returns:
             The counts of the slow round and the run.
@@ -266,20 +287,27 @@ class RunSession:
                     first=True,
                 )
                 self._has_moved = True
-            with display.track(f"{name}, slow round", BAR) as progress, self._explained(rows, look):
+            with display.track(f"{name}, slow round", BAR) as progress, self._explained(rows, course.look):
                 run_leg(cycle, path, path.slow, progress, go_round=go_round)
-            for text in self._warnings_after(rows, look):
+            for text in self._warnings_after(rows, course.look):
                 display.step(f"warning: {text}")
                 warning = f"{text}. {warning}"
             self._slow_rounds_done.add(path)
+        if course.slow_only:
+            _show_remarks(self._servos, display)
+            return monitors[0].summary()
         addition = "" if added is None else " with added torque"
         consent.require(
             self._servos,
             f"{name}: the slow round is complete, the drives are off. {warning}Run it at full speed{addition}?",
             always=bool(warning),
         )
-        with display.track(f"{name}, run", BAR) as progress:
-            run_leg(cycle, path, path.measured, progress, None if added is None else added.begin, go_round)
+        question, times = "", 0
+        while not times or (question and consent.agreed(self._servos, question, always=False)):
+            with display.track(f"{name}, run", BAR) as progress:
+                run_leg(cycle, path, path.again(times), progress, None if added is None else added.begin, go_round)
+            times += 1
+            question = course.more()
         _show_remarks(self._servos, display)
         return monitors[0].summary()
 

@@ -30,6 +30,7 @@ from armload_identification.signals.motion import (
     Motion,
     TimedRun,
     average_period,
+    before_periods,
     require_motion,
 )
 from armload_identification.signals.signal_constants import RunAlignment, SamePath
@@ -160,19 +161,11 @@ def load_signal(loaded: Recording, unloaded: Recording, transmission: Transmissi
 
 def slow_round_signal(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal | None:
     """The same of what two runs recorded before their periods, the slow round; None if it is not the same motion."""
-    before = [_before_periods(run) for run in (loaded, unloaded)]
+    before = [before_periods(run) for run in (loaded, unloaded)]
     try:
         return _by_position(before[0], before[1], transmission) if all(run.size for run in before) else None
     except RecordingError:
         return None
-
-
-def _before_periods(run: Recording) -> Recording:
-    """The longest part without an interruption before a run's first phase; no rows if there is none."""
-    first = 0 if run.phase_s is None else int(np.argmax(np.isfinite(run.phase_s)))
-    edges = [0, *(np.flatnonzero(np.diff(run.time_s[:first]) > RunAlignment.shortest_s) + 1), first]
-    longest = int(np.argmax(np.diff(edges)))
-    return replace(run.rows(slice(edges[longest], edges[longest + 1])), phase_s=None, excitation=None)
 
 
 def without_body(motion: Motion, body_nm: FloatArray) -> LoadSignal:

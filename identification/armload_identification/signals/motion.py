@@ -28,7 +28,7 @@ from armload_identification.signals.joint_torque import Transmission, joint_torq
 from armload_identification.signals.periods import fold
 from armload_identification.signals.repetition import fast_part
 from armload_identification.signals.reversals import moving_joints
-from armload_identification.signals.signal_constants import LowPass, Standstill
+from armload_identification.signals.signal_constants import LowPass, RunAlignment, Standstill
 
 SCATTER: Final = "scatter between periods"
 ABOVE_BAND: Final = "the signal above the motion's band"
@@ -326,13 +326,24 @@ def _scatter_of(run: Recording, average: PeriodAverage, transmission: Transmissi
     return np.sqrt(np.diag(covariance))
 
 
+def before_periods(run: Recording) -> Recording:
+    """The longest part without an interruption before a run's first phase; no rows if there is none."""
+    inside = np.isfinite(np.zeros(run.size) if run.phase_s is None else run.phase_s)
+    first = int(np.argmax(inside)) if inside.any() else run.size
+    edges = [0, *(np.flatnonzero(np.diff(run.time_s[:first]) > RunAlignment.shortest_s) + 1), first]
+    longest = int(np.argmax(np.diff(edges)))
+    return replace(run.rows(slice(edges[longest], edges[longest + 1])), phase_s=None, excitation=None)
+
+
 def _moving_part(run: Recording) -> Recording:
-    """The run without approach and return if its phase marks them, else the entire run."""
+    """The run without approach and return if its phase marks them, the slow round of one without periods, else all."""
     if run.phase_s is None:
         return run
-    if np.count_nonzero(np.isfinite(run.phase_s)) < 2:
-        cut = ": the file is truncated" if run.source.truncated else ""
+    if np.count_nonzero(np.isfinite(run.phase_s)) >= 2:
+        return run.rows(np.isfinite(run.phase_s))
+    if run.source.truncated:
         raise RecordingError(
-            f"{run.source.path}: the recording ends before the periods of its excitation start{cut}. Record it again."
+            f"{run.source.path}: the recording ends before the periods of its excitation start: the file is truncated. "
+            "Record it again."
         )
-    return run.rows(np.isfinite(run.phase_s))
+    return before_periods(run)

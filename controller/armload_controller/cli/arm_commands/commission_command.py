@@ -28,7 +28,7 @@ from armload_controller.cli.options import (
     RobotArgument,
     SimulatedDrivesOption,
     YesOption,
-    gain_drift_of,
+    share_of,
 )
 from armload_controller.cli.output.findings_output import require_not_wrong
 from armload_controller.cli.output.json_output import JsonOption
@@ -70,6 +70,17 @@ def commission(
     mass_kg: Annotated[
         float | None, typer.Option(help="Mass of the payload, if it was weighed; it sets the scale of the gains.")
     ] = None,
+    until: Annotated[
+        str | None,
+        typer.Option(
+            help="Repeat the loaded periods, at most five times, until the mass repeats within this share, such as 1%. "
+            "That is the part of its interval that more periods reduce; with nominal gains their scale is not."
+        ),
+    ] = None,
+    slow_only: Annotated[
+        bool,
+        typer.Option("--slow-only", help="Run the slow rounds alone: mass and centre of mass, in wider intervals."),
+    ] = False,
     calibration: CalibrationOption = None,
     gain_drift: GainDriftOption = None,
     reference: ReferenceOption = None,
@@ -108,11 +119,11 @@ def commission(
     arm = arm_on_bus(robot, bus, bitrate, cycle_hz)
     if mounted is not None:
         arm = arm.with_simulated_payload(mounted)
-    drift = StatedDrift(gain_drift_of(gain_drift), reference, reference_mass_kg)
+    drift = StatedDrift(share_of(gain_drift), reference, reference_mass_kg)
     drift.session(arm, arm_in_use(arm, calibration))
     now = datetime.now(UTC)
     directory = output or Path("runs") / f"{arm.name}-{now:%Y%m%d-%H%M%S}"
-    plan = CommissioningPlan(directory, mass_kg, calibration, drift)
+    plan = CommissioningPlan(directory, mass_kg, calibration, drift, _wanted(until, slow_only=slow_only), slow_only)
     halves = {
         Runs.BOTH: (SessionLoad.UNLOADED, SessionLoad.LOADED),
         Runs.UNLOADED: (SessionLoad.UNLOADED,),
@@ -146,6 +157,13 @@ def commission(
             screen.step(text)
     screen.document(findings.to_dict, _files(directory))
     require_not_wrong(findings)
+
+
+def _wanted(until: str | None, *, slow_only: bool) -> float | None:
+    """The share that --until states."""
+    if slow_only and until is not None:
+        raise typer.BadParameter("no periods are run with --slow-only", param_hint="--until")
+    return share_of(until, "--until")
 
 
 def _files(directory: Path) -> dict[str, Path]:

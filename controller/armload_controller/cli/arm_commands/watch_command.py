@@ -18,8 +18,8 @@ from armload_controller.cli.options import (
     ReferenceMassOption,
     ReferenceOption,
     RobotArgument,
-    gain_drift_of,
     seconds_of,
+    share_of,
 )
 from armload_controller.cli.output.findings_output import ReportOption
 from armload_controller.cli.output.json_output import JsonOption
@@ -104,7 +104,7 @@ def watch(
         require_drawable(report)
     screen = Screen(as_json=as_json)
     arm = load_robot(robot)
-    drift = StatedDrift(gain_drift_of(gain_drift), reference, reference_mass_kg)
+    drift = StatedDrift(share_of(gain_drift), reference, reference_mass_kg)
     unused = (calibration, arm.calibration_file, gain_drift, reference, reference_mass_kg) == (None,) * 5
     payload = None if unused and record is not None else PayloadWatch(arm, calibration, every_s, drift)
     if recording is not None and payload is not None:

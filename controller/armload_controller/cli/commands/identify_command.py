@@ -18,8 +18,8 @@ from armload_controller.cli.options import (
     LoadedOption,
     ReferenceMassOption,
     ReferenceOption,
-    gain_drift_of,
     seconds_of,
+    share_of,
 )
 from armload_controller.cli.output.findings_output import (
     ReportOption,
@@ -177,7 +177,7 @@ def identify_payload(
             calibration=calibration,
             known=known,
             minus=None if minus is None else tool_payload(minus),
-            gain_drift=gain_drift_of(gain_drift),
+            gain_drift=share_of(gain_drift),
             reference=None if reference is None else read_of(arm, reference, replace(choices[0], between_s=None)),
             reference_mass_kg=reference_mass_kg,
         )

@@ -4,6 +4,7 @@ import re
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,14 +12,19 @@ import pytest
 from armload_controller.cli.keyboard import Key, press
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError, MotionError
+from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_controller.motion.phase import Segment
 from armload_controller.session import commissioning
 from armload_controller.session.commissioning import CommissioningPlan, record_half
 from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.identification_errors import EstimationError
+from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reduction.phase_advance import even_advance, interruptions, measured_periods
+from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.motion import motion_over_time
 
 CYCLE_S = 0.02
 SWING = np.full((6, 1), 0.05)
@@ -51,10 +57,11 @@ class Person:
 
 
 @pytest.fixture
-def half(robot, ideal_servos, tmp_path):
-    """Record a half on a perfect arm; returns the questions and the arm."""
+def half(robot, ideal_servos, tmp_path, monkeypatch):
+    """Record a half on a perfect arm, whose torque shows no load and no mistake; returns the questions and the arm."""
+    monkeypatch.setattr(SlowRoundRows, "fitted", lambda *_: None)
 
-    def half(load, *answers, simulated=False, given=False, control=None, watching=(), robot=robot, shown=None):
+    def half(load, *answers, simulated=False, given=False, control=None, watching=(), robot=robot, shown=None, **plan):
         servos = ideal_servos(6, CYCLE_S)
         servos.simulated = simulated
         person = Person(servos, *answers)
@@ -69,7 +76,7 @@ def half(robot, ideal_servos, tmp_path):
             display.step = shown.append
         operator = Operator(display, control or MotionControl(), Consent(person, given), watching)
         try:
-            record_half(robot, load, open_servos, operator, CommissioningPlan(tmp_path))
+            record_half(robot, load, open_servos, operator, CommissioningPlan(tmp_path, **plan))
         except (CommissioningError, MotionError) as error:
             return person.asked, servos, error
         return person.asked, servos, None
@@ -137,6 +144,92 @@ def test_a_pause_costs_a_period_of_the_run_and_not_the_run(half, tmp_path):
     assert [text for text in shown if "paused" in text] == [remain]
     first, second = (read_recording(tmp_path / f"unloaded_{role}.mcap") for role in commissioning.ROLES)
     assert [(interruptions(run), measured_periods(run)) for run in (first, second)] == [(1, 2), (0, 3)]
+
+
+@pytest.mark.parametrize(
+    ("shares", "answers", "periods", "said"),
+    [
+        ((0.02, 0.012, 0.008), (), 6, "6 periods: the mass repeats within +-0.80 % (95 %, without its scale), 1 % is "),
+        (
+            (0.02,) * 9,
+            (),
+            10,
+            "10 periods: the mass repeats within +-2.00 % (95 %, without its scale), 1 % is wanted: NOT ",
+        ),
+        (
+            (0.02,) * 9,
+            (True, True, True, False),
+            4,
+            "4 periods: the mass repeats within +-2.00 % (95 %, without its scale)",
+        ),
+        (
+            (0.008,),
+            (),
+            2,
+            "2 periods: the mass repeats within +-0.80 % (95 %, without its scale), 1 % is wanted: reached",
+        ),
+    ],
+    ids=["reached", "the most", "no", "at once"],
+)
+def test_loaded_periods_are_repeated_until_the_mass_repeats_as_wanted(
+    half, tmp_path, monkeypatch, shares, answers, periods, said
+):
+    known, shown = iter(shares), []
+    monkeypatch.setattr(commissioning, "read_of", lambda robot, path: path)
+    monkeypatch.setattr(
+        commissioning, "identify", lambda *_, **__: SimpleNamespace(payload=payload_within(next(known)))
+    )
+    half(SessionLoad.UNLOADED, simulated=True, robot=swinging(2), until=0.01)
+    asked, _, error = half(
+        SessionLoad.LOADED, *answers, True, simulated=not answers, robot=swinging(2), shown=shown, until=0.01
+    )
+    assert error is None
+    first, second, empty = (
+        read_recording(tmp_path / f"{name}.mcap")
+        for name in ("loaded_identification", "loaded_validation", "unloaded_identification")
+    )
+    assert [round(np.isfinite(run.phase_s).sum() * CYCLE_S) for run in (first, second, empty)] == [periods, 2, 2]
+    np.testing.assert_allclose(np.diff(first.phase_s[np.isfinite(first.phase_s)]), CYCLE_S, atol=1e-9)
+    assert interruptions(first) == periods // 2 - 1
+    assert measured_periods(first) >= periods // 2
+    assert [text for text in shown if "repeats" in text][-1].startswith(f"loaded: identification, {said}")
+    assert [text[-14:] for text, _, _ in asked if "repeats" in text] == ["Record 2 more?"] * (2 if answers else 0)
+
+
+def test_with_data_that_no_payload_explains_no_more_periods_are_recorded(half, tmp_path, monkeypatch):
+    def refuse(*runs, **rest):
+        raise EstimationError("no payload explains this")
+
+    shown = []
+    monkeypatch.setattr(commissioning, "read_of", lambda robot, path: path)
+    monkeypatch.setattr(commissioning, "identify", refuse)
+    half(SessionLoad.UNLOADED, simulated=True)
+    _, _, error = half(SessionLoad.LOADED, simulated=True, shown=shown, until=0.01)
+    assert error is None
+    assert [text[:54] for text in shown if "no more" in text] == [
+        "loaded: identification: no more periods are asked for:"
+    ]
+    assert commissioning.missing_roles(tmp_path, SessionLoad.LOADED) == ()
+
+
+def payload_within(share):
+    """A payload of 2 kg whose mass repeats within a share."""
+    measured = np.diag([(2.0 * share / 1.959964) ** 2, 1.0, 1.0, 1.0])
+    return SimpleNamespace(
+        mass_center=MassCenterCovariance.of_measured(measured, np.inf), model=SimpleNamespace(mass_kg=2.0)
+    )
+
+
+def test_slow_rounds_alone_are_complete_recordings_without_periods(half, tmp_path):
+    asked, servos, error = half(SessionLoad.UNLOADED, True, slow_only=True)
+    assert error is None
+    assert [enabled for _, enabled, _ in asked] == [0]
+    assert servos.log.count("enable") == 2
+    assert commissioning.missing_roles(tmp_path, SessionLoad.UNLOADED) == ()
+    run = read_recording(tmp_path / "unloaded_identification.mcap")
+    assert not np.isfinite(run.phase_s).any()
+    moving = motion_over_time(run, Transmission(np.ones(6), np.eye(6)))
+    assert moving.time_s[-1] > 4.0
 
 
 def test_a_simulated_arm_is_never_asked_about_and_rounds_slowly_all_the_same(half, tmp_path):
