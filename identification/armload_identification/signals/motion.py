@@ -260,7 +260,10 @@ class TimedRun:
         Raises:
             RecordingError: nearly all of the run is missing.
         """
-        interval_s = float(np.median(np.diff(self.run.time_s)))
+        apart_s = np.diff(self.run.time_s)
+        interval_s = float(np.median(apart_s))
+        # Stamps since 1970 are rounded to 0.2 us: of the whole run, so that a grid of an hour stays at the samples.
+        interval_s = float(apart_s.sum() / np.round(apart_s / interval_s).sum())
         if (end_s - start_s) / interval_s > Standstill.samples_over_rows * self.run.size:
             raise RecordingError(
                 f"{self.run.source.path}: {self.run.size} rows, mostly {interval_s:.3g} s apart, in "

@@ -11,12 +11,12 @@ from __future__ import annotations
 import os
 import re
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from io import BytesIO
-from itertools import accumulate
+from itertools import accumulate, islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -45,6 +45,8 @@ _ZSTD: Final = b"\x28\xb5\x2f\xfd"
 _LARGEST_RATIO: Final = 64
 """Of a file's size when it is unpacked to its size, above `MOST_BYTES`; bags of joint states have less than 10."""
 _LONGEST_FIRST_LINE: Final = 64
+_STAMP: Final = slice(4, 12)
+"""Bytes of the header's time in a message: after the encoding in ROS 2, after a count in ROS 1."""
 _BLOCK_ROWS: Final = 2**9
 _LEARNT_FROM: Final = 400
 """Messages of each topic from which joints and time stamps are chosen."""
@@ -84,6 +86,15 @@ class _JointSample:
     position: FloatArray
     velocity: FloatArray
     effort: FloatArray
+
+    @property
+    def columns(self) -> tuple[FloatArray, ...]:
+        """The quantities, in the order of a message."""
+        return self.position, self.velocity, self.effort
+
+
+_Message = tuple[Connection, int, bytes]
+"""A message of the library: its connection, the bag's time in ns, and its bytes."""
 
 
 @dataclass(frozen=True)
@@ -125,29 +136,66 @@ class RosReader:
         """
         account.joint_names = self._choice.names
         account.sha256 = hash_of_files(_files_of(self._bag))
-        rows: list[list[float]] = []
         with self._opened() as reader:
-            for when_ns, sample in self._samples(reader, [self._choice.topic]):
-                if sample is not None and not set(self._choice.names) <= set(sample.names):
-                    continue
-                account.rows_read += 1
-                row = None if sample is None else self._row(sample, when_ns)
-                if row is None:
-                    account.leave_out(1, "malformed message")
-                    continue
-                rows.append(row)
-                if len(rows) == _BLOCK_ROWS:
+            messages = reader.messages(_of_topics(reader, [self._choice.topic]))
+            while part := list(islice(messages, _BLOCK_ROWS)):
+                rows = self._alike(reader, part)
+                if rows is None:
+                    rows = self._one_by_one(reader, part, account)
+                else:
+                    account.rows_read += len(rows)
+                if len(rows):
                     yield self._block(rows)
-                    rows = []
-        if rows:
-            yield self._block(rows)
+
+    def _one_by_one(self, reader: AnyReader, part: Sequence[_Message], account: ReadingAccount) -> FloatArray:
+        """(K, 1 + k n) times and numbers of the messages that have all chosen joints."""
+        rows = []
+        for when_ns, sample in _samples(reader, part):
+            if sample is not None and not set(self._choice.names) <= set(sample.names):
+                continue
+            account.rows_read += 1
+            row = None if sample is None else self._row(sample, when_ns)
+            if row is None:
+                account.leave_out(1, "malformed message")
+            else:
+                rows.append(row)
+        return np.array(rows, dtype=np.float64)
+
+    def _alike(self, reader: AnyReader, part: Sequence[_Message]) -> FloatArray | None:
+        """The same, if the messages are joint states that differ in stamps and numbers only; None for others.
+
+        The library takes 10 us for a message. The arrays of a message are its end, each after its length, which CDR
+        pads to 8 bytes; whether the numbers are there is tested with the first message.
+        """
+        connection, _, first = part[0]
+        sample = next(_samples(reader, part[:1]))[1]
+        if sample is None or connection.msgtype != _TYPES[0] or any(len(raw) != len(first) for *_, raw in part):
+            return None
+        before, size = (8 if reader.is2 else 4), 8 * len(sample.names)
+        ends = [len(first) - later * (size + before) for later in (2, 1, 0)]
+        data = np.frombuffer(b"".join(raw for *_, raw in part), np.uint8).reshape(len(part), -1)
+        differs = (data != data[0]).any(axis=0)
+        differs[_STAMP if reader.is2 else slice(_STAMP.stop)] = False  # ROS 1 counts its messages before the stamp
+        for end in ends:
+            differs[end - size : end] = False
+        named = set(self._choice.names) <= set(sample.names)
+        if differs.any() or not named or ends[0] - size < _STAMP.stop:
+            return None
+        arrays = [data[:, end - size : end].copy().view("<f8") for end in ends]
+        if not all(map(partial(np.array_equal, equal_nan=True), (array[0] for array in arrays), sample.columns)):
+            return None
+        order = [sample.names.index(name) for name in self._choice.names]
+        stamps = data[:, _STAMP].copy().view("<u4").astype(np.int64) @ [10**9, 1]
+        times = stamps if self._choice.by_header else np.array([when_ns for _, when_ns, _ in part])
+        used = (True, self._choice.velocity, self._choice.effort)
+        return np.column_stack([times * 1e-9, *(a[:, order] for a, there in zip(arrays, used, strict=True) if there)])
 
     def _chosen(self, reader: AnyReader) -> _Choice:
         """Choose topic, joints and time stamps."""
         topics = sorted({connection.topic for connection in reader.connections if connection.msgtype in _TYPES})
         groups: dict[tuple[str, frozenset[str]], list[tuple[int, _JointSample]]] = {}
         for topic in topics:
-            for count, (when_ns, sample) in enumerate(self._samples(reader, [topic])):
+            for count, (when_ns, sample) in enumerate(_samples(reader, reader.messages(_of_topics(reader, [topic])))):
                 if sample is not None and sample.position.size == len(sample.names) > 0:
                     groups.setdefault((topic, frozenset(sample.names)), []).append((when_ns, sample))
                 if count >= _LEARNT_FROM:
@@ -188,24 +236,14 @@ class RosReader:
                 row += values[order].tolist() if _has(values, sample) else [np.nan] * len(order)
         return row
 
-    def _block(self, rows: list[list[float]]) -> RowBlock:
+    def _block(self, table: FloatArray) -> RowBlock:
         """Rows as a block."""
-        table = np.array(rows, dtype=np.float64)
         names = ["position_rad"]
         if self._choice.velocity:
             names.append("velocity_rad_s")
         if self._choice.effort:
             names.append("current_a" if self._options.effort is Effort.CURRENT else "torque_nm")
         return RowBlock(table[:, 0], **dict(zip(names, np.hsplit(table[:, 1:], len(names)), strict=True)))
-
-    def _samples(self, reader: AnyReader, topics: Sequence[str]) -> Iterator[tuple[int, _JointSample | None]]:
-        """Each message of some topics with the bag's time; None for an unreadable message."""
-        wanted = [c for c in reader.connections if c.topic in topics and c.msgtype in _TYPES]
-        for connection, when_ns, raw in reader.messages(wanted):
-            try:
-                yield when_ns, _sample(connection, reader.deserialize(raw, connection.msgtype))
-            except Exception:  # noqa: BLE001 - damaged messages make the library raise anything
-                yield when_ns, None
 
     @contextmanager
     def _opened(self, *, checked: bool = True) -> Iterator[AnyReader]:
@@ -282,6 +320,19 @@ def _humble() -> Typestore:
     for name, definition in _DEFINITIONS.items():
         store.register(get_types_from_msg(definition, name))
     return store
+
+
+def _of_topics(reader: AnyReader, topics: Sequence[str]) -> list[Connection]:
+    return [one for one in reader.connections if one.topic in topics and one.msgtype in _TYPES]
+
+
+def _samples(reader: AnyReader, messages: Iterable[_Message]) -> Iterator[tuple[int, _JointSample | None]]:
+    """Each message with the bag's time; None for an unreadable message."""
+    for connection, when_ns, raw in messages:
+        try:
+            yield when_ns, _sample(connection, reader.deserialize(raw, connection.msgtype))
+        except Exception:  # noqa: BLE001 - damaged messages make the library raise anything
+            yield when_ns, None
 
 
 def _sample(connection: Connection, message: Any) -> _JointSample:

@@ -4,6 +4,9 @@ A mean over T is its own anti-aliasing filter: its response has zeros at the mul
 100 Hz, components that alias to 0 to 8 Hz are attenuated by 21 dB or more, and 8 Hz itself by 0.1 dB; position and
 torque pass through the same filter. The means do not overlap, so that white noise stays white.
 
+The mean of a torque is not the torque at the mean position: at 4 rad/s, of a mean over 20 ms, it is 3e-4 less. With N
+samples in T, a mean x differs from the value at its time by (1 - 1/N^2) T^2/24 x'' to fourth order; that is taken off.
+
 To bound memory there are at most `MOST_MEANS` means, 22 minutes at 10 ms; beyond that, pairs of means are merged.
 `verdict.recording_checks` refuses means that are too long for the motion.
 """
@@ -26,6 +29,8 @@ INTERVAL_S: Final = 0.01
 MOST_MEANS: Final = 2**17
 _FEWEST_SHARE: Final = 0.5
 """A mean of less than this share of its samples is dropped, as its mean time differs from the interval's centre."""
+_EVEN: Final = 0.1
+"""How far, in intervals, means may lie from even times to count as neighbours."""
 _LEARNT_FROM: Final = 1000
 """Rows from which the sampling interval is determined: a single pair of stamps may be off by the jitter."""
 
@@ -67,7 +72,8 @@ class TimeAverager(Reduction):
         """The means as rows."""
         if self._open is not None:
             self._collect(self._means_of(self._open))
-        rows = replace(joined(self._means), velocity_rad_s=None)
+        rows = _at_their_times(joined(self._means), self._width_s, (1.0 - self._samples**-2.0) / 24.0)
+        rows = replace(rows, velocity_rad_s=None)
         return recording_of(rows, self._excitation, source, repeats=repeats)
 
     def _number(self, rows: RowBlock) -> FloatArray:
@@ -101,3 +107,19 @@ def _averaged(rows: RowBlock, number: FloatArray, fewest: float) -> RowBlock:
         return np.asarray(np.add.reduceat(values, first, axis=0) / size)[full]
 
     return replace(rows, velocity_rad_s=None).each(mean)
+
+
+def _at_their_times(rows: RowBlock, width_s: float, curvature: float) -> RowBlock:
+    """Values at the times of means over `width_s`, where two neighbours on each side follow evenly.
+
+    The second derivative is taken over four intervals, so that the noise of a mean grows by 2 % at most.
+    """
+    even = np.abs(rows.time_s[4:] - rows.time_s[:-4] - 4.0 * width_s) < _EVEN * width_s
+    inner = np.flatnonzero(even) + 2
+
+    def value(means: FloatArray) -> FloatArray:
+        values = means.copy()
+        values[inner] -= 0.25 * curvature * (means[inner + 2] - 2.0 * means[inner] + means[inner - 2])
+        return values
+
+    return replace(rows.each(value), time_s=rows.time_s)

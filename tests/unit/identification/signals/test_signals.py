@@ -9,12 +9,13 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from armload_identification.identification_errors import ModelError, RecordingError
+from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.place_in_period import phases_per_period, whole_periods
 from armload_identification.signals.alignment import fit_motion, time_shift
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, gain_shares, joint_torque
 from armload_identification.signals.load_signal import load_signal
-from armload_identification.signals.motion import ABOVE_BAND, SCATTER, motion_of
+from armload_identification.signals.motion import ABOVE_BAND, SCATTER, TimedRun, motion_of
 from armload_identification.signals.periods import fold
 
 pytestmark = pytest.mark.pure
@@ -255,6 +256,16 @@ def test_a_spline_through_irregular_samples_gives_the_derivatives(pinocchio_arm)
     acceleration = motion.spline(elapsed, 2)[inner]
     assert np.abs(speed - state.velocity_rad_s[inner]).max() < 2e-3
     assert np.sqrt(np.mean((acceleration - state.acceleration_rad_s2[inner]) ** 2)) < 5e-3
+
+
+def test_the_grid_of_a_long_run_stays_at_its_samples(pinocchio_arm):
+    """Time stamps since 1970 are multiples of 0.24 us: steps of one of them would be a sample late after 70 minutes."""
+    time_s = 1_700_000_000.0 + 0.0075 * np.arange(20_000)
+    state = pinocchio_arm.trajectory(period_s=10.0).evaluate(time_s - time_s[0])
+    run = Recording.from_arrays(time_s, state.position_rad, torque_nm=state.position_rad)
+    grid = TimedRun.of(run, pinocchio_arm.transmission).moving_grid(0.0, float(time_s[-1] - time_s[0]))
+    place = grid.elapsed_s / 0.0075
+    assert np.abs(place - np.round(place)).max() < 1e-4
 
 
 @pytest.mark.parametrize("late_s", [-1.2345, 0.0, 2.7182])

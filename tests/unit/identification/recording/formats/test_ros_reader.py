@@ -101,6 +101,18 @@ def assert_read(recording, names=tuple(NAMES)):
     np.testing.assert_allclose(recording.time_s - recording.time_s[0], TIME, atol=1e-6)
 
 
+def test_messages_that_are_alike_are_read_at_once_with_the_same_numbers(bag, state):
+    """One message of another frame, or of another order, is enough for all around it to be read singly."""
+    names = [NAMES[1], NAMES[2], NAMES[0]]
+    alike = read_recording(bag(states(state, names=names), name="alike"), ReadingOptions(joint_names=NAMES))
+    others = states(state, names=names)
+    others[7][3].header.frame_id, others[9] = "base", states(state)[9]
+    singly = read_recording(bag(others, name="singly"), ReadingOptions(joint_names=NAMES))
+    assert_read(alike)
+    for name in ("time_s", "position_rad", "velocity_rad_s", "torque_nm"):
+        np.testing.assert_array_equal(getattr(alike, name), getattr(singly, name))
+
+
 @pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP], ids=str)
 @pytest.mark.parametrize("compression", [None, CompressionMode.FILE, CompressionMode.MESSAGE], ids=str)
 def test_every_storage_gives_the_same(bag, state, plugin, compression):
