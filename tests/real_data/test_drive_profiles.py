@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armload_controller.config.drive_profiles import read_profile, shipped_profiles
-from armload_controller.config.tables.drive_tables import DriveTable
+from armload_controller.config.tables.drive_tables import DriveTable, OF_THE_JOINT
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.process_image import temperature_entry
@@ -42,7 +42,8 @@ def test_a_profile_brings_its_makers_drive_into_motion(virtual_arm, shared_data,
     described = read_description(shared_data / "eds" / file)
     profile = read_profile(name, Path(), "arm.toml", "profile")
     table = DriveTable.model_validate({**ARM, **profile.drive.given(), **own})
-    drive = table.settings("joint_1", (-3.0, 3.0), (2.0, 5.0), None, None)
+    stated = dict(zip(OF_THE_JOINT, ("joint_1", -3.0, 3.0, 2.0, 5.0, None), strict=True))
+    drive = table.settings(stated, None)
     found = described.find(temperature_entry(drive))
     assert found is not None
     assert found.type is drive.temperature.type
