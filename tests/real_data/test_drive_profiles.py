@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armload_controller.config.drive_profiles import read_profile, shipped_profiles
-from armload_controller.config.tables.drive_tables import DriveTable, OF_THE_JOINT
+from armload_controller.config.tables.drive_tables import OF_THE_JOINT, DriveTable
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.process_image import temperature_entry
