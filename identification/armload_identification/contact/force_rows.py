@@ -3,7 +3,9 @@
     e = tau - (1 + mu s sgn(tau_l)) Y beta - rotors - friction        H = [(1 + mu s sgn(tau_l)) Phi, s, dq, 1]
 
 The unknowns are the payload's ten parameters and three changes of friction per joint, in units of their priors. Motion
-is a least-squares cubic over nine means of 10 ms, so that a row is known 40 ms after its time.
+is a least-squares cubic over nine means of 10 ms, so that a row is known 40 ms after its time. Its acceleration is a
+weighted mean of the true one; torque is averaged with the same weights, so that inertia leaves no residual in an abrupt
+stop.
 """
 
 from __future__ import annotations
@@ -26,6 +28,9 @@ from armload_identification.signals.reversals import moving_weights
 PAYLOAD: Final = 10
 """Number of a payload's parameters."""
 _HALF: Final = BINS // 2
+_CURVATURE: Final = np.linalg.pinv(np.arange(-_HALF, _HALF + 1)[:, None] ** np.arange(4.0))[2]
+_SEEN: Final = 2.0 * np.cumsum(np.cumsum(_CURVATURE))[: BINS - 2]
+"""Weights of the true acceleration at the inner means in that of the fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +135,7 @@ class RowMaker:
             np.ascontiguousarray(factor * cubic[:, order] / (span**order)[:, None])
             for order, factor in enumerate((1.0, 1.0, 2.0))
         )
-        tau = windows[:, _HALF - 1 : _HALF + 2, 1 + n :].mean(axis=1)
+        tau = np.tensordot(windows[:, 1:-1, 1 + n :], _SEEN, (1, 0))
         direction = smooth_sign(dq, body.reversal_speed_rad_s)
         regressor = payload_regressor(self.chain, q, dq, ddq) if len(q) else np.zeros((0, n, PAYLOAD))
         links = body.link_torque(self.chain, q, dq, ddq) if len(q) else np.zeros((0, n))
