@@ -11,7 +11,7 @@ import numpy as np
 import armload
 
 robot, seed = sys.argv[1:]
-found = armload.design(robot, seed=int(seed), restarts=1, criterion="condition-number").result.trajectory
+found = armload.design(robot, search=armload.DesignSearch(int(seed), 1, "condition-number")).result.trajectory
 state = found.evaluate(np.arange(0.0, found.period_s, 0.05))
 motion = {"P_F": state.position_rad, "V_F": state.velocity_rad_s, "A_F": state.acceleration_rad_s2}
 print(json.dumps({key: values.tolist() for key, values in motion.items()}))

@@ -43,12 +43,15 @@ if TYPE_CHECKING:  # read by `_homes` too: the only list of the public names
     from armload_controller.analysis.robot_calibration import calibrate as calibrate
     from armload_controller.analysis.robot_comparison import compare as compare
     from armload_controller.analysis.robot_drift import drift as drift
+    from armload_controller.analysis.robot_excitation import DesignSearch as DesignSearch
     from armload_controller.analysis.robot_excitation import design as design
+    from armload_controller.analysis.robot_export import ExportOptions as ExportOptions
     from armload_controller.analysis.robot_export import export as export
     from armload_controller.analysis.robot_identification import identify as identify
     from armload_controller.analysis.robot_identification import identify_over_time as identify_over_time
     from armload_controller.analysis.robot_identification import read_recording as read_recording
     from armload_controller.analysis.robot_identification import validate as validate
+    from armload_controller.analysis.stated_drift import StatedDrift as StatedDrift
     from armload_controller.config.chain_from_urdf import UrdfArm as UrdfArm
     from armload_controller.config.chain_from_urdf import read_urdf_arm as read_urdf_arm
     from armload_controller.config.robot import Robot as Robot

@@ -71,7 +71,7 @@ def control(q: NDArray[np.float64], dq: NDArray[np.float64], ddq: NDArray[np.flo
 
 def design() -> None:
     """An excitation."""
-    excitation = armload.design(Path("my_arm.toml"), period_s="auto", restarts=4)
+    excitation = armload.design(Path("my_arm.toml"), period_s="auto", search=armload.DesignSearch(restarts=4))
     assert_type(excitation.periods, int)
     excitation.save("excitation.toml")
     excitation.picture(Path("excitation.png"))

@@ -13,7 +13,7 @@ from armload_controller.analysis.arm_in_use import Calibration, arm_in_use
 from armload_controller.analysis.payload_events import PayloadEvent, PayloadEvents
 from armload_controller.analysis.stated_drift import NOTHING_STATED, StatedDrift
 from armload_controller.config.measured_arm import MeasuredArm
-from armload_controller.config.objects_or_paths import FilePath, RunSource, arm_of
+from armload_controller.config.objects_or_paths import FilePath, arm_of
 from armload_core.arrays import FloatArray
 from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.contact.force_watch import Force
@@ -273,9 +273,7 @@ def watch(
     *,
     calibration: Calibration | None = None,
     every_s: float = 1.0,
-    gain_drift: float | None = None,
-    reference: RunSource | None = None,
-    reference_mass_kg: float | None = None,
+    drift: StatedDrift = NOTHING_STATED,
 ) -> Iterator[WatchedMoment]:
     """The payload of a calibrated arm along a recording of any motion: its mass over time, grasped, released.
 
@@ -284,10 +282,7 @@ def watch(
         recording: A recording of any format; one that still grows is read as far as it goes.
         calibration: Calibration of the arm, or its file; if not given, the one that the robot's file names.
         every_s: Time between two moments.
-        gain_drift: Standard deviation of the drift that all gains have in common since the calibration, such as 0.03;
-            if not given, that between the calibration's sessions, else 1 %.
-        reference: A run of the same day and of any motion, which measures that drift.
-        reference_mass_kg: Mass of the weighed tool that the reference carries; None if it is empty.
+        drift: The drift that all gains have in common since the calibration.
 
     Returns:
         Moments, each with the estimate and the events since the previous one.
@@ -303,7 +298,6 @@ def watch(
         >>> 9 < last.payload.mass_kg < 11
         True
     """
-    drift = StatedDrift(gain_drift, reference, reference_mass_kg)
     return PayloadWatch(arm_of(robot), calibration, every_s, drift).file(Path(recording))
 
 

@@ -190,15 +190,37 @@ class DesignedExcitation(DesignedMotion):
         return self.result.excitation(self.periods, command, version("armload"))
 
 
+@dataclass(frozen=True)
+class DesignSearch:
+    """How the best excitation is searched.
+
+    Attributes:
+        seed: Seed of the random starts; the same seed gives the same excitation.
+        restarts: Number of random starts; the best result is used.
+        criterion: What is optimal, one of `information.CRITERIA`.
+
+    Examples:
+        >>> import armload
+        >>> one_start = armload.DesignSearch(restarts=1, criterion="condition-number")
+        >>> armload.design("prbt", harmonics=2, period_s=5.0, search=one_start).result.criterion
+        'condition-number'
+    """
+
+    seed: int = 1
+    restarts: int = 8
+    criterion: str = "a-optimal"
+
+
+_USUAL: Final = DesignSearch()
+
+
 def design(
     robot: Robot | str | PathLike[str],
     *,
-    seed: int = 1,
-    restarts: int = 8,
     harmonics: int = 5,
     period_s: float | Literal["auto"] = 5.0,
     periods: int | None = None,
-    criterion: str = "a-optimal",
+    search: DesignSearch = _USUAL,
     progress: Callable[[int], None] | None = None,
 ) -> DesignedExcitation:
     """Design an excitation for a robot's expected payload, within all limits and clear of all obstacles at any time.
@@ -209,12 +231,10 @@ def design(
 
     Args:
         robot: The arm: a robot, the name of a shipped one, or the path of its TOML.
-        seed: Seed of the random starts; the same seed gives the same excitation.
-        restarts: Number of random starts; the best result is used.
         harmonics: Harmonics of the Fourier series.
         period_s: Duration of one period; "auto" chooses the fastest that torque, following error and rates allow.
         periods: Periods that a run records; by default 30 s and at least three.
-        criterion: One of `information.CRITERIA`.
+        search: Seed and number of random starts, and the criterion.
         progress: Called with the number of starts completed.
 
     Returns:
@@ -227,7 +247,7 @@ def design(
 
     Examples:
         >>> import armload
-        >>> excitation = armload.design("prbt", restarts=1, harmonics=2, period_s=5.0)
+        >>> excitation = armload.design("prbt", harmonics=2, period_s=5.0, search=armload.DesignSearch(restarts=1))
         >>> excitation.result.rank
         10
         >>> excitation.save("excitation.toml")
@@ -237,17 +257,17 @@ def design(
     frequency = _frequency(arm, period_s, harmonics)
     envelope = design_envelope(arm)
     objective = named_criterion(
-        criterion, arm.chain, arm.limits.torque_noise_nm, arm.payloads.expected, arm.payloads.design_set
+        search.criterion, arm.chain, arm.limits.torque_noise_nm, arm.payloads.expected, arm.payloads.design_set
     )
     # A condition number, unlike a variance, does not fall with the measuring time.
-    in_time = criterion != "condition-number"
+    in_time = search.criterion != "condition-number"
     measured_s = _MEASURED_S if periods is None or isinstance(period_s, str) else periods * period_s
     slow = SlowRound(arm.motion_constraints.reduced_speed, SLOW_RATE, measured_s) if in_time else None
-    with _workers(restarts) as executor:
+    with _workers(search.restarts) as executor:
         result = optimal_excitation(
             objective,
             envelope,
-            SearchSettings(harmonics, frequency, seed, restarts, slow),
+            SearchSettings(harmonics, frequency, search.seed, search.restarts, slow),
             executor=executor,
             progress=None if progress is None else lambda finished, _total, _best: progress(finished),
             objection=arm.obstacles.objection,
@@ -255,8 +275,8 @@ def design(
     driven = periods or max(_LEAST_PERIODS, ceil(_MEASURED_S / result.trajectory.period_s - 1e-9))
     period = period_s if isinstance(period_s, str) else f"{period_s:g}"
     options = (
-        f"--seed {seed} --restarts {restarts} --harmonics {harmonics} --period-s {period} --periods {driven} "
-        f"--criterion {criterion}"
+        f"--seed {search.seed} --restarts {search.restarts} --harmonics {harmonics} --period-s {period} "
+        f"--periods {driven} --criterion {search.criterion}"
     )
     return DesignedExcitation(arm, result, envelope, driven, options)
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
+from typing import Final
 
 from armload_controller.analysis.arm_in_use import Calibration, arm_in_use, calibration_of
 from armload_controller.config.objects_or_paths import FilePath, PayloadSource, payload_from, robot_of
@@ -45,6 +46,32 @@ class Exported(PrintedResult):
         return ResultTable(f"{self.robot} as {self.export_format}", ("file", ""), rows, (0, 1), self.notes)
 
 
+@dataclass(frozen=True)
+class ExportOptions:
+    """Options of an export that only some formats need.
+
+    Attributes:
+        single: Single precision; only for "c".
+        flange_rpy_rad: With a robot controller's load data: the controller's flange in the flange frame of the robot
+            file, as in a URDF. Required if that frame's z is not the last joint's axis.
+        licence: Licence of generated source code, as an SPDX expression.
+
+    Examples:
+        >>> import armload
+        >>> options = armload.ExportOptions(licence="BSD-3-Clause")
+        >>> exported = armload.export("er50", "runs/today/payload.toml", "c", "export_c", options=options)
+        >>> len(exported.files) > 0
+        True
+    """
+
+    single: bool = False
+    flange_rpy_rad: tuple[float, float, float] | None = None
+    licence: str = DEFAULT_LICENCE
+
+
+_DEFAULT: Final = ExportOptions()
+
+
 def export(
     robot: Robot | FilePath,
     payload: PayloadSource,
@@ -52,9 +79,7 @@ def export(
     output: FilePath = ".",
     *,
     calibration: Calibration | None = None,
-    single: bool = False,
-    flange_rpy_rad: tuple[float, float, float] | None = None,
-    licence: str = DEFAULT_LICENCE,
+    options: ExportOptions = _DEFAULT,
 ) -> Exported:
     """Write a payload as C source, an FMU, URDF, MJCF, ROS 2 files or the load data of a robot controller.
 
@@ -66,10 +91,7 @@ def export(
         output: Folder, or a file if the format has only one; an existing file is not overwritten.
         calibration: Calibration of the arm, or its file: the payload's friction in the gears, and the recursive
             estimator, become part of the C source.
-        single: Single precision; only for "c".
-        flange_rpy_rad: With a robot controller's load data: the controller's flange in the flange frame of the robot
-            file, as in a URDF. Required if that frame's z is not the last joint's axis.
-        licence: Licence of generated source code, as an SPDX expression.
+        options: What only some formats need.
 
     Raises:
         ExportError: the payload may not be exported, or a file cannot be written.
@@ -82,9 +104,9 @@ def export(
     """
     arm, folder = robot_of(robot), Path(output)
     target, write = str(export_format), exporter(export_format)
-    if single and target != ExportFormat.C:
+    if options.single and target != ExportFormat.C:
         raise ExportError("`single=`", f"can only be used with the format c, not with {target}")
-    if flange_rpy_rad is not None and target not in LOAD_DATA:
+    if options.flange_rpy_rad is not None and target not in LOAD_DATA:
         raise ExportError(
             "`flange_rpy_rad=`",
             f"can only be used with {', '.join(sorted(LOAD_DATA))}, not with {target}, which keeps the robot file's "
@@ -101,9 +123,10 @@ def export(
     sha256 = hashlib.sha256(content).hexdigest()
     used = arm_in_use(arm, calibration)
     known = used.calibration, used.calibration_sha256
-    subject = ExportSubject.of(arm, result, source, sha256, *known, flange_rpy_rad=flange_rpy_rad, licence=licence)
+    subject = ExportSubject.of(arm, result, source, sha256, *known)
+    subject = replace(subject, flange_rpy_rad=options.flange_rpy_rad, licence=options.licence)
     notes = []
-    if single:
+    if options.single:
         from armload_controller.export.c99 import export_c
         from armload_controller.export.c_code.rounding import single_precision_error
         from armload_controller.export.straight_line.precision import Precision

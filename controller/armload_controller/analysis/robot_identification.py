@@ -14,7 +14,7 @@ from os import PathLike
 from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
-from armload_controller.analysis.stated_drift import StatedDrift
+from armload_controller.analysis.stated_drift import NOTHING_STATED, StatedDrift
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import (
     FilePath,
@@ -114,9 +114,7 @@ def identify(
     known: KnownPayload | None = None,
     tolerance: Tolerance | None = None,
     minus: PayloadSource | None = None,
-    gain_drift: float | None = None,
-    reference: RunSource | None = None,
-    reference_mass_kg: float | None = None,
+    drift: StatedDrift = NOTHING_STATED,
 ) -> Findings:
     """Identify the payload from a run that carried it and one that did not.
 
@@ -130,11 +128,8 @@ def identify(
         tolerance: Permitted error of the payload; 2 % of its mass and 10 mm if not given.
         minus: Payload of the tool, or its file; the result is then what the tool carries, with the uncertainty of
             both. The validation, which is of the whole, cannot be given too.
-        gain_drift: With a calibration: standard deviation of the drift that all gains have in common since then, such
-            as 0.03; if not given, that between the calibration's sessions if it has three, else 0.01.
-        reference: With a calibration: a run of the same day, of any motion, which measures that drift; if not given,
-            `unloaded` does if `gain_drift` is stated.
-        reference_mass_kg: Weighed mass of the tool on it; empty if not given.
+        drift: With a calibration: the drift that all gains have in common since then. If it is stated without a
+            reference, `unloaded` measures it.
 
     Returns:
         Payload, intervals and verdict, to print, save and report.
@@ -176,7 +171,7 @@ def identify(
         gains = gains_to_compare_by(tool.mass_center, gains)
     run = recording_of(arm, loaded, "loaded")
     empty = None if unloaded is None else recording_of(arm, unloaded, "unloaded")
-    session = _session(arm, used, StatedDrift(gain_drift, reference, reference_mass_kg), run, empty)
+    session = _session(arm, used, drift, run, empty)
     empty_arm = used.known
     if session is not None and empty_arm is not None and used.calibration is not None:
         gains = session.corrected(used.calibration).transmission(arm.transmission)
@@ -199,8 +194,8 @@ def identify(
             f"The workpiece alone: the whole, {payload.model.mass_kg:.4g} kg, minus the tool, {tool.model.mass_kg:.4g} "
             "kg. Its intervals contain the uncertainty of both; its inertia is not determined."
         )
-        drift = 0.0 if session is None else session.deviation
-        payload = Workpiece.of(payload, tool, drift).result(payload)
+        drifts = 0.0 if session is None else session.deviation
+        payload = Workpiece.of(payload, tool, drifts).result(payload)
     if used.calibration is not None:
         (file,) = used.calibration_sha256
         notes.append(

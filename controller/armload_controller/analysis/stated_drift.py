@@ -21,6 +21,15 @@ class StatedDrift:
             None for that between the calibration's sessions, else 1 %.
         reference: A run of the same day and of any motion, empty or with a weighed tool, which measures the drift.
         reference_mass_kg: Mass of that tool; None if the reference is empty.
+
+    Examples:
+        >>> import armload
+        >>> run = "runs/today/{}_identification.mcap".format
+        >>> calibration = armload.calibrate("er50", [run("unloaded"), run("loaded")])
+        >>> stated = armload.StatedDrift(0.03, reference=run("unloaded"))
+        >>> result = armload.identify("er50", run("loaded"), calibration=calibration, drift=stated)
+        >>> 9 < result.payload.model.mass_kg < 11
+        True
     """
 
     gain_drift: float | None = None

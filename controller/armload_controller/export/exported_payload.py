@@ -95,11 +95,8 @@ class ExportSubject:
         payload_sha256: str,
         calibration: ArmCalibration | None = None,
         calibration_sha256: Mapping[str, str] | None = None,
-        *,
-        flange_rpy_rad: tuple[float, float, float] | None = None,
-        licence: str = DEFAULT_LICENCE,
     ) -> ExportSubject:
-        """A payload on a robot.
+        """A payload on a robot, in its flange frame and under the default licence.
 
         Args:
             robot: The arm.
@@ -108,8 +105,6 @@ class ExportSubject:
             payload_sha256: Hash of that file.
             calibration: The arm's calibration, if any.
             calibration_sha256: Hash of the calibration file by its name.
-            flange_rpy_rad: See the class.
-            licence: See the class.
         """
         constants = None
         if calibration is not None:
@@ -128,8 +123,6 @@ class ExportSubject:
             calibration=calibration,
             estimator=constants,
             calibration_sha256=calibration_sha256 or {},
-            flange_rpy_rad=flange_rpy_rad,
-            licence=licence,
         )
 
     @property

@@ -105,7 +105,7 @@ def design_motion(
     With --for any-motion: the shortest motion, of a few degrees about the arm's position, that determines the payload
     of a calibrated arm.
     """
-    from armload_controller.analysis.robot_excitation import UnstreamablePeriod, design
+    from armload_controller.analysis.robot_excitation import DesignSearch, UnstreamablePeriod, design
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
 
@@ -135,12 +135,10 @@ def design_motion(
         try:
             designed = design(
                 arm,
-                seed=seed,
-                restarts=restarts,
                 harmonics=harmonics,
                 period_s=_period(period_s),
                 periods=periods,
-                criterion=criterion,
+                search=DesignSearch(seed, restarts, criterion),
                 progress=done,
             )
         except UnstreamablePeriod as error:

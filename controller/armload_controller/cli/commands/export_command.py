@@ -79,9 +79,7 @@ def export(
         export_format,
         output,
         calibration=calibration,
-        single=single,
-        flange_rpy_rad=flange_rpy_rad,
-        licence=licence,
+        options=robot_export.ExportOptions(single, flange_rpy_rad, licence),
     )
     for path, written in done.files.items():
         screen.result(f"{'written' if written else 'unchanged'}: {path}")

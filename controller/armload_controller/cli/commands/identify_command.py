@@ -114,6 +114,7 @@ def identify_payload(
 ) -> None:
     """Identify a payload from a recording with it and one without it, or from any motion of a calibrated arm."""
     from armload_controller.analysis import robot_identification
+    from armload_controller.analysis.stated_drift import StatedDrift
     from armload_controller.analysis.tools import tool_payload
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot_recordings import read_of
@@ -177,9 +178,11 @@ def identify_payload(
             calibration=calibration,
             known=known,
             minus=None if minus is None else tool_payload(minus),
-            gain_drift=share_of(gain_drift),
-            reference=None if reference is None else read_of(arm, reference, replace(choices[0], between_s=None)),
-            reference_mass_kg=reference_mass_kg,
+            drift=StatedDrift(
+                share_of(gain_drift),
+                None if reference is None else read_of(arm, reference, replace(choices[0], between_s=None)),
+                reference_mass_kg,
+            ),
         )
     except NothingMounted as empty:
         sources = [run.source for run in runs[: 1 if unloaded is None else 2]]

@@ -205,7 +205,7 @@ def _designed(
     screen: Screen, output: Path, arm: ArmDraft, draft: Callable[[ArmDraft], DraftedFile], restarts: int
 ) -> _Designed:
     """The two excitations, in the first of the candidate ranges in which both are found."""
-    from armload_controller.analysis.robot_excitation import design, design_envelope
+    from armload_controller.analysis.robot_excitation import DesignSearch, design, design_envelope
     from armload_controller.config.robot import load_robot
     from armload_controller.new_robot.arm_draft import within
     from armload_controller.new_robot.design_range import design_range
@@ -221,7 +221,7 @@ def _designed(
             excitations = []
             for seed, role in enumerate(_ROLES, 1):
                 with screen.track(f"designing the excitation for {role}", restarts) as done:
-                    excitations.append(design(str(output), seed=seed, restarts=restarts, progress=done))
+                    excitations.append(design(str(output), search=DesignSearch(seed, restarts), progress=done))
         except ExcitationError as error:
             if box is not found.boxes[-1]:
                 screen.step(

@@ -16,10 +16,10 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from io import BytesIO
-from itertools import accumulate, islice
+from itertools import accumulate, compress, islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from rosbags.highlevel import AnyReader
@@ -93,6 +93,7 @@ class _JointSample:
         return self.position, self.velocity, self.effort
 
 
+_Quantity = TypeVar("_Quantity")
 _Message = tuple[Connection, int, bytes]
 """A message of the library: its connection, the bag's time in ns, and its bytes."""
 
@@ -106,6 +107,10 @@ class _Choice:
     velocity: bool
     effort: bool
     by_header: bool
+
+    def of(self, quantities: Sequence[_Quantity]) -> list[_Quantity]:
+        """The used ones of position, velocity and effort."""
+        return list(compress(quantities, (True, self.velocity, self.effort)))
 
 
 class RosReader:
@@ -137,7 +142,7 @@ class RosReader:
         account.joint_names = self._choice.names
         account.sha256 = hash_of_files(_files_of(self._bag))
         with self._opened() as reader:
-            messages = reader.messages(_of_topics(reader, [self._choice.topic]))
+            messages = reader.messages(_of_topic(reader, self._choice.topic))
             while part := list(islice(messages, _BLOCK_ROWS)):
                 rows = self._alike(reader, part)
                 if rows is None:
@@ -154,11 +159,14 @@ class RosReader:
             if sample is not None and not set(self._choice.names) <= set(sample.names):
                 continue
             account.rows_read += 1
-            row = None if sample is None else self._row(sample, when_ns)
-            if row is None:
+            if sample is None or sample.position.size != len(sample.names):
                 account.leave_out(1, "malformed message")
-            else:
-                rows.append(row)
+                continue
+            order = [sample.names.index(name) for name in self._choice.names]
+            row = [(sample.stamp_ns if self._choice.by_header else when_ns) * 1e-9]
+            for values in self._choice.of(sample.columns):
+                row += values[order].tolist() if _has(values, sample) else [np.nan] * len(order)
+            rows.append(row)
         return np.array(rows, dtype=np.float64)
 
     def _alike(self, reader: AnyReader, part: Sequence[_Message]) -> FloatArray | None:
@@ -187,15 +195,14 @@ class RosReader:
         order = [sample.names.index(name) for name in self._choice.names]
         stamps = data[:, _STAMP].copy().view("<u4").astype(np.int64) @ [10**9, 1]
         times = stamps if self._choice.by_header else np.array([when_ns for _, when_ns, _ in part])
-        used = (True, self._choice.velocity, self._choice.effort)
-        return np.column_stack([times * 1e-9, *(a[:, order] for a, there in zip(arrays, used, strict=True) if there)])
+        return np.column_stack([times * 1e-9, *(array[:, order] for array in self._choice.of(arrays))])
 
     def _chosen(self, reader: AnyReader) -> _Choice:
         """Choose topic, joints and time stamps."""
         topics = sorted({connection.topic for connection in reader.connections if connection.msgtype in _TYPES})
         groups: dict[tuple[str, frozenset[str]], list[tuple[int, _JointSample]]] = {}
         for topic in topics:
-            for count, (when_ns, sample) in enumerate(_samples(reader, reader.messages(_of_topics(reader, [topic])))):
+            for count, (when_ns, sample) in enumerate(_samples(reader, reader.messages(_of_topic(reader, topic)))):
                 if sample is not None and sample.position.size == len(sample.names) > 0:
                     groups.setdefault((topic, frozenset(sample.names)), []).append((when_ns, sample))
                 if count >= _LEARNT_FROM:
@@ -224,25 +231,10 @@ class RosReader:
             by_header=stamps.size > 1 and float(np.mean(np.diff(stamps) > 0)) >= _INCREASING,
         )
 
-    def _row(self, sample: _JointSample, when_ns: int) -> list[float] | None:
-        """Numbers of a message in the order of the chosen joints; None if their number differs from the names'."""
-        place = {name: index for index, name in enumerate(sample.names)}
-        order = [place[name] for name in self._choice.names]
-        if sample.position.size != len(sample.names):
-            return None
-        row = [(sample.stamp_ns if self._choice.by_header else when_ns) * 1e-9, *sample.position[order]]
-        for values, there in ((sample.velocity, self._choice.velocity), (sample.effort, self._choice.effort)):
-            if there:
-                row += values[order].tolist() if _has(values, sample) else [np.nan] * len(order)
-        return row
-
     def _block(self, table: FloatArray) -> RowBlock:
         """Rows as a block."""
-        names = ["position_rad"]
-        if self._choice.velocity:
-            names.append("velocity_rad_s")
-        if self._choice.effort:
-            names.append("current_a" if self._options.effort is Effort.CURRENT else "torque_nm")
+        effort = "current_a" if self._options.effort is Effort.CURRENT else "torque_nm"
+        names = self._choice.of(("position_rad", "velocity_rad_s", effort))
         return RowBlock(table[:, 0], **dict(zip(names, np.hsplit(table[:, 1:], len(names)), strict=True)))
 
     @contextmanager
@@ -322,8 +314,8 @@ def _humble() -> Typestore:
     return store
 
 
-def _of_topics(reader: AnyReader, topics: Sequence[str]) -> list[Connection]:
-    return [one for one in reader.connections if one.topic in topics and one.msgtype in _TYPES]
+def _of_topic(reader: AnyReader, topic: str) -> list[Connection]:
+    return [one for one in reader.connections if one.topic == topic and one.msgtype in _TYPES]
 
 
 def _samples(reader: AnyReader, messages: Iterable[_Message]) -> Iterator[tuple[int, _JointSample | None]]:

@@ -312,7 +312,7 @@ def test_a_run_of_another_arm_is_refused(recorded_er50):
         (lambda: armload.read_payload("none.toml"), armload.IdentificationError),
         (lambda: armload.read_calibration("none.toml"), armload.IdentificationError),
         (lambda: armload.identify("er50", "none.mcap", "none.mcap"), armload.IdentificationError),
-        (lambda: armload.design("er50", criterion="none"), armload.IdentificationError),
+        (lambda: armload.design("er50", search=armload.DesignSearch(criterion="none")), armload.IdentificationError),
         (lambda: armload.design("er50", period_s=-1.0), armload.ControlError),
         (lambda: armload.Tolerance(mass_share=0.0), armload.IdentificationError),
         (lambda: armload.KnownPayload(mass_kg=-1.0), armload.IdentificationError),
@@ -338,7 +338,7 @@ def test_a_robot_is_given_by_its_name_or_by_a_path(recorded_er50, tmp_path):
     with pytest.raises(PayloadFileError, match=r"none\.toml"):
         armload.validate(path, tmp_path / "none.toml", run, run)
     with pytest.raises(ExcitationError, match="criterion is 'none'"):
-        armload.design(path, criterion="none")
+        armload.design(path, search=armload.DesignSearch(criterion="none"))
     with pytest.raises(ConfigurationError, match=r"none\.toml: no such file, and no shipped robot: er50"):
         armload.identify(tmp_path / "none.toml", run)
 
