@@ -93,7 +93,7 @@ def payload_of(
     group = Group((RunRows(rows_of(payload, torque_nm, weight, links), PAYLOAD),))
     noise = noise or Noise.unknown(np.sqrt(np.mean(torque_nm**2, axis=0)))
     problem = Problem(terms, [group], noise, np.eye(n))
-    whole = PayloadProblem(problem, np.zeros(PARAMETERS * n, dtype=bool), np.ones(n), ROW_S)
+    whole = PayloadProblem(problem, None, np.zeros(PARAMETERS * n, dtype=bool), np.ones(n), ROW_S)
     whole = whole if gain_covariance is None else whole.with_gains(gain_covariance)
     nothing = np.zeros((0, PARAMETERS))
     found = solve(whole.knowing(prior), rough=True)

@@ -186,17 +186,9 @@ class _Calibration:
         self._left_out.append((name, reason))
         return False
 
-    def _rows_of(self, signals: RunSignals, mounting: str, chain: Chain, spacing: int = 1) -> RunRows:
-        rows = arm_rows(
-            signals,
-            chain,
-            self._transmission.coupling,
-            self._base,
-            self._peak,
-            loaded=bool(mounting),
-            spacing=spacing,
-        )
-        return RunRows(rows, mounting)
+    def _rows_of(self, signals: RunSignals, mounting: str, chain: Chain) -> RunRows:
+        coupling, loaded = self._transmission.coupling, bool(mounting)
+        return RunRows(arm_rows(signals, chain, coupling, self._base, self._peak, loaded=loaded), mounting)
 
     def _fitted(self, runs: Sequence[_UsedRun]) -> Posterior:
         """Fit some of the runs."""
@@ -237,8 +229,8 @@ class _Calibration:
         moves = self._peak > Calibrating.unmoved_rad_s
 
         def shares(chain: Chain, turned: Turn) -> FloatArray:
-            spacing = Calibrating.tried_spacing
-            rows = [self._rows_of(turned(run.signals), run.given.mounting, chain, spacing) for run in tried]
+            signals = [replace(turned(run.signals), spacing=Calibrating.tried_spacing) for run in tried]
+            rows = [self._rows_of(one, run.given.mounting, chain) for one, run in zip(signals, tried, strict=True)]
             fit = solve(self._problem(rows, chain), rough=True)
             # A joint at rest has no explained torque, and its sign does not matter.
             share = fit.noise_nm[0] / fit.problem.noise.greatest_nm

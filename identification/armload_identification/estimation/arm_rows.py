@@ -47,6 +47,7 @@ class RunSignals:
         periodic: Whether the last sample is followed by the first.
         from_torque: Whether the drives reported torque instead of current.
         row_s: Time between rows; further in a long run.
+        spacing: Keep every `spacing`-th row.
     """
 
     name: str
@@ -59,6 +60,7 @@ class RunSignals:
     periodic: bool
     from_torque: bool
     row_s: float = Rows.row_s
+    spacing: int = 1
 
     @classmethod
     def of_motion(cls, run: Motion, coupling: FloatArray, name: str) -> RunSignals:
@@ -87,15 +89,11 @@ class RunSignals:
         length_s = len(self.usable) * self.interval_s
         return replace(self, row_s=min(self.row_s, length_s / Rows.fewest)) if self.periodic else self
 
-    def row_window(self, spacing: int = 1) -> RowWindow:
-        """The run's usable rows.
-
-        Args:
-            spacing: Keep every `spacing`-th row.
-        """
+    def row_window(self) -> RowWindow:
+        """The run's usable rows."""
         samples = len(self.usable)
         row_s = max(self.row_s, samples * self.interval_s / Rows.most)
-        step = max(round(row_s / self.interval_s), 1) * spacing
+        step = max(round(row_s / self.interval_s), 1) * self.spacing
         half_s = HALF_S * min(row_s / Rows.row_s, 1.0)
         window = RowWindow.of(samples, self.interval_s, step, periodic=self.periodic, half_s=half_s)
         return window.only(window.usable(self.usable))
@@ -223,7 +221,6 @@ def arm_rows(
     peak_rad_s: FloatArray,
     *,
     loaded: bool,
-    spacing: int = 1,
 ) -> ArmRows:
     """The equations of a run.
 
@@ -233,15 +230,11 @@ def arm_rows(
         base: (10 n,) True for the base parameters of the links.
         peak_rad_s: (n,) greatest speed of each joint over all runs.
         loaded: Whether a payload's columns are required.
-        spacing: Keep every `spacing`-th row.
-
-    Returns:
-        The run's rows, `spacing` times further apart.
     """
     moves = peak_rad_s > Rows.stands_rad_s
     scale = np.where(moves, peak_rad_s, 1.0)
     sign = np.where(moves, np.tanh(run.velocity_rad_s / (TURN_OVER * scale)), 0.0)
-    window = run.row_window(spacing)
+    window = run.row_window()
     states = JointStates(run.position_rad, run.velocity_rad_s, run.acceleration_rad_s2)
     velocity = window.mean(run.velocity_rad_s)
     acceleration = run.acceleration_rad_s2 @ np.linalg.inv(coupling).T

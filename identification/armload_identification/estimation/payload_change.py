@@ -27,7 +27,6 @@ from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.terms import Joint, Scope, Term
-from armload_identification.model.chain import Chain
 from armload_identification.signals.motion import PeriodDeviation
 
 CHANGING: Final = 4
@@ -70,9 +69,7 @@ def change_in(found: Posterior, edge_s: float) -> PayloadChange | None:
     return _greatest(found, rows, rows.time_s, edge_s, lambda at_s: (rows.time_s >= at_s).astype(np.float64), slow)
 
 
-def change_between_periods(
-    run: PeriodDeviation, arm: PayloadProblem, chain: Chain, edge_s: float
-) -> PayloadChange | None:
+def change_between_periods(run: PeriodDeviation, arm: PayloadProblem, edge_s: float) -> PayloadChange | None:
     """The most likely change in a run of several periods, which may be empty.
 
     Args:
@@ -83,7 +80,7 @@ def change_between_periods(
     Returns:
         The change; None if the run is too short.
     """
-    coupling = arm.problem.coupling
+    chain, coupling = arm.chain, arm.problem.coupling
     signals = RunSignals.of_motion(run.motion, coupling, "run")
     rows = arm_rows(signals, chain, coupling, arm.base, arm.peak_rad_s, loaded=True)
     elapsed_s = np.interp(rows.time_s, run.motion.time_s, run.since_s)

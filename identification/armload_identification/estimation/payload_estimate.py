@@ -29,7 +29,6 @@ from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.sampled_torque import sampling_doubt
 from armload_identification.estimation.solve import solve
 from armload_identification.model.body_model import BodyModel
-from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance, unknown_deviation
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.signals.reversals import TURN_OVER
@@ -39,7 +38,6 @@ from armload_identification.signals.signal_constants import Standstill
 def estimate_of(
     posterior: Posterior,
     arm: PayloadProblem,
-    chain: Chain,
     prior: Prior | None,
     errors: FloatArray,
     doubts_nm: Sequence[FloatArray] = (),
@@ -59,7 +57,7 @@ def estimate_of(
     place = posterior.problem.place(PAYLOAD, PAYLOAD)
     rows = posterior.problem.groups[0].runs[0].rows
     sampled = (
-        sampling_doubt(rows, chain, posterior.value(PAYLOAD, PAYLOAD), arm.interval_s) @ posterior.problem.coupling
+        sampling_doubt(rows, arm.chain, posterior.value(PAYLOAD, PAYLOAD), arm.interval_s) @ posterior.problem.coupling
     )
     shifts = posterior.response(np.concatenate([sampled, *doubts_nm]))[0][place].T
     if prior is not None:

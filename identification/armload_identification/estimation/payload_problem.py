@@ -63,12 +63,14 @@ class PayloadProblem:
 
     Attributes:
         problem: Its terms, rows and noise, without what is known of the payload.
+        chain: The arm, with the tilt of its calibration.
         base: (10 n,) True for the base parameters of the links.
         peak_rad_s: (n,) greatest speeds, which smooth the direction of motion.
         interval_s: Time between the samples of the runs.
     """
 
     problem: Problem
+    chain: Chain
     base: NDArray[np.bool_]
     peak_rad_s: FloatArray
     interval_s: float
@@ -120,9 +122,9 @@ def pair_problem(
     groups = [group, *(one for one in slow_rounds if one.time_s.size)]  # a short one may have no row
     if arm is not None:
         problem = Problem(_known_arm(rows, chain, arm, peak), groups, noise, coupling, [arm.known])
-        return PayloadProblem(problem, base, peak, signal.interval_s)
+        return PayloadProblem(problem, chain, base, peak, signal.interval_s)
     problem = Problem(_unknown_arm(rows, chain, base, peak), groups, noise, coupling)
-    return PayloadProblem(problem, base, peak, signal.interval_s).with_gains(np.zeros((chain.n, chain.n)))
+    return PayloadProblem(problem, chain, base, peak, signal.interval_s).with_gains(np.zeros((chain.n, chain.n)))
 
 
 def _slow_group(signal: LoadSignal, chain: Chain, coupling: FloatArray, base: NDArray[np.bool_]) -> Group:
@@ -130,9 +132,9 @@ def _slow_group(signal: LoadSignal, chain: Chain, coupling: FloatArray, base: ND
 
     Only their difference: the laws of friction do not describe so low speeds well.
     """
-    signals = _pair_signals(signal, coupling)
+    signals = [replace(run, spacing=2) for run in _pair_signals(signal, coupling)]
     peak = np.max([run.peak_rad_s for run in signals], axis=0)
-    loaded, unloaded = _pair_rows(signals, chain, coupling, base, peak, spacing=2)
+    loaded, unloaded = _pair_rows(signals, chain, coupling, base, peak)
     return Group((RunRows(loaded, PAYLOAD), RunRows(unloaded)), DIFFERENCE, len(DIFFERENCE_AND_MEAN))
 
 
@@ -148,11 +150,10 @@ def _pair_rows(
     coupling: FloatArray,
     base: NDArray[np.bool_],
     peak_rad_s: FloatArray,
-    spacing: int = 1,
 ) -> list[ArmRows]:
     """The rows of a loaded and an unloaded run."""
     return [
-        arm_rows(run, chain, coupling, base, peak_rad_s, loaded=loaded, spacing=spacing)
+        arm_rows(run, chain, coupling, base, peak_rad_s, loaded=loaded)
         for run, loaded in zip(signals, (True, False), strict=True)
     ]
 
@@ -173,7 +174,7 @@ def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownAr
     noise = Noise(arm.noise_nm, arm.noise_nm, level + arm.noise_nm)
     group = Group((RunRows(rows, PAYLOAD),))
     problem = Problem(_known_arm([rows], chain, arm, peak), [group], noise, coupling, [arm.known])
-    return PayloadProblem(problem, base, peak, run.interval_s)
+    return PayloadProblem(problem, chain, base, peak, run.interval_s)
 
 
 def _layout(

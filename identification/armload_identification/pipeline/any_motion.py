@@ -67,7 +67,6 @@ class SingleRun:
         motion: Its motion and torque.
         problem: The payload in it.
         recording: The whole run.
-        chain: The arm, with the tilt of its calibration.
         transmission: Calibrated gains, and coupling.
         arm: The calibrated empty arm.
     """
@@ -75,7 +74,6 @@ class SingleRun:
     motion: Motion
     problem: PayloadProblem
     recording: Recording
-    chain: Chain
     transmission: Transmission
     arm: KnownArm
 
@@ -84,9 +82,7 @@ class SingleRun:
         cls, motion: Motion, recording: Recording, chain: Chain, transmission: Transmission, arm: KnownArm
     ) -> SingleRun:
         """The entire run."""
-        return cls(
-            motion, single_problem(motion, chain, transmission.coupling, arm), recording, chain, transmission, arm
-        )
+        return cls(motion, single_problem(motion, chain, transmission.coupling, arm), recording, transmission, arm)
 
     def between(self, start_s: float, end_s: float) -> SingleRun:
         """The part from one time since the first sample up to, not including, another."""
@@ -100,25 +96,26 @@ class SingleRun:
             EstimationError: a motion that does not determine the payload's mass, naming the missing motion;
                 NothingMounted if it proves that there is no payload.
         """
-        motion, chain, transmission, arm = self.motion, self.chain, self.transmission, self.arm
+        motion, transmission, arm = self.motion, self.transmission, self.arm
         name = str(self.recording.source.path)
         quality = MotionQuality.of(motion, arm.fit.model)
         quality.require_enough(name)
         posterior = solve(self.problem.knowing(prior), rough=True)
-        plain = estimate_of(posterior, self.problem, chain, prior, arm.errors, (_model_doubts(posterior, arm),))
+        plain = estimate_of(posterior, self.problem, prior, arm.errors, (_model_doubts(posterior, arm),))
         mass_kg, floor_kg = float(plain.theta[0]), float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.theta[0]))
         one = np.eye(1, PARAMETERS)
         random_kg, all_kg = (
             NORMAL_HALF_WIDTH * float(np.sqrt(found.spread(one)[0][0]))
             for found in (replace(plain, shifts=np.zeros((0, PARAMETERS))), plain)
         )
-        refuse_nothing(plain, payload_regressor(chain, *motion.states), motion.torque_nm, FLOOR_KG, f"{name}: ")
+        regressor = payload_regressor(self.problem.chain, *motion.states)
+        refuse_nothing(plain, regressor, motion.torque_nm, FLOOR_KG, f"{name}: ")
         if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
             raise quality.undetermined(name, mass_kg, float(np.hypot(all_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
         plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
-        signal = single_signal(plain, motion, chain, transmission)
-        friction_nm = added_friction(plain, signal, chain)
-        result = completed(plain, None, signal, friction_nm, chain, transmission, self.recording)
+        signal = single_signal(plain, motion, transmission)
+        friction_nm = added_friction(plain, signal)
+        result = completed(plain, None, signal, friction_nm, transmission, self.recording)
         return result.with_notes(*notes_on(result, (self.recording,), transmission, arm))
 
 
@@ -133,7 +130,6 @@ def identify_windows(
 
     Args:
         loaded: A run of any motion.
-        chain: The arm, with the tilt of its calibration.
         transmission: Calibrated gains, and coupling.
         arm: The calibrated empty arm.
         every_s: Length of a window.

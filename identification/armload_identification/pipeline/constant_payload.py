@@ -8,7 +8,6 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.payload_change import PayloadChange, change_between_periods, change_in
 from armload_identification.estimation.payload_estimate import PayloadEstimate
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
-from armload_identification.model.chain import Chain
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phase_advance import interruptions
@@ -18,7 +17,7 @@ from armload_identification.verdict.decision_levels import PayloadChangeLevels
 
 
 def change_notes(
-    found: Identification, loaded: Recording, unloaded: Recording | None, chain: Chain, transmission: Transmission
+    found: Identification, loaded: Recording, unloaded: Recording | None, transmission: Transmission
 ) -> list[str]:
     """A note on each run during which the payload changed.
 
@@ -36,21 +35,19 @@ def change_notes(
         runs["unloaded"] = unloaded, signal.unloaded, np.zeros_like(found.plain.theta)
     notes = []
     for name, (run, motion, theta) in runs.items():
-        change = _change(run, motion, found.plain, chain, transmission)
+        change = _change(run, motion, found.plain, transmission)
         if change is not None and change.statistic > PayloadChangeLevels.statistic:
             notes.append(_note(name, run, motion, theta, change))
     return notes
 
 
-def _change(
-    run: Recording, motion: Motion, plain: PayloadEstimate, chain: Chain, transmission: Transmission
-) -> PayloadChange | None:
+def _change(run: Recording, motion: Motion, plain: PayloadEstimate, transmission: Transmission) -> PayloadChange | None:
     """The most likely change during a run."""
     if motion.periods == 1:
         return change_in(plain.posterior, PayloadChangeLevels.edge_s)
     if run.average is not None or interruptions(run):
         return None
-    return change_between_periods(PeriodDeviation.of(run, transmission), plain.arm, chain, PayloadChangeLevels.edge_s)
+    return change_between_periods(PeriodDeviation.of(run, transmission), plain.arm, PayloadChangeLevels.edge_s)
 
 
 def _note(name: str, run: Recording, motion: Motion, theta: FloatArray, found: PayloadChange) -> str:

@@ -16,7 +16,6 @@ from armload_identification.estimation.physical_consistency import PhysicalEstim
 from armload_identification.estimation.servo_sag import on_one_motion
 from armload_identification.estimation.uncertainty import Uncertainty, quantify
 from armload_identification.model.body_model import smooth_sign
-from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import payload_regressor
@@ -83,19 +82,19 @@ class Identification:
         return replace(self, notes=(*notes, *self.notes))
 
 
-def pair_signal(plain: PayloadEstimate, signal: LoadSignal, chain: Chain, transmission: Transmission) -> LoadSignal:
+def pair_signal(plain: PayloadEstimate, signal: LoadSignal, transmission: Transmission) -> LoadSignal:
     """The signal of a pair on the loaded run's motion, with the estimated gains and delay."""
     body = plain.body(1)
     signal = signal.with_torque_times(transmission.changed_by(-plain.posterior.value(GAIN)))
-    return on_one_motion(signal.with_delay(body.torque_delay_s), chain, body)
+    return on_one_motion(signal.with_delay(body.torque_delay_s), plain.arm.chain, body)
 
 
-def single_signal(plain: PayloadEstimate, motion: Motion, chain: Chain, transmission: Transmission) -> LoadSignal:
+def single_signal(plain: PayloadEstimate, motion: Motion, transmission: Transmission) -> LoadSignal:
     """The signal of a run minus the arm, with the estimated gains and delay."""
     body = plain.body(0)
     moved = motion.with_torque_times(transmission.changed_by(-plain.posterior.value(GAIN)))
     moved = moved.with_delay(body.torque_delay_s)
-    return without_body(moved, body.torque(chain, *moved.states))
+    return without_body(moved, body.torque(plain.arm.chain, *moved.states))
 
 
 def completed(
@@ -103,7 +102,6 @@ def completed(
     gains: GainFit | None,
     signal: LoadSignal,
     friction_nm: FloatArray,
-    chain: Chain,
     transmission: Transmission,
     *runs: Recording,
 ) -> Identification:
@@ -117,7 +115,7 @@ def completed(
         runs: The loaded and, if there is one, the unloaded recording.
     """
     physical = make_physical(plain)
-    regressor = payload_regressor(chain, *signal.states)
+    regressor = payload_regressor(plain.arm.chain, *signal.states)
     payload_nm = regressor @ plain.theta
     predicted_nm = regressor @ physical.parameters.theta + friction_nm
     used = transmission.gains(from_torque=runs[0].torque_nm is not None).value
@@ -142,9 +140,9 @@ def completed(
     )
 
 
-def added_friction(plain: PayloadEstimate, signal: LoadSignal, chain: Chain) -> FloatArray:
+def added_friction(plain: PayloadEstimate, signal: LoadSignal) -> FloatArray:
     """(K, n) friction of the loaded run beyond that of the arm that was subtracted, at the samples of a signal."""
-    body, velocity = plain.body(0), signal.states.velocity_rad_s
+    body, chain, velocity = plain.body(0), plain.arm.chain, signal.states.velocity_rad_s
     direction = smooth_sign(velocity, body.reversal_speed_rad_s)
     payload_nm = payload_regressor(chain, *signal.states) @ plain.theta
     of_load = body.added_friction(body.link_torque(chain, *signal.states), payload_nm, velocity)

@@ -80,7 +80,7 @@ def identify(
     with threadpool_limits(1):
         identified = _by_prior(loaded, unloaded, chain, transmission, arm)
         found = identified(None) if known is None else identified_knowing(known, identified)
-        return found.with_notes(*change_notes(found, loaded, unloaded, chain, transmission))
+        return found.with_notes(*change_notes(found, loaded, unloaded, transmission))
 
 
 def _by_prior(
@@ -124,11 +124,11 @@ def _by_difference(
             posterior, fitted = fit_gains(problem, gains, prior)
         else:
             posterior = solve(problem.knowing(prior), rough=True)
-        plain = estimate_of(posterior, problem, chain, prior, errors, gears=fitted is not None)
-        adjusted = pair_signal(plain, signal, chain, transmission)
-        added_nm = added_friction(plain, adjusted, chain)
-        refuse_contradictions(FittedPair(plain, fitted, signal, adjusted, added_nm, chain, body), columns)
-        result = completed(plain, fitted, adjusted, added_nm, chain, transmission, loaded, unloaded)
+        plain = estimate_of(posterior, problem, prior, errors, gears=fitted is not None)
+        adjusted = pair_signal(plain, signal, transmission)
+        added_nm = added_friction(plain, adjusted)
+        refuse_contradictions(FittedPair(plain, fitted, signal, adjusted, added_nm, body), columns)
+        result = completed(plain, fitted, adjusted, added_nm, transmission, loaded, unloaded)
         if misfit_notes(result):
             columns.require_right()
         return result.with_notes(*notes_on(result, (loaded, unloaded), transmission, arm, None if arm else body))

@@ -18,7 +18,6 @@ from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_estimate import PayloadEstimate
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, NoPayloadMass, RecordingError
-from armload_identification.model.chain import Chain
 from armload_identification.model.payload import DETERMINED_SHARE
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.signals.load_signal import LoadSignal
@@ -39,7 +38,6 @@ class FittedPair:
         signal: The torque difference with the assumed gains.
         adjusted: The same with the estimated ones.
         added_friction_nm: (K, n) friction that the payload adds.
-        chain: The arm.
         arm: Its body, from a calibration or from the unloaded run.
     """
 
@@ -48,13 +46,12 @@ class FittedPair:
     signal: LoadSignal
     adjusted: LoadSignal
     added_friction_nm: FloatArray
-    chain: Chain
     arm: BodyFit
 
     @cached_property
     def regressor(self) -> FloatArray:
         """(K, n, 10) columns of the payload."""
-        return payload_regressor(self.chain, *self.signal.states)
+        return payload_regressor(self.plain.arm.chain, *self.signal.states)
 
     @cached_property
     def friction_nm(self) -> FloatArray:
@@ -166,7 +163,7 @@ def _refuse_strange_scales(fit: FittedPair) -> None:
     if not fit.determined:
         return
     signal = fit.adjusted
-    payload_nm = payload_regressor(fit.chain, *signal.states) @ fit.plain.theta
+    payload_nm = payload_regressor(fit.plain.arm.chain, *signal.states) @ fit.plain.theta
     size_nm = np.sqrt(np.mean(payload_nm[signal.valid] ** 2, axis=0))
     scales = joint_scales(signal, payload_nm, fit.added_friction_nm)
     check_scales(scales, size_nm, fit.friction_nm, signal.loaded.moves)

@@ -187,7 +187,7 @@ def test_errors_of_a_calibration_move_the_payload_as_shifted_values_do(pinocchio
     given = Noise.given(arm.noise_nm, np.ones(6))
     problem = replace(problem, problem=replace(problem.problem, noise=given))
     before = solve(problem.problem, rough=True)
-    plain = estimate_of(before, problem, level, None, arm.errors)
+    plain = estimate_of(before, problem, None, arm.errors)
     deviation = np.sqrt(np.diag(plain.covariance))
     assert len(plain.considered) == len(arm.errors)
     for error in np.argsort(-np.linalg.norm(plain.considered / deviation, axis=1))[:5]:

@@ -39,12 +39,12 @@ def flipped(run, joints):
 def solved(signal, arm):
     """The payload of a pair with held gains, without any check."""
     problem = pair_problem(signal, arm.chain, arm.transmission.coupling, None)
-    return estimate_of(solve(problem.problem, rough=True), problem, arm.chain, None, np.zeros((0, 6)))
+    return estimate_of(solve(problem.problem, rough=True), problem, None, np.zeros((0, 6)))
 
 
-def require_consistent(plain, gains, signal, chain, friction_nm):
+def require_consistent(plain, gains, signal, friction_nm):
     """The checks of a payload against its runs, with another friction of the arm."""
-    fit = FittedPair(plain, gains, signal, signal, np.zeros_like(signal.torque_nm), chain, None)
+    fit = FittedPair(plain, gains, signal, signal, np.zeros_like(signal.torque_nm), None)
     fit.__dict__["friction_nm"] = friction_nm
     for check in CONTRADICTIONS[:-1]:
         check(fit)
@@ -119,7 +119,7 @@ def test_a_sign_that_only_the_payload_reveals_is_found(signal, pinocchio_arm):
     sign = np.where(np.arange(6) == 5, -1.0, 1.0)
     spoiled = signal.with_torque_times(np.diag(sign))
     with pytest.raises(RecordingError, match=r"joint 6 .*payload torque that the other joints imply.* flipped"):
-        require_consistent(solved(spoiled, pinocchio_arm), as_assumed(6), spoiled, pinocchio_arm.chain, np.ones(6))
+        require_consistent(solved(spoiled, pinocchio_arm), as_assumed(6), spoiled, np.ones(6))
 
 
 @pytest.mark.parametrize(
@@ -172,9 +172,9 @@ def test_a_joint_is_judged_by_others_only_if_they_imply_its_torque(pair, pinocch
         plain = solved(signal, pinocchio_arm)
         if signal is small and friction_nm < 1.0:
             with pytest.raises(EstimationError, match="joint 6 contradicts"):
-                require_consistent(plain, as_assumed(6), signal, pinocchio_arm.chain, np.full(6, friction_nm))
+                require_consistent(plain, as_assumed(6), signal, np.full(6, friction_nm))
         else:
-            require_consistent(plain, as_assumed(6), signal, pinocchio_arm.chain, np.full(6, friction_nm))
+            require_consistent(plain, as_assumed(6), signal, np.full(6, friction_nm))
 
 
 def test_a_scale_is_refused_only_far_beyond_its_interval_and_only_in_motion():
