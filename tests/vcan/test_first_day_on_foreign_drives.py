@@ -9,16 +9,14 @@ import re
 import signal
 import subprocess
 import time
-from pathlib import Path
 
 import pytest
 
 from benchmarks.arms.drafted_arm import drafted_urdf
+from tests.first_day import needs_page, page_commands
 from tests.foreign_drives import DRIVES, ForeignDrives
 from tests.started_programs import armload_before_others
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "first-day.md"
 FIRST_NODE, TORQUE_LIMIT_PERMILLE = 3, 2500
 SIMULATED = {"1018:1": "0x41524D4C", "1018:2": "0x53494D01"}
 FILLED_IN = {"feedback": '"torque"', "max_torque_permille": str(TORQUE_LIMIT_PERMILLE), "has_brake": "true"}
@@ -28,7 +26,7 @@ ARMLOAD = armload_before_others()
 pytestmark = [
     pytest.mark.vcan,
     pytest.mark.skipif(not DRIVES.is_file(), reason="canopen-drives is not beside this checkout"),
-    pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout: the documentation is not installed"),
+    needs_page,
 ]
 
 
@@ -49,8 +47,7 @@ def drives(tmp_path):
 
 def page_command(beginning):
     """The page's first command that begins with these words, for this bus."""
-    commands = re.findall(r"^ +\$ armload (.*)$", PAGE.read_text("utf-8"), re.MULTILINE)
-    found = next(words for words in commands if words.startswith(beginning))
+    found = next(words for words in page_commands() if words.startswith(beginning))
     return found.replace("socketcan:can0", "socketcan:vcan0").split()
 
 

@@ -1,8 +1,8 @@
 """The page of the first day: short, numbered, and followed word by word on a simulated arm, interrupted at every step.
 
 The arm is er50, whose file has no `[body]`, in virtual time: empty and loaded session, verdict, calibration, and the
-payload's torque in the drives. `tests/vcan` has the page against drives on another CANopen stack, and interruptions
-between processes.
+payload's torque in the drives. `tests/vcan` has the page between processes, and against drives on another CANopen
+stack.
 """
 
 import json
@@ -10,10 +10,7 @@ import re
 import signal
 import subprocess
 import sys
-from importlib import resources
-from pathlib import Path
 
-import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
@@ -23,25 +20,19 @@ from armload_drivers.cia402.state_machine import POWERED
 from armload_drivers.cyclic.cyclic_servos import CyclicServos
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import FROZEN
-from armload_identification.excitation.excitation_file import write_excitation
-from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.files.calibration_file import read_calibration
 from armload_identification.files.payload_file import read_payload
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.run_format import LATENESS_ATTACHMENT
 from tests.faulty_disk import FaultyDisk
+from tests.first_day import PAGE, needs_page, page_commands, write_arm
 from tests.short_commissioning import RECORDINGS
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "first-day.md"
-pytestmark = pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout: the documentation is not installed")
+pytestmark = needs_page
 ON_A_BUS = ("drives scan", "init", "drives show")
 """Commands that need a bus, a URDF or a person."""
 ROWS = 20
 """After so many rows, or cycles, something happens."""
-
-
-def page_commands():
-    return re.findall(r"^ +\$ armload (.*)$", PAGE.read_text("utf-8"), re.MULTILINE)
 
 
 def test_the_page_is_short_and_its_steps_are_numbered_with_one_command_each():
@@ -169,13 +160,7 @@ INTERRUPTIONS = {
 def day(armload, tmp_path, monkeypatch):
     """er50 at 50 Hz with excitations of 8 s."""
     monkeypatch.chdir(tmp_path)
-    text = (resources.files("armload_configs") / "er50.toml").read_text("utf-8")
-    assert "[body" not in text
-    (tmp_path / "arm.toml").write_text(re.sub(r"^cycle_hz = \d+", "cycle_hz = 50", text, flags=re.MULTILINE))
-    offset, reach = np.array([0.0, 0.3, 0.6, 0.0, 0.0, 0.0]), np.array([[0.2], [0.2], [0.2], [0.3], [0.44], [0.6]])
-    for seed, role in enumerate(("identification", "validation")):
-        swing = reach * np.random.default_rng(seed).choice([-1.0, 1.0], (2, 6, 2)) / np.array([1.0, 2.0])
-        write_excitation(tmp_path / f"er50_{role}.toml", Excitation(FourierTrajectory(0.25, offset, *swing), 2))
+    write_arm(tmp_path, 4.0, 2, cycle_hz=50)
     return Day(tmp_path, armload, monkeypatch)
 
 
