@@ -35,7 +35,7 @@ def folder(tmp_path_factory):
     text = re.sub(r'^(identification|validation) = ".*"$', r'\1 = "sweep.toml"', text, flags=re.MULTILINE)
     (folder / "prbt.toml").write_text(text.replace("cycle_hz = 100.0", "cycle_hz = 50.0"))
     shipped = load_robot("prbt").excitations["identification"].trajectory
-    write_excitation(folder / "long.toml", Excitation(shipped, 2))
+    write_excitation(folder / "long.toml", Excitation(replace(shipped, base_frequency_hz=0.1), 2))
     body = load_robot("prbt").simulation.payload("block")
     values = np.stack([body.values, body.values], axis=1)
     known = np.ones(10, dtype=bool)
