@@ -106,7 +106,7 @@ def evaluate(
         calibration=plan.calibration,
         known=plan.known,
         tolerance=tolerance,
-        **vars(plan.drift),
+        drift=plan.drift,
     )
     truth = arm.simulation.payload(arm.simulation.payload_name) if arm.bus.in_virtual_time else None
     findings = replace(findings, truth=truth).with_validation_in_provenance()
