@@ -180,7 +180,7 @@ def _more_periods(session: RunSession, name: str, path: CheckedPath, plan: Commi
     empty = recording_path(plan.directory, SessionLoad.UNLOADED, ROLES[0])
     runs = (read_of(robot, file) for file in (run.partial, empty))
     try:
-        found = identify(robot, *runs, calibration=plan.calibration, known=plan.known, **vars(plan.drift))
+        found = identify(robot, *runs, calibration=plan.calibration, known=plan.known, drift=plan.drift)
     except IdentificationError as error:
         session.display.step(f"{name}: no more periods are asked for: {error}")
         return ""
