@@ -34,7 +34,7 @@ from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.bring_up.drive_check import Verdict, check
 from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import DriverError
 from armload_drivers.servos import JointCommand

@@ -14,7 +14,7 @@ import numpy as np
 import armload
 from armload_core.arrays import FloatArray
 from armload_identification.numerals import NO_BREAK
-from armload_identification.report.parameters import mass_card
+from armload_identification.report.payload_in_words import mass_card
 from armload_identification.results.findings import Findings
 from benchmarks.canopen_runs import watch_picture
 

@@ -11,7 +11,7 @@ from armload_drivers.bring_up.drive_check import reset
 from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import Identity, VendorObject
-from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.driver_errors import (

@@ -11,7 +11,7 @@ from armload_drivers.bring_up.drive_check import reset
 from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.device_description import parse_description
+from armload_drivers.cia402.eds_parser import parse_description
 from armload_drivers.cia402.object_dictionary import NmtState
 from armload_drivers.cia402.state_machine import State, decode
 from armload_drivers.cia402.timeouts import Timeouts

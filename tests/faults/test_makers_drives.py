@@ -12,8 +12,8 @@ import pytest
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import EffortFeedback as Effort
 from armload_drivers.cia402.arm_settings import Fieldbus, FixedPdo, Identity, OperationMode, VendorObject, VendorSetting
-from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.drive_safety import SAFETY_KEYS
+from armload_drivers.cia402.eds_parser import parse_description
 from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
 from armload_drivers.driver_errors import DescriptionError, MissingSafety, ServoError, WrongDevice
 from armload_drivers.servos import JointCommand

@@ -17,8 +17,8 @@ from armload_core.arrays import FloatArray
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import ArmSettings, Fieldbus
 from armload_drivers.cia402.bus_budget import require_room
-from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.drive_safety import Safety
+from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.driver_errors import BusOverload, DescriptionError
 from armload_identification.signals.joint_torque import Transmission
 

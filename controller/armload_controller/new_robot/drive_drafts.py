@@ -11,8 +11,8 @@ from armload_controller.control_errors import ConfigurationError
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import Identity, OperationMode
-from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.drive_safety import Safety, has_a_way
+from armload_drivers.cia402.eds_parser import DeviceDescription
 
 _WIDE_BITS = 32
 

@@ -34,7 +34,7 @@ from armload_drivers.bus.sync_sources import TimerSync
 from armload_drivers.canopen.canopen_inspection import find_nodes
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
-from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.driver_errors import BusError
 from armload_drivers.ethercat.ethercat_inspection import find_drives
 from armload_drivers.ethercat.ethercat_line import open_line

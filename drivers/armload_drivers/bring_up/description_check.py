@@ -7,8 +7,8 @@ missing torque offset, for example, is reported here before anyone goes to the c
 from __future__ import annotations
 
 from armload_drivers.cia402.arm_settings import DriveSettings
-from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.drive_safety import Safety, has_a_way
+from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
 from armload_drivers.cia402.process_data.process_image import drive_image
 

@@ -1,11 +1,11 @@
-"""Reads the file of a device description; `cia402.device_description` parses it."""
+"""Reads the file of a device description; `cia402.eds_parser` parses it."""
 
 from __future__ import annotations
 
 import stat
 from pathlib import Path
 
-from armload_drivers.cia402.device_description import LARGEST_BYTES, DeviceDescription, parse_description
+from armload_drivers.cia402.eds_parser import LARGEST_BYTES, DeviceDescription, parse_description
 from armload_drivers.driver_errors import DescriptionError
 
 

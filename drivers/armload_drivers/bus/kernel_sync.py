@@ -32,8 +32,9 @@ from pathlib import Path
 from typing import Protocol
 
 from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.bus.sync_sources import FEEDBACK_SHARE, Clock, SyncTick, sync_data
+from armload_drivers.bus.sync_sources import Clock, SyncTick, sync_data
 from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
+from armload_drivers.cia402.timeouts import FEEDBACK_SHARE
 from armload_drivers.driver_errors import BusError, ForeignMaster
 
 CREDIT = 2

@@ -16,18 +16,16 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Protocol
 
 import can
 
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
+from armload_drivers.cia402.timeouts import FEEDBACK_SHARE
 
 Clock = Callable[[], float]
 """Returns a monotonic time in seconds."""
-
-FEEDBACK_SHARE: Final = 0.6
-"""Share of the cycle that feedback may take; the rest is left to the caller."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from enum import Enum, IntEnum
 
 from armload_core.arrays import FloatArray
-from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
 
 NODE_IDS = frozenset(range(1, 128))

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
+
+FEEDBACK_SHARE: Final = 0.6
+"""Share of the cycle in which the drives' feedback is waited for; the rest is left to the caller."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -180,6 +180,53 @@ class Contradiction:
     """
 
 
+class Health:
+    """One run beside a calibration (`run_health`)."""
+
+    gain: Final = 0.10
+    """[1] Prior standard deviation of a gain's change since the calibration.
+
+    Origin: prior, not measured: a magnet or a sensor that lost a tenth.
+    Factor of two: UR10e, eight runs of other days: twice: gains by up to 1.3 %, their noise by +7 %; half: gains by up
+        to 2.5 %, their noise by -17 %.
+    """
+
+    loose: Final = 10.0
+    """[1] Prior standard deviation of a change of friction, in multiples of the usual one.
+
+    Origin: prior: wide enough not to matter.
+    Factor of two: twice: gains by up to 0.2 %; half: gains by up to 0.7 %, friction by up to 0.03 N m.
+    """
+
+    fewest_rows: Final = 20
+    """[1] Rows in motion of a moving joint.
+
+    Origin: prior, not measured: 2 s.
+    Factor of two: either way: nothing.
+    """
+
+    window_s: Final = 60.0
+    """[s] Length of a window of friction over time.
+
+    Origin: prior, not measured: gears warm up in minutes.
+    Factor of two: either way: as many or as few windows.
+    """
+
+    most_windows: Final = 30
+    """[1] Most windows of a long run, which are then longer.
+
+    Origin: cost.
+    Factor of two: either way: as many or as few windows of runs over half an hour.
+    """
+
+    fewest_windows: Final = 3
+    """[1] Windows from which friction over time is given.
+
+    Origin: mathematics: fewer show no course.
+    Factor of two: twice: runs of 3 to 6 min have no course; half: those of 1 min have one.
+    """
+
+
 class OtherMounting:
     """An arm that is mounted or turned in another way than configured (`mounting_mistakes`)."""
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
+from armload_identification.calibration.calibration_constants import Health
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows, run_signals
 from armload_identification.estimation.arm_terms import (
@@ -44,17 +44,6 @@ from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.verdict.recording_checks.usable_runs import require_usable
-
-_GAIN: Final = 0.10
-"""Prior standard deviation of a gain's change."""
-
-_LOOSE: Final = 10.0
-"""Prior standard deviation of a change of friction, in multiples of the usual one."""
-_LEAST_ROWS: Final = 20
-"""Least number of rows in motion of a moving joint."""
-_WINDOW_S: Final = 60.0
-_MOST_WINDOWS: Final = 30
-_LEAST_WINDOWS: Final = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,15 +146,17 @@ class _RunFit:
         self._rows = arm_rows(signals, chain, body.coupling, body.base.ravel(), peak, loaded=loaded)
         time_s = self._rows.time_s
         self._apart_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
-        self._moved = np.count_nonzero(self._rows.weight > Solver.moving, axis=0) >= _LEAST_ROWS
+        self._moved = np.count_nonzero(self._rows.weight > Solver.moving, axis=0) >= Health.fewest_rows
         if not self._moved.any():
             raise EstimationError(f"{signals.name}: no joint moves long enough to determine gain or friction")
         nominal = np.log(calibration.nominal / calibration.gain_nm_a)
-        gain = Term(GAIN, Scope.ARM, LAWS[GAIN], nominal, np.full(calibration.n, _GAIN), "a drive that was exchanged")
+        gain = Term(
+            GAIN, Scope.ARM, LAWS[GAIN], nominal, np.full(calibration.n, Health.gain), "a drive that was exchanged"
+        )
         payload = payload_term(np.zeros(PARAMETERS), payload_scale(calibration.level_nm), "what the arm may carry")
         if loaded and self._carried is not None:
             payload = payload_term(known[self._carried], np.zeros(PARAMETERS), "the calibration")
-        self._changes = own_friction(_LOOSE * calibration.drift.ravel(), "ten times the usual changes")
+        self._changes = own_friction(Health.loose * calibration.drift.ravel(), "ten times the usual changes")
         arm = [gain if term.name == GAIN else term for term in calibration.arm_terms()]
         self._found = self._solved([*arm, payload, self._changes], self._rows)
 
@@ -252,8 +243,8 @@ class _RunFit:
         """Friction by windows of a long run, with the gains and the payload of the entire run."""
         elapsed, calibration, found = self._rows.time_s, self._calibration, self._found
         length_s = float(elapsed[-1] - elapsed[0])
-        count = min(int(length_s / _WINDOW_S), _MOST_WINDOWS)
-        if self._signals.periodic or count < _LEAST_WINDOWS:
+        count = min(int(length_s / Health.window_s), Health.most_windows)
+        if self._signals.periodic or count < Health.fewest_windows:
             return None
         edges = elapsed[0] + np.linspace(0.0, length_s, count + 1)
         window = np.clip(np.searchsorted(edges, elapsed, side="right") - 1, 0, count - 1)
@@ -266,6 +257,6 @@ class _RunFit:
             rows = self._rows.only(window == number)
             part = self._solved(terms, rows)
             change, deviation = self._friction(part)
-            fast = np.count_nonzero(rows.weight > Solver.moving, axis=0) >= _LEAST_ROWS
+            fast = np.count_nonzero(rows.weight > Solver.moving, axis=0) >= Health.fewest_rows
             friction[number, fast], noise[number, fast] = change[fast], deviation[fast]
         return FrictionOverTime(0.5 * (edges[1:] + edges[:-1]), friction, noise)

@@ -28,7 +28,7 @@ from armload_identification.report.figures.center_figure import FLANGE_MM, cente
 from armload_identification.report.joints import JointRow, joint_rows
 from armload_identification.report.next_steps import next_steps
 from armload_identification.report.page import rendered, write_page
-from armload_identification.report.parameters import (
+from armload_identification.report.payload_in_words import (
     compared_rows,
     half_widths,
     headline,

@@ -102,7 +102,7 @@ def commission(
     from armload_controller.analysis.stated_drift import StatedDrift
     from armload_controller.cli.keyboard import Keyboard
     from armload_controller.cli.output.findings_output import show_findings
-    from armload_controller.cli.output.result_documents import half_document
+    from armload_controller.cli.output.json_documents import half_document
     from armload_controller.cli.screen import Screen
     from armload_controller.session.arm_access import require_rules
     from armload_controller.session.commissioning import CommissioningPlan, missing_roles, require_recordings

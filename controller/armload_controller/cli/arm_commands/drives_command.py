@@ -57,7 +57,7 @@ def scan_command(
     ethercat:eth1 lists the drives of an EtherCAT line, which are put in PREOP; refused if another master is heard.
     """
     from armload_controller.cli.output.drive_result_tables import found_table
-    from armload_controller.cli.output.result_documents import nodes_document
+    from armload_controller.cli.output.json_documents import nodes_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.session.arm_access import nodes_on
@@ -98,7 +98,7 @@ def check_command(
 ) -> None:
     """Perform bring-up short of enabling, and check the safety properties. Resets and configures the arm's nodes."""
     from armload_controller.cli.output.drive_result_tables import check_table, safety_table
-    from armload_controller.cli.output.result_documents import checks_document
+    from armload_controller.cli.output.json_documents import checks_document
     from armload_controller.cli.screen import Screen
     from armload_drivers.bring_up.drive_check import Verdict, check
 
@@ -161,7 +161,7 @@ def show_command(
 ) -> None:
     """Show state, position and effort of every drive, and the bus load, until Ctrl-C. Only reads."""
     from armload_controller.cli.output.drive_result_tables import bus_line, status_table
-    from armload_controller.cli.output.result_documents import status_document
+    from armload_controller.cli.output.json_documents import status_document
     from armload_controller.cli.screen import Screen
     from armload_controller.session.stop_signals import StopSignals
 
@@ -188,7 +188,7 @@ def reset_command(
     as_json: JsonOption = False,
 ) -> None:
     """Reset the fault of one drive, once its cause is removed. On a real arm, asks first. Nothing is enabled."""
-    from armload_controller.cli.output.result_documents import reset_document
+    from armload_controller.cli.output.json_documents import reset_document
     from armload_controller.cli.screen import Screen
     from armload_drivers.bring_up.drive_check import reset
 
@@ -214,7 +214,7 @@ def store_command(
     as_json: JsonOption = False,
 ) -> None:
     """Store the present settings of the arm's drives in their memory (1010). On a real arm, asks first."""
-    from armload_controller.cli.output.result_documents import stored_document
+    from armload_controller.cli.output.json_documents import stored_document
     from armload_controller.cli.screen import Screen
     from armload_drivers.bring_up.drive_store import store
 
@@ -246,7 +246,7 @@ def assign_command(
     as_json: JsonOption = False,
 ) -> None:
     """Give a node its node id, and a bit rate, by layer setting services (LSS). Asks first."""
-    from armload_controller.cli.output.result_documents import assigned_document
+    from armload_controller.cli.output.json_documents import assigned_document
     from armload_controller.cli.screen import Screen
     from armload_controller.session.arm_access import open_bus
     from armload_drivers.canopen.lss_master import BIT_TIMINGS

@@ -40,7 +40,7 @@ def feedforward_compare(
     calibrated gains, and there are two more runs: with the friction that the payload causes in the gears, and with all
     of the arm's own torque.
     """
-    from armload_controller.cli.output.result_documents import feedforward_document
+    from armload_controller.cli.output.json_documents import feedforward_document
     from armload_controller.session.comparison_figure import require_picture
 
     arm = options.arm()

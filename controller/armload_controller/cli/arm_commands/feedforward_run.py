@@ -46,7 +46,7 @@ def feedforward_run(
 
     Ctrl-C, SIGTERM and a lost terminal bring the arm to rest and remove its torque, as for `commission`.
     """
-    from armload_controller.cli.output.result_documents import feedforward_document
+    from armload_controller.cli.output.json_documents import feedforward_document
 
     require_one_kind(payload, expect)
     arm = options.arm()

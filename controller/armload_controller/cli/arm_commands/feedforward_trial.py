@@ -22,7 +22,7 @@ def feedforward_trial(
 
     Nothing moves. With a calibration of the arm, torque is scaled by the calibrated gains.
     """
-    from armload_controller.cli.output.result_documents import feedforward_document
+    from armload_controller.cli.output.json_documents import feedforward_document
     from armload_controller.session.run_session import SessionLoad
 
     arm = options.arm()

@@ -69,7 +69,7 @@ def export(
     component include the payload's friction in the gears, and the C source also the recursive estimator.
     """
     from armload_controller.analysis import robot_export
-    from armload_controller.cli.output.result_documents import export_document
+    from armload_controller.cli.output.json_documents import export_document
     from armload_controller.cli.screen import Screen
 
     screen = Screen(as_json=as_json)

@@ -55,7 +55,7 @@ def init(
     as_json: JsonOption = False,
 ) -> None:
     """Write a first robot file, complete except for values that only you can know, and design its two excitations."""
-    from armload_controller.cli.output.result_documents import init_document
+    from armload_controller.cli.output.json_documents import init_document
     from armload_controller.cli.screen import Screen
     from armload_controller.control_errors import CommissioningError, ConfigurationError
     from armload_controller.new_robot.arm_draft import named

@@ -23,8 +23,8 @@ from armload_drivers.cia402.arm_settings import (
     VendorObject,
     VendorSetting,
 )
-from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.drive_safety import SAFETY_KEYS, property_of
+from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
 from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_identification.storage.strict_toml import BadValue, Table

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, DriveSettings, Identity
-from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.cia402.object_dictionary import Access, DataType, Entry
 from armload_drivers.cia402.process_data.drive_units import AxisUnits, milliseconds
 from armload_drivers.cia402.process_data.process_image import effort_entry, offset_entry, temperature_entry

@@ -10,7 +10,7 @@ import numpy as np
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings
-from armload_drivers.cia402.device_description import DATA_TYPES
+from armload_drivers.cia402.eds_parser import DATA_TYPES
 from armload_drivers.cia402.object_dictionary import Access, DataType, Entry, Mappable
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.sdo_server import Dictionary

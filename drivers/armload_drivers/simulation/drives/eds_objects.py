@@ -26,7 +26,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.device_description import DescribedObject, DeviceDescription
+from armload_drivers.cia402.eds_parser import DescribedObject, DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
 from armload_drivers.driver_errors import DescriptionError
 from armload_drivers.simulation.drives.sdo_server import Dictionary

@@ -16,7 +16,7 @@ import numpy as np
 
 from armload_identification.model.payload import PayloadResult
 from armload_identification.numerals import NO_BREAK, numeral
-from armload_identification.report.parameters import half_widths
+from armload_identification.report.payload_in_words import half_widths
 
 FLANGE_MM: Final = 63.0
 """Diameter of the drawn plate: a common flange, ISO 9409-1."""

@@ -18,7 +18,7 @@ from armload_controller.new_robot.payload_draft import tool_sphere
 from armload_controller.new_robot.workspace_draft import workspace_of_urdf
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
-from armload_drivers.cia402.device_description import parse_description
+from armload_drivers.cia402.eds_parser import parse_description
 from armload_drivers.simulation.drives.drive_eds import drive_eds
 from armload_identification.model.chain import pose_from_xyz_rpy, rpy_rad
 from armload_identification.model.dynamics import ArmDynamics

@@ -7,8 +7,8 @@ import pytest
 from armload_drivers.bring_up.description_check import description_gaps
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import EffortFeedback, OperationMode, VendorObject
-from armload_drivers.cia402.device_description import DescribedObject, DeviceDescription
 from armload_drivers.cia402.drive_safety import Safety
+from armload_drivers.cia402.eds_parser import DescribedObject, DeviceDescription
 from armload_drivers.cia402.object_dictionary import Access, DataType, Mappable
 
 MAPPED = {0x6040: 16, 0x607A: 32, 0x60B2: 16, 0x6041: 16, 0x6064: 32, 0x6078: 16}

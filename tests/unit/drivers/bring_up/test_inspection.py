@@ -11,8 +11,8 @@ from armload_drivers.bring_up.drive_check import Verdict, check, reset
 from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 from armload_drivers.canopen.canopen_inspection import find_nodes, show
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, VendorObject
-from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.drive_safety import Safety
+from armload_drivers.cia402.eds_parser import parse_description
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts

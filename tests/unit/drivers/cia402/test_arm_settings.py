@@ -3,7 +3,7 @@
 import pytest
 
 from armload_drivers.cia402.arm_settings import Identity
-from armload_drivers.cia402.device_description import parse_description
+from armload_drivers.cia402.eds_parser import parse_description
 from tests.drive_descriptions import eds, maker_drive
 
 NONE, OWN, DESCRIBED = Identity(None, None), Identity(0x0000_00AB, 0x5678), Identity(0x02DC, 0x1234)

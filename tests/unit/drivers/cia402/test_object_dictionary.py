@@ -3,7 +3,7 @@
 import pytest
 
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.device_description import parse_description
+from armload_drivers.cia402.eds_parser import parse_description
 from armload_drivers.cia402.object_dictionary import DataType, Entry, Mappable, PdoDirection
 from tests.drive_descriptions import eds, maker_drive
 

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
-from armload_drivers.cia402.device_description import parse_description
+from armload_drivers.cia402.eds_parser import parse_description
 from armload_drivers.driver_errors import DescriptionError, DriverError
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from tests.drive_descriptions import eds, maker_drive

@@ -7,7 +7,7 @@ import pytest
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, VendorObject
-from armload_drivers.cia402.device_description import parse_description
+from armload_drivers.cia402.eds_parser import parse_description
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drive_eds import drive_eds

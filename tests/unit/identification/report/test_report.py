@@ -27,7 +27,7 @@ from armload_identification.report.figures.center_figure import center_views
 from armload_identification.report.figures.joint_figures import thin_out, torque_figure
 from armload_identification.report.next_steps import next_steps
 from armload_identification.report.page import _typeset
-from armload_identification.report.parameters import headline, parameter_rows
+from armload_identification.report.payload_in_words import headline, parameter_rows
 from armload_identification.report.provenance import file_rows
 from armload_identification.report.report import render_report, write_report
 from armload_identification.report.report_content import ReportContent, ReportSubject

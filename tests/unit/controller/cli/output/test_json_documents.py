@@ -25,7 +25,7 @@ from armload_controller.cli.output.fleet_output import (
     fleet_document,
     fleet_report_document,
 )
-from armload_controller.cli.output.result_documents import (
+from armload_controller.cli.output.json_documents import (
     feedforward_document,
     half_document,
     init_document,

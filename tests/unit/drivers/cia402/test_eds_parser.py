@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.device_description import LARGEST_BYTES, MOST_WARNINGS, parse_description
+from armload_drivers.cia402.eds_parser import LARGEST_BYTES, MOST_WARNINGS, parse_description
 from armload_drivers.driver_errors import DescriptionError
 
 pytestmark = pytest.mark.pure
