@@ -294,7 +294,7 @@ class TimedRun:
             states=JointStates(*(spline(grid.elapsed_s, order) for order in range(3))),
             raw_nm=raw,
             torque_nm=smoothed,
-            valid=apart_s <= LowPass.hole / grid.cutoff_hz,
+            valid=apart_s <= max(LowPass.hole / grid.cutoff_hz, LowPass.uneven * grid.interval_s),
             noise_nm=noise,
             # Interpolation averages two samples, which reduces their noise.
             averaged_noise_nm=noise * np.sqrt(np.mean((1.0 - share) ** 2 + share**2)),

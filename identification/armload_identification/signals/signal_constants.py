@@ -245,6 +245,12 @@ class LowPass:
     Origin: sampling; four samples per period of the highest frequency that passes.
     Factor of two: twice: 1 test fails; half: nothing.
     """
+    uneven: Final = 1.5
+    """[1] Distance of samples, in their usual one, up to which none is missing.
+
+    Origin: mathematics; halfway to one that is missing.
+    Factor of two: twice: nothing; half: 1 test fails: fast motion at 50 Hz loses samples to rounding of their stamps.
+    """
 
 
 class SampleNoise:

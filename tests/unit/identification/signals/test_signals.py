@@ -17,6 +17,7 @@ from armload_identification.signals.joint_torque import Transmission, gain_share
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER, TimedRun, motion_of
 from armload_identification.signals.periods import fold
+from armload_identification.signals.signal_constants import LowPass
 
 pytestmark = pytest.mark.pure
 
@@ -331,6 +332,15 @@ def test_both_runs_go_through_the_same_filter(pinocchio_arm, with_phase):
         cutoff_hz = low_pass_cutoff(signal.states.velocity_rad_s, signal.interval_s)
         filtered = low_pass(signal.raw_nm, signal.interval_s, cutoff_hz)
     np.testing.assert_allclose(signal.torque_nm, filtered, atol=1e-9)
+
+
+def test_stamps_with_jitter_leave_no_gap_where_the_motion_is_as_fast_as_the_samples_allow(pinocchio_arm):
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(), True, seed=63, cycle_s=0.1, with_phase=False)
+    jitter_s = 0.005 * np.random.default_rng(63).uniform(-1.0, 1.0, run.size)
+    motion = motion_of(replace(run, time_s=run.time_s + jitter_s), pinocchio_arm.transmission)
+    cutoff_hz = low_pass_cutoff(motion.states.velocity_rad_s, motion.interval_s)
+    assert cutoff_hz == pytest.approx(LowPass.highest_of_rate / motion.interval_s)
+    assert motion.valid.all()
 
 
 @pytest.mark.parametrize("periods", [(1, 1), (3, 1), (1, 3)])

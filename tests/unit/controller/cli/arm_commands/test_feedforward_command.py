@@ -34,8 +34,8 @@ def folder(tmp_path_factory):
     text = (resources.files("armload_configs") / "prbt.toml").read_text("utf-8")
     text = re.sub(r'^(identification|validation) = ".*"$', r'\1 = "sweep.toml"', text, flags=re.MULTILINE)
     (folder / "prbt.toml").write_text(text.replace("cycle_hz = 100.0", "cycle_hz = 50.0"))
-    shipped = load_robot("prbt").excitations["identification"].trajectory
-    write_excitation(folder / "long.toml", Excitation(replace(shipped, base_frequency_hz=0.1), 2))
+    for role, shipped in load_robot("prbt").excitations.items():
+        write_excitation(folder / f"{role}.toml", Excitation(shipped.trajectory, 2))
     body = load_robot("prbt").simulation.payload("block")
     values = np.stack([body.values, body.values], axis=1)
     known = np.ones(10, dtype=bool)
@@ -73,20 +73,21 @@ def test_the_payloads_share_of_the_following_error_falls(compared, folder):
 
 @pytest.fixture(scope="module")
 def calibrated(armload, folder):
-    """The comparison with the arm calibrated from its empty run."""
+    """The comparison with the arm calibrated from its empty runs."""
     robot = load_robot(str(folder / "prbt.toml"))
-    with (
-        simulated_arm(robot, SessionLoad.UNLOADED) as servos,
-        Recorder(folder / "empty.mcap", recorded_with(folder)) as kept,
-    ):
+    runs = [folder / f"empty_{role}.mcap" for role in robot.excitations]
+    with simulated_arm(robot, SessionLoad.UNLOADED) as servos:
         servos.connect()
-        limits = robot.limits.motion
-        cycle = Cycle(servos, limits, TorqueGate(robot.limits.torque_max_nm, 0.02), MotionControl(), [kept])
-        path = check_path(
-            read_excitation(folder / "long.toml"), robot.motion_constraints, 0.02, file="long.toml", key="excitation"
-        )
-        run_leg(cycle, path, path.measured, lambda done: None)
-    found = armload("calibrate", folder / "prbt.toml", folder / "empty.mcap", "-o", folder / "arm.toml")
+        for role, file in zip(robot.excitations, runs, strict=True):
+            excitation = folder / f"{role}.toml"
+            path = check_path(
+                read_excitation(excitation), robot.motion_constraints, 0.02, file=excitation.name, key="excitation"
+            )
+            with Recorder(file, recorded_with(excitation)) as kept:
+                gate = TorqueGate(robot.limits.torque_max_nm, 0.02)
+                cycle = Cycle(servos, robot.limits.motion, gate, MotionControl(), [kept])
+                run_leg(cycle, path, path.measured, lambda done: None)
+    found = armload("calibrate", folder / "prbt.toml", *runs, "-o", folder / "arm.toml")
     assert found.exit_code == 0, found.output
     words = ["feedforward", "compare", folder / "prbt.toml", folder / "payload.toml", "--mounted", "block"]
     words += ["--calibration", folder / "arm.toml"]
@@ -95,9 +96,9 @@ def calibrated(armload, folder):
     return result.output
 
 
-def recorded_with(folder):
+def recorded_with(excitation):
     return {
-        "excitation.toml": (folder / "long.toml").read_text(),
+        "excitation.toml": excitation.read_text(),
         "run.json": '{"robot": "prbt", "load": "unloaded", "cycle_hz": 50}',
     }
 
