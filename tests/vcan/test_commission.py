@@ -146,7 +146,7 @@ def test_commissioning_and_feed_forward_on_two_buses(robot_on_two_buses, tmp_pat
         done = armload(*words, *TWO_BUSES, "--simulated-drives", "--yes")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "SYNC reached the last bus" in done.stdout
-    assert re.search(r"torque offset trial at standstill, response: joint_2 \d+ %.*joint_5 \d+ %", done.stdout)
+    assert re.search(r"torque offset trial at standstill, response: joint_2 \d+ %.*joint_6 \d+ %", done.stdout)
 
 
 def test_a_bus_without_simulated_drives_is_refused(short_robot, tmp_path):
