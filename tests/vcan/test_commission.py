@@ -1,4 +1,4 @@
-"""A commissioning between processes on two real SocketCAN interfaces: `simulate` in one, `commission` in the other.
+"""A commissioning between processes on real SocketCAN interfaces: `simulate` in one, `commission` in the other.
 
 Test machines are busy, and the two processes share one CPU here. Therefore the cycle is slow, both processes get a
 real-time priority if permitted, the configuration tolerates stalls, and runs spoilt by a stall are recorded again, as
@@ -8,6 +8,7 @@ an operator would do: the program refuses an uneven motion and continues with th
 import re
 import signal
 import subprocess
+import time
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib import resources
@@ -130,6 +131,50 @@ def recorded(robot, output, bus=BUS):
     return done.stdout
 
 
+def interrupted(robot, output, happens):
+    """Start the unloaded half; once it moves, something happens. What it printed until it ended."""
+    words = ["commission", str(robot), *BUS, "--simulated-drives", "--runs", "unloaded", "--output", str(output)]
+    before = set(output.glob("*"))
+    with subprocess.Popen([*ARMLOAD, *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as program:
+        until_s = time.monotonic() + 60.0
+        while set(output.glob("*")) == before and program.poll() is None and time.monotonic() < until_s:
+            time.sleep(0.1)
+        time.sleep(1.0)
+        happens(program)
+        text, _ = program.communicate(timeout=120)
+    assert program.returncode in (1, 130), text
+    return text
+
+
+def test_an_interruption_leaves_no_torque_and_no_recording(short_robot, tmp_path):
+    """By Ctrl-C, after which the drives are free, and by the loss of all drives' power.
+
+    `tests/unit/project/test_first_day.py` has the other interruptions, and going on.
+    """
+    output = tmp_path / "run"
+    with simulated(short_robot, "none"):
+        assert "Ctrl-C" in interrupted(short_robot, output, lambda program: program.send_signal(signal.SIGINT))
+        free = armload("drives", "check", str(short_robot), *BUS)
+        assert free.returncode == 0, free.stdout + free.stderr
+    with started_drives(short_robot, "none") as drives:
+        assert "6 simulated drives" in drives.stdout.readline()
+        assert "Press the emergency stop" in interrupted(short_robot, output, lambda program: drives.kill())
+    assert not list(output.glob("*ation.mcap"))
+
+
+def test_two_halves_in_two_processes(short_robot, tmp_path):
+    output = tmp_path / "run"
+    recorded(short_robot, output)
+    result = read_payload(output / "payload.toml")
+    truth = load_robot("er50").simulation.payload("paper")
+    assert result.model.mass_kg == pytest.approx(truth.mass_kg, rel=0.15)
+    assert result.model.is_physical
+    assert (output / "report.html").stat().st_size > 10_000
+    assert sorted(p.name for p in Path(output).glob("*.mcap")) == [
+        f"{load}_{role}.mcap" for load in ("loaded", "unloaded") for role in ("identification", "validation")
+    ]
+
+
 def test_commissioning_and_feed_forward_on_two_buses(robot_on_two_buses, tmp_path):
     output = tmp_path / "run"
     assert "SYNC reached the last bus" in recorded(robot_on_two_buses, output, TWO_BUSES)
@@ -146,7 +191,7 @@ def test_commissioning_and_feed_forward_on_two_buses(robot_on_two_buses, tmp_pat
         done = armload(*words, *TWO_BUSES, "--simulated-drives", "--yes")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "SYNC reached the last bus" in done.stdout
-    assert re.search(r"torque offset trial at standstill, response: joint_2 \d+ %.*joint_6 \d+ %", done.stdout)
+    assert re.search(r"torque offset trial at standstill, response: joint_2 \d+ %.*joint_[56] \d+ %", done.stdout)
 
 
 def test_a_bus_without_simulated_drives_is_refused(short_robot, tmp_path):
