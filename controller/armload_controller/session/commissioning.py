@@ -30,9 +30,18 @@ from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.lateness import Lateness
 from armload_controller.cycle.monitors import CycleSummary
 from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.session.flange_check import loaded_doubts, unloaded_doubts
-from armload_controller.session.run_session import Course, Operator, RunSession, ServosFactory, SessionLoad, run_session
+from armload_controller.session.run_session import (
+    WHOLE,
+    Course,
+    Operator,
+    RunSession,
+    ServosFactory,
+    SessionLoad,
+    run_session,
+)
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.uncertainty import student_half_width
 from armload_identification.excitation.excitation_file import format_excitation
@@ -148,9 +157,10 @@ def _record(session: RunSession, arm: ArmInUse, role: str, path: CheckedPath, pl
         RUN_ATTACHMENT: json.dumps(run),
     }
     name, frames = f"{session.load}: {role}", ArmFrames(robot.chain, robot.joint_names)
-    look = partial(unloaded_doubts, robot, arm)
-    if session.load is SessionLoad.LOADED:
-        look = partial(loaded_doubts, robot, arm, recording_path(directory, SessionLoad.UNLOADED, role))
+    unloaded = recording_path(directory, SessionLoad.UNLOADED, role)
+    look: Callable[[SlowRoundRows], list[str]] = partial(unloaded_doubts, robot, arm)
+    if session.load is SessionLoad.LOADED:  # which may be recorded first
+        look = partial(loaded_doubts, robot, arm, unloaded) if unloaded.is_file() else WHOLE.look
     lateness = Lateness(path.cycle_s, None if robot.bus.in_virtual_time else time.monotonic)
     file = recording_path(directory, session.load, role)
     with Recorder(file, attachments, frames=frames, lateness=lateness) as recorder:

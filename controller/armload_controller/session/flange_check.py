@@ -59,10 +59,8 @@ def loaded_doubts(robot: Robot, arm: ArmInUse, unloaded: Path, rows: SlowRoundRo
 
     Args:
         arm: Its model.
-        unloaded: Recording of the same path without the payload, if there is one yet.
+        unloaded: Recording of the same path without the payload.
     """
-    if not unloaded.is_file():
-        return []
     both = recorded_slow_round(unloaded, rows.cycle_s), rows
     before, now = (each.fitted(robot.joint_names, arm.chain, arm.transmission) for each in both)
     if before is None or now is None:
