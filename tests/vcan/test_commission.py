@@ -131,15 +131,19 @@ def recorded(robot, output, bus=BUS):
     return done.stdout
 
 
+def wait_until_it_moves(program, folder, pattern, within_s):
+    """Until a started program has written the first file of its run, or has ended, and a second longer."""
+    before, until_s = set(folder.glob(pattern)), time.monotonic() + within_s
+    while set(folder.glob(pattern)) == before and program.poll() is None and time.monotonic() < until_s:
+        time.sleep(0.1)
+    time.sleep(1.0)
+
+
 def interrupted(robot, output, happens):
     """Start the unloaded half; once it moves, something happens. What it printed until it ended."""
     words = ["commission", str(robot), *BUS, "--simulated-drives", "--runs", "unloaded", "--output", str(output)]
-    before = set(output.glob("*"))
     with subprocess.Popen([*ARMLOAD, *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as program:
-        until_s = time.monotonic() + 60.0
-        while set(output.glob("*")) == before and program.poll() is None and time.monotonic() < until_s:
-            time.sleep(0.1)
-        time.sleep(1.0)
+        wait_until_it_moves(program, output, "*", 60.0)
         happens(program)
         text, _ = program.communicate(timeout=120)
     assert program.returncode in (1, 130), text

@@ -21,7 +21,13 @@ from armload_identification.files.payload_file import read_payload
 from tests.first_day import needs_page, page_commands, write_arm
 from tests.short_commissioning import RECORDINGS
 from tests.started_programs import armload_before_others
-from tests.vcan.test_commission import PATIENT, forget_what_a_stall_spoilt, simulated, started_drives
+from tests.vcan.test_commission import (
+    PATIENT,
+    forget_what_a_stall_spoilt,
+    simulated,
+    started_drives,
+    wait_until_it_moves,
+)
 
 pytestmark = [
     pytest.mark.vcan,
@@ -68,10 +74,7 @@ def interrupted(folder, beginning, happens, *options):
     runs = folder / "runs" / "first"
     before = set(runs.glob("*.mcap"))
     started = program(folder, beginning, *options)
-    until_s = time.monotonic() + 90.0
-    while set(runs.glob("*.mcap")) == before and started.poll() is None and time.monotonic() < until_s:
-        time.sleep(0.1)
-    time.sleep(1.0)
+    wait_until_it_moves(started, runs, "*.mcap", 90.0)
     happens(started)
     output, errors = started.communicate(timeout=120)
     assert started.returncode, output + errors

@@ -165,7 +165,7 @@ def _record(session: RunSession, arm: ArmInUse, role: str, path: CheckedPath, pl
     file = recording_path(directory, session.load, role)
     with Recorder(file, attachments, frames=frames, lateness=lateness) as recorder:
         asking = plan.until is not None and session.load is SessionLoad.LOADED and role == ROLES[0]
-        more = partial(_more_periods, session, name, path, plan, recorder) if asking else lambda: ""
+        more = partial(_more_periods, session, name, path, plan, recorder) if asking else WHOLE.more
         summary = session.run(path, name, recorder=recorder, course=Course(look, plan.slow_only, more))
         if plan.slow_only:
             return summary
