@@ -139,9 +139,13 @@ def _slow_group(signal: LoadSignal, chain: Chain, coupling: FloatArray, base: ND
 
 
 def _pair_signals(signal: LoadSignal, coupling: FloatArray) -> list[RunSignals]:
-    """The loaded and the unloaded run, usable where both are."""
+    """The loaded and the unloaded run, usable where both are, at the loaded run's interval.
+
+    Two average periods differ in the last digits of theirs, by which the number of rows could differ.
+    """
     runs = {"loaded": signal.loaded, "unloaded": signal.unloaded}
-    return [RunSignals.of_motion(replace(run, valid=signal.valid), coupling, name) for name, run in runs.items()]
+    signals = [RunSignals.of_motion(replace(run, valid=signal.valid), coupling, name) for name, run in runs.items()]
+    return [replace(run, interval_s=signal.interval_s) for run in signals]
 
 
 def _pair_rows(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -146,3 +148,18 @@ def test_a_pair_on_a_calibrated_arm_has_friction_of_the_day_and_of_each_run(pair
     assert FRICTION_CHANGE in names
     value, _ = payload(solve(problem.problem, rough=True))
     assert value[0] == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
+
+
+@pytest.mark.parametrize("last_digits", range(8))
+def test_both_runs_of_a_pair_have_the_same_rows_whatever_the_last_digits_of_their_clocks(
+    signal, pinocchio_arm, last_digits
+):
+    time_s = 0.004 * np.arange(250.0)  # 2.5 samples to each of a hundred rows, which rounds up or down
+    loaded, unloaded = (
+        replace(run.part(0.0, run.time_s[250]), periodic=True, time_s=time_s * (1.0 + 1e-15 * digits))
+        for run, digits in ((signal.loaded, 0), (signal.unloaded, last_digits))
+    )
+    clocks = replace(signal, loaded=loaded, unloaded=unloaded)
+    chain, coupling = pinocchio_arm.chain, pinocchio_arm.transmission.coupling
+    (group,) = pair_problem(clocks, chain, coupling, None).problem.groups
+    assert group.effort_nm.shape[1] > 90
