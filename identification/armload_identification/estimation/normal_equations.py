@@ -46,6 +46,20 @@ class Eliminated:
         own = self.own_covariance - self.follow @ across
         return np.block([[bread, across], [across.T, own]])
 
+    def covariance_root(self, information: FloatArray) -> FloatArray:
+        """(s + o, s + o) R with R R^T the covariance of shared and own unknowns.
+
+        From the information: of its inverse, rounding spoils what is known well if other unknowns are hardly known.
+
+        Args:
+            information: (s, s) of the shared ones, from all groups.
+        """
+        scale = np.diag(information) ** -0.5
+        power, axes = np.linalg.eigh(information * scale[:, None] * scale)
+        shared = scale[:, None] * axes / np.sqrt(np.maximum(power, 0.0) + _ROUNDING)
+        own = np.linalg.cholesky(self.own_covariance)
+        return np.block([[shared, np.zeros((len(shared), len(own)))], [-self.follow @ shared, own]])
+
 
 @dataclass(frozen=True, eq=False)
 class WeightedRows:

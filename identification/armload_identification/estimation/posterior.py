@@ -177,10 +177,7 @@ class Posterior:
     def _spectrum(self, index: int) -> GroupSpectrum:
         """The spectrum of a group's residual, on the grid of its rows."""
         state, part = self.groups[index], self.eliminated[index]
-        joint = part.covariance(self.bread[np.ix_(self._free, self._free)])
-        size = np.sqrt(np.diag(joint))
-        values, vectors = np.linalg.eigh(joint / np.outer(size, size))
-        root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+        root = part.covariance_root(self.information)
         time_s = state.group.time_s
         apart_s = np.diff(time_s).min() if time_s.size > 1 else 1.0
         at = np.rint((time_s - time_s[0]) / apart_s).astype(np.intp)
