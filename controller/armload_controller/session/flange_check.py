@@ -33,7 +33,7 @@ def unloaded_doubts(robot: Robot, arm: ArmInUse, rows: SlowRoundRows) -> list[st
     found = rows.fitted(robot.joint_names, arm.chain, arm.transmission)
     if found is None or (arm.known is None and robot.tables.body is None):
         return []
-    body = robot.strength.arm_body if arm.known is None else arm.known.fit.model
+    body = robot.strength.arm_body if arm.known is None else arm.known.body
 
     def gravity(position: FloatArray, gravity_m_s2: FloatArray) -> FloatArray:
         still = np.zeros_like(position)

@@ -25,28 +25,21 @@ from armload_identification.calibration.run_contradictions import ArmKnowledge, 
 from armload_identification.estimation.arm_rows import RunSignals, arm_rows, base_links, run_signals
 from armload_identification.estimation.arm_terms import (
     CHANGES,
-    COULOMB,
-    DELAY,
     FRICTION_CHANGE,
     GAIN,
-    LINKS,
-    LOAD_FRICTION,
     PAYLOAD,
-    ROOT,
-    ROTORS,
     TILT,
-    VISCOUS,
     Layout,
     arm_terms,
     effort_level,
 )
 from armload_identification.estimation.estimation_constants import Solver
+from armload_identification.estimation.identified_body import identified_body
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, IdentificationError, RecordingError
 from armload_identification.model.base_parameters import base_columns
-from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import PARAMETERS
@@ -301,22 +294,7 @@ class _Calibration:
         """The fit as `ArmCalibration`."""
         n = self._chain.n
         arm = Layout(n, int(np.count_nonzero(self._base)))
-        links = np.zeros(PARAMETERS * n)
-        links[self._base] = fit.value(LINKS)
-        zero = np.zeros(n)
-        body = BodyModel(
-            links=links.reshape(n, PARAMETERS),
-            base=self._base.reshape(n, PARAMETERS),
-            rotor_inertia_kg_m2=fit.value(ROTORS),
-            coulomb_nm=fit.value(COULOMB),
-            viscous_nm_s_rad=fit.value(VISCOUS),
-            root_nm=fit.value(ROOT),
-            offset_nm=zero,
-            load_friction=fit.value(LOAD_FRICTION),
-            torque_delay_s=float(fit.value(DELAY)[0]),
-            reversal_speed_rad_s=TURN_OVER * np.where(self._peak > Calibrating.unmoved_rad_s, self._peak, 1.0),
-            coupling=self._transmission.coupling,
-        )
+        slowest = TURN_OVER * np.where(self._peak > Calibrating.unmoved_rad_s, self._peak, 1.0)
         effort = Effort.TORQUE if self._from_torque else Effort.CURRENT
         nominal = np.ones(n) if effort is Effort.TORQUE else self._transmission.gain_nm_a
         # The gain is the nominal one divided by h, so that the sign of its logarithm's error is opposite.
@@ -328,7 +306,7 @@ class _Calibration:
             effort=effort,
             gain_nm_a=nominal * np.exp(-fit.value(GAIN)),
             nominal=nominal,
-            body=body,
+            body=identified_body(fit, self._base, slowest, np.zeros((CHANGES, n))),
             tilt_rad=fit.value(TILT),
             covariance=HALVES**2 * fit.covariance[: arm.size, : arm.size] * turn[:, None] * turn,
             drift=fit.change_deviation.reshape(CHANGES, n),

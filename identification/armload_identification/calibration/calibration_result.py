@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,9 +39,6 @@ from armload_identification.model.regressor import body_regressor, rotor_columns
 from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission, gain_shares
 from armload_identification.signals.reversals import TURN_OVER
-
-if TYPE_CHECKING:
-    from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 
 DETERMINED_WITHIN: Final = 0.05
 """A gain is determined if the half width of its 95 % interval is at most this share of it."""
@@ -345,7 +342,8 @@ class ArmCalibration:
         terms, known = self._gaussian()
         return KnownArm(
             self.effort,
-            self._body_fit(),
+            self.body,
+            self._joint_rms(self.level_nm),
             lambda *motion: self.torque_doubts(level, *motion),
             drift=self.drift,
             friction_spread=self.friction_spread,
@@ -360,22 +358,6 @@ class ArmCalibration:
         """(n,) RMS joint torque from that of axes with nominal gains, which are taken as uncorrelated."""
         to_joint = np.linalg.inv(self.body.coupling)
         return np.asarray(np.sqrt((axis_nm * self.gain_nm_a / self.nominal) ** 2 @ to_joint**2))
-
-    def _body_fit(self) -> BodyFit:
-        """The body with its standard deviations; an estimator in a loop does not load what makes one."""
-        from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
-
-        links = int(np.count_nonzero(self.body.base))
-        return BodyFit(
-            model=self.body,
-            residual_rms_nm=self._joint_rms(self.noise_nm),
-            torque_rms_nm=self._joint_rms(self.level_nm),
-            base_parameters=links,
-            determined=links,
-            rotor_deviation_kg_m2=self.deviation("rotors"),
-            load_deviation=self.deviation("load"),
-            delay_deviation_s=float(self.deviation("delay")[0]),
-        )
 
     def _per_joint(self, values: FloatArray) -> FloatArray:
         """(n, K, n) from (K, n): the torque of each joint's friction, which acts only on that joint."""

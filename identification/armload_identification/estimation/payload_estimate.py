@@ -10,19 +10,14 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import (
-    COULOMB,
-    DELAY,
     FRICTION_CHANGE,
     GAIN,
-    LINKS,
     LOAD_FRICTION,
     PAYLOAD,
-    ROOT,
-    ROTORS,
     SESSION_FRICTION,
-    VISCOUS,
 )
 from armload_identification.estimation.estimation_constants import Payloads
+from armload_identification.estimation.identified_body import identified_body
 from armload_identification.estimation.payload_problem import PayloadProblem
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.prior_knowledge import Prior
@@ -289,21 +284,5 @@ class PayloadEstimate:
 
     def body(self, run: int) -> BodyModel:
         """The arm as it was in a run of the group."""
-        found, base = self.posterior, self.arm.base
-        n = self.arm.peak_rad_s.size
-        links = np.zeros(PARAMETERS * n)
-        links[base] = found.value(LINKS)
-        coulomb, viscous, offset = self.friction(run)
-        return BodyModel(
-            links=links.reshape(n, PARAMETERS),
-            base=base.reshape(n, PARAMETERS),
-            rotor_inertia_kg_m2=found.value(ROTORS),
-            coulomb_nm=found.value(COULOMB) + coulomb,
-            viscous_nm_s_rad=found.value(VISCOUS) + viscous,
-            root_nm=found.value(ROOT),
-            offset_nm=offset,
-            load_friction=self.load_friction,
-            torque_delay_s=float(found.value(DELAY)[0]),
-            reversal_speed_rad_s=np.maximum(TURN_OVER * self.arm.peak_rad_s, Standstill.slowest_rad_s),
-            coupling=found.problem.coupling,
-        )
+        speed = np.maximum(TURN_OVER * self.arm.peak_rad_s, Standstill.slowest_rad_s)
+        return identified_body(self.posterior, self.arm.base, speed, self.friction(run))

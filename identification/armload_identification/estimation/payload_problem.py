@@ -186,8 +186,7 @@ def _layout(
 ) -> tuple[NDArray[np.bool_], FloatArray]:
     """Base parameters of the links, and greatest speeds."""
     if arm is not None:
-        body = arm.fit.model
-        return body.base.ravel(), body.reversal_speed_rad_s / TURN_OVER
+        return arm.body.base.ravel(), arm.body.reversal_speed_rad_s / TURN_OVER
     signals = [RunSignals.of_motion(run, coupling, "") for run in runs]
     peak = np.max([run.peak_rad_s for run in signals], axis=0)
     return base_links(base_columns(chain, coupling), chain.n), peak

@@ -98,7 +98,7 @@ class SingleRun:
         """
         motion, transmission, arm = self.motion, self.transmission, self.arm
         name = str(self.recording.source.path)
-        quality = MotionQuality.of(motion, arm.fit.model)
+        quality = MotionQuality.of(motion, arm.body)
         quality.require_enough(name)
         posterior = solve(self.problem.knowing(prior), rough=True)
         plain = estimate_of(posterior, self.problem, prior, arm.errors, (_model_doubts(posterior, arm),))

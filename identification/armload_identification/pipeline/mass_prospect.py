@@ -56,12 +56,11 @@ class MassProspect:
         """
         count = max(int(path.period_s / _ROW_S), 1)
         interval_s = path.period_s / count
-        at = path.evaluate(np.arange(count) * interval_s)
-        states = JointStates(at.position_rad, at.velocity_rad_s, at.acceleration_rad_s2)
+        states = JointStates(*path.evaluate(np.arange(count) * interval_s)[:3])
         independent = np.minimum(interval_s / self.arm.correlation_s, 1.0)
         theta = self.payload.theta
         rows = KnownArmRows.of(self.chain, self.arm, states, theta, self.arm.noise_nm / np.sqrt(independent))
-        torque = self.arm.fit.model.torque(self.chain, *states) + payload_regressor(self.chain, *states) @ theta
+        torque = self.arm.body.torque(self.chain, *states) + payload_regressor(self.chain, *states) @ theta
         doubts = self.arm.doubts(states, interval_s, torque)
         floor = FLOOR_KG**2 + (FLOOR_SHARE * self.payload.mass_kg) ** 2
         variance = [

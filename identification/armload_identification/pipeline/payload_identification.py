@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.empty_arm.unloaded_arm import fit_body
+from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit, fit_body
 from armload_identification.estimation.gain_errors import GainFit, fit_gains
 from armload_identification.estimation.payload_estimate import estimate_of
 from armload_identification.estimation.payload_problem import pair_problem
@@ -109,9 +109,14 @@ def _by_difference(
 ) -> Callable[[Prior | None], Identification]:
     """The payload of a pair as a function of the prior."""
     signal = load_signal(loaded, unloaded, transmission)
-    body = fit_body([signal.empty_arm], chain, transmission.coupling) if arm is None else arm.fit
+    fit: BodyFit | None = None
+    if arm is None:
+        fit = fit_body([signal.empty_arm], chain, transmission.coupling)
+        body = fit.model
+    else:
+        body = arm.body
     columns = RunColumns(signal, (loaded, unloaded), chain, transmission.coupling)
-    if not columns.look_right(body if arm is None else None):
+    if not columns.look_right(fit):
         columns.require_right()
     gains = transmission.gains(from_torque=loaded.torque_nm is not None)
     slow = slow_round_signal(loaded, unloaded, transmission) if signal.periodic else None
@@ -131,7 +136,7 @@ def _by_difference(
         result = completed(plain, fitted, adjusted, added_nm, transmission, loaded, unloaded)
         if misfit_notes(result):
             columns.require_right()
-        return result.with_notes(*notes_on(result, (loaded, unloaded), transmission, arm, None if arm else body))
+        return result.with_notes(*notes_on(result, (loaded, unloaded), transmission, arm, fit))
 
     return identified
 

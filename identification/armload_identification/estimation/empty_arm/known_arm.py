@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.problem import Known
 from armload_identification.estimation.terms import Term
+from armload_identification.model.body_model import BodyModel
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.reading_options import Effort
-
-if TYPE_CHECKING:
-    from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 
 TorqueDoubts = Callable[[JointStates, float, FloatArray], FloatArray]
 """Of K states, the time between them (s) and the (K, n) measured torque (N m): (k, K, n), the change of measured minus
@@ -27,7 +24,8 @@ class KnownArm:
 
     Attributes:
         effort: Quantity that its runs contained, and to which the calibrated gains refer.
-        fit: Its body, and how well load-dependent friction, rotors and delay are known.
+        body: Its links, rotors, friction and delay.
+        level_nm: (n,) RMS torque of its joints in the calibration, for scale.
         doubts: Errors of a payload's torque when this body's torque is subtracted from one run.
         drift: (3, n) standard deviation, over the runs of the calibration, of a run's Coulomb friction (N m), viscous
             friction (N m s/rad) and offset (N m) minus the body's.
@@ -40,7 +38,8 @@ class KnownArm:
     """
 
     effort: Effort
-    fit: BodyFit
+    body: BodyModel
+    level_nm: FloatArray
     doubts: TorqueDoubts
     drift: FloatArray
     friction_spread: FloatArray

@@ -67,8 +67,8 @@ class KnownArmRows:
             theta: (10,) the payload about which friction under load is linearised.
             noise_nm: (n,) or (K, n) noise of a row far from reversals, as if rows were independent.
         """
-        body, dq = arm.fit.model, states.velocity_rad_s
-        scale = payload_scale(arm.fit.torque_rms_nm)
+        body, dq = arm.body, states.velocity_rad_s
+        scale = payload_scale(arm.level_nm)
         direction = smooth_sign(dq, body.reversal_speed_rad_s)
         regressor = payload_regressor(chain, *states)
         carried = body.link_torque(chain, *states) + regressor @ theta

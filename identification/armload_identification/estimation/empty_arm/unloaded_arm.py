@@ -18,41 +18,29 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows, base_links
 from armload_identification.estimation.arm_terms import (
-    COULOMB,
-    DELAY,
     FRICTION_CHANGE,
     GAIN,
-    LINKS,
-    LOAD_FRICTION,
     ROOT,
-    ROTORS,
     TILT,
-    VISCOUS,
     arm_terms,
     effort_level,
 )
 from armload_identification.estimation.estimation_constants import Priors
-from armload_identification.estimation.posterior import Posterior
+from armload_identification.estimation.identified_body import identified_body
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.terms import Joint, Scope, Term
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
-from armload_identification.model.regressor import PARAMETERS
 from armload_identification.signals.motion import Motion
 from armload_identification.signals.reversals import reversal_speed
 
-GREATEST_LOAD_FRICTION: Final = 0.5
-"""No gear of an arm loses a greater share of its load to friction."""
 _OFFSET: Final = "offset"
-DETERMINED_SHARE: Final = 0.1
-"""A base parameter is determined if its standard deviation is at most this share of the prior's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,21 +51,11 @@ class BodyFit:
         model: The body.
         residual_rms_nm: (n,) RMS of torque minus prediction over all samples used, reversals included.
         torque_rms_nm: (n,) RMS of the torque, for scale.
-        base_parameters: Number of parameters of links and rotors that the kinematics make identifiable.
-        determined: Number of these with a standard deviation below a tenth of the prior's.
-        rotor_deviation_kg_m2: (n,) standard deviations.
-        load_deviation: (n,) those of the load-dependent friction.
-        delay_deviation_s: That of the torque's delay.
     """
 
     model: BodyModel
     residual_rms_nm: FloatArray
     torque_rms_nm: FloatArray
-    base_parameters: int
-    determined: int
-    rotor_deviation_kg_m2: FloatArray
-    load_deviation: FloatArray
-    delay_deviation_s: float
 
 
 def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> BodyFit:
@@ -87,8 +65,7 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
         runs: Runs without a payload.
         coupling: (n, n) C of its motors.
     """
-    n, identifiable = chain.n, base_columns(chain, coupling)
-    base = base_links(identifiable, n)
+    n, base = chain.n, base_links(base_columns(chain, coupling), chain.n)
     signals = [RunSignals.of_motion(run, coupling, f"run {number}") for number, run in enumerate(runs, 1)]
     peak = np.max([run.peak_rad_s for run in signals], axis=0)
     rows = [arm_rows(run, chain, coupling, base, peak, loaded=False) for run in signals]
@@ -98,25 +75,14 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
     found = solve(
         Problem(terms, [Group((RunRows(part),)) for part in rows], Noise.unknown(level), coupling), rough=True
     )
-    model = _body(found, chain, base, np.vstack([run.states.velocity_rad_s for run in runs]))
+    slowest = reversal_speed(np.vstack([run.states.velocity_rad_s for run in runs]))
+    model = identified_body(found, base, slowest, np.stack([np.zeros(n), np.zeros(n), found.value(_OFFSET)]))
     left = [
         (run.torque_nm - model.torque(chain, *run.with_delay(model.torque_delay_s).states))[run.valid] for run in runs
     ]
     torque = np.vstack([run.torque_nm[run.valid] for run in runs])
-    deviation = np.sqrt(np.diag(found.covariance))
-    of_links, of_rotors = found.problem.place(LINKS), found.problem.place(ROTORS)
-    separable = identifiable[PARAMETERS * n :]
-    narrow = deviation < DETERMINED_SHARE * found.deviation[: deviation.size]
-    return BodyFit(
-        model=model,
-        residual_rms_nm=np.sqrt(np.mean(np.vstack(left) ** 2, axis=0)),
-        torque_rms_nm=np.sqrt(np.mean(torque**2, axis=0)),
-        base_parameters=int(np.count_nonzero(identifiable)),
-        determined=int(np.count_nonzero(narrow[of_links]) + np.count_nonzero(narrow[of_rotors] & separable)),
-        rotor_deviation_kg_m2=deviation[of_rotors],
-        load_deviation=deviation[found.problem.place(LOAD_FRICTION)],
-        delay_deviation_s=float(deviation[found.problem.place(DELAY)][0]),
-    )
+    residual_nm, torque_nm = (np.sqrt(np.mean(values**2, axis=0)) for values in (np.vstack(left), torque))
+    return BodyFit(model, residual_nm, torque_nm)
 
 
 def _offset(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
@@ -126,22 +92,3 @@ def _offset(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
 def _as_they_are(term: Term) -> Term:
     """The term with gains, level base and friction law that one run cannot show known exactly."""
     return replace(term, deviation=np.zeros(term.mean.size)) if term.name in {GAIN, TILT, ROOT} else term
-
-
-def _body(found: Posterior, chain: Chain, base: NDArray[np.bool_], velocity_rad_s: FloatArray) -> BodyModel:
-    """The fit as a body."""
-    links = np.zeros(PARAMETERS * chain.n)
-    links[base] = found.value(LINKS)
-    return BodyModel(
-        links=links.reshape(chain.n, PARAMETERS),
-        base=base.reshape(chain.n, PARAMETERS),
-        rotor_inertia_kg_m2=found.value(ROTORS),
-        coulomb_nm=found.value(COULOMB),
-        viscous_nm_s_rad=found.value(VISCOUS),
-        root_nm=found.value(ROOT),
-        offset_nm=found.value(_OFFSET),
-        load_friction=found.value(LOAD_FRICTION),
-        torque_delay_s=float(found.value(DELAY)[0]),
-        reversal_speed_rad_s=reversal_speed(velocity_rad_s),
-        coupling=found.problem.coupling,
-    )

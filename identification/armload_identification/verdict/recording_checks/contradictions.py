@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
-from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_estimate import PayloadEstimate
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, NoPayloadMass, RecordingError
+from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import DETERMINED_SHARE
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.signals.load_signal import LoadSignal
@@ -38,7 +38,7 @@ class FittedPair:
         signal: The torque difference with the assumed gains.
         adjusted: The same with the estimated ones.
         added_friction_nm: (K, n) friction that the payload adds.
-        arm: Its body, from a calibration or from the unloaded run.
+        body: The arm, from a calibration or from the unloaded run.
     """
 
     plain: PayloadEstimate
@@ -46,7 +46,7 @@ class FittedPair:
     signal: LoadSignal
     adjusted: LoadSignal
     added_friction_nm: FloatArray
-    arm: BodyFit
+    body: BodyModel
 
     @cached_property
     def regressor(self) -> FloatArray:
@@ -59,7 +59,7 @@ class FittedPair:
 
         A short run cannot tell Coulomb friction from the rest.
         """
-        return np.abs(ArmFriction.of(self.arm.model, self.signal.unloaded.states.velocity_rad_s).torque_nm)
+        return np.abs(ArmFriction.of(self.body, self.signal.unloaded.states.velocity_rad_s).torque_nm)
 
     @cached_property
     def half_width_kg(self) -> float:

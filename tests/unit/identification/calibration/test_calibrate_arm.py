@@ -225,8 +225,7 @@ def test_the_residual_of_a_known_arm_is_that_of_its_joints(result, pinocchio_arm
     axes = np.random.default_rng(1).normal(size=(100_000, 6))
     for axis_nm, joint_nm in (
         (found.noise_nm, known.noise_nm),
-        (found.noise_nm, known.fit.residual_rms_nm),
-        (found.level_nm, known.fit.torque_rms_nm),
+        (found.level_nm, known.level_nm),
     ):
         torque = found.transmission(nominal).joint_torque(axes * axis_nm / nominal.gain_nm_a)
         np.testing.assert_allclose(joint_nm, np.sqrt(np.mean(torque**2, axis=0)), rtol=0.01)
@@ -239,9 +238,8 @@ def test_a_body_from_one_motion_says_how_little_it_knows_of_others(runs, pinocch
     assert len(named) >= 2
     # Its residual on the other motion is as stated, without the friction at reversals and the noise.
     other = run_signals(runs[3].recording, found.transmission(nominal))
-    states = (other.position_rad, other.velocity_rad_s, other.acceleration_rad_s2)
-    moving = other.usable[:, None] & (np.abs(other.velocity_rad_s) > 0.1)
-    left = np.where(moving, other.effort_nm - found.body.torque(found.level(pinocchio_arm.chain), *states), 0.0)
+    moving = other.usable[:, None] & (np.abs(other.states.velocity_rad_s) > 0.1)
+    left = np.where(moving, other.effort_nm - found.body.torque(found.level(pinocchio_arm.chain), *other.states), 0.0)
     share = np.sqrt(np.sum(left**2, axis=0) / np.sum(np.where(moving, other.effort_nm, 0.0) ** 2, axis=0))
     for joint, said in named.items():
         assert share[joint - 1] < 1.5 * said, (joint, share[joint - 1], said)

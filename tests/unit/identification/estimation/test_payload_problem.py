@@ -136,7 +136,7 @@ def test_a_calibrated_arm_is_held_in_a_run_of_its_own(alone, known):
     names = {term.name for term in alone.problem.terms}
     assert {PAYLOAD, FRICTION_CHANGE, LINKS} <= names
     assert SESSION_FRICTION not in names
-    np.testing.assert_array_equal(alone.base, arm.fit.model.base.ravel())
+    np.testing.assert_array_equal(alone.base, arm.body.base.ravel())
 
 
 def test_a_pair_on_a_calibrated_arm_has_friction_of_the_day_and_of_each_run(pair, pinocchio_arm, known):

@@ -105,7 +105,7 @@ def test_friction_that_changed_since_is_found_beside_the_payload(pinocchio_arm, 
     """A cold arm: all friction 20 % above the calibration's, ten times the differences between its runs."""
     chain, transmission, arm = known
     velocity = np.gradient(loaded.position_rad, loaded.time_s, axis=0)
-    colder = 0.2 * (np.sign(velocity) * arm.fit.model.coulomb_nm + velocity * arm.fit.model.viscous_nm_s_rad)
+    colder = 0.2 * (np.sign(velocity) * arm.body.coulomb_nm + velocity * arm.body.viscous_nm_s_rad)
     run = replace(
         loaded, current_a=loaded.current_a + colder @ np.linalg.inv(transmission.joint_torque(np.eye(chain.n)))
     )
@@ -114,7 +114,7 @@ def test_friction_that_changed_since_is_found_beside_the_payload(pinocchio_arm, 
     assert abs(found.parameters.mass_kg - pinocchio_arm.payload.mass_kg) < found.uncertainty.half_width_95[0]
     coulomb, viscous, _ = found.plain.friction()
     speed = 0.5 * np.abs(velocity).max(axis=0)
-    usual = arm.fit.model.coulomb_nm + arm.fit.model.viscous_nm_s_rad * speed
+    usual = arm.body.coulomb_nm + arm.body.viscous_nm_s_rad * speed
     np.testing.assert_allclose((coulomb + viscous * speed) / usual, 0.2, atol=0.03)
     # Together they are known better than each alone.
     known_to = found.plain.friction_covariance(0)
@@ -136,7 +136,7 @@ def test_another_coulomb_friction_of_a_joint_is_noted_by_one_run_and_by_a_pair(p
         velocity = np.gradient(run.position_rad, run.time_s, axis=0)[:, 1]
         added = np.zeros_like(run.position_rad)
         added[:, 1] = 0.3 * np.sign(velocity) + (at_middle - 0.3) * velocity / speed
-        added *= arm.fit.model.coulomb_nm
+        added *= arm.body.coulomb_nm
         return replace(run, current_a=run.current_a + added @ np.linalg.inv(transmission.joint_torque(np.eye(chain.n))))
 
     def noted(run, empty=None):
