@@ -48,7 +48,7 @@ from armload_identification.recording.csv_columns import CsvColumns, parse_colum
 from armload_identification.recording.formats.frame_reader import DataFrame
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.recording import Recording
-from armload_identification.report.report_content import ReportContent, ShownRuns
+from armload_identification.report.report_content import ReportContent
 from armload_identification.results.findings import Findings
 from armload_identification.results.payload_over_time import PayloadOverTime
 from armload_identification.verdict.recording_checks.impossible_magnitudes import require_possible_mass
@@ -209,7 +209,7 @@ def identify(
     if used.calibration is not None and not verified:
         notes.append("The scale is not verified: no payload of the calibration was weighed.")
     identification = replace(identification, notes=(*notes, *identification.notes), scale_verified=verified)
-    content = ReportContent.of_identification(identification)
+    content = ReportContent(identification)
     findings = Findings(arm, payload, content, version("armload"))
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
 
@@ -362,13 +362,11 @@ def findings_from_files(
     arm = arm_of(robot)
     used = arm_in_use(arm, calibration)
     result = payload_of(payload, arm)
-    content = ReportContent()
+    shown = None
     if fitted is not None:
-        loaded, unloaded = pair = recording_of(arm, fitted[0], "fitted"), recording_of(arm, fitted[1], "fitted")
+        pair = recording_of(arm, fitted[0], "fitted"), recording_of(arm, fitted[1], "fitted")
         shown = payload_validation.validate(pair, used.chain, used.transmission, result, arm=used.known)
-        runs = ShownRuns(shown.signal, shown.predicted_nm, shown.residual_rms_nm, (loaded.source, unloaded.source))
-        content = ReportContent(fitted=runs)
-    findings = Findings(arm, result, content, version("armload"))
+    findings = Findings(arm, result, ReportContent(shown), version("armload"))
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
 
 
@@ -377,7 +375,7 @@ def _validated(
 ) -> Findings:
     """The findings with the verdict of a pair of runs."""
     require_type("tolerance", tolerance, Tolerance)
-    loaded, unloaded = runs = recording_of(arm, pair[0], "validation"), recording_of(arm, pair[1], "validation")
+    loaded, _ = runs = recording_of(arm, pair[0], "validation"), recording_of(arm, pair[1], "validation")
     judged = payload_validation.validate(
         runs, used.chain, used.transmission, findings.payload, tolerance, arm=used.known
     )
@@ -387,8 +385,7 @@ def _validated(
     fitted = findings.content.identification
     verified = _scale_verified(used) if fitted is None else fitted.scale_verified
     judged = replace(judged, verdict=replace(judged.verdict, own_run=own_run, scale_verified=verified))
-    sources = (loaded.source, unloaded.source)
-    return replace(findings, content=replace(findings.content, validation=judged, validation_sources=sources))
+    return replace(findings, content=replace(findings.content, validation=judged))
 
 
 def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:

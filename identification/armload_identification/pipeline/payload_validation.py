@@ -15,7 +15,7 @@ from armload_identification.model.payload import PayloadResult
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_identification import identify
-from armload_identification.recording.recording import Recording
+from armload_identification.recording.recording import Recording, RecordingSource
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.verdict.agreement import KnownMassCenter, Outcome, compare_known, length_needed
@@ -55,6 +55,11 @@ class Validation:
     def signal(self) -> LoadSignal:
         """The measured torque difference of the second pair."""
         return self.measured.signal
+
+    @property
+    def sources(self) -> tuple[RecordingSource, ...]:
+        """Sources of the second pair."""
+        return self.measured.sources
 
 
 def validate(

@@ -66,13 +66,13 @@ def recording_rows(role: str, sources: Sequence[RecordingSource]) -> list[FileRo
     ]
 
 
-def motion_sentence(source: RecordingSource | None, signal: LoadSignal) -> str:
+def motion_sentence(source: RecordingSource, signal: LoadSignal) -> str:
     """Description of the motion.
 
     Args:
-        source: Source of the loaded run, if available.
+        source: Source of the loaded run.
     """
-    text = None if source is None else source.attachments.get(EXCITATION_ATTACHMENT)
+    text = source.attachments.get(EXCITATION_ATTACHMENT)
     span = f"{numeral(signal.time_s[-1] + signal.interval_s, 1)}{NO_BREAK}s"
     if text is None:
         return f"The motion lasts {span}; its planning is not recorded."
@@ -90,9 +90,9 @@ def motion_sentence(source: RecordingSource | None, signal: LoadSignal) -> str:
     )
 
 
-def _slow_round(source: RecordingSource | None) -> str:
+def _slow_round(source: RecordingSource) -> str:
     """Description of the slow round before the motion, if recorded."""
-    run = {} if source is None else source.run()
+    run = source.run()
     lasted_s, speed_m_s = run.get("slow_round_s"), run.get("slow_round_speed_m_s")
     if not isinstance(lasted_s, float) or not isinstance(speed_m_s, float):
         return ""
@@ -102,9 +102,9 @@ def _slow_round(source: RecordingSource | None) -> str:
     )
 
 
-def _way_round(source: RecordingSource | None) -> str:
+def _way_round(source: RecordingSource) -> str:
     """Description of a detour round an obstacle to the start of the motion, if recorded."""
-    text = None if source is None else source.attachments.get(WAY_ROUND_ATTACHMENT)
+    text = source.attachments.get(WAY_ROUND_ATTACHMENT)
     if text is None:
         return ""
     count = len(json.loads(text)["via_points_rad"])

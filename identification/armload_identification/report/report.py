@@ -37,7 +37,7 @@ from armload_identification.report.payload_in_words import (
     truth_sentence,
 )
 from armload_identification.report.provenance import comparison_sentence, file_rows, motion_sentence
-from armload_identification.report.report_content import ReportContent, ReportSubject, ShownRuns
+from armload_identification.report.report_content import ReportContent, ReportSubject
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.signal_constants import Smoothing
@@ -96,9 +96,7 @@ def render_report(subject: ReportSubject, content: ReportContent) -> str:
         motion=() if motion is None else tuple(_motion_panels(motion[0], names)),
         runs=tuple(_runs(content, names)),
         facts=() if fit is None else _facts(fit),
-        files=file_rows(
-            () if content.fitted is None else content.fitted.sources, content.validation_sources, payload.provenance
-        ),
+        files=file_rows(*content.sources, payload.provenance),
         colors=joint_figures.COLORS,
         determined_percent=f"{100.0 * DETERMINED_SHARE:g}",
         reference_length=f"{REFERENCE_LENGTH_M:g}{NO_BREAK}m",
@@ -149,7 +147,7 @@ def _runs(content: ReportContent, names: tuple[str, ...]) -> Iterator[dict[str, 
 
 
 def _torque_panels(
-    key: str, runs: ShownRuns | Validation, rows: tuple[JointRow, ...]
+    key: str, runs: Identification | Validation, rows: tuple[JointRow, ...]
 ) -> Iterator[tuple[str, str, Markup]]:
     """Name, caption and figure of every joint's torque."""
     for joint, row in enumerate(rows):

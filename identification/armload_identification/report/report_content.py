@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from armload_core.arrays import FloatArray
 from armload_identification.model.payload import InertialParameters, PayloadResult
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
@@ -38,49 +37,31 @@ class ReportSubject:
 
 
 @dataclass(frozen=True, eq=False)
-class ShownRuns:
-    """A pair of runs and a payload's prediction for it.
-
-    Attributes:
-        signal: The measured torque difference.
-        predicted_nm: (K, n) predicted torque at its samples.
-        residual_rms_nm: (n,) RMS of the raw single-sample torque difference minus prediction.
-        sources: Sources of the loaded and, if there is one, the unloaded recording.
-    """
-
-    signal: LoadSignal
-    predicted_nm: FloatArray
-    residual_rms_nm: FloatArray
-    sources: tuple[RecordingSource, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class ReportContent:
     """Content of a report besides the payload; each part may be missing.
 
     Attributes:
-        identification: The fit, if the payload was identified in this run of the program.
-        fitted: The runs from which the payload was identified, if available.
+        fitted: The runs from which the payload was identified: their fit if that was in this run of the program, else
+            a comparison of them with the payload.
         validation: How well the payload predicts another motion.
-        validation_sources: Sources of the validation's recordings.
     """
 
-    identification: Identification | None = None
-    fitted: ShownRuns | None = None
+    fitted: Identification | Validation | None = None
     validation: Validation | None = None
-    validation_sources: tuple[RecordingSource, ...] = ()
-
-    @classmethod
-    def of_identification(cls, identification: Identification, validation: Validation | None = None) -> ReportContent:
-        """From an identification, and its validation if there is one."""
-        fit = identification
-        return cls(fit, ShownRuns(fit.signal, fit.predicted_nm, fit.residual_rms_nm, fit.sources), validation)
 
     @property
-    def motion(self) -> tuple[LoadSignal, RecordingSource | None] | None:
+    def identification(self) -> Identification | None:
+        """The fit, if the payload was identified in this run of the program."""
+        return self.fitted if isinstance(self.fitted, Identification) else None
+
+    @property
+    def sources(self) -> tuple[tuple[RecordingSource, ...], tuple[RecordingSource, ...]]:
+        """Sources of the recordings fitted, and of those of the validation."""
+        fitted, validating = (() if runs is None else runs.sources for runs in (self.fitted, self.validation))
+        return fitted, validating
+
+    @property
+    def motion(self) -> tuple[LoadSignal, RecordingSource] | None:
         """The motion to show, and the recording that contains its excitation."""
-        if self.fitted is not None:
-            return self.fitted.signal, self.fitted.sources[0]
-        if self.validation is not None:
-            return self.validation.signal, self.validation_sources[0] if self.validation_sources else None
-        return None
+        runs = self.fitted or self.validation
+        return None if runs is None else (runs.signal, runs.sources[0])

@@ -91,13 +91,12 @@ class Findings(PrintedResult):
     @property
     def simulated(self) -> bool:
         """Whether every recording is marked as made with a simulated arm."""
-        fitted = () if self.content.fitted is None else self.content.fitted.sources
-        sources = (*fitted, *self.content.validation_sources)
+        sources = [source for of_runs in self.content.sources for source in of_runs]
         return bool(sources) and all(source.run().get("simulated", False) for source in sources)
 
     def with_validation_in_provenance(self) -> Findings:
         """The same with the recordings of the validation added to the payload's provenance."""
-        hashes = hashes_by_name(self.content.validation_sources)
+        hashes = hashes_by_name(self.content.sources[1])
         provenance = replace(self.payload.provenance, validation_sha256=hashes)
         return replace(self, payload=replace(self.payload, provenance=provenance))
 

@@ -34,7 +34,7 @@ def findings_document(
         content: Fit, runs and validation.
         verdict: Result of the validation in words.
     """
-    fitted, validation = content.fitted, content.validation
+    validation, (fitted, validating) = content.validation, content.sources
     return {
         "robot": robot,
         "joint_names": list(joint_names),
@@ -47,8 +47,8 @@ def findings_document(
             "text": verdict.text,
         },
         "recordings": {
-            "identification": [] if fitted is None else [_source_fields(source) for source in fitted.sources],
-            "validation": [_source_fields(source) for source in content.validation_sources],
+            "identification": [_source_fields(source) for source in fitted],
+            "validation": [_source_fields(source) for source in validating],
         },
     }
 

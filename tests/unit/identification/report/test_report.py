@@ -135,7 +135,7 @@ def full_text(clear, validation, pinocchio_arm):
         simulated=True,
         truth=pinocchio_arm.payload,
     )
-    return render_report(about, ReportContent.of_identification(clear, validation))
+    return render_report(about, ReportContent(clear, validation))
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +159,7 @@ def curves_of_one_joint():
 @pytest.fixture(scope="module")
 def bare_text(noisy):
     with curves_of_one_joint():
-        return render_report(subject(noisy), ReportContent.of_identification(noisy))
+        return render_report(subject(noisy), ReportContent(noisy))
 
 
 @pytest.fixture(scope="module")
@@ -266,7 +266,7 @@ def test_every_note_is_shown_and_the_gravest_comes_first(bare, noisy, without_cu
         assert re.sub("<.*?>", "", str(_typeset(note[1:]))) in bare.text
     blind = subject(noisy)
     blind = replace(blind, payload=replace(blind.payload, determined=np.zeros(10, bool)))
-    text = Page(render_report(blind, ReportContent.of_identification(noisy))).text
+    text = Page(render_report(blind, ReportContent(noisy))).text
     assert "requires mass and centre of mass, and mass, cx, cy and cz are not determined." in text
     assert 0 < text.index("Do not use this payload for feed-forward") < text.index(noisy.notes[0][1:60])
 
@@ -305,7 +305,7 @@ def test_the_first_screen_has_the_verdict_and_what_is_wrong(clear, validation, p
     vague = replace(payload, mass_center=None, interval_95=payload.interval_95 + np.array([-1.0, 1.0]))
     unclear = verdict_box(judge(validation.measured, pinocchio_arm.chain, known_payload(vague), Tolerance()), NAMES)
     assert (unclear.kind, unclear.title) == ("missing", "Cannot tell")
-    page = Page(render_report(subject(clear), ReportContent.of_identification(clear, failed)))
+    page = Page(render_report(subject(clear), ReportContent(clear, failed)))
     assert 0 < page.text.index("Wrong.") < page.text.index("too high") < page.text.index("Physical consistency")
 
 
@@ -370,7 +370,7 @@ def test_the_page_says_what_to_do_next(clear, validation, pinocchio_arm, without
     assert next_steps(payload, failed)[0] == "Do not use this payload."
     unknown = replace(payload, determined=np.zeros(10, dtype=bool))
     assert next_steps(unknown, None)[0].startswith("Do not use this payload yet")
-    page = Page(render_report(subject(clear), ReportContent.of_identification(clear)))
+    page = Page(render_report(subject(clear), ReportContent(clear)))
     assert page.text.index("What to do next") < page.text.index("record another motion") < page.text.index("Parameters")
 
 
@@ -489,20 +489,20 @@ def test_every_figure_says_what_it_shows(full):
 def test_the_same_inputs_give_the_same_bytes(tmp_path, noisy, bare_text):
     path = tmp_path / "report.html"
     with curves_of_one_joint():
-        write_report(path, subject(noisy), ReportContent.of_identification(noisy))
+        write_report(path, subject(noisy), ReportContent(noisy))
     assert path.read_bytes() == bare_text.encode()
 
 
 def test_a_page_that_cannot_be_written_is_an_error_with_its_path(tmp_path, noisy, without_curves):
     path = tmp_path / "missing" / "report.html"
     with pytest.raises(ReportError, match=r"missing/report\.html: the report cannot be written"):
-        write_report(path, subject(noisy), ReportContent.of_identification(noisy))
+        write_report(path, subject(noisy), ReportContent(noisy))
     assert issubclass(ReportError, IdentificationError)
 
 
 def test_names_must_fit_the_joints(noisy):
     with pytest.raises(ReportError, match="3 joint names for recordings of 6 joints"):
-        render_report(subject(noisy, joint_names=NAMES[:3]), ReportContent.of_identification(noisy))
+        render_report(subject(noisy, joint_names=NAMES[:3]), ReportContent(noisy))
 
 
 def test_long_recordings_make_no_long_pages(clear):

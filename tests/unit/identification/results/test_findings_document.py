@@ -18,7 +18,7 @@ pytestmark = pytest.mark.pure
 
 def document(found):
     names = [f"j{i}" for i in range(6)]
-    content = ReportContent(identification=found)
+    content = ReportContent(found)
     made = findings_document("arm", names, payload_result(found, "0", ""), content, verdict_box(None, names))
     return json.loads(json.dumps(made, allow_nan=False))["identification"]
 
