@@ -76,11 +76,10 @@ class DesignedWiggle(DesignedMotion):
     def _excitation(self, output: str) -> Excitation:
         trajectory = self.wiggle.trajectory
         at = trajectory.evaluate(np.linspace(0.0, trajectory.period_s, 200, endpoint=False))
-        motion = (at.position_rad, at.velocity_rad_s, at.acceleration_rad_s2)
         design: dict[str, str | int | float] = {
             "criterion": MASS_CRITERION,
             "cost": self.share,
-            "condition_number": condition_number(self.arm.chain).cost(*motion, trajectory.period_s),
+            "condition_number": condition_number(self.arm.chain).cost(*at[:3], trajectory.period_s),
             "seed": self.wiggle.seed,
             "restarts": self.wiggle.tried,
             "command": f"armload design {self.robot_argument} {self.options} --output {output}",

@@ -121,7 +121,7 @@ def _needed(path: FourierTrajectory | LinePath, phase: PhaseLimits, torque: Torq
 
 def _greatest(torque: TorqueLimits, state: FourierState, alpha: float) -> FloatArray:
     """(n,) greatest demand at samples, at rates 0 and 1 and phase accelerations of both signs."""
-    q, v, a = state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2
+    q, v, a, _ = state
     still = np.zeros_like(q)
     # At rate r friction is r f <= (1 + r^2) f / 2: half of it at rate 0, all of it at rate 1 bound the rates between.
     friction = 0.5 * torque.friction(v)
@@ -141,7 +141,7 @@ def _greatest_case(torque: TorqueLimits, demand_nm: FloatArray) -> FloatArray:
 def _point_speeds(leg: Leg, points: ArmPoints) -> FloatArray:
     """(P,) greatest speed of each point on a leg."""
     state = leg.path.evaluate(np.linspace(leg.start_s, leg.end_s, SPEED_SAMPLES))
-    return np.asarray(leg.rate * points.speeds(state.position_rad, state.velocity_rad_s).max(axis=0))
+    return np.asarray(leg.rate * points.speeds(*state[:2]).max(axis=0))
 
 
 def _require_speed(speed_m_s: FloatArray, points: ArmPoints, bound_m_s: float) -> None:

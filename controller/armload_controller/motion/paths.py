@@ -88,12 +88,7 @@ class LinePath:
         """Bound on the speed of all points at full rate, also between samples."""
         rates = np.zeros((4, len(self.start_rad)))
         rates[0] = np.abs(self.goal_rad - self.start_rad) / self.duration_s
-
-        def motion(times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-            state = self.evaluate(times_s)
-            return state.position_rad, state.velocity_rad_s
-
-        return float(points.greatest_between(motion, rates, self.duration_s, _LINE_SAMPLES).max())
+        return float(points.greatest_between(self.evaluate, rates, self.duration_s, _LINE_SAMPLES).max())
 
     def bounds(self) -> FourierBounds:
         """Range and greatest derivatives to the phase, each (n,)."""

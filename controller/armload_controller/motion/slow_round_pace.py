@@ -186,10 +186,9 @@ class PacedPath:
     def evaluate(self, t_s: ArrayLike) -> FourierState:
         """Position and derivatives to the new phase; (n,) for one phase, (N, n) for N."""
         s, first, second, third = self.pace.evaluate(np.asarray(t_s, dtype=np.float64))
-        state = self.path.evaluate(s)
+        q, v, a, j = self.path.evaluate(s)
         g, h, k = (np.asarray(derivative)[..., None] for derivative in (first, second, third))
-        v, a, j = state.velocity_rad_s, state.acceleration_rad_s2, state.jerk_rad_s3
-        return FourierState(state.position_rad, v * g, a * g**2 + v * h, j * g**3 + 3.0 * a * g * h + v * k)
+        return FourierState(q, v * g, a * g**2 + v * h, j * g**3 + 3.0 * a * g * h + v * k)
 
 
 def reduced_pace(path: FourierTrajectory, bounds: PhaseLimits, speed: SpeedLimit) -> tuple[PacedPath, PhaseLimits]:

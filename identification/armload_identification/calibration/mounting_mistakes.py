@@ -99,8 +99,10 @@ def _refuse_turned_joint(
     """
     turned = {}
     for axis, (what, (position, effort)) in product(np.flatnonzero(moves).tolist(), _TURNED.items()):
-        turn = partial(RunSignals.turned, axis=axis, coupling=coupling, position=position, effort=effort)
-        turned[axis, what] = float(shares(turn).mean())
+        turn = np.diag(np.where(np.arange(len(coupling)) == axis, -1.0, 1.0))
+        joints = (coupling @ turn @ np.linalg.inv(coupling)).T if position else np.eye(len(coupling))
+        axes = turn if effort else np.eye(len(coupling))
+        turned[axis, what] = float(shares(partial(RunSignals.turned, joints=joints, axes=axes)).mean())
         advance(1)
     joint, what = min(turned, key=lambda which: turned[which])
     if turned[joint, what] >= most:

@@ -32,14 +32,14 @@ def doubtful_share(calibration: ArmCalibration, level: Chain, run: RunSignals) -
     Returns:
         (n,) ratio of the half width of the 95 % interval to the torque, RMS along the motion.
     """
-    length, n = run.position_rad.shape
+    length, n = run.states.position_rad.shape
     step = max(length // _SAMPLES, 1)
 
     def out_of_step(values: FloatArray) -> FloatArray:
         moved = [np.roll(values[:, joint], joint * length // (n + 1)) for joint in range(n)]
         return np.ascontiguousarray(np.column_stack(moved)[::step])
 
-    states = JointStates(*(out_of_step(x) for x in (run.position_rad, run.velocity_rad_s, run.acceleration_rad_s2)))
+    states = JointStates(*map(out_of_step, run.states))
     torque = calibration.body.torque(level, *states)
     doubts = calibration.torque_doubts(level, states, step * run.interval_s, torque)
     size = np.sqrt(np.mean(np.sum(doubts**2, axis=0), axis=0))

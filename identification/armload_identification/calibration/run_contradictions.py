@@ -164,28 +164,15 @@ def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float 
     for one, other in combinations(range(n), 2):
         swap = np.eye(n)
         swap[:, [one, other]] = swap[:, [other, one]]
-        swapped = replace(_moved(run, swap), effort_nm=run.effort_nm @ swap)
-        yield _trial(arm, swapped, mounting), f"joints {one + 1} and {other + 1} are exchanged"
+        yield _trial(arm, run.turned(swap, swap), mounting), f"joints {one + 1} and {other + 1} are exchanged"
     for joint in range(n):
         turn = np.diag(np.where(np.arange(n) == joint, -1.0, 1.0))
-        turned = _moved(run, turn)
-        yield _trial(arm, turned, mounting), f"the position of joint {joint + 1} is inverted"
-        both = replace(turned, effort_nm=run.effort_nm @ turn)
-        text = f"position and effort of joint {joint + 1} are inverted"
-        yield _trial(arm, both, mounting), text
+        yield _trial(arm, run.turned(turn, np.eye(n)), mounting), f"the position of joint {joint + 1} is inverted"
+        both = _trial(arm, run.turned(turn, turn), mounting)
+        yield both, f"position and effort of joint {joint + 1} are inverted"
     for how, gravity in directions(arm.chain.gravity_m_s2).items():
         mounted = Chain(arm.chain.placement, arm.chain.axis, arm.chain.flange, gravity)
         yield _trial(replace(arm, chain=mounted), run, mounting), f"the arm was mounted {how} in this run"
-
-
-def _moved(run: RunSignals, matrix: FloatArray) -> RunSignals:
-    """The run with every (K, n) position, velocity and acceleration x replaced by x M, M (n, n)."""
-    return replace(
-        run,
-        position_rad=run.position_rad @ matrix,
-        velocity_rad_s=run.velocity_rad_s @ matrix,
-        acceleration_rad_s2=run.acceleration_rad_s2 @ matrix,
-    )
 
 
 @dataclass(frozen=True, eq=False)

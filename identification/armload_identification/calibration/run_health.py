@@ -218,8 +218,7 @@ class _RunFit:
         """(k, N, n) axis torque of one standard deviation of each independent error of the calibration."""
         kept = np.rint(self._rows.time_s / self._signals.interval_s).astype(np.intp)
         signals, calibration, coupling = self._signals, self._calibration, self._calibration.body.coupling
-        motion = (signals.position_rad, signals.velocity_rad_s, signals.acceleration_rad_s2)
-        states = JointStates(*(np.ascontiguousarray(part[kept]) for part in motion))
+        states = JointStates(*(np.ascontiguousarray(part[kept]) for part in signals.states))
         scale = np.exp(self._found.value(GAIN))
         measured = (self._rows.effort_nm / scale) @ np.linalg.inv(coupling)
         joint = calibration.torque_doubts(calibration.level(self._chain), states, self._apart_s, measured)

@@ -39,9 +39,7 @@ class RunSignals:
     Attributes:
         name: Name of the run in messages.
         interval_s: Time between samples.
-        position_rad: (K, n).
-        velocity_rad_s: (K, n).
-        acceleration_rad_s2: (K, n).
+        states: (K, n) each.
         effort_nm: (K, n) axis torque from the currents with nominal gains, C^T tau.
         usable: (K,) False in gaps.
         periodic: Whether the last sample is followed by the first.
@@ -52,9 +50,7 @@ class RunSignals:
 
     name: str
     interval_s: float
-    position_rad: FloatArray
-    velocity_rad_s: FloatArray
-    acceleration_rad_s2: FloatArray
+    states: JointStates
     effort_nm: FloatArray
     usable: NDArray[np.bool_]
     periodic: bool
@@ -72,7 +68,7 @@ class RunSignals:
             name: Name of the run in messages.
         """
         usable = _without_holes(run.valid, run.interval_s) if run.periodic else run.valid
-        return cls(name, run.interval_s, *run.states, run.raw_nm @ coupling, usable, run.periodic, from_torque=False)
+        return cls(name, run.interval_s, run.states, run.raw_nm @ coupling, usable, run.periodic, from_torque=False)
 
     @property
     def has_rows(self) -> bool:
@@ -82,7 +78,7 @@ class RunSignals:
     @property
     def peak_rad_s(self) -> FloatArray:
         """(n,) greatest speeds, of means over the rows' windows: single samples are greater by their noise."""
-        return np.asarray(np.abs(self.row_window().mean(self.velocity_rad_s)).max(axis=0, initial=0.0))
+        return np.asarray(np.abs(self.row_window().mean(self.states.velocity_rad_s)).max(axis=0, initial=0.0))
 
     def with_close_rows(self) -> RunSignals:
         """The same with at least a hundred rows of a period, for two runs that are compared phase by phase."""
@@ -98,25 +94,10 @@ class RunSignals:
         window = RowWindow.of(samples, self.interval_s, step, periodic=self.periodic, half_s=half_s)
         return window.only(window.usable(self.usable))
 
-    def turned(self, axis: int, coupling: FloatArray, *, position: bool, effort: bool) -> RunSignals:
-        """The same run with one axis inverted.
-
-        Args:
-            axis: Index of the axis.
-            coupling: (n, n) C of the motors.
-            position: Whether its position is inverted.
-            effort: Whether its effort is inverted.
-        """
-        turn = np.ones(len(coupling))
-        turn[axis] = -1.0
-        joints = coupling * turn @ np.linalg.inv(coupling) if position else np.eye(turn.size)
-        return replace(
-            self,
-            position_rad=self.position_rad @ joints.T,
-            velocity_rad_s=self.velocity_rad_s @ joints.T,
-            acceleration_rad_s2=self.acceleration_rad_s2 @ joints.T,
-            effort_nm=self.effort_nm * turn if effort else self.effort_nm,
-        )
+    def turned(self, joints: FloatArray, axes: FloatArray) -> RunSignals:
+        """The same run with positions and their derivatives multiplied by (n, n) `joints`, efforts by (n, n) `axes`."""
+        states = JointStates(*(values @ joints for values in self.states))
+        return replace(self, states=states, effort_nm=self.effort_nm @ axes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,13 +212,12 @@ def arm_rows(
         peak_rad_s: (n,) greatest speed of each joint over all runs.
         loaded: Whether a payload's columns are required.
     """
-    moves = peak_rad_s > Rows.stands_rad_s
+    states, moves = run.states, peak_rad_s > Rows.stands_rad_s
     scale = np.where(moves, peak_rad_s, 1.0)
-    sign = np.where(moves, np.tanh(run.velocity_rad_s / (TURN_OVER * scale)), 0.0)
+    sign = np.where(moves, np.tanh(states.velocity_rad_s / (TURN_OVER * scale)), 0.0)
     window = run.row_window()
-    states = JointStates(run.position_rad, run.velocity_rad_s, run.acceleration_rad_s2)
-    velocity = window.mean(run.velocity_rad_s)
-    acceleration = run.acceleration_rad_s2 @ np.linalg.inv(coupling).T
+    velocity = window.mean(states.velocity_rad_s)
+    acceleration = states.acceleration_rad_s2 @ np.linalg.inv(coupling).T
     middle = states.position_rad[window.middle]
     still = np.zeros_like(middle)
     sides = sideways(chain)
@@ -250,12 +230,12 @@ def arm_rows(
     return ArmRows(
         name=run.name,
         time_s=np.asarray(window.middle * run.interval_s, dtype=np.float64),
-        position_rad=window.mean(run.position_rad),
+        position_rad=window.mean(states.position_rad),
         velocity_rad_s=velocity,
         axis_acceleration_rad_s2=window.mean(acceleration),
         axis_jerk_rad_s3=-window.slope(acceleration),
         direction=window.mean(sign),
-        root=window.mean(sign * np.sqrt(np.abs(run.velocity_rad_s))),
+        root=window.mean(sign * np.sqrt(np.abs(states.velocity_rad_s))),
         effort_nm=window.mean(run.effort_nm),
         weight=np.where(moves, window.onward(sign) * moving_weights(velocity, REVERSAL * scale), 0.0),
         links=links,

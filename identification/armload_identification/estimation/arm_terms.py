@@ -77,49 +77,26 @@ class Layout:
         return int(self.places[TILT].stop)
 
 
-def _links(rows: ArmRows) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return rows.links, rows.links_rate, rows.links_tilt
-
-
-def _payload(rows: ArmRows) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return rows.payload, rows.payload_rate, rows.payload_tilt
-
-
 def _load_friction(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, FloatArray]:
     return (rows.direction * np.abs(carried_nm))[None], (rows.direction * np.sign(carried_nm))[None]
-
-
-def _coulomb(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
-    return rows.direction[None], None
-
-
-def _viscous(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
-    return rows.velocity_rad_s[None], None
-
-
-def _root(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
-    return rows.root[None], None
 
 
 def _friction_change(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
     return np.stack([rows.direction, rows.velocity_rad_s, np.ones_like(rows.direction)]), None
 
 
-def _rotors(rows: ArmRows) -> tuple[FloatArray, FloatArray]:
-    return rows.axis_acceleration_rad_s2, rows.axis_jerk_rad_s3
-
-
 LAWS: Final[dict[str, Law]] = {
     GAIN: Shared.GAIN,
-    LINKS: Load(_links),
-    ROTORS: Motor(_rotors),
+    LINKS: Load(lambda rows: (rows.links, rows.links_rate, rows.links_tilt)),
+    ROTORS: Motor(lambda rows: (rows.axis_acceleration_rad_s2, rows.axis_jerk_rad_s3)),
     LOAD_FRICTION: Joint(_load_friction),
-    COULOMB: Joint(_coulomb),
-    VISCOUS: Joint(_viscous),
-    ROOT: Joint(_root),
+    COULOMB: Joint(lambda rows, _: (rows.direction[None], None)),
+    VISCOUS: Joint(lambda rows, _: (rows.velocity_rad_s[None], None)),
+    ROOT: Joint(lambda rows, _: (rows.root[None], None)),
     DELAY: Shared.DELAY,
     TILT: Shared.TILT,
 }
+_PAYLOAD_LAW: Final = Load(lambda rows: (rows.payload, rows.payload_rate, rows.payload_tilt))
 
 
 def arm_terms(
@@ -231,7 +208,7 @@ def payload_term(mean: FloatArray, deviation: FloatArray, origin: str) -> Term:
         deviation: (10,) their standard deviations.
         origin: Where they come from.
     """
-    return Term(PAYLOAD, Scope.MOUNTING, Load(_payload), mean, deviation, origin)
+    return Term(PAYLOAD, Scope.MOUNTING, _PAYLOAD_LAW, mean, deviation, origin)
 
 
 def effort_level(runs: Sequence[ArmRows]) -> FloatArray:

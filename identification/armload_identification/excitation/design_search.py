@@ -216,7 +216,7 @@ class Search:
         equally_long = self._cost(self._criterion, trajectory, self._reference_s)
         samples = len(self._basis[0])
         state = trajectory.evaluate(np.arange(samples) * (trajectory.period_s / samples))
-        lasts_s = self._duration(np.stack([state.position_rad, state.velocity_rad_s]), trajectory.period_s)[0]
+        lasts_s = self._duration(np.stack(state[:2]), trajectory.period_s)[0]
         return Attempt(cost, equally_long * lasts_s, trajectory, np.array(history) * (cost / equally_long))
 
     def _best_random_motion(self, rng: np.random.Generator) -> FloatArray:
@@ -333,7 +333,7 @@ class Search:
         """A criterion of a trajectory for a given measuring time."""
         samples = self._basis.shape[1]
         state = trajectory.evaluate(np.arange(samples) * (trajectory.period_s / samples))
-        return criterion.cost(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2, measured_s)
+        return criterion.cost(*state[:3], measured_s)
 
     def _with_period_in_steps(self, trajectory: FourierTrajectory) -> FourierTrajectory:
         """The same path with the next longer period that is a multiple of the step, which violates no further limit."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,8 +24,7 @@ ROBUST_CRITERIA = ("a-optimal-mean", "a-optimal-max")
 """Criteria for a set of payloads."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class FourierState:
+class FourierState(NamedTuple):
     """State of a trajectory.
 
     Attributes:
@@ -172,9 +172,7 @@ class FourierTrajectory:
         state = self.evaluate(np.arange(samples) * (self.period_s / samples))
         low, high = state.position_rad.min(axis=0), state.position_rad.max(axis=0)
         middle, half = 0.5 * (low + high), 0.5 * (high - low) * widen
-        velocity, acceleration, jerk = (
-            np.abs(d).max(axis=0) * widen for d in (state.velocity_rad_s, state.acceleration_rad_s2, state.jerk_rad_s3)
-        )
+        velocity, acceleration, jerk = (np.abs(d).max(axis=0) * widen for d in state[1:])
         return FourierBounds(middle - half, middle + half, velocity, acceleration, jerk)
 
 

@@ -20,7 +20,7 @@ Suspicions are ranked by the number of standard deviations of a normal variable 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from enum import StrEnum
@@ -240,39 +240,30 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
         of_all[run.arm, run.model].append(run)
     latest = _fleet_date(of_all)
     absent = {
-        arm: ArmReview(*arm, len(of_arm), sum(bool(run.problem) for run in of_arm), of_arm[-1].recorded)
+        arm: _review(arm, of_arm, {}, [])
         for arm, of_arm in of_all.items()
         if latest is not None and _is_absent(of_arm, latest)
     }
     by_arm = {arm: of_arm for arm, of_arm in of_all.items() if arm not in absent}
     series = {
-        arm: {
-            quantity: _Series.of(of_arm, quantity)
-            for quantity in sorted({quantity for run in of_arm for quantity in run.figures})
-        }
+        (arm, quantity): _Series.of(of_arm, quantity)
         for arm, of_arm in by_arm.items()
+        for quantity in sorted({quantity for run in of_arm for quantity in run.figures})
     }
     usual = _usual_spread(series)
-    series = {
-        arm: {
-            quantity: replace(one, noise=usual[arm[1], quantity].share * one.noise) for quantity, one in of_arm.items()
-        }
-        for arm, of_arm in series.items()
-    }
+    for (arm, quantity), one in series.items():
+        series[arm, quantity] = replace(one, noise=usual[arm[1], quantity].share * one.noise)
     compared = _against_twins(series, usual)
-    charts = sum(len(of_arm) for of_arm in series.values())
-    arms = []
-    for arm, of_arm in by_arm.items():
-        figures, found = {}, _silence(of_arm)
-        for quantity, one in series[arm].items():
-            twins = compared.get((arm, quantity))
-            figures[quantity] = _figure(quantity, one, usual[arm[1], quantity].beyond, charts, twins)
-            found += _changes_and_outliers(figures[quantity])
-            if twins is not None and twins.suspicion is not None:
-                found.append(twins.suspicion)
-        silent = sum(bool(run.problem) for run in of_arm)
-        gravest = tuple(sorted(found, key=lambda suspicion: -suspicion.deviations))
-        arms.append(ArmReview(*arm, len(of_arm), silent, of_arm[-1].recorded, figures, gravest))
+    figures: defaultdict[ArmKey, dict[Quantity, FigureReview]] = defaultdict(dict)
+    found = {arm: _silence(of_arm) for arm, of_arm in by_arm.items()}
+    for (arm, quantity), one in series.items():
+        twins = compared.get((arm, quantity))
+        figure = _figure(quantity, one, usual[arm[1], quantity].beyond, len(series), twins)
+        figures[arm][quantity] = figure
+        found[arm] += _changes_and_outliers(figure)
+        if twins is not None and twins.suspicion is not None:
+            found[arm].append(twins.suspicion)
+    arms = [_review(arm, of_arm, figures[arm], found[arm]) for arm, of_arm in by_arm.items()]
     arms.sort(key=lambda review: (-review.deviations, review.arm))
     return FleetReview(
         tuple(arms),
@@ -285,6 +276,14 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
             and (run.dated_by == IN_FUTURE or (latest is not None and run.recorded > latest + ABSENT))
         ),
     )
+
+
+def _review(
+    arm: ArmKey, runs: Sequence[ArmRun], figures: Mapping[Quantity, FigureReview], found: Sequence[Suspicion]
+) -> ArmReview:
+    """What an arm's runs show, the gravest suspicion first."""
+    gravest = tuple(sorted(found, key=lambda suspicion: -suspicion.deviations))
+    return ArmReview(*arm, len(runs), sum(bool(run.problem) for run in runs), runs[-1].recorded, figures, gravest)
 
 
 def _fleet_date(runs: Mapping[ArmKey, Sequence[ArmRun]]) -> datetime | None:
@@ -307,10 +306,10 @@ def _is_absent(runs: Sequence[ArmRun], latest: datetime) -> bool:
     return latest - runs[-1].recorded > max(ABSENT, ABSENT_INTERVALS * max(intervals, default=timedelta()))
 
 
-def _usual_spread(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> dict[tuple[str, Quantity], _Usual]:
+def _usual_spread(series: Mapping[tuple[ArmKey, Quantity], _Series]) -> dict[tuple[str, Quantity], _Usual]:
     """What is usual between runs of one arm, by model and quantity, from successive runs."""
     steps: defaultdict[tuple[str, Quantity], list[FloatArray]] = defaultdict(list)
-    for (_, model), quantity, one in _all_series(series):
+    for ((_, model), quantity), one in series.items():
         noise = np.hypot(one.noise[1:], one.noise[:-1])
         steps[model, quantity].append(np.stack([np.diff(one.values), noise]))
     usual = {}
@@ -324,13 +323,6 @@ def _usual_spread(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> dict[t
             share = min(float(deviation_by_median(in_noise[:, None])[0]), 1.0)
         usual[place] = _Usual(max(float(np.sqrt(max(0.5 * variance, 0.0))), _LEAST_SPREAD), max(share, _LEAST_SPREAD))
     return usual
-
-
-def _all_series(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> Iterator[tuple[ArmKey, Quantity, _Series]]:
-    """All series."""
-    for arm, of_arm in series.items():
-        for quantity, one in of_arm.items():
-            yield arm, quantity, one
 
 
 def _figure(quantity: Quantity, one: _Series, usual: float, charts: int, twins: Twins | None) -> FigureReview:
@@ -366,11 +358,11 @@ def _changes_and_outliers(figure: FigureReview) -> list[Suspicion]:
 
 
 def _against_twins(
-    series: Mapping[ArmKey, Mapping[Quantity, _Series]], usual: Mapping[tuple[str, Quantity], _Usual]
+    series: Mapping[tuple[ArmKey, Quantity], _Series], usual: Mapping[tuple[str, Quantity], _Usual]
 ) -> dict[tuple[ArmKey, Quantity], Twins]:
     """Each arm's quantities compared with those of its twins."""
     groups: defaultdict[tuple[str, Quantity], list[tuple[str, float, float]]] = defaultdict(list)
-    for (arm, model), quantity, one in _all_series(series):
+    for ((arm, model), quantity), one in series.items():
         if quantity.of or quantity.kind not in PER_PAYLOAD:  # payloads without a name may be different ones
             groups[model, quantity].append((arm, *one.latest(usual[model, quantity].beyond)))
     compared = {place: arms for place, arms in groups.items() if len(arms) > TWINS_LEAST}

@@ -168,15 +168,13 @@ class _Shapes:
     def _inside(self, drawn: FloatArray) -> FourierTrajectory | None:
         """A shape with the greatest amplitude within its limits."""
         one = self._trajectory(drawn)
-        at = one.evaluate(self._times_s)
-        states = np.stack([at.position_rad - self._at, at.velocity_rad_s, at.acceleration_rad_s2, at.jerk_rad_s3])
+        states = np.stack(one.evaluate(self._times_s))
+        states[0] -= self._at
         reach = np.abs(states).max(axis=1) / self._room
         size = (_INSIDE / reach.max(axis=0))[:, None]
         for _ in range(_ORDERS):
             trajectory = self._trajectory(size * drawn)
-            at = trajectory.evaluate(self._times_s)
-            whole = np.stack([at.position_rad, at.velocity_rad_s, at.acceleration_rad_s2, at.jerk_rad_s3])
-            if self._envelope.excess(whole).max() <= 0.0:
+            if self._envelope.excess(np.stack(trajectory.evaluate(self._times_s))).max() <= 0.0:
                 return trajectory
             size = size * _SMALLER
         return None

@@ -153,13 +153,12 @@ def average_period(run: Recording, transmission: Transmission, phases: int) -> M
     if run.average is not None:
         periods, scatter = run.average.periods, _scatter_of(run, run.average, transmission)
     time_s = np.arange(phases) / phases * folded.period_s
-    state = folded.motion.period(phases)
     smoothed = smooth(folded.torque_nm)
     noise = white_noise(torque) if scatter is None else scatter
     return Motion(
         time_s=time_s,
         periodic=True,
-        states=JointStates(smooth(state.position_rad), smooth(state.velocity_rad_s), smooth(state.acceleration_rad_s2)),
+        states=JointStates(*map(smooth, folded.motion.period(phases)[:3])),
         raw_nm=folded.torque_nm,
         torque_nm=smoothed,
         valid=folded.valid,

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.derivative_bounds import point_rates, rate_bounds
-from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.fourier import FourierState, FourierTrajectory
 from armload_identification.model.chain import Chain
 
 _SAMPLES = 4096
@@ -135,24 +135,15 @@ class ArmPoints:
 
     def greatest_in_period(self, trajectory: FourierTrajectory, samples: int) -> FloatArray:
         """(samples, P) as `greatest_between`, along one period."""
-
-        def motion(times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-            state = trajectory.evaluate(times_s)
-            return state.position_rad, state.velocity_rad_s
-
-        return self.greatest_between(motion, rate_bounds(trajectory), trajectory.period_s, samples)
+        return self.greatest_between(trajectory.evaluate, rate_bounds(trajectory), trajectory.period_s, samples)
 
     def greatest_between(
-        self,
-        motion: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
-        rates: FloatArray,
-        duration_s: float,
-        samples: int,
+        self, motion: Callable[[FloatArray], FourierState], rates: FloatArray, duration_s: float, samples: int
     ) -> FloatArray:
         """Upper bound of the speed of every point from each sample of a motion to the next.
 
         Args:
-            motion: Returns positions and velocities (N, n) at times (N,).
+            motion: Returns the state at times (N,).
             rates: (4, n) bounds of the joints' derivatives, as `derivative_bounds.rate_bounds`.
             duration_s: End of the motion, which begins at 0.
             samples: Number of intervals of equal length.
@@ -160,7 +151,7 @@ class ArmPoints:
         Returns:
             (samples, P) in m/s.
         """
-        speed = self.speeds(*motion(np.linspace(0.0, duration_s, samples + 1)))
+        speed = self.speeds(*motion(np.linspace(0.0, duration_s, samples + 1))[:2])
         between = np.maximum(speed[:-1], speed[1:])
         bend = np.array(
             [
