@@ -19,6 +19,7 @@ from armload_identification.recording.reduction.phase_advance import interruptio
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import ABOVE_BAND
+from armload_identification.signals.reversals import reversal_weights
 from armload_identification.signals.signal_constants import Smoothing
 from armload_identification.verdict.decision_levels import ArmFit, PayloadFit
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
@@ -248,10 +249,10 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
 
 def misfit_notes(found: Identification) -> list[str]:
     """Joints whose torque difference is not explained by a payload, or all of them together."""
-    # A joint at rest was not fitted: its static friction can take any value.
+    # At rest and at reversals static friction can take any value.
     signal, noise_nm = found.signal, found.plain.noise_nm
-    moves = signal.loaded.moves
-    torque, left = (np.where(moves, values[signal.valid], 0.0) for values in (signal.torque_nm, found.residual_nm))
+    moving = reversal_weights(signal.states.position_rad, signal.states.velocity_rad_s)[signal.valid]
+    torque, left = (moving * values[signal.valid] for values in (signal.torque_nm, found.residual_nm))
     measured = np.mean((torque / noise_nm) ** 2)
     misfit = np.mean((left / noise_nm) ** 2)
     if misfit > PayloadFit.poor_share * measured:

@@ -38,7 +38,7 @@ from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.signals.motion import Motion
-from armload_identification.signals.reversals import reversal_speed
+from armload_identification.signals.reversals import reversal_speed, reversal_weights
 
 _OFFSET: Final = "offset"
 
@@ -49,7 +49,7 @@ class BodyFit:
 
     Attributes:
         model: The body.
-        residual_rms_nm: (n,) RMS of torque minus prediction over all samples used, reversals included.
+        residual_rms_nm: (n,) RMS of torque minus prediction where a joint moves; 0 for a joint at rest.
         torque_rms_nm: (n,) RMS of the torque, for scale.
     """
 
@@ -77,12 +77,15 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
     )
     slowest = reversal_speed(np.vstack([run.states.velocity_rad_s for run in runs]))
     model = identified_body(found, base, slowest, np.stack([np.zeros(n), np.zeros(n), found.value(_OFFSET)]))
+    moving = np.vstack(
+        [reversal_weights(run.states.position_rad, run.states.velocity_rad_s)[run.valid] for run in runs]
+    )
     left = [
         (run.torque_nm - model.torque(chain, *run.with_delay(model.torque_delay_s).states))[run.valid] for run in runs
     ]
     torque = np.vstack([run.torque_nm[run.valid] for run in runs])
-    residual_nm, torque_nm = (np.sqrt(np.mean(values**2, axis=0)) for values in (np.vstack(left), torque))
-    return BodyFit(model, residual_nm, torque_nm)
+    residual_nm = np.sqrt(np.sum((moving * np.vstack(left)) ** 2, axis=0) / np.maximum(np.sum(moving**2, axis=0), 1.0))
+    return BodyFit(model, residual_nm, np.sqrt(np.mean(torque**2, axis=0)))
 
 
 def _offset(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
