@@ -38,7 +38,6 @@ def rows_of(
     links = still if links is None else links
     weight = np.ones_like(zero) if weight is None else weight
     return ArmRows(
-        name="rows",
         time_s=ROW_S * np.arange(samples),
         position_rad=zero,
         velocity_rad_s=zero,

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from armload_identification.identification_errors import file_problem
+from armload_identification.identification_errors import FileProblem
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,22 +37,8 @@ class ControlError(Exception):
     """
 
 
-class ConfigurationError(ControlError):
-    """A configuration that cannot be used.
-
-    Attributes:
-        file: The file that contains it.
-        key: Dotted path of the key; the first joint is joints[1]. Empty if the error concerns the file itself.
-        found: The value found; None if missing. A table is not repeated.
-        expected: What was expected.
-    """
-
-    def __init__(self, file: str, key: str, found: object, expected: str) -> None:
-        super().__init__(file_problem(file, key, found, expected))
-        self.file = file
-        self.key = key
-        self.found = found
-        self.expected = expected
+class ConfigurationError(FileProblem, ControlError):
+    """A configuration that cannot be used."""
 
 
 class UnsafeBus(ControlError):

@@ -87,8 +87,8 @@ class ExcitationError(IdentificationError):
     """No trajectory was found within the limits."""
 
 
-class FileError(IdentificationError):
-    """A file of this program that cannot be read, used or written.
+class FileProblem(Exception):
+    """What is wrong with a file.
 
     Attributes:
         file: The file, or the name of the text.
@@ -103,6 +103,10 @@ class FileError(IdentificationError):
         self.key = key
         self.found = found
         self.expected = expected
+
+
+class FileError(FileProblem, IdentificationError):
+    """A file of this program that cannot be read, used or written."""
 
 
 class CalibrationFileError(FileError):

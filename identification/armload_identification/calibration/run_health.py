@@ -126,10 +126,8 @@ def run_health(
     with threadpool_limits(1):
         if calibration.effort is Effort.CURRENT:
             transmission = replace(transmission, gain_nm_a=calibration.nominal)
-        signals = run_signals(recording, transmission)
-        return _RunFit(signals, calibration, chain, mounting).health(
-            recording.source.path.name, recorded or run_start_text(recording)
-        )
+        fit = _RunFit(run_signals(recording, transmission), calibration, chain, mounting)
+        return fit.health(recording.source.path.name, recorded or run_start_text(recording))
 
 
 class _RunFit:
@@ -148,7 +146,7 @@ class _RunFit:
         self._apart_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
         self._moved = np.count_nonzero(self._rows.weight > Solver.moving, axis=0) >= Health.fewest_rows
         if not self._moved.any():
-            raise EstimationError(f"{signals.name}: no joint moves long enough to determine gain or friction")
+            raise EstimationError("no joint moves long enough to determine gain or friction")
         nominal = np.log(calibration.nominal / calibration.gain_nm_a)
         gain = Term(
             GAIN, Scope.ARM, LAWS[GAIN], nominal, np.full(calibration.n, Health.gain), "a drive that was exchanged"

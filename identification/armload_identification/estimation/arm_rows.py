@@ -37,7 +37,6 @@ class RunSignals:
     """A run on an equidistant time grid, n joints.
 
     Attributes:
-        name: Name of the run in messages.
         interval_s: Time between samples.
         states: (K, n) each.
         effort_nm: (K, n) axis torque from the currents with nominal gains, C^T tau.
@@ -48,7 +47,6 @@ class RunSignals:
         spacing: Keep every `spacing`-th row.
     """
 
-    name: str
     interval_s: float
     states: JointStates
     effort_nm: FloatArray
@@ -59,16 +57,15 @@ class RunSignals:
     spacing: int = 1
 
     @classmethod
-    def of_motion(cls, run: Motion, coupling: FloatArray, name: str) -> RunSignals:
+    def of_motion(cls, run: Motion, coupling: FloatArray) -> RunSignals:
         """From the motion of a run.
 
         Args:
             run: Its motion and joint torque.
             coupling: (n, n) C of the motors.
-            name: Name of the run in messages.
         """
         usable = _without_holes(run.valid, run.interval_s) if run.periodic else run.valid
-        return cls(name, run.interval_s, run.states, run.raw_nm @ coupling, usable, run.periodic, from_torque=False)
+        return cls(run.interval_s, run.states, run.raw_nm @ coupling, usable, run.periodic, from_torque=False)
 
     @property
     def has_rows(self) -> bool:
@@ -105,7 +102,6 @@ class ArmRows:
     """N rows of a run of n joints with b base parameters: means over the rows' windows.
 
     Attributes:
-        name: Name of the run in messages.
         time_s: (N,) middle of the row's window, since the start.
         position_rad: (N, n).
         velocity_rad_s: (N, n).
@@ -125,7 +121,6 @@ class ArmRows:
         payload_tilt: (2, N, n, 10) its change per rad of tilt.
     """
 
-    name: str
     time_s: FloatArray
     position_rad: FloatArray
     velocity_rad_s: FloatArray
@@ -154,7 +149,7 @@ class ArmRows:
             kept: (N,) True for these.
         """
         sides = {part.name: getattr(self, part.name)[:, kept] for part in fields(self) if part.name.endswith("_tilt")}
-        rest = [part.name for part in fields(self) if part.name not in {"name", *sides}]
+        rest = [part.name for part in fields(self) if part.name not in sides]
         return replace(self, **sides, **{name: getattr(self, name)[kept] for name in rest})
 
     def weighted(self, factor: NDArray[Any]) -> ArmRows:
@@ -174,13 +169,14 @@ def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
     Raises:
         RecordingError: too short, or without torque.
     """
-    name, motion = str(recording.source.path), motion_of(recording, transmission)
+    motion = motion_of(recording, transmission)
     length_s = len(motion.time_s) * motion.interval_s
     if not motion.periodic and length_s < Rows.shortest_s:
         raise RecordingError(
-            f"{name}: {length_s:.1f} s of motion, expected {Rows.shortest_s:g} s or more. Record a whole excitation."
+            f"{recording.source.path}: {length_s:.1f} s of motion, expected {Rows.shortest_s:g} s or more. Record a "
+            "whole excitation."
         )
-    signals = RunSignals.of_motion(motion, transmission.coupling, name)
+    signals = RunSignals.of_motion(motion, transmission.coupling)
     usable = signals.usable & (motion.interval_s <= Rows.hole_s)
     return replace(signals, usable=usable, from_torque=recording.torque_nm is not None)
 
@@ -228,7 +224,6 @@ def arm_rows(
         _through(coarse, states, partial(payload_regressor, chain)) if loaded else (nothing, nothing)
     )
     return ArmRows(
-        name=run.name,
         time_s=np.asarray(window.middle * run.interval_s, dtype=np.float64),
         position_rad=window.mean(states.position_rad),
         velocity_rad_s=velocity,

@@ -81,7 +81,7 @@ def change_between_periods(run: PeriodDeviation, arm: PayloadProblem, edge_s: fl
         The change; None if the run is too short.
     """
     chain, coupling = arm.chain, arm.problem.coupling
-    signals = RunSignals.of_motion(run.motion, coupling, "run")
+    signals = RunSignals.of_motion(run.motion, coupling)
     rows = arm_rows(signals, chain, coupling, arm.base, arm.peak_rad_s, loaded=True)
     elapsed_s = np.interp(rows.time_s, run.motion.time_s, run.since_s)
     phase_s = elapsed_s % run.period_s

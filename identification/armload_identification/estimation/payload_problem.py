@@ -143,8 +143,8 @@ def _pair_signals(signal: LoadSignal, coupling: FloatArray) -> list[RunSignals]:
 
     Two average periods differ in the last digits of theirs, by which the number of rows could differ.
     """
-    runs = {"loaded": signal.loaded, "unloaded": signal.unloaded}
-    signals = [RunSignals.of_motion(replace(run, valid=signal.valid), coupling, name) for name, run in runs.items()]
+    runs = [replace(run, valid=signal.valid) for run in (signal.loaded, signal.unloaded)]
+    signals = [RunSignals.of_motion(run, coupling) for run in runs]
     return [replace(run, interval_s=signal.interval_s) for run in signals]
 
 
@@ -172,7 +172,7 @@ def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownAr
         arm: The calibrated arm.
     """
     base, peak = _layout([run], chain, coupling, arm)
-    signals = RunSignals.of_motion(run, coupling, "loaded")
+    signals = RunSignals.of_motion(run, coupling)
     rows = arm_rows(signals, chain, coupling, base, peak, loaded=True)
     level = effort_level([rows])
     noise = Noise(arm.noise_nm, arm.noise_nm, level + arm.noise_nm)
@@ -187,7 +187,7 @@ def _layout(
     """Base parameters of the links, and greatest speeds."""
     if arm is not None:
         return arm.body.base.ravel(), arm.body.reversal_speed_rad_s / TURN_OVER
-    signals = [RunSignals.of_motion(run, coupling, "") for run in runs]
+    signals = [RunSignals.of_motion(run, coupling) for run in runs]
     peak = np.max([run.peak_rad_s for run in signals], axis=0)
     return base_links(base_columns(chain, coupling), chain.n), peak
 

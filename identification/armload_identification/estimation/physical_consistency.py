@@ -54,14 +54,11 @@ class PhysicalEstimate:
     Attributes:
         parameters: The ten parameters; their margin is at least `WRITTEN_MARGIN`.
         changed: True if the plain estimate had less margin or undetermined directions.
-        cost: ||R (theta - theta_hat)||^2, the additional cost compared with the plain fit, in squared standard
-            deviations.
         plain_margin: Margin of the plain estimate; negative if it is impossible.
     """
 
     parameters: InertialParameters
     changed: bool
-    cost: float
     plain_margin: float
 
 
@@ -85,7 +82,7 @@ def make_physical(found: PayloadEstimate) -> PhysicalEstimate:
             "the unloaded recording are not exchanged, and the sign of the currents."
         )
     if plain.margin >= WRITTEN_MARGIN and complete:
-        return PhysicalEstimate(plain, changed=False, cost=0.0, plain_margin=plain.margin)
+        return PhysicalEstimate(plain, changed=False, plain_margin=plain.margin)
     root = found.root
     rows, target = [root], [root @ plain.theta]
     if not complete:
@@ -107,7 +104,6 @@ def make_physical(found: PayloadEstimate) -> PhysicalEstimate:
     return PhysicalEstimate(
         parameters=InertialParameters(theta),
         changed=True,
-        cost=float(np.sum((root @ (theta - plain.theta)) ** 2)),
         plain_margin=plain.margin,
     )
 

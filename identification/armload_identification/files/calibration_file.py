@@ -33,7 +33,6 @@ from armload_identification.storage.strict_toml import (
 )
 
 _WIDTH_TOLERANCE: Final = 1e-6
-_FRICTION: Final = ("coulomb_nm", "viscous_nm_s_rad", "root_nm", "load_friction", "reversal_speed_rad_s")
 _DRIFT: Final = ("coulomb_drift_nm", "viscous_drift_nm_s_rad", "offset_drift_nm")
 
 
@@ -175,46 +174,27 @@ class _CalibrationFile(Table):
 
 def format_calibration(result: ArmCalibration) -> str:
     """The text of a calibration file; `parse_calibration` gives back the same numbers."""
-    body, table = result.body, toml_text.table
+    table = toml_text.table
     unit = "N m per A of motor current" if result.effort is Effort.CURRENT else "N m per N m that a drive reports"
-    arm = {
-        "robot": result.robot,
-        "kinematics_sha256": result.kinematics_sha256,
-        "effort": result.effort,
-        "days": result.days,
-        "warnings": result.warnings,
-    }
     gains = {"gain": result.gain_nm_a, "half_width_95": result.gain_half_width_95, "nominal": result.nominal}
-    friction = {key: getattr(body, key) for key in _FRICTION} | dict(zip(_DRIFT, result.drift, strict=True))
-    links = {
-        "links": body.links,
-        "base": body.base,
-        "rotor_inertia_kg_m2": body.rotor_inertia_kg_m2,
-        "torque_delay_s": float(body.torque_delay_s),
-        "tilt_rad": result.tilt_rad,
-        "coupling": body.coupling,
-    }
+    drift = dict(zip(_DRIFT, result.drift, strict=True))
     fit = {"residual_nm": result.noise_nm, "correlation_s": result.correlation_s, "effort_nm": result.level_nm}
     lines = [
         f"# Axis torque on the output side of the gear: {unit}. Residual and effort are in N m, with the nominal "
         "gains.",
-        *table("arm", arm),
+        *table("arm", _entries(_ArmTable, result)),
         *table("gains", gains),
         "# The drift is the standard deviation of friction between runs.",
-        *table("friction", friction),
+        *table("friction", _entries(_FrictionTable, result.body) | drift),
         "# Base parameters: together they give the arm's torque; single numbers are not the mass or inertia of a link.",
         "# Per link in its joint frame: m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the origin.",
-        *table("body", links),
+        *table("body", _entries(_BodyTable, result.body, result)),
         *table("fit", fit),
     ]
     for payload in result.payloads:
-        weighed = np.isfinite(payload.weighed_kg)
-        keys = [key for key in _PayloadTable.model_fields if weighed or key != "weighed_kg"]
-        lines += table("[payloads]", {key: getattr(payload, key) for key in keys})
+        lines += table("[payloads]", _entries(_PayloadTable, payload))
     for run in result.runs:
-        known = np.isfinite(run.effort_change)
-        keys = [key for key in _RunTable.model_fields if known or not key.startswith("effort_change")]
-        lines += table("[runs]", {key: getattr(run, key) for key in keys})
+        lines += table("[runs]", _entries(_RunTable, run))
     for name, reason in result.left_out:
         lines += table("[left_out]", {"name": name, "reason": reason})
     lines += [
@@ -223,6 +203,12 @@ def format_calibration(result: ArmCalibration) -> str:
         *provenance_lines(result.provenance),
     ]
     return "\n".join(lines)
+
+
+def _entries(table: type[Table], *holders: object) -> dict[str, object]:
+    """The entries of a table that these objects have; a number that is not known is none."""
+    found = {key: getattr(holder, key) for key in table.model_fields for holder in holders if hasattr(holder, key)}
+    return {key: value for key, value in found.items() if not (isinstance(value, float) and np.isnan(value))}
 
 
 def write_calibration(path: Path, result: ArmCalibration) -> None:

@@ -6,7 +6,6 @@ Time stamps are used as recorded; no interval is assumed. Invalid rows are dropp
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,7 +21,7 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.garbage_rows import GarbageFilter
 from armload_identification.recording.joint_names import JointNames
 from armload_identification.recording.reduction.repeated_values import RepeatedValues
-from armload_identification.recording.row_block import QUANTITIES, RowBlock, joined
+from armload_identification.recording.row_block import QUANTITIES, RowBlock, hash_of, joined
 from armload_identification.recording.run_format import RUN_ATTACHMENT
 
 
@@ -236,14 +235,10 @@ class Recording(RowBlock):
         n, names = arrays["position_rad"].shape[1], tuple(joint_names)
         if names and len(set(names)) != n:
             raise RecordingError(f"{name}: joint_names has {', '.join(names)}; expected {n} different names")
-        digest = hashlib.sha256()
-        for key, values in arrays.items():
-            digest.update(f"{key}{values.shape}".encode())
-            digest.update(np.ascontiguousarray(values).tobytes())
         rows = RowBlock(**arrays)
         kept, reasons = clean(Path(name), rows)
         source = RecordingSource(
-            Path(name), digest.hexdigest(), "arrays", rows.size, sum(reasons.values()), reasons, joint_names=names
+            Path(name), hash_of(arrays), "arrays", rows.size, sum(reasons.values()), reasons, joint_names=names
         )
         return recording_of(kept, excitation, source)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 
 QUANTITIES: Final = ("time_s", "position_rad", "velocity_rad_s", "current_a", "torque_nm", "phase_s")
+_PART_ROWS: Final = 2**13
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,20 @@ class RowBlock:
         """The rows with a function of (N,) or (N, ...) values applied to every quantity that they have."""
         given = {name: values for name in QUANTITIES if (values := getattr(self, name)) is not None}
         return replace(self, **{name: function(values) for name, values in given.items()})
+
+
+def hash_of(arrays: Mapping[str, FloatArray]) -> str:
+    """SHA-256 of named arrays."""
+    digest = hashlib.sha256()
+    for name, values in arrays.items():
+        digest.update(f"{name}{values.shape}".encode() + np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()
+
+
+def parts_of(arrays: Mapping[str, FloatArray]) -> Iterator[dict[str, FloatArray]]:
+    """Arrays of N rows, some thousand rows at a time."""
+    for first in range(0, len(arrays["time_s"]), _PART_ROWS):
+        yield {name: values[first : first + _PART_ROWS] for name, values in arrays.items()}
 
 
 def joined(blocks: Sequence[RowBlock]) -> RowBlock:

@@ -66,7 +66,7 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
         coupling: (n, n) C of its motors.
     """
     n, base = chain.n, base_links(base_columns(chain, coupling), chain.n)
-    signals = [RunSignals.of_motion(run, coupling, f"run {number}") for number, run in enumerate(runs, 1)]
+    signals = [RunSignals.of_motion(run, coupling) for run in runs]
     peak = np.max([run.peak_rad_s for run in signals], axis=0)
     rows = [arm_rows(run, chain, coupling, base, peak, loaded=False) for run in signals]
     level = effort_level(rows)

@@ -18,12 +18,11 @@ from armload_identification.extensions import ExtensionGroup, extension
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import ReadingOptions
-from armload_identification.recording.row_block import QUANTITIES, RowBlock
+from armload_identification.recording.row_block import QUANTITIES, RowBlock, parts_of
 from armload_identification.storage.regular_file import hash_of_files
 
 OWN_SUFFIXES: Final = frozenset({"csv", "tsv", "txt", "log", "mcap", "npz", "npy", "parquet", "db3", "bag"})
 """Suffixes of the formats that armload reads itself; no extension gets such a file."""
-_BLOCK_ROWS: Final = 2**13
 
 ReadArrays = Callable[[Path], Mapping[str, FloatArray]]
 
@@ -66,10 +65,9 @@ class ExtensionReader:
         account.sha256 = hash_of_files([self._path])
         account.remarks = (f"read by {self._package}",)
         arrays = self._arrays()
-        rows = len(arrays["time_s"])
-        account.rows_read = rows
-        for first in range(0, rows, _BLOCK_ROWS):
-            yield RowBlock(**{name: values[first : first + _BLOCK_ROWS] for name, values in arrays.items()})
+        account.rows_read = len(arrays["time_s"])
+        for part in parts_of(arrays):
+            yield RowBlock(**part)
 
     def _arrays(self) -> dict[str, FloatArray]:
         """The arrays, checked."""

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -14,9 +13,7 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.column_names import columns_by_name
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import ReadingOptions
-from armload_identification.recording.row_block import RowBlock
-
-_BLOCK_ROWS: Final = 2**13
+from armload_identification.recording.row_block import RowBlock, hash_of, parts_of
 
 
 @runtime_checkable
@@ -63,13 +60,8 @@ class FrameReader:
     def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
         """See `RecordingReader`."""
         account.joint_names, account.columns = self._columns.joint_names, (self._columns, self._names)
-        digest = hashlib.sha256()
-        for quantity, values in self._table.items():
-            digest.update(f"{quantity}{values.shape}".encode() + np.ascontiguousarray(values).tobytes())
-        account.sha256 = digest.hexdigest()
-        account.rows_read = len(self._table["time_s"])
-        for first in range(0, account.rows_read, _BLOCK_ROWS):
-            yield RowBlock.of_columns({name: table[first : first + _BLOCK_ROWS] for name, table in self._table.items()})
+        account.sha256, account.rows_read = hash_of(self._table), len(self._table["time_s"])
+        yield from map(RowBlock.of_columns, parts_of(self._table))
 
     def _numbers(self, frame: DataFrame, keys: Sequence[Any], column: int | str) -> FloatArray:
         """(N,) numbers of a column; of durations seconds, of dates seconds since 1970."""

@@ -46,7 +46,7 @@ def rows(pinocchio_arm):
     signal = load_signal(*runs, arm.transmission)
     coupling = arm.transmission.coupling
     base = base_links(base_columns(arm.chain, coupling), 6)
-    signals = [RunSignals.of_motion(run, coupling, "run") for run in (signal.loaded, signal.unloaded)]
+    signals = [RunSignals.of_motion(run, coupling) for run in (signal.loaded, signal.unloaded)]
     peak = np.max([run.peak_rad_s for run in signals], axis=0)
     pair = [
         arm_rows(run, arm.chain, coupling, base, peak, loaded=load)
