@@ -16,9 +16,9 @@ _BORDER = 1
 _PADDING = 2
 
 
-def right(*headings: str, no_wrap: bool = False) -> list[Column]:
+def right(*headings: str) -> list[Column]:
     """Columns of numbers, by their headings."""
-    return [Column(heading, justify="right", no_wrap=no_wrap) for heading in headings]
+    return [Column(heading, justify="right") for heading in headings]
 
 
 def fitted(table: Table, console: Console) -> list[Table]:
@@ -49,7 +49,7 @@ def _width(console: Console, column: Column, first: Column) -> tuple[int, int]:
     sizes = [Measurement.get(console, console.options.update_width(10_000), c) for c in (column.header, *column.cells)]
     most = max(size.maximum for size in sizes)
     least = max(size.minimum for size in sizes)
-    if column.no_wrap or column.justify == "right" or column is first:
+    if column.justify == "right" or column is first:
         # Numbers and row names, such as "1.2 to 3.4" and "joint_2 *", are not wrapped; their heading may be.
         least = max(size.maximum for size in sizes[1:]) if len(sizes) > 1 else most
         least = max(least, sizes[0].minimum)

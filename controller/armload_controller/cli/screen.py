@@ -108,6 +108,16 @@ class Screen:
         for sentence in result.sentences:
             self.result(sentence)
 
+    def write(self, write: Callable[[Path], object], file: Path | None) -> None:
+        """Write a result's file, if one is requested.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        if file is not None:
+            write(file)
+            self.step(f"written: {file}")
+
     def document(self, make: Callable[[], dict[str, Any]], files: Mapping[str, Path | None] | None = None) -> None:
         """Print a result as a document, if one is wanted.
 

@@ -100,8 +100,7 @@ def watch(
 
     sources = {"--bus": bus, "--ros2": ros2, "--rtde": rtde}
     _check_combination(recording, sources, {"--record": record, "--load": load, "--for": for_s}, effort, follow=follow)
-    if report is not None:
-        require_drawable(report)
+    require_drawable(report)
     screen = Screen(as_json=as_json)
     arm = load_robot(robot)
     drift = StatedDrift(share_of(gain_drift), reference, reference_mass_kg)

@@ -40,17 +40,13 @@ def calibrate(
     arm = load_robot(robot)
     screen = Screen(as_json=as_json)
     require_folder(output)
-    if report is not None:
-        require_drawable(report)
+    require_drawable(report)
     with screen.track("reading and calibrating", total=200) as done:
         result = robot_calibration.calibrate(arm, runs, progress=lambda count, _total: done(count))
     screen.result_table(result.table())
     screen.result_table(result.runs_table())
     screen.remarks("left out", (f"{name}: {reason}" for name, reason in result.calibration.left_out))
     screen.remarks("warning", result.calibration.warnings)
-    result.save(output)
-    screen.step(f"written: {output}")
-    if report is not None:
-        result.report(report)
-        screen.step(f"written: {report}")
+    screen.write(result.save, output)
+    screen.write(result.report, report)
     screen.document(result.to_dict, {"calibration": output, "report": report})

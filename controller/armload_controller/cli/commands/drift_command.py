@@ -44,9 +44,8 @@ def watch_drift(
 
     arm = load_robot(robot)
     screen = Screen(as_json=as_json)
-    for file in (report, picture):
-        if file is not None:
-            require_folder(file)
+    require_folder(report)
+    require_folder(picture)
     with screen.track("reading", total=_PARTS) as done:
         history = drift(arm, runs, calibration=calibration, progress=lambda count, total: done(_PARTS * count // total))
     show_drift(screen, history, report=report, picture=picture)

@@ -123,11 +123,9 @@ def identify_payload(
     from armload_identification.results.arm_without_payload import ArmWithoutPayload
 
     require_extra(Extra.IDENTIFY, "armload identify")
-    if output is not None:
-        require_folder(output)
-    for file in (report, picture):
-        if file is not None:
-            require_drawable(file)
+    require_folder(output)
+    require_drawable(report)
+    require_drawable(picture)
     known = _known(mass_kg, center_of_mass_m, cad, cad_share, symmetric=symmetric)
     of_one_result = {
         "--unloaded": unloaded,

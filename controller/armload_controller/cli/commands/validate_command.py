@@ -57,8 +57,7 @@ def validate_payload(
 
     require_extra(Extra.IDENTIFY, "armload validate")
     arm = given_arm(robot, base, flange)
-    if report is not None:
-        require_drawable(report)
+    require_drawable(report)
     allowed = Tolerance(*tolerance)
     judged = robot_identification.payload_of(payload, arm)
     choices = recording_choices(columns, effort, between, joints, episode, count=2)

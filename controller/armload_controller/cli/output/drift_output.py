@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armload_controller.cli.output.windows_output import write_picture
-
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_identification.results.arm_history import ArmHistory
@@ -18,9 +16,6 @@ def show_drift(screen: Screen, history: ArmHistory, *, report: Path | None, pict
     screen.remarks("left out", (f"{name}: {reason}" for name, reason in history.left_out))
     if not history.drift.began:
         screen.step("note: not every recording has a start time, so they are used in the given order")
-    if report is not None:
-        history.report(report)
-        screen.step(f"written: {report}")
-    if picture is not None:
-        write_picture(screen, history.picture, picture)
+    screen.write(history.report, report)
+    screen.write(history.picture, picture)
     screen.document(history.to_dict, {"report": report, "picture": picture})

@@ -109,7 +109,7 @@ def status_table(status: ArmStatus) -> Table:
     """One row per joint."""
     warm = any(drive.temperature_celsius is not None for drive in status.drives)
     headings = ("node", "state", "axis position rad", "effort", *["°C"] * warm, "error")
-    table = Table(Column("joint", no_wrap=True), *headings)
+    table = Table("joint", *headings)
     for drive in status.drives:
         if drive.state is None:
             table.add_row(drive.joint, str(drive.node_id), "?", "", "", *[""] * warm, drive.trouble)

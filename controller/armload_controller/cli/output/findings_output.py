@@ -41,15 +41,9 @@ def show_findings(screen: Screen, findings: Findings) -> None:
 def finish(screen: Screen, findings: Findings, *, payload: Path | None, report: Path | None) -> None:
     """Write the requested files and show the findings."""
     show_findings(screen, findings)
-    written = {"payload": payload, "report": report}
-    if payload is not None:
-        findings.save(payload)
-    if report is not None:
-        findings.report(report)
-    for path in written.values():
-        if path is not None:
-            screen.step(f"written: {path}")
-    screen.document(findings.to_dict, written)
+    screen.write(findings.save, payload)
+    screen.write(findings.report, report)
+    screen.document(findings.to_dict, {"payload": payload, "report": report})
 
 
 def finish_without_payload(
@@ -59,9 +53,7 @@ def finish_without_payload(
     screen.result(f"{found.arm.name}: {found.found.statement}")
     if payload is not None:
         screen.step(f"not written: {payload}: there is no payload")
-    if report is not None:
-        found.report(report)
-        screen.step(f"written: {report}")
+    screen.write(found.report, report)
     screen.document(found.to_dict, {"report": report})
 
 

@@ -11,12 +11,14 @@ if TYPE_CHECKING:
     from armload_identification.model.payload import PayloadResult
 
 
-def require_folder(file: Path) -> None:
-    """Create the folder for a result before the work starts.
+def require_folder(file: Path | None) -> None:
+    """Create the folder for a result, if one is requested, before the work starts.
 
     Raises:
         CommissioningError: the folder cannot be created or written to, or the file is itself a folder.
     """
+    if file is None:
+        return
     if file.is_dir():
         raise CommissioningError(f"{file} is a folder: give the name of a file")
     make_folder(file.parent)
@@ -24,8 +26,8 @@ def require_folder(file: Path) -> None:
         require_writable(file.resolve().parent)
 
 
-def require_drawable(file: Path) -> None:
-    """Create the folder for a report or picture, and check that the drawing library is installed.
+def require_drawable(file: Path | None) -> None:
+    """Create the folder for a report or picture, if one is requested, and check that the drawing library is installed.
 
     Raises:
         CommissioningError: the folder cannot be created or written to, or the file is itself a folder.
@@ -33,8 +35,9 @@ def require_drawable(file: Path) -> None:
     """
     from armload_identification.extras import Extra, require_extra
 
-    require_extra(Extra.REPORT, str(file))
-    require_folder(file)
+    if file is not None:
+        require_extra(Extra.REPORT, str(file))
+        require_folder(file)
 
 
 def require_replaceable(file: Path, payload: PayloadResult) -> None:

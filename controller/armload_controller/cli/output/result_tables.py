@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from rich.table import Column, Table
+from rich.table import Table
 
 from armload_controller.cli.console_text import right
 from armload_identification.estimation.uncertainty import CONFIDENCE
@@ -22,8 +22,8 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
     """
     values = payload.table()
     table = Table(
-        Column("parameter", no_wrap=True),
-        *right("estimate", "95 % interval", no_wrap=True),
+        "parameter",
+        *right("estimate", "95 % interval"),
         "unit",
         *(() if truth is None else right("truth", "error")),
         title=values.title,

@@ -14,13 +14,12 @@ if TYPE_CHECKING:
 def show_windows(screen: Screen, history: PayloadOverTime, *, picture: Path | None) -> None:
     """Show the windows as a table, and write the picture if requested."""
     screen.result_table(history.table())
-    if picture is not None:
-        write_picture(screen, history.picture, picture)
+    write_picture(screen, history.picture, picture)
     screen.document(history.to_dict, {"picture": picture})
 
 
-def write_picture(screen: Screen, draw: Callable[[Path], None], picture: Path) -> None:
-    """Write a picture.
+def write_picture(screen: Screen, draw: Callable[[Path], None], picture: Path | None) -> None:
+    """Write a picture, if one is requested.
 
     Raises:
         CommissioningError: the file's ending is not a picture format.
@@ -29,7 +28,6 @@ def write_picture(screen: Screen, draw: Callable[[Path], None], picture: Path) -
     from armload_controller.control_errors import CommissioningError
 
     try:
-        draw(picture)
+        screen.write(draw, picture)
     except ValueError as error:
         raise CommissioningError(f"{picture}: {error}: choose a .png or .svg") from error
-    screen.step(f"written: {picture}")
