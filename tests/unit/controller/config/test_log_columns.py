@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_controller.config.robot_recordings import read_of
+from armload_controller.config.robot_recordings import RecordingChoice, read_of
 from armload_identification.identification_errors import RecordingError
 
 UR10E = load_robot("ur10e")
@@ -43,3 +43,11 @@ def test_a_header_that_leaves_something_open_is_asked_about(tmp_path):
     table(tmp_path / "run.csv", open_question, 25)
     with pytest.raises(RecordingError, match="--columns"):
         read_of(UR10E, tmp_path / "run.csv")
+
+
+def test_a_joint_beyond_the_recordings_is_named_as_it_was_given(tmp_path):
+    table(tmp_path / "run.csv", None, 19)
+    with pytest.raises(RecordingError, match=r"no joint 7, the recording has 6.*Correct `joints=`"):
+        read_of(UR10E, tmp_path / "run.csv", RecordingChoice(joints=(0, 6)))
+    run = read_of(UR10E, tmp_path / "run.csv", RecordingChoice(joints=(5, 4, 3, 2, 1, 0)))
+    assert run.n == 6

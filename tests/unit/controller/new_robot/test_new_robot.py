@@ -284,3 +284,19 @@ def test_an_axis_without_a_direction_is_asked_for_once_more():
     arm, said = answers("a", "4", "joint-origins", *bad, "", *good, "", *["-1 1", "1", "1"] * 4)
     assert any("try again" in line for line in said)
     np.testing.assert_allclose(arm.chain.forward(np.zeros(4))[-1][:3, 3], [0.0, 0.0, 0.4])
+
+
+@pytest.mark.parametrize(
+    ("change", "touching"),
+    [
+        (("", ""), ()),
+        (("0 0 0.25", "0 0 0.05"), (("base", "l2"),)),
+        (("0.4 0 0", "0.05 0 0"), (("l1", "l3"),)),
+        (("0.42 0 0", "0.05 0 0"), (("hand", "l3"), ("l2", "l4"))),
+    ],
+    ids=["all links long", "short shoulder", "short upper arm", "short forearm"],
+)
+def test_meshes_that_come_near_in_most_poses_may_touch_and_no_others(drafted, change, touching):
+    """Two links beside one that is shorter than they are wide; those beside a common joint are no pair anyway."""
+    arm, *_ = drafted(URDF.replace(*(f'xyz="{offset}"' for offset in change)) if any(change) else URDF)
+    assert workspace_of_urdf(arm, draft_of_urdf(arm), tool_sphere(arm.n, 2.0)).touching == touching

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.eds_parser import LARGEST_BYTES, MOST_WARNINGS, parse_description
+from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.driver_errors import DescriptionError
 
 pytestmark = pytest.mark.pure
@@ -154,6 +155,20 @@ def test_limits_are_read():
     assert (found.least.constant, found.greatest.constant) == (1, 16)
     signed = load(text.replace("DataType=6", "DataType=3").replace("LowLimit=1", "LowLimit=0x8000"))
     assert signed.find(od.MAX_TORQUE).least.constant == -(2**15)
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        (0x01, DataType.U8), (0x02, DataType.I8), (0x03, DataType.I16), (0x04, DataType.I32), (0x05, DataType.U8),
+        (0x06, DataType.U16), (0x07, DataType.U32), (0x08, DataType.F32), (0x09, DataType.STRING),
+        (0x11, DataType.F64), (0x15, DataType.I64), (0x1B, DataType.U64), (0x0A, None), (0x10, None), (0x16, None),
+    ],
+)  # fmt: skip
+def test_the_codes_of_data_types_are_those_of_the_standard(code, expected):
+    """CiA 301, table 44: BOOLEAN 1 to VISIBLE_STRING 9, REAL64 11h, INTEGER64 15h, UNSIGNED64 1Bh."""
+    description = load(GOOD + f"\n[2000]\nParameterName=a\nDataType=0x{code:X}\nAccessType=ro\n")
+    assert description.objects[0x200000].type is expected
 
 
 def test_a_limit_of_1016_that_allows_no_node_id_is_ignored():

@@ -70,3 +70,14 @@ def test_the_answer_to_a_request_that_was_given_up_is_not_taken_for_another(line
     drive.asked = []
     assert line.upload(0, *wanted, LIMIT_S) == VALUES[wanted]
     assert drive.asked == [wanted], "once is enough"
+
+
+def test_the_clock_of_a_drive_is_its_lines_if_it_has_one(line, drive):
+    given = []
+    drive.dc_sync = lambda *arguments: given.append(arguments)
+    line._master.config_dc = lambda: False
+    assert not line.follow_clock(0, 2e-3)
+    assert given == [], "without a clock SYNC0 would never come"
+    line._master.config_dc = lambda: True
+    assert line.follow_clock(0, 2e-3)
+    assert given == [(True, 2_000_000)], "on, every 2 ms in ns"

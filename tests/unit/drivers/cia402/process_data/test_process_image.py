@@ -162,6 +162,16 @@ def test_a_fixed_mapping_that_cannot_be_used_is_named(change, what):
         drive_image(replace(DRIVE, fixed_pdos=fixed))
 
 
+@pytest.mark.parametrize("word", [0x60420010, 0x60710010, 0x60B10020, 0x60FF0020])
+def test_a_setpoint_of_another_mode_or_an_offset_is_sent_as_0(word):
+    """6042 is the target of the velocity mode, 60FF of the profile velocity mode, 6071 of the torque modes."""
+    fixed = (FIXED[0], replace(FIXED[1], mapping=(word, 0x60B20010)), *FIXED[2:])
+    image = drive_image(replace(DRIVE, fixed_pdos=fixed))
+    sent = bytearray(b"\xff" * image.layouts[1].length)
+    image.offset.pack_into(sent, 0, -300)
+    assert sent == bytes((word & 0xFF) // 8) + bytes.fromhex("d4fe")
+
+
 def test_a_temperature_is_read_by_sdo_and_no_pdo_carries_it():
     assert temperature_entry(DRIVE) is None
     drive = replace(DRIVE, temperature=VendorObject(0x3201, 1, DataType.I16, 0.1))
