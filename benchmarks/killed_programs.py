@@ -10,7 +10,6 @@ the CPU time of a program that is not killed, of `watch` times, from a seed. The
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import re
@@ -98,30 +97,32 @@ def undisturbed(notes, *words):
 
 
 def prepared(folder):
-    """A robot with a short excitation, and a recording of the empty arm on a longer one."""
+    """A robot with a short excitation, and recordings of the empty arm on two longer ones."""
     write_excitation(folder / "sweep.toml", Excitation(FourierTrajectory(0.25, OFFSET_RAD, *SWING_RAD), 1))
     text = (resources.files("armload_configs") / "prbt.toml").read_text("utf-8")
     text = re.sub(r'^(identification|validation) = ".*"$', r'\1 = "sweep.toml"', text, flags=re.MULTILINE)
     (folder / "prbt.toml").write_text(text.replace("cycle_hz = 100.0", "cycle_hz = 50.0"))
-    longer = Excitation(load_robot("prbt").excitations["identification"].trajectory, 2)
     run = json.dumps({"robot": "prbt", "load": "unloaded", "cycle_hz": 50})
-    attached = {"excitation.toml": format_excitation(longer), "run.json": run}
-    robot = load_robot(str(folder / "prbt.toml"))
-    with simulated_arm(robot, SessionLoad.UNLOADED) as servos, Recorder(folder / "empty.mcap", attached) as kept:
-        servos.connect()
-        gate = TorqueGate(robot.limits.torque_max_nm, 0.02)
-        cycle = Cycle(servos, robot.limits.motion, gate, MotionControl(), [kept])
-        path = check_path(longer, robot.motion_constraints, 0.02, file="long.toml", key="excitation")
-        run_leg(cycle, path, path.measured, lambda done: None)
-    return folder / "prbt.toml", folder / "empty.mcap"
+    robot, recordings = load_robot(str(folder / "prbt.toml")), []
+    for role, each in load_robot("prbt").excitations.items():
+        longer = Excitation(each.trajectory, 2)
+        attached = {"excitation.toml": format_excitation(longer), "run.json": run}
+        recordings.append(folder / f"{role}.mcap")
+        with simulated_arm(robot, SessionLoad.UNLOADED) as servos, Recorder(recordings[-1], attached) as kept:
+            servos.connect()
+            gate = TorqueGate(robot.limits.torque_max_nm, 0.02)
+            cycle = Cycle(servos, robot.limits.motion, gate, MotionControl(), [kept])
+            path = check_path(longer, robot.motion_constraints, 0.02, file="long.toml", key="excitation")
+            run_leg(cycle, path, path.measured, lambda done: None)
+    return folder / "prbt.toml", recordings
 
 
 def calibrate(folder, shares):
     """What is wrong after each kill of `calibrate`."""
-    robot, recording = prepared(folder)
-    words = ["calibrate", robot, recording, "-o", folder / "arm.toml", "--report", folder / "arm.html"]
+    robot, recordings = prepared(folder)
+    words = ["calibrate", robot, *recordings, "-o", folder / "arm.toml", "--report", folder / "arm.html"]
     takes_s = undisturbed(folder / "notes", *words)
-    given, whole = hashlib.sha256(recording.read_bytes()).digest(), (folder / "arm.toml").read_text().splitlines()
+    given, whole = [path.read_bytes() for path in recordings], (folder / "arm.toml").read_text().splitlines()
     for number, share in enumerate(shares):
         if number % 2:  # with and without an older file
             (folder / "arm.toml").unlink(missing_ok=True)
@@ -130,15 +131,15 @@ def calibrate(folder, shares):
             read_calibration(folder / "arm.toml")
             yield "" if len((folder / "arm.toml").read_text().splitlines()) == len(whole) else "another file"
         else:
-            yield "" if hashlib.sha256(recording.read_bytes()).digest() == given else "a changed recording"
+            yield "" if [path.read_bytes() for path in recordings] == given else "a changed recording"
     undisturbed(folder / "notes", *words)
     read_calibration(folder / "arm.toml")
 
 
 def feedforward(folder, shares):
     """What is wrong after each kill of `feedforward run --expect`."""
-    robot, recording = prepared(folder)
-    undisturbed(folder / "notes", "calibrate", robot, recording, "-o", folder / "arm.toml")
+    robot, recordings = prepared(folder)
+    undisturbed(folder / "notes", "calibrate", robot, *recordings, "-o", folder / "arm.toml")
     words = ["feedforward", "run", robot, "--expect", "0..4", "--mounted", "gripper", "--yes"]
     words += ["--calibration", folder / "arm.toml", "--decisions", folder / "decisions.jsonl"]
     takes_s = undisturbed(folder / "notes", *words)

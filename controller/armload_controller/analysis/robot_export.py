@@ -138,8 +138,12 @@ def export(
     unknown = [name for name, known in zip(PARAMETER_NAMES, result.determined, strict=True) if not known]
     if unknown:
         notes.append(f"not determined: {', '.join(unknown)}; the exported file states what is written for them")
-    if result.provenance.configuration_sha256 != arm.sha256:
-        notes.append(f"{source} was identified with a configuration other than that of {arm.name}")
+    made = result.provenance
+    if made.recordings_sha256 and made.configuration_sha256 != arm.sha256:
+        notes.append(
+            f"{source} was identified with another robot file than the present one of {arm.name}: if kinematics, gear "
+            "ratios or torque constants have changed, identify it again"
+        )
     return Exported(arm.name, target, files, tuple(notes))
 
 

@@ -24,6 +24,7 @@ from armload_controller.config.objects_or_paths import (
     payload_from,
     recording_of,
     require_type,
+    wrong_type,
 )
 from armload_controller.config.robot_recordings import RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
@@ -37,10 +38,10 @@ from armload_identification.identification_errors import (
     PayloadFileError,
     RecordingError,
 )
-from armload_identification.model.payload import PayloadResult
+from armload_identification.model.payload import FLANGE, PayloadResult
 from armload_identification.pipeline import payload_identification, payload_validation
 from armload_identification.pipeline.any_motion import SHORTEST_WINDOW_S, identify_windows
-from armload_identification.pipeline.payload_identification import FLANGE, payload_result
+from armload_identification.pipeline.payload_identification import payload_result
 from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.pipeline.workpiece import Workpiece
 from armload_identification.recording import file_reading
@@ -158,6 +159,9 @@ def identify(
     """
     require_extra(Extra.IDENTIFY, "identifying a payload")
     require_type("known", known, KnownPayload)
+    require_type("tolerance", tolerance, Tolerance)
+    if isinstance(validation, str | PathLike | Recording):
+        raise wrong_type("validation", validation, "a loaded and an unloaded run")
     if minus is not None and validation is not None:
         raise EstimationError(
             "a validation judges the whole load, not what is left without the tool: identify the whole with the "

@@ -1,19 +1,10 @@
-"""A group of commands that shows help without loading pydantic, and names the successors of removed commands."""
+"""A group of commands that shows help without loading pydantic."""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 from typer.core import TyperGroup
-
-_SUCCESSORS: Final = {
-    "calibrate-gains": (
-        "`armload calibrate ROBOT RUNS --output FILE` calibrates the gains from any runs, one of them with a weighed "
-        "payload"
-    ),
-    "identify-body": "`armload calibrate ROBOT RUNS --output FILE` also identifies the body, from any runs",
-}
-"""Successor of each removed command."""
 
 
 class CommandGroup(TyperGroup):
@@ -30,9 +21,3 @@ class CommandGroup(TyperGroup):
             if getattr(param, "is_flag", False) and param.default is None:
                 param.default = False
         return params
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command by its name; for a removed one, an error that names its successor."""
-        if args and args[0] in _SUCCESSORS:
-            ctx.fail(f"{args[0]} has been removed: {_SUCCESSORS[args[0]]}.")
-        return super().resolve_command(ctx, args)

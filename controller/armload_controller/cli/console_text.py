@@ -62,10 +62,10 @@ def _table_width(widths: Sequence[int]) -> int:
 
 
 def _partial_table(table: Table, columns: list[int], least: list[int], most: list[int], width: int) -> Table:
-    """Some columns of a table; spare width goes to the columns that lack most."""
+    """Some columns of a table; spare width goes to the column whose texts take most lines."""
     widths = list(least)
     for _ in range(width - _table_width(widths)):
-        wanting = max(range(len(widths)), key=lambda i: most[i] - widths[i])
+        wanting = max(range(len(widths)), key=lambda i: (most[i] + 1) / (widths[i] + 1))
         if widths[wanting] == most[wanting]:
             break
         widths[wanting] += 1

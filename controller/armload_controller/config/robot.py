@@ -46,7 +46,7 @@ from armload_identification.storage.strict_toml import BadValue, read_text, toml
 from armload_identification.verdict.recording_checks.impossible_magnitudes import ArmMagnitudes, require_possible
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot(RobotSource):
     """One robot's configuration, checked.
 
@@ -55,6 +55,10 @@ class Robot(RobotSource):
     """
 
     excitations: dict[str, Excitation] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Name, joints and description."""
+        return f"Robot {self.name}: {self.n} joints, {self.description}"
 
     @property
     def sha256(self) -> str:
@@ -346,7 +350,8 @@ def load_robot(name_or_path: str | PathLike[str]) -> Robot:
     else:
         path, file = Path(given), given
         if not path.is_file():
-            expected = f"no such file, and no shipped robot: {', '.join(shipped)}"
+            found = "a folder" if path.is_dir() else "no such file"
+            expected = f"{found}, and no shipped robot: {', '.join(shipped)}"
             raise ConfigurationError(file, "", None, expected)
     if is_urdf(path):
         expected = "a URDF has no drives and limits of an arm's use: make a robot file of it with `armload init`"

@@ -119,5 +119,5 @@ class RobotSimulation:
     def _table(self, name: str) -> PayloadTable:
         payloads = self.source.simulation_table.payloads
         if name not in payloads:
-            raise self.source.refused("simulation.payloads", name, f"expected one of {', '.join(sorted(payloads))}")
+            raise self.source.refused("`mounted=`", name, f"expected one of {', '.join(sorted(payloads))}")
         return payloads[name]

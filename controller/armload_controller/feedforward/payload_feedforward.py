@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armload_core import kernels
+from armload_identification.identification_errors import ModelError, PayloadFileError
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 from armload_identification.model.regressor import feedforward_model
 
 if TYPE_CHECKING:
@@ -38,6 +39,10 @@ class PayloadFeedforward(kernels.PayloadTorque):
         robot: The arm, n joints: its chain, a robot or a `UrdfArm`; or a name or path, from which it is read.
         payload: The payload, in the flange frame; the result of an identification, or the path of its file.
 
+    Raises:
+        PayloadFileError: the payload was identified on another arm.
+        ModelError: no body has its parameters; also raised by `set_payload`.
+
     References:
         Chen 2016, eq. (2).
 
@@ -60,9 +65,15 @@ class PayloadFeedforward(kernels.PayloadTorque):
         if isinstance(robot, Chain):
             chain = robot
         else:
-            from armload_controller.config.objects_or_paths import arm_of
+            from armload_controller.config.objects_or_paths import arm_of, payload_from
+            from armload_controller.feedforward.payload_use import another_arms
 
-            chain = arm_of(robot).chain
+            arm = arm_of(robot)
+            chain = arm.chain
+            if not isinstance(payload, InertialParameters):
+                payload = payload_from(payload, "payload")
+                if problem := another_arms(payload, chain, arm.name):
+                    raise PayloadFileError("`payload=`", "", None, problem)
         super().__init__(feedforward_model(chain, _body(payload).theta), np.zeros(chain.n))
 
     def set_payload(self, payload: InertialParameters | PayloadSource, transition_s: float, cycle_s: float) -> None:
@@ -86,8 +97,13 @@ class PayloadFeedforward(kernels.PayloadTorque):
 
 def _body(payload: InertialParameters | PayloadSource) -> InertialParameters:
     """The body of a payload, or of its file."""
-    if isinstance(payload, InertialParameters):
-        return payload
-    from armload_controller.config.objects_or_paths import payload_from
+    if not isinstance(payload, InertialParameters):
+        from armload_controller.config.objects_or_paths import payload_from
 
-    return payload_from(payload, "payload").model
+        payload = payload_from(payload, "payload").model
+    if payload.theta.any() and payload.margin < -SMALLEST_MARGIN:
+        raise ModelError(
+            f"no body has the parameters of the payload: the margin of its pseudo-inertia is {payload.margin:.3g}; "
+            "expected 0 or more"
+        )
+    return payload

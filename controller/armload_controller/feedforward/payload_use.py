@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGIN, PayloadResult
-from armload_identification.pipeline.payload_identification import FLANGE
+from armload_identification.model.payload import FLANGE, PARAMETER_NAMES, SMALLEST_MARGIN, PayloadResult
 
 
 def another_arms(payload: PayloadResult, chain: Chain, robot: str) -> str | None:

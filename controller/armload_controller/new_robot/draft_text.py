@@ -123,7 +123,7 @@ def _payload(file: DraftedFile, payload_kg: float | None) -> None:
         *(f"{line}  # assumed" if "mass_kg" not in line else line for line in body_lines(body)),
         "",
     )
-    file.unchecked.append(f"payload: the lever of {payload_kg:g} kg, a cube in front of the flange")
+    file.unchecked.append(f"payload: a cube of {payload_kg:g} kg in front of the flange")
 
 
 def _whole_body(links: Sequence[InertialParameters | None]) -> list[InertialParameters] | None:

@@ -21,6 +21,9 @@ PEAK_OF_RATED: Final = 3
 ROTOR_SHARE: Final = 0.05
 """Share of a joint's greatest torque that its rotor requires at the greatest acceleration."""
 LOAD_FRICTION: Final = 0.05
+LAG_S: Final = 0.05
+FOLLOWING_ERROR_RAD: Final = 0.2
+"""Least window of the following error; a fast joint's lag needs more."""
 
 
 def twin_bus(name: str) -> list[str]:
@@ -34,6 +37,7 @@ def twin_drive(arm: ArmDraft, joint: int) -> list[str]:
     Args:
         joint: Index of the joint, from 0.
     """
+    window_rad = max(FOLLOWING_ERROR_RAD, 1.2 * LAG_S * arm.velocity_max_rad_s[joint])
     return [
         "[joints.drive]  # simulated",
         f"node_id = {joint + 1}",
@@ -42,8 +46,8 @@ def twin_drive(arm: ArmDraft, joint: int) -> list[str]:
         f"counts_per_axis_turn = {COUNTS_PER_TURN}",
         f"rated_torque_nm = {number(arm.torque_max_nm[joint] / PEAK_OF_RATED)}",
         f"max_torque_permille = {1000 * PEAK_OF_RATED}",
-        "following_error_rad = 0.2",
-        "following_lag_s = 0.05",
+        f"following_error_rad = {number(round(window_rad, 4))}",
+        f"following_lag_s = {LAG_S}",
         "has_brake = true",
     ]
 

@@ -100,7 +100,9 @@ class FollowingComparison:
     def less(self, label: str, joint: int, digits: int) -> str:
         """The reduction of one joint's error, in words."""
         share = self.reduction(label)[joint]
-        return "no error without it" if np.isnan(share) else f"{100.0 * share:z.{digits}f} % less"
+        if np.isnan(share):
+            return "no error without it"
+        return f"{100.0 * abs(share):.{digits}f} % {'less' if share >= 0.0 else 'more'}"
 
 
 def beyond_lag(error_rad: FloatArray, path: FourierTrajectory, phase_s: FloatArray) -> FloatArray:

@@ -136,7 +136,7 @@ class SessionGains:
     def _left(self, found: float, deviation: float, speaks: bool) -> SessionGains:
         """With the part that a run leaves, and what the run says if it speaks against the calibration."""
         said = f"; by itself, the run says {100.0 * np.expm1(found):+.1f} %" if speaks else ""
-        left = f"{100.0 * self.deviation:.2g} % {self.origin}, of which this run leaves so much{said}"
+        left = f"what this run leaves possible of {100.0 * self.deviation:.2g} %, {self.origin}{said}"
         return SessionGains(self.log_factor, deviation, left)
 
     def _found(
@@ -173,13 +173,13 @@ class SessionGains:
             considered_kg: Its change for one standard deviation of the drift.
         """
         per_percent = abs(considered_kg) / mass_kg / self.deviation
-        text = f"Drift of all gains together since the calibration: {100.0 * self.deviation:.2g} % ({self.origin})"
         if self.log_factor:
             found = f"{100.0 * np.expm1(self.log_factor):+.2f} +- {NORMAL_HALF_WIDTH * 100.0 * self.deviation:.2f} %"
-            return f"Drift of all gains together since the calibration: {found} ({self.origin}), which is corrected."
+            return f"All gains have drifted together since the calibration, by {found} ({self.origin}): corrected."
         return (
-            f"{text}, one standard deviation, is part of the intervals; each 1 % would change the mass by "
-            f"{per_percent:.1f} %. A run of the same day, empty or with a weighed tool, measures it: `reference=`."
+            "The intervals allow for a drift of all gains together since the calibration: one standard deviation is "
+            f"{100.0 * self.deviation:.2g} % ({self.origin}), and 1 % would change the mass by {per_percent:.1f} %. "
+            "A run of the same day, empty or with a weighed tool, measures it: `reference=`."
         )
 
     def arm(self, known: KnownArm) -> KnownArm:

@@ -83,9 +83,9 @@ class KnownPayload:
                 object.__setattr__(self, "mass_kg", tuple(np.asarray(self.mass_kg, dtype=np.float64).tolist()))
             if isinstance(self.mass_kg, tuple):
                 if self.mass_kg[0] < 0.0:
-                    raise ModelError(f"the known mass is {self.mass_kg[0]} to {self.mass_kg[1]} kg; expected 0 or more")
+                    raise ModelError(f"`mass_kg=` is {self.mass_kg[0]} to {self.mass_kg[1]} kg; expected 0 or more")
             elif self.mass_kg <= 0.0:
-                raise ModelError(f"the known mass is {self.mass_kg} kg; expected a number above 0")
+                raise ModelError(f"`mass_kg=` is {self.mass_kg} kg; expected a number above 0")
         if self.center_of_mass_m is None:
             return
         if len(self.center_of_mass_m) != 3:

@@ -22,6 +22,9 @@ UNITS = ("kg", *["m"] * 3, *["kg m2"] * 6)
 NOT_DETERMINED = "not determined"
 """In place of a number that the data do not determine."""
 
+FLANGE = "flange"
+"""Name of the frame that payloads are identified in."""
+
 SMALLEST_MARGIN = 1e-6
 """Least margin of a body in a file, after reading it back."""
 

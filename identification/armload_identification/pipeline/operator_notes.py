@@ -150,21 +150,16 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
     if limited.size:
         listed = named_joints([f"{joint + 1} (up to {100.0 * unnoticed[joint]:.0f} %)" for joint in limited])
         notes.append(
-            f"These runs cannot check the drive {_gain_word(limited.size)} of {listed}: only a larger error is "
-            f"reported with a probability of at least 90 %. {_CHECKED_BY}"
+            f"An error of the drive gain may go unnoticed in these runs on {listed}; a larger one is reported with a "
+            f"probability of at least 90 %. {_CHECKED_BY}"
         )
     unlimited = hidden & (unnoticed >= PayloadFit.unlimited_gain)
     if unlimited.any():
         notes.append(
-            f"These runs cannot check the drive {_gain_word(int(unlimited.sum()))} of {numbered_joints(unlimited)} "
-            f"at all: even an error of {100.0 * PayloadFit.unlimited_gain:.0f} % may go unreported. {_CHECKED_BY}"
+            f"These runs say nothing about the drive gain of {numbered_joints(unlimited)}: even an error of "
+            f"{100.0 * PayloadFit.unlimited_gain:.0f} % may go unnoticed. {_CHECKED_BY}"
         )
     return notes
-
-
-def _gain_word(count: int) -> str:
-    """'gain' or 'gains'."""
-    return "gain" if count == 1 else "gains"
 
 
 def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:

@@ -6,7 +6,6 @@ recordings -> runs -> rows -> one solve over terms -> possible body -> intervals
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -20,7 +19,7 @@ from armload_identification.estimation.prior_knowledge import KnownPayload, Prio
 from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import PayloadResult, Provenance
+from armload_identification.model.payload import FLANGE, PayloadResult, Provenance
 from armload_identification.pipeline.any_motion import SingleRun
 from armload_identification.pipeline.constant_payload import change_notes
 from armload_identification.pipeline.identification_result import (
@@ -38,8 +37,6 @@ from armload_identification.signals.motion import motion_of
 from armload_identification.verdict.recording_checks.column_mistakes import RunColumns
 from armload_identification.verdict.recording_checks.contradictions import FittedPair, refuse_contradictions
 from armload_identification.verdict.recording_checks.usable_runs import require_usable
-
-FLANGE: Final = "flange"
 
 
 def identify(

@@ -171,7 +171,7 @@ class GarbageFilter:
         if self._with_effort and {"current_a", "torque_nm"} <= set(self._absent):
             raise RecordingError(
                 f"{self.path}: the recording has neither motor current nor joint torque. "
-                "Identification requires one of them; record 6078 or 6077, or correct the column map."
+                "Identification requires one of them: record 6078 or 6077, or name their columns."
             )
         refuse_degrees(self.path, rows)
 

@@ -91,7 +91,7 @@ class PeriodAverage:
     interruptions: int = 0
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Recording(RowBlock):
     """One run of an arm with strictly increasing time stamps and current or torque; prints as one line.
 
@@ -120,7 +120,7 @@ class Recording(RowBlock):
         """Names of the joints in the order of the columns; empty if the recording does not name them."""
         return self.source.joint_names
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         """File, joints, duration, rows, and the quantities recorded."""
         source, average = self.source, self.average
         lasts_s = float(self.time_s[-1] - self.time_s[0]) if self.size else 0.0
@@ -287,10 +287,14 @@ def check_joints(recording: Recording, n: int) -> None:
 
 
 def hashes_by_name(sources: Sequence[RecordingSource]) -> dict[str, str]:
-    """Hash by file name, with the folder in front if two files have the same name."""
-    if len({source.path.name for source in sources}) == len(sources):
-        return {source.path.name: source.sha256 for source in sources}
-    return {f"{source.path.parent.name}/{source.path.name}": source.sha256 for source in sources}
+    """Hash by file name, with the folder or the hash in front if several have the same name."""
+    paths = [source.path for source in sources]
+    hashes = [source.sha256 for source in sources]
+    folders = [f"{path.parent.name}/{path.name}" for path in paths]
+    names = [path.name for path in paths]
+    named = [f"{sha256[:8]} {name}" for sha256, name in zip(hashes, names, strict=True)]
+    unique = next((each for each in (names, folders) if len(set(each)) == len(each)), named)
+    return dict(zip(unique, hashes, strict=True))
 
 
 def _require_shapes(name: str, arrays: Mapping[str, FloatArray]) -> None:

@@ -85,7 +85,7 @@ class CalibratedArm(PrintedResult):
 
     def runs_table(self) -> ResultTable:
         """Fit of every run, and what it carried as identified with the calibrated gains, with its 95 % interval."""
-        title = "Runs used, payloads with these gains; off: residual relative to that of all runs, 1 is usual"
+        title = "Runs used, and what they carried; off: residual compared with that of all runs, usually 1"
         headings = ("run", "carried", "off", "worst joint", "greatest influence", "impacts left out")
         found = {payload.mounting: payload for payload in self.calibration.payloads}
         rows = [self._run_cells(run, found.get(run.mounting)) for run in self.calibration.runs]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from armload_identification.identification_errors import ModelError
@@ -18,7 +17,7 @@ class Tolerance:
         center_m: As a distance of its centre of mass.
 
     Raises:
-        ModelError: a tolerance that is not positive.
+        ModelError: a tolerance that is not between 0 and 1.
 
     Examples:
         >>> import armload
@@ -31,5 +30,5 @@ class Tolerance:
 
     def __post_init__(self) -> None:
         for name, value in (("share of the mass", self.mass_share), ("distance of the centre of mass", self.center_m)):
-            if not (math.isfinite(value) and value > 0.0):
-                raise ModelError(f"the tolerance's {name} is {value}; expected a number above 0, such as 0.02 or 0.01")
+            if not 0.0 < value < 1.0:
+                raise ModelError(f"the tolerance's {name} is {value}; expected 0 to 1, such as 0.02 or 0.01 m")

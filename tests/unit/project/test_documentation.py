@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from armload_core.c_compiler import c_compiler
 from armload_identification.files.payload_file import parse_payload
 from armload_identification.identification_errors import PayloadFileError
 
@@ -43,6 +44,20 @@ def test_the_payload_by_hand_is_the_smallest_that_is_read():
     for line in filter(None, lines):
         with pytest.raises(PayloadFileError):
             parse_payload("\n".join(each for each in lines if each is not line))
+
+
+@pytest.mark.long
+def test_the_loop_in_c_gives_the_torque_of_the_loop_in_python(armload, tmp_path):
+    page = DOCS / "feed-forward-in-a-loop.md"
+    python = subprocess.run([sys.executable, "-c", *blocks(page, "python")], capture_output=True, text=True, check=True)
+    for name, language in (("main.c", "c"), ("payload.toml", "toml")):
+        (tmp_path / name).write_text(*blocks(page, language))
+    exported = armload("export", "er50", tmp_path / "payload.toml", "--format", "c", "--output", tmp_path / "export")
+    assert "robot file" not in exported.output
+    (compile_it,) = re.findall(r"^\$ cc (.*)$", page.read_text("utf-8"), flags=re.MULTILINE)
+    subprocess.run([*c_compiler(), *compile_it.split()], cwd=tmp_path, check=True)
+    printed = subprocess.run([tmp_path / "loop"], capture_output=True, text=True, check=True).stdout
+    assert printed == f"{python.stdout.split()[2]} N m on joint 2\n"
 
 
 COMMANDS = [

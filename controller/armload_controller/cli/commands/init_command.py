@@ -81,7 +81,11 @@ def init(
     if draft(arm).holes or payload_kg is None:
         designed = _Designed(None, "values are missing", None)
     else:
-        designed = _designed(screen, output, arm, draft, restarts)
+        try:
+            designed = _designed(screen, output, arm, draft, restarts)
+        except BaseException:
+            output.unlink(missing_ok=True)  # the same command again is not refused
+            raise
     start_rad = designed.roomiest_rad if simulated else None
     drafted = draft_file(arm, payload_kg, workspace, bus, designed.names, twin_start_rad=start_rad)
     _write(output, drafted.text)

@@ -24,13 +24,11 @@ ValidationOption = Annotated[
 
 def show_findings(screen: Screen, findings: Findings) -> None:
     """Show values, validation and notes."""
-    from armload_controller.cli.output.result_tables import payload_table, possibility, validation_table
+    from armload_controller.cli.output.result_tables import payload_table, validation_table
     from armload_identification.verdict.verdict_text import sentences, title
 
     content = findings.content
     screen.table(payload_table(findings.payload, findings.truth))
-    if content.identification is not None:
-        screen.result(possibility(content.identification))
     if content.validation is not None:
         screen.table(validation_table(content.validation, findings.arm.joint_names))
         text = sentences(content.validation.verdict, findings.arm.joint_names)

@@ -10,7 +10,6 @@ from rich.table import Table
 from armload_controller.cli.console_text import right
 from armload_identification.estimation.uncertainty import CONFIDENCE
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
-from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 
 
@@ -63,17 +62,6 @@ def validation_table(validation: Validation, joint_names: Sequence[str]) -> Tabl
             f"{scales.scale[i]:.3f} +- {scales.half_width_95[i]:.3f}" if scales.determined[i] else "",
         )
     return table
-
-
-def possibility(identification: Identification) -> str:
-    """Whether the best fit was physically possible, and if not the body reported instead."""
-    if identification.physical.changed:
-        plain = identification.plain_parameters
-        return (
-            f"the best fit, {plain.mass_kg:.4g} kg, is not physically possible; reported: the nearest possible body, "
-            f"{identification.parameters.mass_kg:.4g} kg"
-        )
-    return "the estimate is physically possible"
 
 
 def _held(payload: PayloadResult, truth: InertialParameters) -> str:

@@ -80,8 +80,7 @@ static int read_row(PyObject *value, int n, double *row)
             memcpy(row + i, (const char *)view.buf + i * view.strides[0], sizeof(double));
         }
     } else if (found < 0) {
-        PyErr_SetString(PyExc_ValueError,
-                        "position, velocity and acceleration must have one number per joint of the chain");
+        PyErr_Format(PyExc_ValueError, "position, velocity and acceleration: expected one number per joint, %d each", n);
     }
     PyBuffer_Release(&view);
     return found;

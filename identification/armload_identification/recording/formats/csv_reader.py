@@ -106,8 +106,8 @@ class _Layout:
         given = options.columns or options.log_columns or echoed_columns(lines)
         if given is None and header is None:
             raise RecordingError(
-                f"{path}: the table has no header line, so its columns are unknown. "
-                'Specify them: --columns "time=0 position=1-6 current=7-12", or a [log] table in the robot\'s file.'
+                f"{path}: the table has no header line, so its {self.expected} columns are unknown. Specify them, for "
+                'example --columns "time=0 position=1-6 current=7-12", or a [log] table in the robot\'s file.'
             )
         if given is None or header is not None:
             given = options.columns_of(lambda: columns_by_name(path, self.names, options.joint_names))
@@ -115,8 +115,9 @@ class _Layout:
         groups = {name: _indices(path, name, wanted, header) for name, wanted in self.columns.groups().items()}
         needed = max(max(indices) for indices in groups.values()) + 1
         if lines and needed > self.expected:
+            found = "no table" if self.expected == 1 else f"the rows have {self.expected} columns"
             raise RecordingError(
-                f"{path}: the rows have {self.expected} columns, but the column map refers to column {needed - 1}. "
+                f"{path}: {found}, but the column map refers to column {needed - 1}. "
                 "Correct the column numbers (starting at 0) or give the right file."
             )
         if lines and self.columns.by_name and options.columns is None and len(self.names) != self.expected:

@@ -211,6 +211,8 @@ def test_objects_are_taken_in_the_place_of_paths(folder, tmp_path, found):
         (lambda: armload.calibrate("er50", 5), "runs"),
         (lambda: armload.identify("er50", "a.mcap", known=5), "known"),
         (lambda: armload.identify("er50", "a.mcap", minus=5), "minus"),
+        (lambda: armload.identify("er50", "a.mcap", tolerance=0.02), "tolerance"),
+        (lambda: armload.identify("er50", "a.mcap", validation="b.mcap"), "validation"),
         (lambda: armload.compare("a.toml", "b.toml", tolerance=5), "tolerance"),
         (lambda: armload.commission(armload, "out"), "robot"),
     ],
@@ -218,6 +220,16 @@ def test_objects_are_taken_in_the_place_of_paths(folder, tmp_path, found):
 def test_an_argument_of_another_type_gets_a_sentence(call, argument):
     with pytest.raises(TypeError, match=rf"^`{argument}=` is .* \(\w+\): expected .+\.$"):
         call()
+
+
+def test_a_loop_takes_no_payload_of_another_arm_and_none_that_no_body_has(found):
+    with pytest.raises(PayloadFileError, match="identified on the robot 'er50', not on 'prbt'"):
+        armload.PayloadFeedforward("prbt", found)
+    impossible = InertialParameters.from_center_of_mass(-2.0, np.zeros(3), 0.01 * np.eye(3))
+    with pytest.raises(armload.IdentificationError, match="no body has"):
+        armload.PayloadFeedforward("er50", impossible)
+    with pytest.raises(armload.IdentificationError, match="no body has"):
+        armload.PayloadFeedforward("er50", armload.NOTHING).set_payload(impossible, 0.2, 0.001)
 
 
 def test_a_real_arm_is_not_commissioned_from_python(tmp_path):
@@ -231,7 +243,8 @@ def test_a_printed_recording_is_one_line():
     time_s = 0.01 * np.arange(300.0)
     position_rad = np.sin(np.outer(time_s, [1.0, 2.0]))
     run = armload.Recording.from_arrays(time_s, position_rad, torque_nm=position_rad, name="mine")
-    assert str(run) == "mine: 2 joints, 2.99 s, 300 rows of time_s, position_rad, torque_nm"
+    assert repr(run) == str(run) == "mine: 2 joints, 2.99 s, 300 rows of time_s, position_rad, torque_nm"
+    assert repr(armload.load_robot("er50")).startswith("Robot er50: 6 joints, ")
     gap = np.where(time_s == time_s[7], np.nan, time_s)
     part = armload.Recording.from_arrays(gap, position_rad, current_a=position_rad, velocity_rad_s=position_rad)
     assert str(part.joints([1])) == (

@@ -195,7 +195,7 @@ def test_the_tolerance_decides_between_right_and_cannot_tell(commissioned, armlo
     assert result.exit_code == 4
     assert "verdict: CANNOT TELL" in result.output
     assert "the smallest error that would be detected" in result.output
-    assert "expected a number above 0" in str(armload(*words, "0.02", "-0.01").exception)
+    assert "expected 0 to 1" in str(armload(*words, "0.02", "-0.01").exception)
 
 
 def test_compare_gives_the_verdict_beside_the_errors(commissioned, armload, tmp_path):

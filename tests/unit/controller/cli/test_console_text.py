@@ -62,6 +62,13 @@ def texts(table):
     return [re.sub(r"\[/?\w*\]", "", text) for text in found]
 
 
+def test_spare_width_goes_where_it_saves_lines():
+    table = Table("joint", "the drive ...", "by")
+    table.add_row("1", "word " * 8, "word " * 23)
+    printed, _ = shown(table, 100)
+    assert len(printed.splitlines()) == 3 + 2 + 1
+
+
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize(
     "make", [lambda: payload_table(payload(), BODY), lambda: payload_table(payload(), None), prose]

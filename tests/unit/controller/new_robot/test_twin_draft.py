@@ -19,7 +19,11 @@ from armload_identification.model.payload import InertialParameters
 
 pytestmark = pytest.mark.pure
 
-ARM = SimpleNamespace(torque_max_nm=np.array([90.0, 30.0]), viscous_nm_s_rad=np.array([2.5, np.nan]))
+ARM = SimpleNamespace(
+    torque_max_nm=np.array([90.0, 30.0]),
+    velocity_max_rad_s=np.array([3.0, 6.28]),
+    viscous_nm_s_rad=np.array([2.5, np.nan]),
+)
 BODY = InertialParameters.from_center_of_mass(
     2.5, [0.1, -0.2, 0.05], [[0.03, 0.001, 0.002], [0.001, 0.04, 0.003], [0.002, 0.003, 0.05]]
 )
@@ -45,6 +49,7 @@ def test_drives_peak_at_the_joints_greatest_torque():
         assert drive["rated_torque_nm"] * drive["max_torque_permille"] == pytest.approx(1000.0 * torque_nm)
         assert drive["rated_torque_nm"] * PEAK_OF_RATED == pytest.approx(torque_nm)
         assert drive["counts_per_axis_turn"] == COUNTS_PER_TURN
+        assert drive["following_error_rad"] > drive["following_lag_s"] * ARM.velocity_max_rad_s[joint]
         assert (drive["mode"], drive["feedback"], drive["has_brake"]) == ("csp", "torque", True)
 
 

@@ -168,16 +168,16 @@ def test_a_gain_that_is_named_is_not_among_those_that_cannot_be_checked():
     two = np.array([True, False, True])
     found = notes(gains=gains(disagree=True, possible=two, noticeable=np.full(JOINTS, 5.0)))
     assert "joints 1 and 3" in found[0]
-    assert "of joint 2 at all" in only(found[1:])
+    assert "about the drive gain of joint 2:" in only(found[1:])
 
 
 def test_gains_that_cannot_be_checked_are_named_with_the_error_that_may_hide():
     note = only(notes(gains=gains(noticeable=np.array([0.03, np.log(1.2), 0.03]))))
-    assert "gain of 2 (up to 20 %)" in note.replace("joint ", "")
+    assert "on joint 2 (up to 20 %)" in note
     found = notes(gains=gains(noticeable=np.array([0.2, 0.2, 5.0])))
     assert len(found) == 2
-    assert "gains of" in found[0]
-    assert "gain of joint 3 at all" in found[1]
+    assert "on joints 1 " in found[0]
+    assert "about the drive gain of joint 3:" in found[1]
     assert notes(gains=gains(noticeable=np.full(JOINTS, 5.0), contradicted=ALL))[-1].startswith("The data contradict")
     assert notes(gains=None) == []
 

@@ -13,7 +13,7 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reading_options import ReadingOptions
-from armload_identification.recording.recording import Recording, check_joints
+from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
 from armload_identification.recording.run_format import (
     EXCITATION_ATTACHMENT,
     RUN_ATTACHMENT,
@@ -32,7 +32,7 @@ def test_files_that_are_no_recording(tmp_path):
     empty.write_bytes(b"")
     with pytest.raises(RecordingError, match="empty"):
         read_recording(empty)
-    with pytest.raises(RecordingError, match="the table has no header line, so its columns are unknown"):
+    with pytest.raises(RecordingError, match="the table has no header line, so its 7 columns are unknown"):
         read_recording(write_csv(tmp_path / "a.csv", csv_rows()))
     with pytest.raises(RecordingError, match="nothing was recorded"):
         read_recording(write_mcap(tmp_path / "none.mcap", []))
@@ -78,6 +78,12 @@ def test_a_long_runs_joints_are_chosen_with_all_that_was_kept_of_it(tmp_path):
     np.testing.assert_array_equal(chosen.average.effort_covariance, recording.average.effort_covariance[order])
     np.testing.assert_array_equal(chosen.repeats.bound, recording.repeats.bound[[2, 0]])
     np.testing.assert_array_equal(chosen.current_a, recording.current_a[:, [2, 0]])
+
+
+def test_two_recordings_of_one_name_keep_both_hashes():
+    time_s, position = 0.01 * np.arange(30.0), np.sin(np.arange(60.0)).reshape(30, 2) * 0.01
+    one, other = (Recording.from_arrays(time_s, position, torque_nm=k * position).source for k in (1, 2))
+    assert set(hashes_by_name([one, other]).values()) == {one.sha256, other.sha256}
 
 
 def test_names_given_with_arrays_must_be_as_many_as_the_joints():

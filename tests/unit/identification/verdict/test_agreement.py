@@ -236,7 +236,9 @@ def test_intervals_stand_in_for_a_covariance():
     )
 
 
-@pytest.mark.parametrize("values", [{"mass_share": 0.0}, {"center_m": -0.01}, {"mass_share": float("nan")}])
-def test_a_tolerance_that_is_none_is_refused(values):
-    with pytest.raises(ModelError, match="tolerance"):
-        Tolerance(**values)
+@pytest.mark.parametrize("share", [0.0, 2.0, float("nan")])
+def test_a_tolerance_that_is_none_is_refused(share):
+    with pytest.raises(ModelError, match="tolerance's share of the mass"):
+        Tolerance(mass_share=share)
+    with pytest.raises(ModelError, match="tolerance's distance"):
+        Tolerance(center_m=-0.01)

@@ -86,7 +86,7 @@ def test_a_claim_ends_with_its_process_even_by_kill_minus_nine(tmp_path):
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        (("--mass-kg", "0"), "known mass is 0.0 kg; expected a number above 0"),
+        (("--mass-kg", "0"), "mass_kg=` is 0.0 kg; expected a number above 0"),
         (("--calibration", "arm.calibration.toml"), "arm.calibration.toml: the calibration belongs to an arm with"),
         (("--calibration", "nofile.toml"), "nofile.toml"),
         (("--output", "/proc"), "/proc cannot be written to"),

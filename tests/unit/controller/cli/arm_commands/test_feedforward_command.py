@@ -58,8 +58,8 @@ def compared(armload, folder):
 
 @pytest.mark.long
 def test_the_payloads_share_of_the_following_error_falls(compared, folder):
-    lines = [line for line in compared.splitlines() if "% less" in line]
-    rows = {re.search(r"prbt_joint_\d", line)[0]: re.findall(r"(-?[\d.]+) % less", line) for line in lines}
+    lines = [line for line in compared.splitlines() if re.search("% (less|more)", line)]
+    rows = {re.search(r"prbt_joint_\d", line)[0]: re.findall(r"([\d.]+) % less", line) for line in lines}
     assert set(rows) == {f"prbt_joint_{i}" for i in range(1, 7)}
     starred = re.findall(r"(prbt_joint_\d) \*", compared)
     assert {"prbt_joint_2", "prbt_joint_3", "prbt_joint_5"} == set(starred)
@@ -109,10 +109,10 @@ def test_with_a_calibration_the_arms_own_torque_is_a_third_curve(calibrated, fol
     first, second = calibrated.split("Following error beyond the servo's lag, RMS over time")
     for text, columns in ((first, 3), (second, 3)):
         for joint in range(1, 7):
-            (row,) = [line for line in text.splitlines() if f"prbt_joint_{joint} " in line and "% less" in line]
-            assert len(re.findall("% less", row)) == columns
+            (row,) = [line for line in text.splitlines() if f"prbt_joint_{joint} " in line and "%" in line]
+            assert len(re.findall("% (?:less|more)", row)) == columns
     (row,) = [line for line in second.splitlines() if "prbt_joint_3" in line and "% less" in line]
-    payload, _, arm = (float(share) for share in re.findall(r"(-?[\d.]+) % less", row))
+    payload, _, arm = (float(share) for share in re.findall(r"([\d.]+) % less", row))
     assert arm > payload + 10.0
     assert "no torque can be added on" not in calibrated
     assert "payload and arm: " in (folder / "arm.svg").read_text()

@@ -113,13 +113,6 @@ def test_a_calibration_that_is_none_is_refused(armload, today, tmp_path):
     assert "arm.toml" in str(result.exception)
 
 
-@pytest.mark.parametrize("ended", ["calibrate-gains", "identify-body"])
-def test_what_has_ended_names_its_successor(armload, ended):
-    result = armload(ended, "er50", "run.mcap")
-    assert result.exit_code == 2
-    assert "`armload calibrate" in result.output
-
-
 def test_a_robots_file_names_its_calibration_and_the_command_line_wins(tmp_path):
     text = (Path(str(resources.files("armload_configs"))) / "ur10e.toml").read_text()
     own = tmp_path / "own.toml"

@@ -75,7 +75,7 @@ def test_the_operator_reads_what_is_not_determined(export, tmp_path):
 def test_the_operator_reads_of_another_configuration(export, tmp_path):
     result = export("--format", "kuka", "--output", tmp_path, robot="ur10e")
     assert (
-        f"note: {tmp_path / 'payload.toml'} was identified with a configuration other than that of ur10e"
+        f"note: {tmp_path / 'payload.toml'} was identified with another robot file than the present one of ur10e"
         in result.output
     )
 

@@ -86,3 +86,6 @@ def test_nothing_is_replaced_and_nothing_asked_without_a_terminal(armload, urdf,
     assert "is not overwritten: choose another" in str(result.exception)
     assert out.read_text() == "mine"
     assert "no terminal to ask at" in str(armload("init", "--output", tmp_path / "other.toml").exception)
+    heavy = armload("init", urdf(), "--payload-kg", "3000", "--output", tmp_path / "heavy.toml")
+    assert "expected a payload that this joint can carry" in str(heavy.exception)
+    assert not (tmp_path / "heavy.toml").exists()
