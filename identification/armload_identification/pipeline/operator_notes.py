@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_identification.estimation.arm_terms import DELAY
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.gain_errors import GainFit
@@ -20,8 +21,8 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import ABOVE_BAND
 from armload_identification.signals.reversals import reversal_weights
-from armload_identification.signals.signal_constants import Smoothing
-from armload_identification.verdict.decision_levels import ArmFit, PayloadFit
+from armload_identification.signals.signal_constants import SamePath, Smoothing
+from armload_identification.verdict.decision_levels import ArmFit, PayloadFit, Timing
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
 from armload_identification.verdict.recording_checks.friction_validity import friction_notes, standard_deviations
 
@@ -48,6 +49,7 @@ def notes_on(
         *misfit_notes(found),
         *_on_recordings(runs),
         *_on_interruptions(runs, found.signal),
+        *_on_times(runs[0], found),
         *_on_nominal_gains(runs[0], transmission, found.plain),
         *_on_contradictions(found.gains),
         *_on_signal(found.signal, found.struck),
@@ -85,6 +87,27 @@ def _on_interruptions(runs: Sequence[Recording], signal: LoadSignal) -> list[str
                 f"{name} recording: the run was continued, paused or slowed down {often} within its periods. What was "
                 f"measured at full speed was used: every part of the period at least {least}."
             )
+    return notes
+
+
+def _on_times(loaded: Recording, found: Identification) -> list[str]:
+    """A clock that is not that of the excitation, and torque that is not of the time of its position."""
+    notes, signal = [], found.signal
+    if signal.periodic and loaded.excitation is not None:
+        took_s, stated_s = len(signal.time_s) * signal.interval_s, loaded.excitation.trajectory.period_s
+        if SamePath.period_share < abs(took_s / stated_s - 1.0) < Timing.other_speed_share:
+            notes.append(
+                f"A period took {took_s:.4g} s by the time stamps, {stated_s:.4g} s by the excitation: if the clock is "
+                "wrong, so are accelerations and what follows from them. Check the time stamps."
+            )
+    posterior = found.plain.posterior
+    delay_s = float(posterior.value(DELAY)[0])
+    if abs(delay_s) > Timing.late_s:
+        notes.append(
+            f"The torque belongs to positions {1e3 * abs(delay_s):.0f} ms {'before' if delay_s > 0.0 else 'after'} it. "
+            "Mass and centre of mass may lie outside their intervals. Check that torque and position have the same "
+            "time stamps."
+        )
     return notes
 
 

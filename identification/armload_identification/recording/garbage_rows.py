@@ -43,7 +43,20 @@ _MEDIAN_ROWS: Final = 5
 """Rows over which a median position hides those that are wrong."""
 _LARGEST_ANGLE_RAD: Final = 6.0 * np.pi
 """Joints that turn further are logged modulo one turn; greater angles are in degrees."""
-_REASONS: Final = ("not finite", "impossible value", "time out of range", "time not increasing", "position jumps")
+_SPIKE_WINDOW: Final = 5
+_SPIKE: Final = 6.0
+"""Deviation of a motor's effort from the median of its neighbours, in steps that nine of ten are below: 14 standard
+deviations of white noise. A step, as at a reversal, does not deviate."""
+_SPIKES: Final = 0.005
+"""Least share of rows with spikes: a few hard stops are genuine, and the weights of the fit bear them."""
+_REASONS: Final = (
+    "not finite",
+    "impossible value",
+    "time out of range",
+    "time not increasing",
+    "position jumps",
+    "torque or current of several joints jumps",
+)
 _KEPT: Final = len(_REASONS)
 
 
@@ -63,7 +76,8 @@ class GarbageFilter:
     """Passes on valid rows, and counts the others by reason.
 
     Dropped are rows with values that are not finite or impossibly large, with a time stamp that is far from all others
-    or does not increase, and with a position that jumps away from its neighbours and back.
+    or does not increase, with a position that jumps away from its neighbours and back, and with a torque or current
+    that does so on several joints, if there are many of them.
 
     Args:
         path: Name of the recording in messages.
@@ -213,6 +227,9 @@ def _reasons_to_drop(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[
     if kept.size >= _JUMP_WINDOW:
         reach_rad = _FASTEST_RAD_S * max(interval_s, 1e-3) * (_JUMP_WINDOW // 2)
         drop(_jumps(rows.position_rad[kept], reach_rad), "position jumps")
+        effort = rows.current_a if rows.torque_nm is None else rows.torque_nm
+        if effort is not None:
+            drop(_spikes(effort[kept]), "torque or current of several joints jumps")
     return verdict, interval_s
 
 
@@ -229,6 +246,21 @@ def _jumps(position: FloatArray, reach_rad: float) -> NDArray[np.bool_]:
     usual = np.median(sliding_window_view(padded, _JUMP_WINDOW, axis=0)[near], axis=-1)
     jumps[near] = (np.abs(position[near] - usual) > reach_rad).any(axis=1)
     return jumps
+
+
+def _spikes(effort: FloatArray) -> NDArray[np.bool_]:
+    """(N,) True for rows in which the (N, n) efforts of two joints or more are far from those of their neighbours."""
+    spikes = np.zeros(len(effort), dtype=bool)
+    step = np.abs(np.diff(effort, axis=0))
+    usual_step = np.percentile(step, 90.0, axis=0)
+    far = np.where(usual_step > 0.0, _SPIKE * usual_step, np.inf)
+    joints = min(2, effort.shape[1])
+    (steps,) = np.nonzero(np.count_nonzero(step > far, axis=1) >= joints)
+    near = np.unique(np.clip(steps[:, None] + np.arange(2), 0, len(effort) - 1))
+    padded = np.pad(effort, ((_SPIKE_WINDOW // 2, _SPIKE_WINDOW // 2), (0, 0)), mode="edge")
+    usual = np.median(sliding_window_view(padded, _SPIKE_WINDOW, axis=0)[near], axis=-1)
+    spikes[near] = np.count_nonzero(np.abs(effort[near] - usual) > far, axis=1) >= joints
+    return spikes & (np.mean(spikes) > _SPIKES)
 
 
 def _longest_increasing(values: FloatArray) -> NDArray[np.intp]:

@@ -364,6 +364,24 @@ class PayloadChangeLevels:
     """
 
 
+class Timing:
+    """Times that do not belong together (`operator_notes`)."""
+
+    other_speed_share: Final = 0.05
+    """[1] Difference of a period from its excitation's from which it was streamed at another speed, not mistimed.
+
+    Origin: prior, not measured: the least step of a speed override.
+    Factor of two: twice: 1 of 9 tests fails; half: none of 9 tests fails.
+    """
+    late_s: Final = 0.02
+    """[s] Delay of the torque that is noted: one standard deviation of what is assumed of it (`Priors.delay_s`).
+
+    Origin: the delays found are 1.0 to 1.4 ms on simulated arms, -0.3 ms on the UR10e; joint torque that is
+        filtered at 10 Hz has 16 ms.
+    Factor of two: twice: 2 of 9 tests fail; half: 1 of 9 tests fails.
+    """
+
+
 class Magnitudes:
     """Magnitudes that no recording of an arm has in the right units (`impossible_magnitudes`)."""
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from armload_identification.estimation.arm_terms import DELAY
 from armload_identification.pipeline.operator_notes import misfit_notes, notes_on
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import ABOVE_BAND
@@ -50,6 +51,8 @@ def signal(**changes):
 def found_of(share=0.01, **changes):
     """An identification that leaves a share of the torque of each joint."""
     plain = {"theta": np.zeros(10), "rank": 10, "noise_nm": np.ones(JOINTS), "load_friction": np.full(JOINTS, 0.05)}
+    delay_s = changes.pop("delay_s", 0.001)
+    plain["posterior"] = SimpleNamespace(value=lambda name: {DELAY: np.array([delay_s])}[name])
     plain = with_changes(plain, {name: changes.pop(name) for name in [*plain] if name in changes})
     base = {
         "plain": plain,
@@ -63,12 +66,13 @@ def found_of(share=0.01, **changes):
     return with_changes(base, changes)
 
 
-def recording(by_torque=False, interruptions=0, **changes):
+def recording(by_torque=False, interruptions=0, excitation=None, **changes):
     source = {"rows_read": 100, "rows_dropped": 0, "reasons": {}, "truncated": False, "ignored_joints": ()}
     return SimpleNamespace(
         source=with_changes(source, changes),
         torque_nm=signal().torque_nm if by_torque else None,
         average=SimpleNamespace(interruptions=interruptions),
+        excitation=excitation,
     )
 
 
@@ -109,6 +113,22 @@ def test_rows_that_were_left_out_are_counted_for_the_run_they_are_of():
     assert "4 not finite, 3 position jumps" in note
     assert only(notes(runs=(recording(truncated=True), recording()))).startswith("loaded recording")
     assert "gripper" in only(notes(runs=(recording(ignored_joints=("gripper",)),)))
+
+
+@pytest.mark.parametrize(
+    ("period_s", "noted"), [(4.0, False), (4.004, False), (3.98, True), (4.08, True), (4.4, False), (8.0, False)]
+)
+def test_a_clock_that_is_not_the_excitations_is_noted_but_not_another_speed(period_s, noted):
+    stated = SimpleNamespace(trajectory=SimpleNamespace(period_s=period_s))
+    found = notes(runs=(recording(excitation=stated), recording(excitation=stated)))
+    assert [f"4 s by the time stamps, {period_s:.4g} s by the excitation" in note for note in found] == [True] * noted
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "said"), [(0.015, None), (0.03, "30 ms before it"), (-0.03, "30 ms after it")], ids=str
+)
+def test_torque_that_is_late_or_early_by_more_than_a_drive_causes_is_noted(delay_s, said):
+    assert [said in note for note in notes(delay_s=delay_s)] == [True] * (said is not None)
 
 
 def test_pauses_are_told_with_how_often_every_part_was_measured_at_full_speed():
@@ -286,6 +306,7 @@ def test_friction_far_outside_that_of_the_calibration_is_named():
         "runs": 2,
         "friction": lambda run: np.array([[0.0, 3.0 * run, 0.0], np.zeros(JOINTS), np.zeros(JOINTS)]),
         "friction_covariance": lambda run: 1e-4 * np.tile(np.eye(2), (JOINTS, 1, 1)),
+        "posterior": found_of().plain.posterior,
     }
 
     def noted(**changes):

@@ -93,3 +93,21 @@ def test_names_given_with_arrays_must_be_as_many_as_the_joints():
     for names in (["a"], ["a", "a"]):
         with pytest.raises(RecordingError, match="expected 2 different names"):
             Recording.from_arrays(time_s, position, torque_nm=position, joint_names=names)
+
+
+def test_rows_whose_effort_jumps_on_several_joints_are_left_out_but_a_hard_stop_is_kept(pair):
+    def with_effort(factor):
+        return Recording.from_arrays(loaded.time_s, loaded.position_rad, current_a=factor * loaded.current_a)
+
+    loaded = pair[0]
+    jumps = np.random.default_rng(3).random(len(loaded.time_s)) < 0.01
+    spoiled = with_effort(np.where(jumps, 5.0, 1.0)[:, None])
+    (reason,) = spoiled.source.reasons.values()
+    assert 0.9 * jumps.sum() < reason <= jumps.sum()
+    assert not np.isin(spoiled.time_s, loaded.time_s[jumps]).sum() > 0.1 * jumps.sum()
+    stop = np.ones((len(loaded.time_s), 1))
+    stop[-5:-3] = [[-6.0], [-3.0]]
+    assert with_effort(stop).source.rows_dropped == 0
+    one = np.ones_like(loaded.current_a)
+    one[jumps, 2] = 5.0
+    assert with_effort(one).source.rows_dropped == 0, "one joint may do so by itself"
