@@ -217,8 +217,8 @@ def replayed(robot: Robot, plant: RememberingPlant, motions: list[Motion], seed:
     def reported(feedback: JointFeedback, sample: int) -> JointFeedback:
         effort = units.measured(still, noisy_nm[sample]).effort
         if units.feedback is EffortFeedback.CURRENT:
-            return replace(feedback, current_a=units.motor_current_a(effort))
-        return replace(feedback, torque_nm=units.joint_torque_nm(effort))
+            return feedback._replace(current_a=units.motor_current_a(effort))
+        return feedback._replace(torque_nm=units.joint_torque_nm(effort))
 
     return [
         [reported(step.feedback, sample) for step, sample in zip(motion.steps, motion.samples, strict=True)]

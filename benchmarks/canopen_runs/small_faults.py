@@ -194,9 +194,9 @@ def _torque_fault(robot: Robot, load: SessionLoad, motion: Motion, joint: int, f
         factors[joint], zeros_nm[joint] = factor, zero * robot.limits.torque_max_nm[joint]
         torque = measured_torque(feedback, robot.drives.transmission) * factors + zeros_nm
         if feedback.torque_nm is not None:
-            return replace(feedback, torque_nm=torque)
+            return feedback._replace(torque_nm=torque)
         current = robot.drives.transmission.coupling.T @ torque / robot.drives.transmission.gain_nm_a
-        return replace(feedback, current_a=current)
+        return feedback._replace(current_a=current)
 
     try:
         judge(robot, load, motion, [falsified(step.feedback) for step in motion.steps])

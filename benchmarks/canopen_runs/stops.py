@@ -138,7 +138,7 @@ class Lie:
             self._first = float(values[LIAR]), feedback.time_s
         first, begun_s = self._first
         values[LIAR] = self._tell(float(values[LIAR]), first, feedback.time_s - begun_s)
-        return replace(feedback, **{self._key: values})
+        return feedback._replace(**{self._key: values})
 
 
 def _bits(on: int = 0, off: int = 0) -> Callable[[], Lie]:
@@ -324,8 +324,8 @@ def _event(
 
     events: dict[Cause, BaseException | Callable[[JointFeedback], JointFeedback]] = {
         Cause.LOOP_LOST: broken,
-        Cause.STALE: lambda feedback: replace(feedback, time_s=feedback.time_s - cycle_s),
-        Cause.LATE: lambda feedback: replace(feedback, skipped_cycles=10),
+        Cause.STALE: lambda feedback: feedback._replace(time_s=feedback.time_s - cycle_s),
+        Cause.LATE: lambda feedback: feedback._replace(skipped_cycles=10),
         Cause.DRIVE: ServoError(3, "joint_3", "streaming", "it left its state by itself", "Look at it"),
         Cause.REFUSED: CommandError("joint_3: the drive takes no torque offset"),
         Cause.BUS: BusError("bus-off"),

@@ -12,8 +12,7 @@ and leaves the arm at standstill without torque. While no drive is enabled, `sta
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +20,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class JointCommand:
+class JointCommand(NamedTuple):
     """Setpoints of one cycle, for n joints.
 
     Attributes:
@@ -36,8 +34,7 @@ class JointCommand:
     torque_offset_nm: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class JointFeedback:
+class JointFeedback(NamedTuple):
     """Feedback of one cycle, for n joints.
 
     A joint that is `missing` repeats its last values.

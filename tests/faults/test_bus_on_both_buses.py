@@ -102,11 +102,11 @@ def test_error_passive_is_survived_and_remarked_upon_once(fault_arm):
     arm.enable()
     arm.send(0x04, bytes([0, 0x20, 0, 0, 0, 0, 0, 0]), is_error_frame=True)
     arm.move(2)
-    assert arm.servos.bus_errors.error_passive
-    assert arm.servos.bus_errors.error_frames == 1
+    assert arm.servos._link.error_passive
+    assert arm.servos._link.error_frames == 1
     arm.send(0x04, bytes([0, 0x40, 0, 0, 0, 0, 0, 0]), is_error_frame=True)
     arm.move(2)
-    assert not arm.servos.bus_errors.error_passive
+    assert not arm.servos._link.error_passive
     (remark,) = (each for each in arm.servos.take_remarks() if "error frames" in each)
     assert remark.startswith("warning: bus: 2 error frames, the controller was error passive 1 time. Check")
     assert not any("error frames" in each for each in arm.servos.take_remarks())
@@ -116,10 +116,10 @@ def test_error_passive_is_survived_and_remarked_upon_once(fault_arm):
 def test_the_load_of_the_bus_is_measured(fault_arm):
     arm = fault_arm()
     arm.enable()
+    before = arm.servos._link.busiest_bits
     arm.move(240)
-    rate = 1 / arm.arm.cycle_s
     frames = 55 + 6 * 135
-    assert arm.servos.bus_load == pytest.approx(frames * rate / 1e6, rel=0.25)
+    assert arm.servos._link.busiest_bits - before == pytest.approx(240 * frames, rel=0.25)
 
 
 # Ctrl-C and SIGTERM ------------------------------------------------------------------------------------------

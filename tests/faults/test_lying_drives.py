@@ -1,7 +1,6 @@
 """Drives with false feedback: each falsification is found in the slow round, and stops the arm as the table says."""
 
 from contextlib import contextmanager
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,19 +37,19 @@ class Lies:
     """Falsifications of the feedback by the drive of one joint."""
 
     def another_velocity(self, feedback):
-        return replace(feedback, velocity_rad_s=one(np.zeros(6), 0.5))
+        return feedback._replace(velocity_rad_s=one(np.zeros(6), 0.5))
 
     def no_torque(self, feedback):
-        return replace(feedback, torque_nm=one(feedback.torque_nm, 0.0))
+        return feedback._replace(torque_nm=one(feedback.torque_nm, 0.0))
 
     def a_torque_that_never_changes(self, feedback):
-        return replace(feedback, torque_nm=one(feedback.torque_nm, 0.7))
+        return feedback._replace(torque_nm=one(feedback.torque_nm, 0.7))
 
     def torque_of_the_wrong_sign(self, feedback):
-        return replace(feedback, torque_nm=one(feedback.torque_nm, -feedback.torque_nm[LIAR]))
+        return feedback._replace(torque_nm=one(feedback.torque_nm, -feedback.torque_nm[LIAR]))
 
     def bits(self, feedback, on=0, off=0):
-        return replace(feedback, statusword=one(feedback.statusword, (feedback.statusword[LIAR] | on) & (0xFFFF ^ off)))
+        return feedback._replace(statusword=one(feedback.statusword, (feedback.statusword[LIAR] | on) & (0xFFFF ^ off)))
 
     def without_voltage(self, feedback):
         return self.bits(feedback, off=0x0010)

@@ -118,8 +118,12 @@ def test_twelve_drives_at_250_hz_are_too_much_for_one_bus_and_not_for_two(virtua
     arm = virtual_arm(on_two(many), plant=IdealPlant(np.zeros(12)))
     arm.servos.connect()
     arm.servos.enable()
+    link = arm.servos._link
+    before = link.busiest_bits, link.bits
     for cycle in range(1, 251):
         feedback = arm.servos.exchange(JointCommand(np.full(12, 0.001 * cycle), np.zeros(12), np.zeros(12)))
         assert not feedback.missing.any()
-    assert arm.servos.bus_load < 0.45
+    busiest, all_of_them = link.busiest_bits - before[0], link.bits - before[1]
+    assert busiest < 0.45e6
+    assert all_of_them == pytest.approx(2 * busiest, rel=0.02), "each bus carries half"
     assert arm.plant.position_rad == pytest.approx(np.full(12, 0.25), abs=0.002)

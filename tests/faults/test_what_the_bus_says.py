@@ -219,7 +219,7 @@ def test_answers_to_a_sync_that_no_cycle_used_are_no_twins(virtual_arm):
     def late(link, on_sync):
         following(link, lambda: None)
         tick = following(link, on_sync)
-        return replace(tick, skipped=1)
+        return tick._replace(skipped=1)
 
     arm.servos._sync.next = late
     move(arm, start, 20)

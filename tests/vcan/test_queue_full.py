@@ -142,7 +142,7 @@ def test_an_arm_goes_on_after_a_queue_that_was_full_for_a_moment(queue, bench):
         queue.set_full(True)
         with drained_after(queue, 0.01):
             servos.exchange(JointCommand(hold, ZERO, ZERO))
-        refused = servos.bus_errors.queue_full + drives.frames_lost
+        refused = servos._link.queue_full + drives.frames_lost
         if refused:
             break
     assert refused, "a sender met the full queue"

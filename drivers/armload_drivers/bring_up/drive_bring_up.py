@@ -29,7 +29,7 @@ from armload_drivers.cia402.arm_settings import (
     OperationMode,
 )
 from armload_drivers.cia402.drive_safety import SafetyFinding, SafetyValues
-from armload_drivers.cia402.object_dictionary import Entry
+from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
 from armload_drivers.cia402.process_data.drive_scale import ReportedScale, resolve
 from armload_drivers.cia402.process_data.drive_units import ArmUnits, AxisUnits
 from armload_drivers.cia402.process_data.process_image import (
@@ -47,8 +47,8 @@ Step = tuple[str, Callable[[], str | None]]
 _MODE_KEYS = {OperationMode.CYCLIC_SYNCHRONOUS_POSITION: "csp", OperationMode.INTERPOLATED_POSITION: "ip"}
 """Values of the key `mode`."""
 _COUNT_BITS = 8
-_WIDE_BITS = 32
 """Size of sub-index 0 of a record or array."""
+_WIDE_BITS = 32
 _EFFORTS = (od.TORQUE_ACTUAL, od.CURRENT_ACTUAL, od.TORQUE_ACTUAL_32, od.CURRENT_ACTUAL_32)
 
 _NO_CYCLIC_MODE = (
@@ -93,13 +93,16 @@ class DriveSetup(DriveDialogue, ABC):
 
     Attributes:
         settings: The drive's settings; complete once its scale has been read.
+        objects: Its objects, and the values that must not change before the drive is configured again.
+        identity: 1018, as reported when the drive was identified; empty before.
+        device_type: 1000, as reported when the drive was identified; 0 before.
     """
 
     def __init__(self, drive: DriveSettings, arm: ArmSettings, sdo: SdoChannel, timeouts: Timeouts) -> None:
         super().__init__(drive, arm, sdo, timeouts)
-        self._objects = DriveObjects(sdo)
-        self._identity = Identity(None, None)
-        self._polarity = self._device_type = 0
+        self.objects = DriveObjects(sdo)
+        self.identity = Identity(None, None)
+        self.device_type = self._polarity = 0
         self._rated_current_a: float | None = None
         self._safety: tuple[SafetyFinding, ...] = ()
 
@@ -114,14 +117,14 @@ class DriveSetup(DriveDialogue, ABC):
             ServoError: an SDO failed.
         """
         self._sdo.step = "identifying"
-        self._device_type = device_type = self._sdo.read(od.DEVICE_TYPE)
+        self.device_type = device_type = self._sdo.read(od.DEVICE_TYPE)
         if not od.is_drive(device_type):
             raise self._wrong(
                 od.no_drive(device_type),
                 "If another kind of device has this node id, correct node_id: `armload drives scan` lists all. If it "
                 "is the drive, its firmware does not declare CiA 402: ask its manufacturer for one that does",
             )
-        self._identity = found = Identity(
+        self.identity = found = Identity(
             self._sdo.read(od.VENDOR_ID),
             self._sdo.read_if_there(od.PRODUCT_CODE),
             self._sdo.read_if_there(od.REVISION),
@@ -147,16 +150,6 @@ class DriveSetup(DriveDialogue, ABC):
             )
         return found
 
-    @property
-    def identity(self) -> Identity:
-        """1018, as reported when the drive was identified; empty before."""
-        return self._identity
-
-    @property
-    def device_type(self) -> int:
-        """1000, as reported when the drive was identified; 0 before."""
-        return self._device_type
-
     # Configuration -------------------------------------------------------------------------------------------
 
     def reading_steps(self) -> tuple[Step, ...]:
@@ -173,8 +166,8 @@ class DriveSetup(DriveDialogue, ABC):
         """The other steps of `configure`."""
         return (
             ("cycle", self._write_cycle),
-            ("setpoints", self._map_setpoints),
-            ("feedback", self._map_feedback),
+            ("setpoints", lambda: self._map(PdoDirection.RECEIVE)),
+            ("feedback", lambda: self._map(PdoDirection.TRANSMIT)),
             ("mode", self._select_mode),
         )
 
@@ -201,8 +194,8 @@ class DriveSetup(DriveDialogue, ABC):
             ServoError: the drive does not answer.
         """
         values = SafetyValues.of(self.settings, self._arm, units, self._rated_current_a)
-        self._safety = secure(self._objects, values)
-        require_safety(self._objects, values, self._safety)
+        self._safety = secure(self.objects, values)
+        require_safety(self.objects, values, self._safety)
         # Only verified here; the watch itself starts with the cycle.
         self.watch_master(on=False)
 
@@ -222,17 +215,8 @@ class DriveSetup(DriveDialogue, ABC):
         """Write the objects of the cycle."""
 
     @abstractmethod
-    def _map_setpoints(self) -> None:
-        """Map what is sent to the drive in each cycle."""
-
-    @abstractmethod
-    def _map_feedback(self) -> None:
-        """Map what the drive sends in each cycle."""
-
-    @property
-    def objects(self) -> DriveObjects:
-        """Its objects, and the values that must not change before the drive is configured again."""
-        return self._objects
+    def _map(self, direction: PdoDirection) -> None:
+        """Map what the drive receives, or what it sends, in each cycle."""
 
     def require_as_configured(self) -> None:
         """Require a drive without torque or fault, with the settings that were read back when it was configured.
@@ -242,7 +226,7 @@ class DriveSetup(DriveDialogue, ABC):
             ServoError: it carries torque, or a setting has changed.
         """
         self.require_disabled()
-        self._objects.require_held()
+        self.objects.require_held()
 
     def report(self) -> DriveReport:
         """The findings."""
@@ -250,11 +234,11 @@ class DriveSetup(DriveDialogue, ABC):
             joint=self.settings.joint,
             node_id=self.settings.node_id,
             name=self._read_name(),
-            identity=self._identity,
+            identity=self.identity,
             polarity=self._polarity,
-            missing=tuple(str(entry) for entry in self._objects.missing),
+            missing=tuple(str(entry) for entry in self.objects.missing),
             safety=self._safety,
-            device_type=self._device_type,
+            device_type=self.device_type,
         )
 
     def read_units(self) -> AxisUnits:
@@ -314,7 +298,7 @@ class DriveSetup(DriveDialogue, ABC):
     def _check_mode(self) -> None:
         """Require the configured mode to be among 6502, with the object for its setpoint."""
         self._sdo.step = "checking the mode"
-        modes = self._objects.read(od.SUPPORTED_MODES)
+        modes = self.objects.read(od.SUPPORTED_MODES)
         mode = self.settings.mode
         # 0 is the value of firmware that does not maintain 6502; 6061 then decides.
         if modes and not modes >> (mode - 1) & 1:
@@ -346,11 +330,11 @@ class DriveSetup(DriveDialogue, ABC):
     def _read_scale(self) -> None:
         """Read polarity and scale, and check them against the configuration."""
         self._sdo.step = "reading the scaling"
-        read, optional = self._objects.read, self._sdo.read_if_there
+        read, optional = self.objects.read, self._sdo.read_if_there
         polarity = read(od.POLARITY)
         self._polarity = polarity or 0
         if polarity is not None:
-            self._objects.held[od.POLARITY] = polarity
+            self.objects.held[od.POLARITY] = polarity
         torque, current_ma = read(od.RATED_TORQUE_MNM), optional(od.RATED_CURRENT_MA)
         self._rated_current_a = None if current_ma is None else current_ma * 1e-3
         reported = ReportedScale(
@@ -423,7 +407,7 @@ class DriveSetup(DriveDialogue, ABC):
     def _select_mode(self) -> None:
         """Write 6060 and wait for 6061, which some drives lack."""
         self._write_mode()
-        self._objects.held[self._require_mode()] = int(self.settings.mode)
+        self.objects.held[self._require_mode()] = int(self.settings.mode)
 
     def _write_mode(self) -> None:
         """Write 6060; a drive without it must be in the mode."""
@@ -447,7 +431,7 @@ class DriveSetup(DriveDialogue, ABC):
     def _require_mode(self) -> Entry:
         """Wait for 6061, or 6060 on drives without it; the object."""
         mode = int(self.settings.mode)
-        shown = od.MODE_DISPLAY if self._objects.read(od.MODE_DISPLAY) is not None else od.MODE
+        shown = od.MODE_DISPLAY if self.objects.read(od.MODE_DISPLAY) is not None else od.MODE
         found = self._sdo.read_until(shown, mode, self._timeouts.mode_s)
         if found != mode:
             raise self._sdo.failure(

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 import struct
 from abc import ABC, abstractmethod
-from contextlib import AbstractContextManager, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.driver_errors import SdoRefused, ServoError, ServoTimeout
@@ -38,15 +39,17 @@ class SdoChannel(ABC):
 
     Args:
         joint: Name of its joint, for errors.
+        timeout_s: Limit of one request.
 
     Attributes:
         step: The step in progress, for errors; set by the user of the channel.
         node: Node id, and name of the joint.
     """
 
-    def __init__(self, node_id: int, joint: str) -> None:
+    def __init__(self, node_id: int, joint: str, timeout_s: float) -> None:
         self.step = "SDO transfer"
         self.node = node_id, joint
+        self._limit_s = timeout_s
 
     def read(self, entry: Entry) -> int:
         """Value of an integer object.
@@ -160,9 +163,14 @@ class SdoChannel(ABC):
                 return True
         return True
 
-    @abstractmethod
-    def limited_to(self, timeout_s: float) -> AbstractContextManager[None]:
+    @contextmanager
+    def limited_to(self, timeout_s: float) -> Iterator[None]:
         """Another limit of one request within a block."""
+        usual_s, self._limit_s = self._limit_s, timeout_s
+        try:
+            yield
+        finally:
+            self._limit_s = usual_s
 
     def read_until(self, entry: Entry, value: int, timeout_s: float) -> int:
         """Read until an object has a value or the time is over; returns the last value. Raises as `read`."""

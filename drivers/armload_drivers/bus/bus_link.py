@@ -12,7 +12,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
 
 import can
 
@@ -32,21 +31,6 @@ _BUS_OFF, _RESTARTED, _CONTROLLER = 0x40, 0x100, 0x04
 """Class bits of a SocketCAN error frame: CAN_ERR_BUSOFF, CAN_ERR_RESTARTED, CAN_ERR_CRTL."""
 _PASSIVE, _WARNING, _ACTIVE = 0x30, 0x0C, 0x40
 """Bits of an error frame's second byte (CAN_ERR_CRTL_*): both directions of passive and of warning; active again."""
-
-
-@dataclass(frozen=True, slots=True)
-class BusErrors:
-    """Errors reported by the interface.
-
-    Attributes:
-        error_frames: Number of error frames.
-        error_passive: Whether the controller is error passive at present.
-        queue_full: Number of times that the transmit queue was full.
-    """
-
-    error_frames: int
-    error_passive: bool
-    queue_full: int
 
 
 class BusLink:
@@ -159,7 +143,8 @@ class BusLink:
 
     def drain(self) -> None:
         """Handle all frames already received. Raises as `pump`."""
-        while self.pump(0.0):
+        pump = self.pump
+        while pump(0.0):
             pass
 
     def pump_until(self, done: Callable[[], bool], timeout_s: float) -> bool:

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable, Iterator
+from itertools import cycle
+from typing import NamedTuple, Protocol
 
 import can
 
@@ -28,8 +28,7 @@ Clock = Callable[[], float]
 """Returns a monotonic time in seconds."""
 
 
-@dataclass(frozen=True, slots=True)
-class SyncTick:
+class SyncTick(NamedTuple):
     """One SYNC.
 
     Attributes:
@@ -85,21 +84,10 @@ def sync_data(counter: int) -> list[bytes]:
     return [bytes([number]) for number in range(1, counter + 1)] or [b""]
 
 
-class SentSync:
-    """SYNC messages for sending by this process, in sequence."""
-
-    def __init__(self, counter: int = 0) -> None:
-        self._messages = [
-            can.Message(arbitration_id=SYNC_DEFAULT_COB_ID, data=data, is_extended_id=False)
-            for data in sync_data(counter)
-        ]
-        self._next = 0
-
-    def take(self) -> can.Message:
-        """The next message."""
-        message = self._messages[self._next]
-        self._next = (self._next + 1) % len(self._messages)
-        return message
+def sync_messages(counter: int = 0) -> Iterator[can.Message]:
+    """SYNC messages for sending by this process, in sequence, without end."""
+    each = sync_data(counter)
+    return cycle([can.Message(arbitration_id=SYNC_DEFAULT_COB_ID, data=data, is_extended_id=False) for data in each])
 
 
 class TimerSync:
@@ -115,7 +103,7 @@ class TimerSync:
         self._clock = clock
         self._cycle_s = 0.0
         self._due_s = 0.0
-        self._messages = SentSync()
+        self._messages = sync_messages()
 
     def now_s(self) -> float:
         """Time on the monotonic clock."""
@@ -125,7 +113,7 @@ class TimerSync:
         """Set the first deadline."""
         self._cycle_s = cycle_s
         self._due_s = self._clock() + cycle_s
-        self._messages = SentSync(counter)
+        self._messages = sync_messages(counter)
 
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
         """Pump the bus until the deadline and send SYNC; missed deadlines are skipped."""
@@ -138,7 +126,7 @@ class TimerSync:
         link.drain()
         on_sync()
         time_s = self._clock()
-        link.send(self._messages.take())
+        link.send(next(self._messages))
         return SyncTick(time_s, skipped)
 
     def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:

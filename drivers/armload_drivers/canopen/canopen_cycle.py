@@ -1,7 +1,7 @@
 """The cycle of the CANopen master: setpoints out, heartbeat, SYNC, feedback in, and the errors of drives.
 
 It waits only for the next SYNC and its feedback, allocates no messages, and uses no SDO. Measured with six joints in
-lockstep: 60 us of the calling thread's time (`benchmarks/timing/cycle_time.py`).
+lockstep: 46 us of the calling thread's time (`benchmarks/timing/cycle_time.py`).
 """
 
 from __future__ import annotations
@@ -23,10 +23,6 @@ from armload_drivers.cyclic.cyclic_drive import CyclicDrive
 from armload_drivers.cyclic.rhythm import Rhythm
 from armload_drivers.servos import JointFeedback
 
-LOAD_WINDOW_S = 1.0
-"""Time over which the bus load is measured."""
-
-
 _STALLED_CYCLES = 3
 
 
@@ -40,7 +36,6 @@ class CanopenCycle(ArmCycle[DriveNode]):
 
     Attributes:
         foreign: Detects frames from other nodes that only the master may send.
-        bus_load: Measured share of the bus over the last second, every frame counted at its worst-case length.
     """
 
     def __init__(
@@ -53,11 +48,8 @@ class CanopenCycle(ArmCycle[DriveNode]):
         rhythms: tuple[Rhythm, Rhythm],
     ) -> None:
         super().__init__(arm, nodes, units)
-        self.bus_load = 0.0
         self.foreign = ForeignTraffic(arm, link, sync_is_ours=sync.heard)
         self._sync_counter = arm.sync_counter
-        self._bitrate = arm.bitrate
-        self._load_since_s, self._load_bits = 0.0, 0
         self._heartbeat_s = arm.heartbeat_s
         self._link, self._sync = link, sync
         self._sync_rhythm, self._feedback_rhythm = rhythms
@@ -115,18 +107,18 @@ class CanopenCycle(ArmCycle[DriveNode]):
         sync.await_feedback(link, self._complete)
         if link.stamp_s:
             self._feedback_rhythm.note(link.stamp_s)
-        away_s = sync.now_s() - self._looked_s
+        looked_s = sync.now_s()
+        away_s = looked_s - self._looked_s
         if away_s > _STALLED_CYCLES * self._cycle_s:
             # This process was not running, and perhaps no other on this computer was. Frames that the drives sent in
             # this time are read before the drives are checked, and their silence during it is excused.
             link.drain()
             for node in nodes:
                 node.excuse_silence(away_s)
-        self._looked_s = sync.now_s()
+            looked_s = sync.now_s()
+        self._looked_s = looked_s
         self.number += 1
         missing = [node.evaluate(tick.time_s) for node in nodes]
-        if tick.time_s - self._load_since_s >= LOAD_WINDOW_S:
-            self._measure_load(tick.time_s)
         return self._feedback(tick.time_s, missing, tick.skipped)
 
     @property
@@ -142,14 +134,6 @@ class CanopenCycle(ArmCycle[DriveNode]):
         """Feedback from now on belongs to this SYNC, earlier feedback does not."""
         for node in self.nodes:
             node.expect()
-
-    def _measure_load(self, now_s: float) -> None:
-        """Complete one measurement of the bus load."""
-        now_bits = self._link.busiest_bits
-        bits, self._load_bits = now_bits - self._load_bits, now_bits
-        if self._load_since_s:
-            self.bus_load = bits / (self._bitrate * (now_s - self._load_since_s))
-        self._load_since_s = now_s
 
     def _complete(self) -> bool:
         """Whether the feedback of all drives that are not lost is complete."""

@@ -9,8 +9,6 @@ from __future__ import annotations
 import logging
 import struct
 from collections import deque
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import can
 from canopen import ObjectDictionary
@@ -46,14 +44,15 @@ class _AnsweredTwice(SdoCommunicationError):  # type: ignore[misc]
 class _PumpedSdoClient(SdoClient):  # type: ignore[misc]
     """canopen's client, waiting by pumping the bus."""
 
-    def __init__(self, node_id: int, link: BusLink, timeout_s: float) -> None:
+    timeout_s: float
+
+    def __init__(self, node_id: int, link: BusLink) -> None:
         super().__init__(SDO_RX_BASE + node_id, SDO_TX_BASE + node_id, ObjectDictionary())
         self._link = link
         self._answers: deque[bytes] = deque()
         self._earlier = b""
         self._asked = False
         self._asking = can.Message(arbitration_id=self.rx_cobid, data=bytes(8), is_extended_id=False)
-        self.timeout_s = timeout_s
         link.subscribe(self.tx_cobid, lambda data: self._answers.append(bytes(data)))
 
     def send_request(self, request: bytes) -> None:
@@ -126,23 +125,12 @@ class CanopenSdo(SdoChannel):
     """
 
     def __init__(self, node_id: int, joint: str, link: BusLink, timeout_s: float) -> None:
-        super().__init__(node_id, joint)
-        self._link = link
-        self._timeout_s = timeout_s
-        self._client = _PumpedSdoClient(node_id, link, timeout_s)
+        super().__init__(node_id, joint, timeout_s)
+        self._link, self._client = link, _PumpedSdoClient(node_id, link)
 
     def ask(self, entry: Entry) -> None:
         """Request an object of up to four bytes without waiting for the answer."""
         self._client.ask(entry)
-
-    @contextmanager
-    def limited_to(self, timeout_s: float) -> Iterator[None]:
-        """Another limit of one request within a block."""
-        self._client.timeout_s = timeout_s
-        try:
-            yield
-        finally:
-            self._client.timeout_s = self._timeout_s
 
     def _take(self) -> bytes | None:
         """The answer to `ask`; None if no value has arrived."""
@@ -155,7 +143,7 @@ class CanopenSdo(SdoChannel):
 
     def _transfer(self, entry: Entry, data: bytes | None) -> bytes:
         """Write `data`, or read if it is None."""
-        verb = "reading" if data is None else "writing"
+        verb, self._client.timeout_s = "reading" if data is None else "writing", self._limit_s
         try:
             if data is None:
                 return bytes(self._client.upload(entry.index, entry.subindex))

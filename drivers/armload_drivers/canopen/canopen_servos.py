@@ -14,7 +14,7 @@ import math
 
 import can
 
-from armload_drivers.bus.bus_link import BusErrors, BusLink
+from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.bus_scan import require_no_strangers
 from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.canopen.bus_remarks import BusRemarks
@@ -44,7 +44,6 @@ class CanopenServos(CyclicServos):
         self._can_setups = canopen_setups(arm, self._link, limits)
         self._can_nodes = [DriveNode(drive, self._link, sync, arm) for drive in arm.drives]
         super().__init__(arm, self._can_setups, self._can_nodes, limits)
-        self._canopen_cycle: CanopenCycle | None = None
         self._rhythms = Rhythm("SYNC", arm.cycle_s), Rhythm("feedback", arm.cycle_s)
         self._bus_remarks = BusRemarks(self._link, self._can_nodes, self._rhythms)
         self._taken_over = ""
@@ -76,9 +75,7 @@ class CanopenServos(CyclicServos):
         for node, report in zip(self._can_nodes, self.reports, strict=True):
             if any(finding.of is Safety.DRIVE_LOST and finding.way is None for finding in report.safety):
                 node.heartbeat_limit_s = math.inf
-        self._running = self._canopen_cycle = CanopenCycle(
-            self._arm, self._can_nodes, self._link, self._sync, units, self._rhythms
-        )
+        self._running = CanopenCycle(self._arm, self._can_nodes, self._link, self._sync, units, self._rhythms)
         self._phase = Phase.CONNECTED
 
     def _drain(self) -> None:
@@ -99,13 +96,3 @@ class CanopenServos(CyclicServos):
         if not joints:
             return trouble
         return (f"{joints}: held with torque after the last master ended; the reset removed the torque", *trouble)
-
-    @property
-    def bus_load(self) -> float:
-        """Measured share of the bus over the last second of cycles, every frame at its worst-case length."""
-        return 0.0 if self._canopen_cycle is None else self._canopen_cycle.bus_load
-
-    @property
-    def bus_errors(self) -> BusErrors:
-        """Errors that the interface has reported so far."""
-        return BusErrors(self._link.error_frames, self._link.error_passive, self._link.queue_full)

@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import Any
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup, is_simulation
-from armload_drivers.bring_up.drive_objects import DriveObjects, set_interpolation
+from armload_drivers.bring_up.drive_objects import set_interpolation
 from armload_drivers.bring_up.sdo_channel import SdoChannel
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.canopen_sdo import CanopenSdo
@@ -89,9 +89,9 @@ class CanopenSetup(DriveSetup):
             if Safety.MASTER_LOST.key not in self.settings.accept_missing:
                 raise
             written = False
-        self._objects.held.pop(od.HEARTBEAT_CONSUMER, None)
+        self.objects.held.pop(od.HEARTBEAT_CONSUMER, None)
         if written and watch:
-            self._objects.held[od.HEARTBEAT_CONSUMER] = watch
+            self.objects.held[od.HEARTBEAT_CONSUMER] = watch
 
     def fewer_objects(self, most: int) -> str:
         """How the configuration can use PDOs of fewer objects, if there is a second one for the rest."""
@@ -146,59 +146,47 @@ class CanopenSetup(DriveSetup):
         return with_rate_for(self._arm, **of_drives)
 
     def _write_cycle(self) -> None:
-        """Set the cycle; see `write_cycle`."""
-        write_cycle(self._objects, self._arm)
+        """Set the cycle, in the objects of CiA 301 and of CiA 402.
 
-    def _map_setpoints(self) -> None:
-        """Map the RPDOs."""
-        self._map(PdoDirection.RECEIVE)
+        A drive that produces SYNC is configured not to. 1019 may be changed only while 1006 is 0.
 
-    def _map_feedback(self) -> None:
-        """Map the TPDOs."""
-        self._map(PdoDirection.TRANSMIT)
+        Raises:
+            ServoError: the configuration requires a SYNC counter and the drive has none, or the drive cannot
+                interpolate over the cycle.
+        """
+        sdo, arm = self._sdo, self._arm
+        sdo.step = "setting the cycle"
+        present = sdo.read_if_there(od.SYNC_COB_ID)
+        if present is not None and present & od.SYNC_MEANING != od.SYNC_DEFAULT_COB_ID:
+            sdo.write(od.SYNC_COB_ID, od.SYNC_DEFAULT_COB_ID)
+        counter = sdo.read_if_there(od.SYNC_COUNTER_OVERFLOW)
+        if counter is None and arm.sync_counter:
+            raise sdo.failure(
+                "the drive does not support a SYNC counter (1019)", "Set sync_counter = 0 in the configuration"
+            )
+        if counter is not None and counter != arm.sync_counter:
+            sdo.write_if_there(od.CYCLE_PERIOD_US, 0)
+            sdo.write(od.SYNC_COUNTER_OVERFLOW, arm.sync_counter)
+        if self.objects.hold(od.CYCLE_PERIOD_US, microseconds(arm.cycle_s)):
+            self.objects.miss(od.CYCLE_PERIOD_US)
+        most_hz = forecast(arm).cycle_hz
+        set_interpolation(
+            self.objects,
+            arm.cycle_s,
+            [rate_hz for rate_hz in USUAL_RATES_HZ if rate_hz <= most_hz],
+            f"At {arm.bitrate} bit/s the bus carries at most {most_hz} Hz, and the drive accepts no such cycle. Set "
+            "60C2 with the manufacturer's tool, raise the bit rate, or put some joints on a second bus "
+            "([bus.a], [bus.b])",
+        )
 
     def _map(self, direction: PdoDirection) -> None:
         """Map the PDOs of a direction and switch its others off."""
         layouts = [layout for layout in self._image.layouts if layout.direction is direction]
         for layout in layouts:
             self._sdo.step = f"mapping the {direction.name.lower()} PDO {layout.number + 1}"
-            self._objects.held |= map_pdo(self._sdo, layout, self)
+            self.objects.held |= map_pdo(self._sdo, layout, self)
         self._sdo.step = "switching unused PDOs off"
         switch_others_off(self._sdo, direction, {layout.number for layout in layouts})
-
-
-def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
-    """Set the cycle, in the objects of CiA 301 and of CiA 402.
-
-    A drive that produces SYNC is configured not to. 1019 may be changed only while 1006 is 0.
-
-    Raises:
-        ServoError: the configuration requires a SYNC counter and the drive has none, or the drive cannot interpolate
-            over the cycle.
-    """
-    sdo = drive.sdo
-    sdo.step = "setting the cycle"
-    present = sdo.read_if_there(od.SYNC_COB_ID)
-    if present is not None and present & od.SYNC_MEANING != od.SYNC_DEFAULT_COB_ID:
-        sdo.write(od.SYNC_COB_ID, od.SYNC_DEFAULT_COB_ID)
-    counter = sdo.read_if_there(od.SYNC_COUNTER_OVERFLOW)
-    if counter is None and arm.sync_counter:
-        raise sdo.failure(
-            "the drive does not support a SYNC counter (1019)", "Set sync_counter = 0 in the configuration"
-        )
-    if counter is not None and counter != arm.sync_counter:
-        sdo.write_if_there(od.CYCLE_PERIOD_US, 0)
-        sdo.write(od.SYNC_COUNTER_OVERFLOW, arm.sync_counter)
-    if drive.hold(od.CYCLE_PERIOD_US, microseconds(arm.cycle_s)):
-        drive.miss(od.CYCLE_PERIOD_US)
-    most_hz = forecast(arm).cycle_hz
-    set_interpolation(
-        drive,
-        arm.cycle_s,
-        [rate_hz for rate_hz in USUAL_RATES_HZ if rate_hz <= most_hz],
-        f"At {arm.bitrate} bit/s the bus carries at most {most_hz} Hz, and the drive accepts no such cycle. Set 60C2 "
-        "with the manufacturer's tool, raise the bit rate, or put some joints on a second bus ([bus.a], [bus.b])",
-    )
 
 
 def canopen_setups(arm: ArmSettings, link: BusLink, timeouts: Timeouts) -> list[CanopenSetup]:

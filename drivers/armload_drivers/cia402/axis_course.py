@@ -95,17 +95,13 @@ class AxisCourse:
         cycle_s: float,
     ) -> None:
         self._per_rad = abs(counts_per_rad)
-        self._cycle_s, self._late_s = cycle_s, LATE * cycle_s
+        self._cycle_s = cycle_s
         self._decay = math.exp(-cycle_s / RECALL_S)
         self._margin = MARGIN_SHARE * speed_rad_s * self._per_rad
         self.step = ROUNDED * speed_rad_s * cycle_s * self._per_rad + 1.0
         self._acceleration = acceleration_rad_s2 * self._per_rad
-        # An axis may lose its acceleration limit times a cycle between two samples, however it moved before.
-        self._fast = max(self._acceleration * cycle_s, STANDS_COUNTS / cycle_s)
-        window = min(window_rad, speed_rad_s * WINDOW_S) * self._per_rad
-        self._stuck, self._apart = STUCK_SHARE * window, APART_SHARE * window
-        self._against, self._stands_way = AGAINST_RAD * self._per_rad, SUSPECT_RAD * self._per_rad
-        self._pushes, self._rises = PUSHES_SHARE * effort_limit, RISES_SHARE * effort_limit
+        self._window = min(window_rad, speed_rad_s * WINDOW_S) * self._per_rad
+        self._effort_limit = effort_limit
         self.begin(0)
 
     def too_far(self, joint: str, way: int) -> CommandError:
@@ -138,7 +134,7 @@ class AxisCourse:
 
     def suspect(self) -> None:
         """The torque or following error of the axis is unexpected: it has left its course if its position stands."""
-        if self._stands >= STANDS_SAMPLES and self._way > self._stands_way:
+        if self._stands >= STANDS_SAMPLES and self._way > SUSPECT_RAD * self._per_rad:
             self.leave(
                 "the position does not change by a single count while its setpoints move and its torque or following "
                 "error is not as expected"
@@ -167,7 +163,7 @@ class AxisCourse:
             wanted = target - self._target
             self._target = target
             commanded = wanted / elapsed_s
-            if elapsed_s > self._late_s:
+            if elapsed_s > LATE * self._cycle_s:
                 hi, lo = max(hi, 0.0), min(lo, 0.0)
             decay = self._decay
             hi = commanded if commanded >= hi else commanded + (hi - commanded) * decay
@@ -194,7 +190,8 @@ class AxisCourse:
     def _judge_direction(self, target: int, counts: int) -> None:
         """Judge an axis that is now behind where its setpoints began to go one way."""
         way, moved = abs(target - self._from_target), abs(counts - self._from_counts)
-        if way > self._against and moved > AGAINST_SHARE * way and abs(target - counts) > self._apart:
+        apart = abs(target - counts) > APART_SHARE * self._window
+        if way > AGAINST_RAD * self._per_rad and moved > AGAINST_SHARE * way and apart:
             self.leave(
                 f"the position moved by {moved / self._per_rad:.3f} rad against its setpoints, which moved by "
                 f"{way / self._per_rad:.3f} rad"
@@ -214,18 +211,21 @@ class AxisCourse:
         if self._stands == 1:
             last, slowing = abs(self._speed), abs(self._speed - self._before)
             came_to_rest = last <= SUDDEN_FACTOR * slowing or last * self._cycle_s < STANDS_COUNTS
-            self._sudden = not self._ramping and last > self._fast and not came_to_rest
+            # An axis may lose its acceleration limit times a cycle between two samples, however it moved before.
+            fast = max(self._acceleration * self._cycle_s, STANDS_COUNTS / self._cycle_s)
+            self._sudden = not self._ramping and last > fast and not came_to_rest
             self._dead_speed, self._due = GOES_ON_SHARE * last, 0.0
             self._stood_with = abs(effort)
             self._patience = math.ceil(PUSHES_FROM_REST_S / self._cycle_s) if came_to_rest else PUSHES_SAMPLES
         self._due += self._dead_speed * elapsed_s
-        pushes = abs(effort) >= self._pushes and abs(effort) - self._stood_with >= self._rises
+        limit, rise = self._effort_limit, abs(effort) - self._stood_with
+        pushes = abs(effort) >= PUSHES_SHARE * limit and rise >= RISES_SHARE * limit
         self._pushed = self._pushed + 1 if pushes else 0
         if self._sudden and self._stands >= STANDS_SAMPLES and (self._ramping or self._way > self._due):
             self.leave("the position has stopped dead, and does not change by a single count")
         elif self._pushed >= self._patience and (self._way or self._ramping):
             self.leave("the position does not change by a single count while the drive applies its greatest torque")
-        elif self._way > self._stuck:
+        elif self._way > STUCK_SHARE * self._window:
             self.leave(
                 "the position has not changed by a single count while its setpoints moved by "
                 f"{self._way / self._per_rad:.3f} rad"

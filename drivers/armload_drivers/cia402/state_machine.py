@@ -296,12 +296,14 @@ class MasterMachine:
             now_s: Time of sending; paces the edges of a fault reset.
         """
         state = self.state
+        if state is _ENABLED is self.goal:
+            return _STAY_ENABLED
         if state is None or self._dropping:
             return Command.DISABLE_VOLTAGE.value[1]
         if (self._edges_left or self._bit_high) and state is State.FAULT:
             return self._reset_bit(now_s)
         if self.goal is None or state is self.goal:
-            return _STAY_ENABLED if state is _ENABLED else _STAY[state]
+            return _STAY[state]
         step = ROUTES[self.goal].get(state)
         return _STAY[state] if step is None else step.commands[0].value[1]
 

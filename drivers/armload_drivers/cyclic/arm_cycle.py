@@ -44,8 +44,8 @@ class ArmCycle(ABC, Generic[Drive]):
         self._fade: OffsetFade | None = None
         self._none_missing = np.zeros(len(nodes), dtype=np.bool_)
         self._none_missing.setflags(write=False)
-        self._words: list[int] = []
-        self._word_array = np.zeros(0, dtype=np.uint16)
+        self._words: list[int | None] = []
+        self._word_array: NDArray[np.uint16]
 
     @abstractmethod
     def begin(self) -> None:
@@ -107,26 +107,19 @@ class ArmCycle(ABC, Generic[Drive]):
     def _feedback(self, time_s: float, missing: list[bool], skipped: int) -> JointFeedback:
         """Feedback of the drives in SI units."""
         nodes, units = self.nodes, self.units
+        position_rad = units.joint_position_rad([node.position_counts for node in nodes])
         effort = [node.effort for node in nodes]
-        with_current = self._with_current
-        return JointFeedback(
-            cycle=self.number,
-            time_s=time_s,
-            position_rad=units.joint_position_rad([node.position_counts for node in nodes]),
-            velocity_rad_s=None,
-            current_a=units.motor_current_a(effort) if with_current else None,
-            torque_nm=None if with_current else units.joint_torque_nm(effort),
-            statusword=self._statusword_array([node.machine.statusword or 0 for node in nodes]),
-            missing=np.array(missing) if True in missing else self._none_missing,
-            skipped_cycles=skipped,
-        )
-
-    def _statusword_array(self, words: list[int]) -> NDArray[np.uint16]:
-        """(n,) the statuswords, in the read-only array of the last cycle if none has changed."""
-        if words != self._words:
-            self._words, self._word_array = words, np.array(words, dtype=np.uint16)
+        current_a = units.motor_current_a(effort) if self._with_current else None
+        torque_nm = None if self._with_current else units.joint_torque_nm(effort)
+        words = [node.machine.statusword for node in nodes]
+        if words != self._words:  # the read-only array of the last cycle serves if none has changed
+            self._words, self._word_array = words, np.array([word or 0 for word in words], dtype=np.uint16)
             self._word_array.setflags(write=False)
-        return self._word_array
+        lacking = np.array(missing) if True in missing else self._none_missing
+        # by position: keywords take three times as long
+        return JointFeedback(
+            self.number, time_s, position_rad, None, current_a, torque_nm, self._word_array, lacking, skipped
+        )
 
     def fade_offsets(self) -> None:
         """From the next cycle on, fade all torque offsets to zero, in every drive state. Idempotent."""
@@ -155,11 +148,11 @@ class ArmCycle(ABC, Generic[Drive]):
             BusError: the bus failed.
         """
         feedback = self.run()
-        problems = self._line_problems()
-        suspects = [node for node in self.nodes if not node.in_order(feedback.time_s)]
+        time_s, problems = feedback.time_s, self._line_problems()
+        suspects = [node for node in self.nodes if not node.in_order(time_s)]
         if suspects:
             self._explain(suspects)
-            found = (node.problem(step, feedback.time_s, must_follow=must_follow) for node in suspects)
+            found = (node.problem(step, time_s, must_follow=must_follow) for node in suspects)
             problems += [problem for problem in found if problem is not None]
         if problems:
             # The first of these is the cause; simultaneous problems of other drives are usually its consequence.

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from armload_drivers.cia402 import emergency
-from armload_drivers.cia402.arm_settings import DriveSettings, OperationMode
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, OperationMode
 from armload_drivers.cia402.axis_brakes import STANDSTILL_RAD_S
 from armload_drivers.cia402.axis_course import AxisCourse, loop_lost
 from armload_drivers.cia402.state_machine import POWERED, MasterMachine, State
@@ -31,14 +31,12 @@ class CyclicDrive(ABC):
 
     Args:
         now_s: Clock of the cycles.
-        cycle_s: Duration of a cycle.
-        max_missing_cycles: Greatest number of consecutive cycles in which feedback may be missing.
+        arm: Settings of its arm: cycle, and cycles in which feedback may be missing.
 
     Attributes:
         settings: Its settings.
         machine: Its power state.
         course: The predicted course of its axis; set by `begin`.
-        step: The greatest distance between two setpoints, in counts; set by `begin`.
         target_counts: Target position of the next cycle.
         offset_permille: Torque offset of the next cycle.
         position_counts: Last actual position.
@@ -47,11 +45,8 @@ class CyclicDrive(ABC):
     """
 
     course: AxisCourse
-    step: float
 
-    def __init__(
-        self, drive: DriveSettings, now_s: Callable[[], float], *, cycle_s: float, max_missing_cycles: int
-    ) -> None:
+    def __init__(self, drive: DriveSettings, now_s: Callable[[], float], arm: ArmSettings) -> None:
         self.settings = drive
         self.machine = MasterMachine()
         self.target_counts = 0
@@ -60,9 +55,8 @@ class CyclicDrive(ABC):
         self.effort = 0
         self.lost = False
         self._now_s = now_s
-        self._max_missing = max_missing_cycles
-        self._cycle_s, self._still_rad = cycle_s, STANDSTILL_RAD_S * cycle_s
-        self._still_counts = 0.0
+        self._max_missing = arm.max_missing_cycles
+        self._cycle_s, self._still_counts = arm.cycle_s, 0.0
         self._interpolates = drive.mode is OperationMode.INTERPOLATED_POSITION
         self._missing = 0
         self._still_cycles = 0
@@ -76,11 +70,11 @@ class CyclicDrive(ABC):
             counts_per_rad: Position units per radian of the axis.
         """
         self.machine = MasterMachine()
-        self.course, self.step = course, course.step
+        self.course = course
         self._carried = False
         self._evaluated_s = self._now_s()
         self.lost = False
-        self._still_counts = self._still_rad * abs(counts_per_rad)
+        self._still_counts = STANDSTILL_RAD_S * self._cycle_s * abs(counts_per_rad)
         self._missing = self._still_cycles = 0
         self._emergency = self._undefined = None
 
@@ -256,17 +250,16 @@ class CyclicDrive(ABC):
         settings = self.settings
         return ServoTimeout.no_feedback(settings.node_id, settings.joint, step, self._missing, self._max_missing)
 
-    def _fault(self, step: str) -> ServoFault | None:
+    def _fault(self, step: str) -> ServoError | None:
         """Error for a fault that the drive itself reports."""
         if not self.faulty and self._emergency is None:
             return None
         cause = "no emergency message gave a cause" if self._emergency is None else self._emergency.text
-        return ServoFault(
-            self.settings.node_id,
-            self.settings.joint,
+        return self._error(
             step,
             f"the drive reports a fault: {cause}; it is in {self._state_text}",
             "Remove the cause, then reset the fault (`armload drives reset`) and enable again",
+            ServoFault,
         )
 
     def forget_rest(self) -> None:
@@ -294,9 +287,9 @@ class CyclicDrive(ABC):
             return "an unknown state"
         return f"{self.machine.state.title} (statusword 0x{self.statusword:04X})"
 
-    def _error(self, step: str, what: str, remedy: str) -> ServoError:
+    def _error(self, step: str, what: str, remedy: str, kind: type[ServoError] = ServoError) -> ServoError:
         """Error of this drive."""
-        return ServoError(self.settings.node_id, self.settings.joint, step, what, remedy)
+        return kind(self.settings.node_id, self.settings.joint, step, what, remedy)
 
     def _timeout(self, step: str, what: str, remedy: str) -> ServoTimeout:
         """Timeout error of this drive."""

@@ -163,14 +163,14 @@ class CyclicServos(ABC):
             BusError: the bus failed.
         """
         self._require(_ENABLED)
-        raw = self._cycle.units.targets(command)
-        for node, counts in zip(self._nodes, raw.position_counts, strict=True):
-            if not -node.step <= counts - node.target_counts <= node.step:
-                raise node.course.too_far(node.settings.joint, counts - node.target_counts)
-        for node, counts, permille in zip(self._nodes, raw.position_counts, raw.effort, strict=True):
-            node.target_counts = counts
-            node.offset_permille = permille
-        feedback = self._cycle.run_checked("in the cycle", must_follow=True)
+        cycle, nodes = self._cycle, self._nodes
+        counts, permille = cycle.units.targets(command)
+        for node, target in zip(nodes, counts, strict=True):
+            if abs(target - node.target_counts) > node.course.step:
+                raise node.course.too_far(node.settings.joint, target - node.target_counts)
+        for node, target, offset in zip(nodes, counts, permille, strict=True):
+            node.target_counts, node.offset_permille = target, offset
+        feedback = cycle.run_checked("in the cycle", must_follow=True)
         if self._settings is not None:
             self._settings.step()
         return feedback

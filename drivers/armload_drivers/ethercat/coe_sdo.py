@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
 
 from armload_drivers.bring_up.sdo_channel import SdoChannel
 from armload_drivers.cia402.drive_safety import SYNC_MANAGER_WATCHDOG_US
@@ -28,10 +26,9 @@ class CoeSdo(SdoChannel):
     """
 
     def __init__(self, node_id: int, joint: str, line: EthercatLine, worker: Executor, timeout_s: float) -> None:
-        super().__init__(node_id, joint)
+        super().__init__(node_id, joint, timeout_s)
         self.unanswered = 0
         self._place, self._line, self._worker = node_id - 1, line, worker
-        self._timeout_s = self._limit_s = timeout_s
         self._asked: Future[bytes] | None = None
 
     def ask(self, entry: Entry) -> None:
@@ -60,15 +57,6 @@ class CoeSdo(SdoChannel):
             return None
         self._asked = None
         return asked.result() if asked.exception() is None else None
-
-    @contextmanager
-    def limited_to(self, timeout_s: float) -> Iterator[None]:
-        """Another limit of one request within a block."""
-        self._limit_s = timeout_s
-        try:
-            yield
-        finally:
-            self._limit_s = self._timeout_s
 
     def _wait(self, time_s: float) -> None:
         """Sleep."""

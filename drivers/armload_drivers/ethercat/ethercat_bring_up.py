@@ -53,8 +53,7 @@ class EthercatBringUp(ArmBringUp):
         ]
         super().__init__(arm, self.line_setups)
         self.nodes = [
-            EthercatDrive(drive, line, sdo, self._clock, cycle_s=arm.cycle_s, max_missing_cycles=arm.max_missing_cycles)
-            for drive, sdo in zip(arm.drives, channels, strict=True)
+            EthercatDrive(drive, line, sdo, self._clock, arm) for drive, sdo in zip(arm.drives, channels, strict=True)
         ]
 
     def find(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from armload_drivers.cia402 import emergency
-from armload_drivers.cia402.arm_settings import DriveSettings
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
 from armload_drivers.cia402.axis_course import AxisCourse
 from armload_drivers.cia402.process_data.process_image import feedback_entries, setpoint_entries
 from armload_drivers.cia402.state_machine import State
@@ -32,8 +32,7 @@ class EthercatDrive(CyclicDrive):
     Args:
         sdo: SDO access to it.
         clock: Provides the time.
-        cycle_s: Duration of a cycle.
-        max_missing_cycles: Greatest number of consecutive cycles in which feedback may be missing.
+        arm: Settings of its arm: cycle, and cycles in which feedback may be missing.
 
     Attributes:
         place: Its place in the line, from 0.
@@ -41,16 +40,9 @@ class EthercatDrive(CyclicDrive):
     """
 
     def __init__(
-        self,
-        drive: DriveSettings,
-        line: EthercatLine,
-        sdo: CoeSdo,
-        clock: FrameClock,
-        *,
-        cycle_s: float,
-        max_missing_cycles: int,
+        self, drive: DriveSettings, line: EthercatLine, sdo: CoeSdo, clock: FrameClock, arm: ArmSettings
     ) -> None:
-        super().__init__(drive, clock.now_s, cycle_s=cycle_s, max_missing_cycles=max_missing_cycles)
+        super().__init__(drive, clock.now_s, arm)
         self.place = drive.node_id - 1
         self.status = _OP
         self._line, self._sdo = line, sdo
@@ -177,21 +169,19 @@ class EthercatDrive(CyclicDrive):
             )
         if state is not LineState.OP:
             self.lost = True
-            return DriveLeftOp(
-                self.settings.node_id,
-                self.settings.joint,
+            return self._error(
                 step,
                 f"the drive has left OP, it is in {state.name}: {self._line.reason(self.place)}",
                 "If its watchdog has acted, the program was not scheduled for a while; else see the drive's manual",
+                DriveLeftOp,
             )
         if self._sdo.unanswered >= HUNG_REQUESTS and now_s - self._changed_s >= HUNG_S:
-            return DriveHung(
-                self.settings.node_id,
-                self.settings.joint,
+            return self._error(
                 step,
                 f"the drive answers no SDO ({self._sdo.unanswered} requests), and no bit of its feedback has changed "
                 f"for {now_s - self._changed_s:.1f} s, although its frames are complete: its firmware hangs",
                 "Its torque cannot be removed by this program: press the emergency stop, then switch the drive off",
+                DriveHung,
             )
         return None
 

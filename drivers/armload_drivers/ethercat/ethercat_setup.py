@@ -6,12 +6,13 @@ from armload_drivers.bring_up.drive_bring_up import DriveSetup
 from armload_drivers.bring_up.drive_objects import set_interpolation
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, Identity
+from armload_drivers.cia402.object_dictionary import PdoDirection
 from armload_drivers.cia402.process_data.process_image import feedback_entries, setpoint_entries
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import ServoTimeout
 from armload_drivers.ethercat.coe_sdo import CoeSdo
 from armload_drivers.ethercat.ethercat_line import EthercatLine
-from armload_drivers.ethercat.pdo_assignment import FrameDirection, FramePart, assign
+from armload_drivers.ethercat.pdo_assignment import FramePart, assign
 
 
 class EthercatSetup(DriveSetup):
@@ -64,24 +65,24 @@ class EthercatSetup(DriveSetup):
 
     def _write_cycle(self) -> None:
         """Set 60C2."""
-        set_interpolation(self._objects, self._arm.cycle_s)
+        set_interpolation(self.objects, self._arm.cycle_s)
 
-    def _map_setpoints(self) -> None:
-        """Map the outputs, or find them in the drive's own mapping."""
-        self._sdo.step = "mapping the outputs"
-        self.outputs, held = assign(self._sdo, FrameDirection.OUTPUTS, setpoint_entries(self.settings))
-        self._objects.held |= held
-
-    def _map_feedback(self) -> None:
-        """Map the inputs, or find them in the drive's own mapping."""
-        self._sdo.step = "mapping the inputs"
-        self.inputs, held = assign(self._sdo, FrameDirection.INPUTS, feedback_entries(self.settings))
-        self._objects.held |= held
+    def _map(self, direction: PdoDirection) -> None:
+        """Map the outputs or the inputs, or find them in the drive's own mapping."""
+        outputs = direction is PdoDirection.RECEIVE
+        self._sdo.step = f"mapping the {'outputs' if outputs else 'inputs'}"
+        entries = (setpoint_entries if outputs else feedback_entries)(self.settings)
+        part, held = assign(self._sdo, direction, entries)
+        self.objects.held |= held
+        if outputs:
+            self.outputs = part
+        else:
+            self.inputs = part
 
     def _select_mode(self) -> None:
         """Write 6060; drives show the mode in 6061 only with process data, see `require_started`."""
         self._write_mode()
-        self._objects.held[od.MODE] = int(self.settings.mode)
+        self.objects.held[od.MODE] = int(self.settings.mode)
 
     def require_started(self) -> None:
         """Require the mode (6061) of a drive in OP that is not enabled yet.

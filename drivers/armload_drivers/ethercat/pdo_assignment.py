@@ -12,18 +12,13 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 
 from armload_drivers.bring_up.sdo_channel import SdoChannel
-from armload_drivers.cia402.object_dictionary import DataType, Entry
+from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
 from armload_drivers.driver_errors import SdoRefused
 
-
-class FrameDirection(Enum):
-    """Assignment of a sync manager, and the PDO that is mapped if none is assigned."""
-
-    OUTPUTS = (0x1C12, 0x1600)
-    INPUTS = (0x1C13, 0x1A00)
+_ASSIGNMENTS = {PdoDirection.RECEIVE: 0x1C12, PdoDirection.TRANSMIT: 0x1C13}
+"""Objects that assign PDOs to the sync managers of outputs and inputs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +76,7 @@ class FramePart:
         return struct.Struct(f"{codes}{self.length - at}x")
 
 
-def assign(sdo: SdoChannel, direction: FrameDirection, entries: list[Entry]) -> tuple[FramePart, dict[Entry, int]]:
+def assign(sdo: SdoChannel, direction: PdoDirection, entries: list[Entry]) -> tuple[FramePart, dict[Entry, int]]:
     """Map the objects of one direction.
 
     Args:
@@ -97,7 +92,7 @@ def assign(sdo: SdoChannel, direction: FrameDirection, entries: list[Entry]) -> 
     before = _assigned(sdo, direction)
     mapped = _mapped(sdo, before)
     if mapped != [entry.mapping for entry in entries]:
-        pdo = before[0] if before else direction.value[1]
+        pdo = before[0] if before else direction.count_entry(0).index
         try:
             _write(sdo, direction, pdo, entries)
         except SdoRefused:
@@ -116,10 +111,10 @@ def assign(sdo: SdoChannel, direction: FrameDirection, entries: list[Entry]) -> 
     return part, held
 
 
-def _assignment(direction: FrameDirection, number: int) -> Entry:
+def _assignment(direction: PdoDirection, number: int) -> Entry:
     """Entry of an assignment; 0 is the number of PDOs."""
     kind = DataType.U16 if number else DataType.U8
-    return Entry(direction.value[0], number, "assigned PDO" if number else "number of assigned PDOs", kind)
+    return Entry(_ASSIGNMENTS[direction], number, "assigned PDO" if number else "number of assigned PDOs", kind)
 
 
 def _mapping(pdo: int, number: int) -> Entry:
@@ -128,7 +123,7 @@ def _mapping(pdo: int, number: int) -> Entry:
     return Entry(pdo, number, "mapped object" if number else "number of mapped objects", kind)
 
 
-def _assigned(sdo: SdoChannel, direction: FrameDirection) -> list[int]:
+def _assigned(sdo: SdoChannel, direction: PdoDirection) -> list[int]:
     """Indices of the assigned PDOs."""
     count = sdo.read(_assignment(direction, 0))
     return [sdo.read(_assignment(direction, number)) for number in range(1, count + 1)]
@@ -139,7 +134,7 @@ def _mapped(sdo: SdoChannel, pdos: list[int]) -> list[int]:
     return [sdo.read(_mapping(pdo, number)) for pdo in pdos for number in range(1, sdo.read(_mapping(pdo, 0)) + 1)]
 
 
-def _write(sdo: SdoChannel, direction: FrameDirection, pdo: int, entries: list[Entry]) -> None:
+def _write(sdo: SdoChannel, direction: PdoDirection, pdo: int, entries: list[Entry]) -> None:
     """Map objects to one PDO and assign it alone."""
     sdo.write(_assignment(direction, 0), 0)
     sdo.write(_mapping(pdo, 0), 0)
@@ -149,7 +144,7 @@ def _write(sdo: SdoChannel, direction: FrameDirection, pdo: int, entries: list[E
     _assign(sdo, direction, [pdo])
 
 
-def _assign(sdo: SdoChannel, direction: FrameDirection, pdos: list[int]) -> None:
+def _assign(sdo: SdoChannel, direction: PdoDirection, pdos: list[int]) -> None:
     """Assign PDOs; a fixed assignment has them already."""
     try:
         sdo.write(_assignment(direction, 0), 0)

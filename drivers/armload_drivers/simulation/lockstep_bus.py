@@ -52,36 +52,23 @@ class LockstepWire:
     def carry(self, sender: LockstepBus, message: can.Message) -> None:
         """Deliver a frame to all endpoints except its sender, and then the frames that they send."""
         with self._lock:
+            first = not self._delivering and not self._under_way
+            self._under_way.append((sender, message if first else _copy(message)))
             if self._delivering:
-                self._under_way.append((sender, _copy(message)))
                 return
             self._delivering = True
             try:
-                self._deliver_rest()
-                copied: can.Message | None = None
-                for endpoint in self._endpoints:
-                    if endpoint is sender:
-                        continue
-                    if endpoint.listener is not None:
-                        endpoint.listener(message)
-                    else:
-                        copied = copied or _copy(message)
-                        endpoint.received.append(copied)
-                self._deliver_rest()
+                while self._under_way:  # besides it, those left over after an exception
+                    sender, frame = self._under_way.popleft()
+                    for endpoint in self._endpoints:
+                        if endpoint is sender:
+                            continue
+                        if endpoint.listener is not None:
+                            endpoint.listener(frame)
+                        else:
+                            endpoint.received.append(_copy(frame) if frame is message else frame)
             finally:
                 self._delivering = False
-
-    def _deliver_rest(self) -> None:
-        """Deliver the frames that listeners have sent, including those left over after an exception."""
-        while self._under_way:
-            sender, frame = self._under_way.popleft()
-            for endpoint in self._endpoints:
-                if endpoint is sender:
-                    continue
-                if endpoint.listener is not None:
-                    endpoint.listener(frame)
-                else:
-                    endpoint.received.append(frame)
 
 
 class LockstepBus(can.BusABC):

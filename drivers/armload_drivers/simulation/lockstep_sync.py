@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.bus.sync_sources import SentSync, SyncTick
+from armload_drivers.bus.sync_sources import SyncTick, sync_messages
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
 
@@ -23,7 +23,7 @@ class LockstepSync:
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
         self._cycle_s = 0.0
-        self._messages = SentSync()
+        self._messages = sync_messages()
 
     def now_s(self) -> float:
         """Virtual time."""
@@ -32,14 +32,14 @@ class LockstepSync:
     def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
         """Set the period."""
         self._cycle_s = cycle_s
-        self._messages = SentSync(counter)
+        self._messages = sync_messages(counter)
 
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
         """Advance time by one period and send SYNC."""
         link.drain()
         self._clock.advance(self._cycle_s)
         on_sync()
-        link.send(self._messages.take())
+        link.send(next(self._messages))
         return SyncTick(self._clock(), 0)
 
     def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:

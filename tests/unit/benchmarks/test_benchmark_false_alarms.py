@@ -51,7 +51,7 @@ def test_what_should_stop_a_run_does_so_in_a_replay(first):
     motions, plant = first
     (replay,) = replayed(ROBOT, plant, motions, 1)
     judge(ROBOT, SessionLoad.UNLOADED, motions[0], replay)
-    strong = [replace(feedback, torque_nm=feedback.torque_nm + 1e3) for feedback in replay]
+    strong = [feedback._replace(torque_nm=feedback.torque_nm + 1e3) for feedback in replay]
     with pytest.raises(TorqueError):
         judge(ROBOT, SessionLoad.UNLOADED, motions[0], strong)
 

@@ -223,7 +223,7 @@ class ArmUnits:
                 f"{self._joints[axis]}: {what} is {raw[axis]:.0f} in drive units, outside +-{limit}. Either the "
                 "setpoint or the scaling in the configuration is wrong; nothing was sent"
             )
-        return list(map(round, raw))
+        return [round(number) for number in raw]
 
     def joint_position_rad(self, counts: Sequence[int]) -> FloatArray:
         """(n,) joint positions from the drives' 6064."""

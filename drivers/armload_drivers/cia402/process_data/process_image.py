@@ -77,14 +77,14 @@ class PdoLayout:
         return lambda data, at, *values: pack(data, at, *(mode if n is None else values[n] for n in places))
 
     @property
-    def unpack(self) -> Callable[[bytes], tuple[Any, ...]]:
+    def unpack(self) -> Callable[[bytes | bytearray], tuple[Any, ...]]:
         """The values of `entries`: a function of the frame's data."""
         unpack, places = self._format.unpack, self._places
         if places == [*range(len(places))]:
             return unpack
         order = [places.index(n) for n in range(len(self.entries))]
 
-        def ordered(data: bytes) -> tuple[Any, ...]:
+        def ordered(data: bytes | bytearray) -> tuple[Any, ...]:
             values = unpack(data)
             return tuple(values[n] for n in order)
 

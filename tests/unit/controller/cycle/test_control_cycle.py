@@ -82,7 +82,7 @@ class Bumped:
 
     def evaluate(self, t_s):
         state, late = TRAJECTORY.evaluate(t_s), (np.asarray(t_s) > self.at_s)[..., None]
-        return replace(state, position_rad=state.position_rad + self.step_rad * late)
+        return state._replace(position_rad=state.position_rad + self.step_rad * late)
 
 
 class Stranger:
@@ -390,16 +390,16 @@ def test_every_failure_brings_the_arm_to_rest_first(connected_servos, run, event
     [
         (
             # The elbow lags by one cycle, 0.0009 rad here.
-            lambda f: replace(f, position_rad=f.position_rad + np.array([0.0, 0.06])),
+            lambda f: f._replace(position_rad=f.position_rad + np.array([0.0, 0.06])),
             r"elbow: 0\.0591 rad behind its target",
         ),
-        (lambda f: replace(f, position_rad=np.full(N, np.nan)), "does not follow"),
+        (lambda f: f._replace(position_rad=np.full(N, np.nan)), "does not follow"),
         (
-            lambda f: replace(f, current_a=np.array([0.5, 900.0])),
+            lambda f: f._replace(current_a=np.array([0.5, 900.0])),
             r"elbow: .* N m measured, -50\.0 to 50\.0 N m expected",
         ),
-        (lambda f: replace(f, time_s=f.time_s - CYCLE_S), "was repeated"),
-        (lambda f: replace(f, skipped_cycles=4), "4 cycles skipped in a row, 3 allowed"),
+        (lambda f: f._replace(time_s=f.time_s - CYCLE_S), "was repeated"),
+        (lambda f: f._replace(skipped_cycles=4), "4 cycles skipped in a row, 3 allowed"),
     ],
 )
 def test_feedback_that_must_not_be_stops_before_anything_more_is_sent(connected_servos, run, change, text):
@@ -411,7 +411,7 @@ def test_feedback_that_must_not_be_stops_before_anything_more_is_sent(connected_
 
 
 def test_skipped_cycles_within_what_is_allowed_are_counted(connected_servos, run):
-    servos = connected_servos(N, CYCLE_S, {130: lambda f: replace(f, skipped_cycles=3)})
+    servos = connected_servos(N, CYCLE_S, {130: lambda f: f._replace(skipped_cycles=3)})
     summary, _ = run(servos)
     assert summary.skipped == 3
 
@@ -535,7 +535,7 @@ def test_a_late_cycle_names_the_plugin_that_blocked(connected_servos, run):
         def on_cycle(self, step):
             watch.now_s += 0.5 if step.feedback.cycle == 101 else 0.0
 
-    servos = connected_servos(N, CYCLE_S, {100: lambda f: replace(f, skipped_cycles=50)})
+    servos = connected_servos(N, CYCLE_S, {100: lambda f: f._replace(skipped_cycles=50)})
     with pytest.raises(MotionError, match=r"50 cycles skipped.*plug-in 'blocking' took 500\.0 ms"):
         run(servos, plugins=[Blocking()], stopwatch=watch)
 

@@ -1,7 +1,5 @@
 """The feed-forward plug-in: the torque for the right state and the right payload."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -56,7 +54,7 @@ class Lagging:
 
     def __call__(self, feedback):
         sent = self.servos.sent
-        return replace(feedback, position_rad=sent[max(len(sent) - 1 - self.cycles, 0)].position_rad)
+        return feedback._replace(position_rad=sent[max(len(sent) - 1 - self.cycles, 0)].position_rad)
 
 
 def run(servos, added, cycles=0, at=None):

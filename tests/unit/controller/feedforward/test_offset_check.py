@@ -87,7 +87,7 @@ def test_an_arm_whose_answer_is_lost_in_noise_gets_no_torque(connected_servos):
     rng = np.random.default_rng(5)
     check = OffsetCheck(("a", "b"), UNIT, np.array([0.01, 0.0]), 0.01)
     servos = connected_servos(2, 0.01)
-    servos.events = {k: lambda f: replace(f, current_a=rng.normal(size=2)) for k in range(10_000)}
+    servos.events = {k: lambda f: f._replace(current_a=rng.normal(size=2)) for k in range(10_000)}
     limits = replace(ROBOT.limits.motion, joint_names=("a", "b"))
     limits = replace(
         limits, **{f.name: getattr(limits, f.name)[:2] for f in fields(limits) if f.init and f.name != "joint_names"}

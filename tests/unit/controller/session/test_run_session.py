@@ -187,10 +187,10 @@ def test_a_way_round_is_announced_before_the_arm_gets_torque_and_stands_in_recor
 @pytest.mark.parametrize(
     ("distort", "cause"),
     [
-        (lambda f: replace(f, position_rad=f.position_rad + 1.0), Cause.FOLLOWING_ERROR),
-        (lambda f: replace(f, torque_nm=np.full(6, 1e5)), Cause.TORQUE),
-        (lambda f: replace(f, skipped_cycles=1000), Cause.LATE),
-        (lambda f: replace(f, statusword=f.statusword & ~np.uint16(0x0010)), Cause.VOLTAGE),
+        (lambda f: f._replace(position_rad=f.position_rad + 1.0), Cause.FOLLOWING_ERROR),
+        (lambda f: f._replace(torque_nm=np.full(6, 1e5)), Cause.TORQUE),
+        (lambda f: f._replace(skipped_cycles=1000), Cause.LATE),
+        (lambda f: f._replace(statusword=f.statusword & ~np.uint16(0x0010)), Cause.VOLTAGE),
     ],
 )
 @pytest.mark.parametrize(
@@ -215,7 +215,7 @@ def test_an_empty_arm_must_not_need_the_torque_of_a_loaded_one(opened):
     arm, payload = ROBOT.strength.arm_body, ROBOT.payloads.heaviest
     carrying = ArmDynamics(ROBOT.chain, arm.carrying(ROBOT.chain, InertialParameters(1.5 * payload.theta)))
     torque_nm = carrying.torque(stretched[None], nothing, nothing)[0]
-    events = dict.fromkeys(range(100), lambda feedback: replace(feedback, torque_nm=torque_nm))
+    events = dict.fromkeys(range(100), lambda feedback: feedback._replace(torque_nm=torque_nm))
     for load, stopped in ((SessionLoad.LOADED, False), (SessionLoad.UNLOADED, True)):
         with opened(load, events=events, position_rad=stretched) as (session, servos):
             with pytest.raises(MotionError) if stopped else nullcontext() as caught:

@@ -11,7 +11,7 @@ from armload_drivers.bring_up.drive_objects import DriveObjects
 from armload_drivers.bring_up.drive_securing import require_safety
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.canopen_sdo import CanopenSdo
-from armload_drivers.canopen.canopen_setup import CanopenSetup, write_cycle
+from armload_drivers.canopen.canopen_setup import CanopenSetup
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, EffortFeedback, Identity, VendorObject
 from armload_drivers.cia402.drive_safety import Safety
@@ -68,6 +68,13 @@ class Bench:
 
     def recv(self, timeout=None):
         return self.queue.pop(0) if self.queue else None
+
+    def write_cycle(self, **changes):
+        """Write the cycle of the arm, or of one that differs; the drive's objects."""
+        arm = replace(self.arm, **changes)
+        setup = CanopenSetup(arm.drives[0], arm, self.sdo, SHORT)
+        setup._write_cycle()
+        return setup.objects
 
     def control(self, *words):
         for word in words:
@@ -298,31 +305,29 @@ def test_objects_are_held_with_their_value_or_the_reason_why_not(bench):
 def test_a_drive_that_makes_sync_itself_is_told_not_to(bench):
     made = bench()
     made.values[od.SYNC_COB_ID.key] = 0x4000_0080
-    write_cycle(DriveObjects(made.sdo), made.arm)
+    made.write_cycle()
     assert made.values[od.SYNC_COB_ID.key] == od.SYNC_DEFAULT_COB_ID
-    write_cycle(DriveObjects(bench(absent=frozenset({0x1005})).sdo), made.arm)
+    bench(absent=frozenset({0x1005})).write_cycle()
 
 
 def test_a_sync_counter_is_set_while_the_period_is_0(bench):
     made = bench()
-    objects = DriveObjects(made.sdo)
-    write_cycle(objects, replace(made.arm, sync_counter=10))
+    made.write_cycle(sync_counter=10)
     assert made.values[od.SYNC_COUNTER_OVERFLOW.key] == 10
     assert made.values[od.CYCLE_PERIOD_US.key] == 10_000
     without = bench(absent=frozenset({0x1019}))
-    write_cycle(DriveObjects(without.sdo), without.arm)
+    without.write_cycle()
     with pytest.raises(ServoError, match="sync_counter = 0"):
-        write_cycle(DriveObjects(without.sdo), replace(without.arm, sync_counter=10))
+        without.write_cycle(sync_counter=10)
 
 
 def test_an_interpolation_that_is_not_the_cycle_is_refused_with_the_rate_that_would_do(bench):
     made = bench(forgets=frozenset({0x60C2}))
     with pytest.raises(ServoError, match=r"over 0.01 s \(60C2\).*cycle of 0.004 s") as caught:
-        write_cycle(DriveObjects(made.sdo), replace(made.arm, cycle_s=0.004))
+        made.write_cycle(cycle_s=0.004)
     assert "cycle_hz = 100" in str(caught.value)
     without = bench(absent=frozenset({0x60C2, 0x1006}))
-    objects = DriveObjects(without.sdo)
-    write_cycle(objects, without.arm)
+    objects = without.write_cycle()
     assert set(objects.missing) == {od.CYCLE_PERIOD_US, od.INTERPOLATION_TIME, od.INTERPOLATION_EXPONENT}
 
 

@@ -198,3 +198,9 @@ def test_a_drive_follows_setpoints_when_it_is_enabled_and_interpolates(arm_setti
         on_bus.cycle_with(word)
         follows.append(on_bus.node.follows)
     assert follows == [False, False, mode is CSP, True]
+
+
+def test_its_attributes_are_few_enough_to_be_looked_up_fast(on_bus):
+    """Instances with more than 30 do not share their keys in Python 3.11, and each look-up in a cycle is a search."""
+    assert len(vars(on_bus.node)) <= 30
+    assert len(vars(on_bus.node.course)) <= 30

@@ -43,8 +43,9 @@ class Clock:
 
 @pytest.fixture
 def drive(arm_settings):
-    settings = arm_settings(cycle_s=CYCLE_S).drives[0]
-    drive = EthercatDrive(settings, Line(), Channel(), Clock(), cycle_s=CYCLE_S, max_missing_cycles=3)
+    arm = arm_settings(cycle_s=CYCLE_S)
+    settings = arm.drives[0]
+    drive = EthercatDrive(settings, Line(), Channel(), Clock(), arm)
     outputs = FramePart(8, {od.CONTROLWORD: 0, target_entry(settings.mode): 2, od.TORQUE_OFFSET: 6}, ())
     inputs = FramePart(8, {od.STATUSWORD: 0, od.POSITION_ACTUAL: 2, effort_entry(settings): 6}, ())
     drive.map(outputs, inputs, bytes(8))
@@ -67,3 +68,9 @@ def test_a_drive_whose_feedback_changes_does_not_hang_whatever_its_mailbox_does(
         drive._line.inputs = bytes([0x37, 0x12, cycle, 0, 0, 0, 0, 0])
         drive.evaluate(cycle * CYCLE_S)
         assert drive._missed("in the cycle", cycle * CYCLE_S) is None
+
+
+def test_its_attributes_are_few_enough_to_be_looked_up_fast(drive):
+    """Instances with more than 30 do not share their keys in Python 3.11, and each look-up in a cycle is a search."""
+    assert len(vars(drive)) <= 30
+    assert len(vars(drive.course)) <= 30

@@ -1,13 +1,12 @@
 """Mapping of one drive, whose objects are a dictionary; fixed mappings refuse writes."""
 
-from contextlib import nullcontext
-
 import pytest
 
 from armload_drivers.bring_up.sdo_channel import READ_ONLY, SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.object_dictionary import PdoDirection
 from armload_drivers.driver_errors import SdoRefused, ServoError
-from armload_drivers.ethercat.pdo_assignment import FrameDirection, assign
+from armload_drivers.ethercat.pdo_assignment import assign
 
 WANTED = [od.CONTROLWORD, od.TARGET_POSITION]
 MAX_TORQUE = 0x6072_0010
@@ -18,7 +17,7 @@ class Drive(SdoChannel):
     """One PDO 1600 assigned to 1C12; `fixed` objects refuse writes."""
 
     def __init__(self, mapped, fixed=()):
-        super().__init__(3, "joint_3")
+        super().__init__(3, "joint_3", timeout_s=0.1)
         self.objects = {(0x1C12, 0): 1, (0x1C12, 1): 0x1600, (0x1600, 0): len(mapped)}
         self.objects |= {(0x1600, number): word for number, word in enumerate(mapped, start=1)}
         self.fixed, self.written = fixed, []
@@ -42,9 +41,6 @@ class Drive(SdoChannel):
     def _wait(self, time_s):
         raise NotImplementedError
 
-    def limited_to(self, timeout_s):
-        return nullcontext()
-
 
 def mapping(*entries):
     return [entry.mapping for entry in entries]
@@ -52,7 +48,7 @@ def mapping(*entries):
 
 def test_a_mapping_is_written_in_the_prescribed_order_and_read_back():
     drive = Drive(mapping(od.CONTROLWORD))
-    part, held = assign(drive, FrameDirection.OUTPUTS, WANTED)
+    part, held = assign(drive, PdoDirection.RECEIVE, WANTED)
     assert drive.written == [
         (0x1C12, 0), (0x1600, 0), (0x1600, 1), (0x1600, 2), (0x1600, 0), (0x1C12, 0), (0x1C12, 1), (0x1C12, 0),
     ]  # fmt: skip
@@ -62,7 +58,7 @@ def test_a_mapping_is_written_in_the_prescribed_order_and_read_back():
 
 def test_a_mapping_that_is_right_already_is_not_written():
     drive = Drive(mapping(*WANTED), fixed={0x1600, 0x1C12})
-    part, _ = assign(drive, FrameDirection.OUTPUTS, WANTED)
+    part, _ = assign(drive, PdoDirection.RECEIVE, WANTED)
     assert part.length == 6
     data = part.packer(WANTED, bytes(6))(0x1F, -2)
     assert data == bytes([0x1F, 0, 0xFE, 0xFF, 0xFF, 0xFF])
@@ -73,7 +69,7 @@ def test_a_mapping_that_is_right_already_is_not_written():
 def test_a_fixed_mapping_is_used_if_it_contains_what_is_needed(fixed):
     """In another order, and with objects that nobody asked for."""
     drive = Drive([MAX_TORQUE, od.TARGET_POSITION.mapping, MODE, od.CONTROLWORD.mapping], fixed)
-    part, _ = assign(drive, FrameDirection.OUTPUTS, WANTED)
+    part, _ = assign(drive, PdoDirection.RECEIVE, WANTED)
     assert part.length == 9
     assert part.offsets == {od.TARGET_POSITION: 2, od.CONTROLWORD: 7}
     assert [(other.mapping, offset) for other, offset in part.others] == [(MAX_TORQUE, 0), (MODE, 6)]
@@ -86,7 +82,7 @@ def test_a_fixed_mapping_is_used_if_it_contains_what_is_needed(fixed):
 def test_a_fixed_mapping_that_lacks_something_is_refused_by_name():
     drive = Drive([od.CONTROLWORD.mapping, MODE], {0x1600, 0x1C12})
     with pytest.raises(ServoError, match="lacks 607A") as raised:
-        assign(drive, FrameDirection.OUTPUTS, WANTED)
+        assign(drive, PdoDirection.RECEIVE, WANTED)
     assert "6040:0, 6060:0" in str(raised.value)
     assert "joint_3" in str(raised.value)
 
@@ -94,7 +90,7 @@ def test_a_fixed_mapping_that_lacks_something_is_refused_by_name():
 def test_an_object_that_does_not_begin_on_a_byte_is_not_used():
     drive = Drive([0x2000_0004, *mapping(*WANTED)], {0x1600, 0x1C12})
     with pytest.raises(ServoError, match="lacks 6040"):
-        assign(drive, FrameDirection.OUTPUTS, WANTED)
+        assign(drive, PdoDirection.RECEIVE, WANTED)
 
 
 def test_an_assignment_that_cannot_be_restored_is_an_error():
@@ -108,4 +104,4 @@ def test_an_assignment_that_cannot_be_restored_is_an_error():
 
     drive._transfer = refuse_after_first
     with pytest.raises(SdoRefused):
-        assign(drive, FrameDirection.OUTPUTS, WANTED)
+        assign(drive, PdoDirection.RECEIVE, WANTED)
