@@ -89,13 +89,12 @@ class ArmMemory:
             known: What was known.
             payload: Whether the payload is still the same.
         """
-        prior = np.linalg.inv(known.covariance)
         if not payload:
-            friction = known.covariance[PAYLOAD:, PAYLOAD:]
-            prior = np.eye(len(prior))
-            prior[PAYLOAD:, PAYLOAD:] = np.linalg.inv(friction)
+            value, covariance = np.zeros_like(known.value), self._prior.copy()
+            value[PAYLOAD:] = known.value[PAYLOAD:]
+            covariance[PAYLOAD:, PAYLOAD:] = known.covariance[PAYLOAD:, PAYLOAD:]
+            known = RememberedState(known.time_s, value, covariance)
+        information = np.linalg.inv(known.covariance)
         # the prior itself never fades; what was learnt does
-        value = known.value if payload else np.concatenate([np.zeros(PAYLOAD), known.value[PAYLOAD:]])
-        self._information = prior - self._prior
-        self._right = prior @ value
-        self._known, self._last_s = [RememberedState(known.time_s, value, np.linalg.inv(prior))], None
+        self._information, self._right = information - self._prior, information @ known.value
+        self._known, self._last_s = [known], None

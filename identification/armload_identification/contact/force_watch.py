@@ -105,7 +105,8 @@ class ForceWatch:
         self._memory = ArmMemory(PAYLOAD + 3 * chain.n)
         coloured = calibration.known_arm(chain).noise_nm ** 2
         self._noise = ResidualNoise(coloured, coloured)
-        self._rows: ForceRows | None = None
+        nothing = np.zeros((0, chain.n))
+        self._rows = self._maker.take(np.zeros(0), nothing, nothing, np.zeros(PAYLOAD))
         self._seen_s = 0.0
         self._above = 0
         self._last_mean: FloatArray | None = None
@@ -129,10 +130,7 @@ class ForceWatch:
         rows = self._maker.take(time_s, position, effort, theta)
         if not rows.size:
             return []
-        earlier = self._rows
-        if earlier is not None and earlier.size and rows.time_s[0] < earlier.time_s[-1]:
-            earlier = None
-        self._rows = rows if earlier is None else earlier.and_then(rows)
+        self._rows = self._rows.and_then(rows)
         self._rows = self._rows.part(self._rows.time_s > rows.time_s[-1] - REMEMBERED_S)
         self._seen_s += min(float(rows.time_s[-1] - rows.time_s[0]) + 0.02, 0.02 * rows.size)
         predicted = self._base or self._memory.before(float(rows.time_s[0]))
@@ -141,15 +139,15 @@ class ForceWatch:
             return []
         inertia = self._maker.inertia_kg_m2(rows.position_rad[-1])
         test = acting(self._rows, self._rows.size - rows.size, predicted, self._noise, inertia)
-        if self.state is Force.FREE:
+        if self._base is None:
             return self._notice(rows, test, predicted)
         if (test.ratio > EVIDENT).any():
             self._evident_s = float(rows.time_s[np.flatnonzero(test.ratio > EVIDENT)[-1]])
-        return self._decide(float(rows.time_s[-1]))
+        return self._decide(self._base, float(rows.time_s[-1]))
 
     def suspect(self) -> list[ForceEvent]:
         """Something else says that the payload has changed: look at it as after a notice."""
-        if self.state is not Force.FREE or self._rows is None:
+        if self.state is not Force.FREE or not self._rows.size:
             return []
         return self._begin(float(self._rows.time_s[-1]), np.zeros_like(self._joints))
 
@@ -176,7 +174,7 @@ class ForceWatch:
             if self._above >= HELD_ROWS or ratio > AT_ONCE:
                 return self._begin(float(rows.time_s[k]), np.abs(test.joints[k]) > FAR_SIGMAS)
         now_s = float(rows.time_s[-1])
-        if self._rows is not None and not 0.0 <= now_s - self._looked_s < LOOK_S:
+        if now_s - self._looked_s >= LOOK_S:
             self._looked_s = now_s
             before = self._memory.before(now_s - BACK_S + OLD_S)
             if before is not None and payload_evidence(self._rows, before, self._noise, now_s) > SUSPECT:
@@ -193,26 +191,18 @@ class ForceWatch:
             return []
         self.state, self._above, self._last_mean = Force.ACTING, 0, None
         self._noticed_s = self._evident_s = noticed_s
-        self._push_end_s = np.inf
         self._looks, self._joints = list(LOOKS_S), joints
         return [ForceEvent(ForceEventKind.ACTING, noticed_s, noticed_s, joints)]
 
-    def _decide(self, now_s: float) -> list[ForceEvent]:
+    def _decide(self, base: RememberedState, now_s: float) -> list[ForceEvent]:
         """Look at the event when it is time, and see whether a push is over."""
         events = []
-        if (
-            self._looks
-            and now_s - self._noticed_s >= self._looks[0]
-            and self._base is not None
-            and self._rows is not None
-        ):
+        if self._looks and now_s - self._noticed_s >= self._looks[0]:
             due_s = self._looks.pop(0)
-            found = assess(self._rows, self._base, self._noise, self._maker.chain, self._maker.scale, self._noticed_s)
-            if found is not None:
-                self._push_end_s = found.push_s[1]
-                events += self._judge(found, now_s, due_s, last=not self._looks)
-        over = now_s - self._evident_s >= OVER_S
-        if self.state is Force.PUSHED and over:
+            found = assess(self._rows, base, self._noise, self._maker.chain, self._maker.scale, self._noticed_s)
+            self._push_end_s = found.push_s[1]
+            events += self._judge(found, now_s, due_s, last=not self._looks)
+        if self.state is Force.PUSHED and now_s - self._evident_s >= OVER_S:
             ended_s = min(self._push_end_s, self._evident_s)
             events.append(ForceEvent(ForceEventKind.OVER, now_s, ended_s, self._joints))
             self._resume(payload=True, from_s=self._evident_s + OVER_S)
@@ -233,9 +223,8 @@ class ForceWatch:
 
     def _resume(self, *, payload: bool, from_s: float) -> None:
         """Go on with the same payload or another one."""
-        if self._base is None or self._rows is None:
-            return
-        self._memory.begin_anew(self._base, payload=payload)
+        if self._base is not None:
+            self._memory.begin_anew(self._base, payload=payload)
         self._rows = self._rows.part(self._rows.time_s >= from_s)
         if self._rows.size:
             self._memory.add(self._rows, self._noise.density)

@@ -104,7 +104,7 @@ class _Explanation:
 
 def assess(
     rows: ForceRows, known: RememberedState, noise: ResidualNoise, chain: Chain, scale: FloatArray, noticed_s: float
-) -> Assessment | None:
+) -> Assessment:
     """Compare the explanations.
 
     Args:
@@ -112,13 +112,8 @@ def assess(
         known: What was known of payload and friction before.
         scale: (10,) units of the payload's parameters.
         noticed_s: Time of the notice.
-
-    Returns:
-        The assessment; None while there are too few rows.
     """
     means = _means(rows.part(rows.time_s >= noticed_s - BACK_S))
-    if means.size < 2:
-        return None
     count = means.size
     residual, inverse = _residual_of(means, known, noise)
     jacobians = np.array([jacobian(chain, q) for q in means.position_rad])
@@ -180,7 +175,7 @@ def jacobian(chain: Chain, position_rad: FloatArray) -> FloatArray:
 
 
 def _means(rows: ForceRows) -> ForceRows:
-    """Means of rows over `DECISION_STEP_S`; the doubt is the greatest."""
+    """Means of rows over `DECISION_STEP_S`; the doubt is the greatest of a mean and the one before."""
     if not rows.size:
         return rows
     step = np.floor((rows.time_s - rows.time_s[0]) / DECISION_STEP_S).astype(int)
@@ -192,7 +187,10 @@ def _means(rows: ForceRows) -> ForceRows:
         return np.asarray(np.add.reduceat(values, starts, axis=0) / counts.reshape(-1, *[1] * (values.ndim - 1)))
 
     means = ForceRows(*(mean(field.name) for field in fields(rows)))
-    return replace(means, time_s=rows.time_s[starts], doubt_nm=np.maximum.reduceat(rows.doubt_nm, starts, axis=0))
+    doubt = np.maximum.reduceat(rows.doubt_nm, starts, axis=0)
+    # a row's window still holds the stop or start of 40 ms ago: the newest mean may be of a single such row
+    doubt[1:] = np.maximum(doubt[1:], doubt[:-1])
+    return replace(means, time_s=rows.time_s[starts], doubt_nm=doubt)
 
 
 def _covariance(means: ForceRows, known: RememberedState, noise: ResidualNoise) -> FloatArray:

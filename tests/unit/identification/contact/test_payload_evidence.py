@@ -46,5 +46,14 @@ def test_noise_is_no_payload(seed):
     assert evidence(rows(0.0, seed)) < 0.0
 
 
+def test_a_joint_that_has_just_started_is_no_payload():
+    found = rows(0.0)
+    found.columns[-5:, 0, 1] = 100.0
+    found.residual_nm[-5:, 0] = 4.0
+    assert evidence(found) > SUSPECT
+    found.doubt_nm[-10:-5, 0] = 5.0
+    assert evidence(found) < 0.0
+
+
 def test_too_few_rows_are_no_evidence():
     assert evidence(rows(0.4).part(slice(-10, None))) == -np.inf
