@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.cycle.torque_gate import TorqueGate
-from armload_controller.feedforward.adaptation import FEED_S, DecisionKind, EstimatorPlugin, PayloadAdaptation
+from armload_controller.feedforward.adaptation import FEED_S, DecisionKind, PayloadAdaptation
 from armload_controller.feedforward.adaptation_rules import AdaptationRules, DeclaredMass
 from armload_controller.feedforward.feedforward_plugin import FeedforwardPlugin
 from armload_controller.motion.leg_interpolator import Reference
@@ -291,9 +291,7 @@ def with_adaptation(
     )
     added.allow(np.ones(robot.n, dtype=np.bool_))
     adaptation = PayloadAdaptation(
-        EstimatorPlugin(watched, calibration.effort),
-        AdaptationRules(declared, calibration, robot.joint_names),
-        added,
+        watched, calibration.effort, AdaptationRules(declared, calibration, robot.joint_names), added
     )
     return follow(robot, rows, payload, adaptation, seed=23), adaptation
 

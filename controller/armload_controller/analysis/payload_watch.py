@@ -31,6 +31,8 @@ from armload_identification.results.json_document import json_document
 
 SHOWN_S: Final = 3.0
 """Time in motion after which an estimate is shown."""
+SILENT_S: Final = 3.0
+"""Silence of the source after which there is no present estimate."""
 NOTED_S: Final = 10.0
 """Time in motion after which it is said what of a drift of the gains the motion leaves possible."""
 NEVER_LOOKED: Final = -2

@@ -184,42 +184,14 @@ def at_once(look: Callable[[], Look]) -> Future[Look]:
     return made
 
 
-class EstimatorPlugin:
-    """Keeps the feedback of the cycle for the estimator; it adds no torque.
-
-    Args:
-        watched: Payload and forces of a calibrated arm.
-        effort: The effort that the arm was calibrated with.
-    """
-
-    name = "payload estimator"
-
-    def __init__(self, watched: WatchedPayload, effort: Effort) -> None:
-        self.watched = watched
-        self._with_torque = effort is Effort.TORQUE
-        self._kept: list[tuple[float, FloatArray, FloatArray]] = []
-
-    def on_cycle(self, step: CycleStep) -> None:
-        """Keep one cycle's feedback; cycles with a joint's feedback missing are skipped."""
-        feedback = step.feedback
-        effort = feedback.torque_nm if self._with_torque else feedback.current_a
-        if effort is not None and not feedback.missing.any():
-            self._kept.append((feedback.time_s, feedback.position_rad.copy(), effort.copy()))
-
-    def kept(self) -> list[tuple[float, FloatArray, FloatArray]]:
-        """The feedback since the last call."""
-        kept, self._kept = self._kept, []
-        return kept
-
-
 class PayloadAdaptation:
     """Estimator, rules and injection as one plug-in.
 
     Args:
-        estimated: Processes the feedback.
+        watched: Payload and forces of the calibrated arm.
+        effort: The effort that it was calibrated with.
         rules: Check the estimates.
         feedforward: Adds the torque once allowed; starts without payload.
-        robot: Name of the robot.
         beside: Computes estimates outside the cycle.
         report: Called with every decision.
 
@@ -231,7 +203,8 @@ class PayloadAdaptation:
 
     def __init__(
         self,
-        estimated: EstimatorPlugin,
+        watched: WatchedPayload,
+        effort: Effort,
         rules: AdaptationRules,
         feedforward: FeedforwardPlugin,
         *,
@@ -239,7 +212,9 @@ class PayloadAdaptation:
         report: Callable[[AdaptationDecision], None] = lambda decision: None,
     ) -> None:
         self.decisions: list[AdaptationDecision] = []
-        self._estimated, self._rules, self._feedforward = estimated, rules, feedforward
+        self._watched, self._rules, self._feedforward = watched, rules, feedforward
+        self._with_torque = effort is Effort.TORQUE
+        self._kept: list[tuple[float, FloatArray, FloatArray]] = []
         self._run_beside, self._report = beside, report
         self._pending: Future[Look] | None = None
         self._last_look_s = self._last_take_s = -np.inf
@@ -264,8 +239,10 @@ class PayloadAdaptation:
 
     def on_cycle(self, step: CycleStep) -> FloatArray:
         """Process the feedback, decide on a new estimate if there is one, and add the torque."""
-        self._estimated.on_cycle(step)
-        time_s = step.feedback.time_s
+        feedback, time_s = step.feedback, step.feedback.time_s
+        effort = feedback.torque_nm if self._with_torque else feedback.current_a
+        if effort is not None and not feedback.missing.any():
+            self._kept.append((time_s, feedback.position_rad.copy(), effort.copy()))
         if self._pending is not None and self._pending.done():
             look, self._pending = self._pending.result(), None
             self._follow(time_s, look)
@@ -276,7 +253,8 @@ class PayloadAdaptation:
             self._last_take_s = time_s
             estimated = time_s - self._last_look_s >= LOOK_S
             self._last_look_s = time_s if estimated else self._last_look_s
-            self._pending = self._run_beside(partial(self._look, self._estimated.kept(), estimated=estimated))
+            kept, self._kept = self._kept, []
+            self._pending = self._run_beside(partial(self._look, kept, estimated=estimated))
         return self._feedforward.on_cycle(step)
 
     def _follow(self, time_s: float, look: Look) -> None:
@@ -298,7 +276,7 @@ class PayloadAdaptation:
 
     def _look(self, kept: Sequence[tuple[float, FloatArray, FloatArray]], *, estimated: bool) -> Look:
         """Process feedback, and compute an estimate and the body that would be fed; runs outside the cycle."""
-        watched = self._estimated.watched
+        watched = self._watched
         if kept:
             time_s, position, effort = (np.array(values) for values in zip(*kept, strict=True))
             watched.take(time_s, position, effort)

@@ -9,7 +9,7 @@ import numpy as np
 
 from armload_controller.config.robot import Robot
 from armload_controller.cycle.control_cycle import Hold
-from armload_controller.feedforward.adaptation import AdaptationDecision, Beside, EstimatorPlugin, PayloadAdaptation
+from armload_controller.feedforward.adaptation import AdaptationDecision, Beside, PayloadAdaptation
 from armload_controller.feedforward.adaptation_rules import AdaptationRules, DeclaredMass
 from armload_controller.feedforward.feedforward_plugin import CheckedFeedforward, FeedforwardPlugin
 from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict
@@ -58,7 +58,8 @@ def adapted_run(
         robot.chain, robot.name, None, path.cycle_s, commanded=calibration.commanded(robot.drives.coupling)
     )
     adaptation = PayloadAdaptation(
-        EstimatorPlugin(WatchedPayload(calibration, robot.chain, robot.drives.transmission), calibration.effort),
+        WatchedPayload(calibration, robot.chain, robot.drives.transmission),
+        calibration.effort,
         AdaptationRules(declared, calibration, robot.joint_names),
         added,
         beside=beside,

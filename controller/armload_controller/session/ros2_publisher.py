@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Final
 
-from armload_controller.analysis.payload_watch import SHOWN_S, WatchedMoment
+from armload_controller.analysis.payload_watch import SHOWN_S, SILENT_S, WatchedMoment
 from armload_controller.cycle.arm_frames import FLANGE_FRAME
 from armload_drivers.feeds.ros2_messages import (
     DiagnosticArray,
@@ -32,8 +32,6 @@ from armload_drivers.feeds.ros2_messages import (
 from armload_drivers.feeds.ros2_participant import Ros2Participant
 from armload_identification.contact.force_watch import Force
 
-SILENT_S: Final = 3.0
-"""Silence after which the state is stale."""
 _FINE, _WARNING, _STALE = 0, 1, 3
 _NAN: Final = float("nan")
 

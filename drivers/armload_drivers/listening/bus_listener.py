@@ -79,9 +79,7 @@ def _what_is_missing(arm: OverheardArm, patience_s: float, *, frames: bool) -> s
     if not frames:
         return begin + "the bus is silent. Is its master running, and are interface, channel and bit rate right?"
     silent = [
-        f"{name} ({wrong} feedback frames of another length)" if wrong else name
-        for name, count, wrong in zip(arm.joints, arm.feedback_frames, arm.wrong_length, strict=True)
-        if not count
+        f"{name} ({wrong} feedback frames of another length)" if wrong else name for name, wrong in arm.silent.items()
     ]
     if silent:
         return begin + (

@@ -67,17 +67,14 @@ class OverheardArm:
         arm: The arm; every drive with its scale.
 
     Attributes:
-        joints: Names of the joints.
         syncs: Number of SYNCs received.
-        early_frames: Number of feedback frames before the first SYNC.
 
     Raises:
         CommandError: a drive's scale is not configured, or the drives report different kinds of effort.
     """
 
     def __init__(self, arm: ArmSettings) -> None:
-        self.joints = tuple(drive.joint for drive in arm.drives)
-        self.syncs = self.early_frames = 0
+        self.syncs = 0
         self._units = ArmUnits(arm)
         self._with_current = self._units.feedback is EffortFeedback.CURRENT
         self._drives = [_HeardDrive(drive) for drive in arm.drives]
@@ -86,14 +83,9 @@ class OverheardArm:
         self._command: JointCommand | None = None
 
     @property
-    def feedback_frames(self) -> tuple[int, ...]:
-        """Number of feedback frames of every drive with the configured length."""
-        return tuple(drive.frames for drive in self._drives)
-
-    @property
-    def wrong_length(self) -> tuple[int, ...]:
-        """Number of feedback frames of every drive with another length; these are ignored."""
-        return tuple(drive.wrong_length for drive in self._drives)
+    def silent(self) -> dict[str, int]:
+        """Joints without any feedback, and the number of their feedback frames of another length than configured."""
+        return {drive.joint: drive.wrong_length for drive in self._drives if not drive.heard}
 
     def take(self, cob_id: int, data: bytes, time_s: float) -> OverheardCycle | None:
         """Process one frame.
@@ -115,7 +107,6 @@ class OverheardArm:
         sender = self._routes.get(cob_id)
         if sender is None or not sender.take(cob_id, data):
             return None
-        self.early_frames += self.syncs == 0
         return self._cycle() if all(drive.complete for drive in self._drives) else None
 
     def _commanded(self) -> JointCommand | None:
@@ -156,7 +147,7 @@ class _HeardDrive:
     Attributes:
         cob_ids: COB-IDs of its PDOs.
         answered: COB-IDs of its feedback received since SYNC.
-        frames: Number of feedback frames so far.
+        heard: COB-IDs of its feedback received so far.
         wrong_length: Number of feedback frames with another length than configured.
         target: Setpoint in counts; None before the first.
         offset: Torque offset in per mille.
@@ -165,14 +156,14 @@ class _HeardDrive:
     def __init__(self, drive: DriveSettings) -> None:
         image = drive_image(drive)
         self.cob_ids = tuple(layout.cob_id for layout in image.layouts)
+        self.joint = drive.joint
         self.answered: set[int] = set()
-        self.frames = self.wrong_length = 0
-        self.statusword = self.counts = self.effort = self.offset = 0
+        self.heard: set[int] = set()
+        self.wrong_length = self.statusword = self.counts = self.effort = self.offset = 0
         self.target: int | None = None
         self._layouts = {layout.cob_id: (layout.length, layout.unpack) for layout in image.layouts}
         self._image = image
         self._awaited = {layout.cob_id for layout in image.layouts if layout.direction is PdoDirection.TRANSMIT}
-        self._ever: set[int] = set()
 
     @property
     def complete(self) -> bool:
@@ -182,7 +173,7 @@ class _HeardDrive:
     @property
     def known(self) -> bool:
         """Whether all of its feedback has been received at least once."""
-        return self._ever == self._awaited
+        return self.heard == self._awaited
 
     def take(self, cob_id: int, data: bytes) -> bool:
         """Process one of its frames; returns whether it is valid feedback."""
@@ -206,7 +197,6 @@ class _HeardDrive:
         else:
             self.offset = values[0]
         if feedback:
-            self.frames += 1
             self.answered.add(cob_id)
-            self._ever.add(cob_id)
+            self.heard.add(cob_id)
         return feedback

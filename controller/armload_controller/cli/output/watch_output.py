@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armload_controller.analysis.payload_watch import SHOWN_S, HeardBus, WatchedMoment, drift_note
+from armload_controller.analysis.payload_watch import SHOWN_S, SILENT_S, HeardBus, WatchedMoment, drift_note
 from armload_identification.contact.force_watch import Force
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from armload_controller.cli.screen import Screen
 
-_SILENT_S = 3.0
 _FULL_BAR_S = 20.0
 """Time in motion at which a bar is full."""
 _BAR_CHARACTERS = 20
@@ -84,7 +83,7 @@ def moment_text(moment: WatchedMoment) -> str:
     at = " " * 14 if moment.time_s is None else f"{moment.time_s:10.1f} s  "
     if bus is not None and not bus.cycles:
         return f"{at}nothing received from the arm yet"
-    if bus is not None and bus.silent_s > _SILENT_S:
+    if bus is not None and bus.silent_s > SILENT_S:
         return f"{at}nothing has been received for {bus.silent_s:.0f} s"
     lost = "" if bus is None else _lost(bus)
     if bus is not None and not bus.enabled:

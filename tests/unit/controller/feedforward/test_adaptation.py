@@ -19,7 +19,6 @@ from armload_controller.feedforward.adaptation import (
     STALE_S,
     TAKE_S,
     DecisionKind,
-    EstimatorPlugin,
     Look,
     PayloadAdaptation,
 )
@@ -230,7 +229,8 @@ class Arm:
         self.plugin = FeedforwardPlugin(ROBOT.chain, ROBOT.name, None, CYCLE_S)
         more = {} if beside is None else {"beside": beside}
         self.adaptation = PayloadAdaptation(
-            EstimatorPlugin(self.estimator, Effort.TORQUE),
+            self.estimator,
+            Effort.TORQUE,
             AdaptationRules(DECLARED, CALIBRATION, ROBOT.joint_names),
             self.plugin,
             report=self.said.append,
