@@ -72,7 +72,7 @@ class LateCycle(ControlError):
         self.skipped = skipped
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class CycleSummary:
     """Counts of a run.
 

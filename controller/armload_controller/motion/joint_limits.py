@@ -13,7 +13,7 @@ RELATIVE_TOLERANCE = 1e-9
 """Rounding error allowed beyond a limit, as a share of it; for a position limit as a share of the joint's range."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class MotionLimits:
     """Limits of the joints; every array has shape (n,).
 

@@ -34,7 +34,7 @@ CHUNK = 32
 """Rows evaluated at once."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Reference:
     """The reference of one cycle.
 

@@ -37,7 +37,7 @@ CYCLE_ROUNDING = 1e-6
 """Share of a cycle by which a period may differ from a whole number of cycles."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class MotionPlan:
     """Every setpoint of an uninterrupted motion; N cycles, n joints.
 

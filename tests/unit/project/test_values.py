@@ -36,7 +36,7 @@ def test_only_states_of_something_that_runs_can_be_changed():
 
 def test_what_holds_an_array_is_not_compared_by_element():
     """The truth of an array with several elements is an error, which `==` of two such values would raise."""
-    for node, options in dataclasses("identification"):
+    for node, options in dataclasses("identification", "controller"):
         holds = [field for field in node.body if isinstance(field, ast.AnnAssign)
                  and ast.unparse(field.annotation).startswith(ARRAYS)]  # fmt: skip
         assert not holds or options.get("eq") is False, node.name

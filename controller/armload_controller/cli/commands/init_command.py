@@ -103,7 +103,7 @@ def init(
     screen.document(partial(init_document, arm, drafted, designed.problem, following), files)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Designed:
     """Both excitations of an arm, or the reason why there are none.
 

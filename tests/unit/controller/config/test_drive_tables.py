@@ -54,7 +54,7 @@ def test_a_scale_may_be_left_to_a_real_drive(edited):
     assert settings.rated_current_a is None
     assert settings.gear_ratio == 120
     assert settings.counts_per_rad == pytest.approx(120 * 2**17 / (2 * math.pi))
-    with pytest.raises(ConfigurationError, match="a simulated drive needs its scale"):
+    with pytest.raises(ConfigurationError, match=r"drive\.rated_current_a.*a simulated drive needs its scale"):
         load_robot(edited("rated_current_a = 10.0", "", twin=True))
 
 

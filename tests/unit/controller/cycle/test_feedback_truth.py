@@ -1,5 +1,7 @@
 """Feedback that must not be taken for false, and the statusword bits of each drive."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -85,6 +87,18 @@ def test_a_velocity_of_another_sign_is_found():
 def test_a_velocity_is_compared_with_the_position_over_a_while():
     """A drive's own velocity is noisy from cycle to cycle."""
     run(lambda cycle, feedback: feedback._replace(velocity_rad_s=SPEED + 0.5 * (-1) ** cycle))
+
+
+@pytest.mark.parametrize(("window", "excess", "found"), [(0, 1.002, True), (1, 1.002, True), (1, 0.998, False)])
+def test_every_window_has_the_same_limit(window, excess, found):
+    """30 % of the position's speed and 5 % of the greatest one, on average over 100 cycles."""
+    wrong = SPEED + excess * (0.3 * SPEED + 0.05 * ROBOT.limits.motion.velocity_max_rad_s)
+
+    def change(cycle, feedback):
+        return feedback._replace(velocity_rad_s=SPEED if cycle < 1 + 100 * window else wrong)
+
+    with pytest.raises(VelocityContradicts) if found else nullcontext():
+        run(change, cycles=210)
 
 
 def test_an_arm_that_reports_neither_current_nor_torque_is_not_accused_of_idling():

@@ -409,6 +409,19 @@ def test_the_same_payload_gives_the_same_bytes(small):
     assert export_fmu(small) == export_fmu(small)
 
 
+def test_the_code_starts_with_the_parameters_of_its_description(version, made):
+    subject, _, folder = made
+    code = "".join(text for file, text in version.texts(subject).items() if file.endswith(".c"))
+    ((values),) = re.findall(r"START\[[^]]+\] = \{([^}]*)\}", code)
+    stated = [
+        float(variable.start)
+        for variable in read_model_description(str(folder)).modelVariables
+        if variable.causality == "parameter"
+    ]
+    assert [float(value) for value in values.split(",")] == stated
+    assert len(stated) > 10
+
+
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc on this machine")
 def test_names_from_files_break_neither_xml_nor_c(version, small, tmp_path):
     limits = replace(small.limits, joint_names=('*/<&>"\n', "\u00e4-->\\"))

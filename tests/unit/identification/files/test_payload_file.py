@@ -89,7 +89,7 @@ def flat_body(thickness_m: float) -> InertialParameters:
 
 def test_a_body_closer_to_impossible_than_the_margin_is_not_written(tmp_path):
     path = tmp_path / "payload.toml"
-    thin, plate = flat_body(1e-3), flat_body(1e-2)
+    thin, plate = flat_body(3e-3), flat_body(4e-3)
     assert 0 < thin.margin < SMALLEST_MARGIN < plate.margin
     for body in (thin, flat_body(0.0)):
         with pytest.raises(
