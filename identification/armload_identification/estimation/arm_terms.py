@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 CHANGES: Final = 3
 """Changes of a run's friction per joint: Coulomb, viscous, offset."""
 GAIN, LINKS, ROTORS, LOAD_FRICTION = "log_h", "links", "rotors", "load"
+RECORDER: Final = "recorder"
 COULOMB, VISCOUS, ROOT, DELAY, TILT = "coulomb", "viscous", "root", "delay", "tilt"
 PAYLOAD, FRICTION_CHANGE, SESSION_FRICTION = "payload", "friction change", "friction of the session"
 ARM_TERMS: Final = (GAIN, LINKS, ROTORS, LOAD_FRICTION, COULOMB, VISCOUS, ROOT, DELAY, TILT)
@@ -184,6 +185,11 @@ def own_friction(deviation: FloatArray, origin: str) -> Term:
 def session_friction(deviation: FloatArray, origin: str) -> Term:
     """The changes that all runs have in common, as of `own_friction`."""
     return Term(SESSION_FRICTION, Scope.ARM, Joint(_friction_change), np.zeros(deviation.size), deviation, origin)
+
+
+def recorder_delay() -> Term:
+    """Delay of the torque minus that of the calibration, whose runs another program may have recorded."""
+    return Term(RECORDER, Scope.ARM, Shared.DELAY, np.zeros(1), np.array([Priors.recorder_s]), "recorders differ")
 
 
 def known_arm_terms(values: Values, origin: str, deviation: float = 0.0) -> list[Term]:

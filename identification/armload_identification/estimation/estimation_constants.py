@@ -105,6 +105,14 @@ class Priors:
     Factor of two: twice: centres by up to 0.05 mm; half: masses by up to 0.01 %, centres by up to 0.43 mm.
     """
 
+    recorder_s: Final = 0.005
+    """[s] Standard deviation of the delay's difference between two recorders.
+
+    Origin: prior, not measured: a cycle of another recorder.
+    Factor of two: with nominal gains nothing, as it is of calibrated arms. On the UR10e, twice: masses from 20 s of any
+        motion by 0.02 % (median); half: by 0.03 %.
+    """
+
     load_friction: Final = 0.05
     """[1] Mean and standard deviation of mu: gears lose 0 to 15 % of their load.
 

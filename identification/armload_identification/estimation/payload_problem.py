@@ -27,6 +27,7 @@ from armload_identification.estimation.arm_terms import (
     effort_level,
     friction_change,
     own_friction,
+    recorder_delay,
     session_friction,
     wide_payload,
 )
@@ -209,6 +210,6 @@ def _known_arm(rows: Sequence[ArmRows], chain: Chain, arm: KnownArm, peak_rad_s:
     today = arm.friction_spread.ravel()
     origin = "the spread between the calibration's runs, and a cold arm"
     if len(rows) == 1:
-        return [*arm.terms, body, own_friction(today, origin)]
+        return [*arm.terms, recorder_delay(), body, own_friction(today, origin)]
     own = friction_change(effort_level(rows), peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)
-    return [*arm.terms, session_friction(today, origin), body, own]
+    return [*arm.terms, recorder_delay(), session_friction(today, origin), body, own]

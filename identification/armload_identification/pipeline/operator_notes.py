@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_identification.estimation.arm_terms import DELAY
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_estimate import PayloadEstimate, gear_asymmetry
+from armload_identification.estimation.terms import Shared
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.recording.recording import Recording
@@ -101,7 +101,7 @@ def _on_times(loaded: Recording, found: Identification) -> list[str]:
                 "wrong, so are accelerations and what follows from them. Check the time stamps."
             )
     posterior = found.plain.posterior
-    delay_s = float(posterior.value(DELAY)[0])
+    delay_s = sum(float(posterior.value(term.name)[0]) for term in posterior.problem.terms if term.law is Shared.DELAY)
     if abs(delay_s) > Timing.late_s:
         notes.append(
             f"The torque belongs to positions {1e3 * abs(delay_s):.0f} ms {'before' if delay_s > 0.0 else 'after'} it. "

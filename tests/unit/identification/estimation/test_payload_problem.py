@@ -12,6 +12,7 @@ from armload_identification.estimation.arm_terms import (
     GAIN,
     LINKS,
     PAYLOAD,
+    RECORDER,
     SESSION_FRICTION,
 )
 from armload_identification.estimation.payload_problem import HELD, pair_problem, single_problem
@@ -137,6 +138,18 @@ def test_a_calibrated_arm_is_held_in_a_run_of_its_own(alone, known):
     assert {PAYLOAD, FRICTION_CHANGE, LINKS} <= names
     assert SESSION_FRICTION not in names
     np.testing.assert_array_equal(alone.base, arm.body.base.ravel())
+
+
+def test_a_recorder_whose_torque_is_later_than_in_the_calibration_does_not_change_the_payload(pinocchio_arm, known):
+    chain, transmission, arm = known
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), True, seed=8, with_phase=False)
+    late = replace(run, current_a=np.roll(run.current_a, 2, axis=0))  # by 20 ms
+    found = solve(
+        single_problem(motion_over_time(late, transmission), chain, transmission.coupling, arm).problem, rough=True
+    )
+    value, deviation = payload(found)
+    assert found.value(RECORDER)[0] == pytest.approx(0.02, abs=0.002)
+    assert (np.abs(value - pinocchio_arm.payload.theta)[:4] < 4.0 * deviation[:4]).all()
 
 
 def test_a_pair_on_a_calibrated_arm_has_friction_of_the_day_and_of_each_run(pair, pinocchio_arm, known):

@@ -62,7 +62,7 @@ def test_the_payload_is_found_sample_by_sample(estimator, streams, pinocchio_arm
 
 
 def test_without_forgetting_it_is_the_batch_solve_of_the_same_run(calibration, streams, pinocchio_arm):
-    """The same terms and priors in another form: rows of half the time and two thirds of the window."""
+    """The same terms and priors in another form: rows of half the time and two thirds of the window, delay held."""
     chain, time_s, position, current = pinocchio_arm.chain, *streams[1]
     estimator = PayloadEstimator(calibration, chain, pinocchio_arm.transmission, memory_s=1e9)
     for k in range(len(time_s)):
@@ -72,7 +72,7 @@ def test_without_forgetting_it_is_the_batch_solve_of_the_same_run(calibration, s
     gains = calibration.transmission(pinocchio_arm.transmission)
     batch = identify(run, None, calibration.level(chain), gains, arm=calibration.known_arm(chain))
     half_width = batch.uncertainty.half_width_95[:4]
-    assert (np.abs(batch.plain_parameters.values[:4] - found.values) < 0.1 * half_width).all()
+    assert (np.abs(batch.plain_parameters.values[:4] - found.values) < 0.15 * half_width).all()
     np.testing.assert_allclose(found.half_width_95, half_width, rtol=0.25)
 
 
