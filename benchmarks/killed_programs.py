@@ -145,7 +145,7 @@ def feedforward(folder, shares):
     takes_s = undisturbed(folder / "notes", *words)
     for share in shares:
         before = (folder / "decisions.jsonl").read_text().splitlines()
-        (folder / "notes").unlink()
+        (folder / "notes").unlink(missing_ok=True)
         moment = killed(started(folder / "notes", *words), share * takes_s)
         lines = (folder / "decisions.jsonl").read_text().splitlines()
         kept = [json.loads(line) for line in lines][len(before) :]

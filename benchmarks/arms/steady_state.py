@@ -30,7 +30,7 @@ import armload_drivers.simulation.servo_loops
 import armload_identification.excitation.fourier
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.phase import Segment
-from armload_controller.motion.setpoints import plan_leg, plan_measured, plan_slow
+from armload_controller.motion.setpoints import plan_measured, plan_slow
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
@@ -41,6 +41,7 @@ from armload_identification.excitation.geometry.cartesian_speed import SpeedLimi
 from benchmarks.arms import streamed_arm
 from benchmarks.arms.period_cache import cache_directory, cached, fingerprint
 from benchmarks.arms.streamed_arm import noiseless, streamed
+from tests.planned_leg import plan_leg
 
 _MODULES = (
     armload_drivers.simulation.mujoco_plant,

@@ -84,11 +84,6 @@ class LegInterpolator:
         whole = self._leg.end_s - self._leg.start_s
         return min(max((self._sent.phase_s - self._leg.start_s) / whole, 0.0), 1.0) if whole > 0 else 1.0
 
-    @property
-    def first_segment(self) -> Segment:
-        """Segment of the first row."""
-        return self._segment
-
     def next_reference(self) -> Reference | None:
         """The next row; None if the leg has ended or was stopped."""
         goal = self._control.goal
@@ -110,13 +105,6 @@ class LegInterpolator:
         self._next += 1
         self._sent = reference.state
         return reference
-
-    def remaining(self) -> list[tuple[PhaseState, Segment]]:
-        """All rows up to the end, for a plan; `next_reference` must not be called afterwards."""
-        rows = []
-        while (row := self._advance()) is not None:
-            rows.append(row)
-        return rows
 
     # Planning: everything below is up to one chunk ahead of the rows taken. -----------------------------------
 

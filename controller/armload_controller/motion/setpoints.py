@@ -1,4 +1,4 @@
-"""Setpoints: the legs of a run, plans of uninterrupted motions, and the last stage before the drives.
+"""Setpoints: the legs of a run, and the last stage before the drives.
 
     approach    straight in joint space from the arm's position to the start of the path, or through via points
     slow round  one period at a quarter of the rate or less; it begins and ends where the ramp up begins
@@ -9,8 +9,6 @@ turns anything else into a jerk-limited motion.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from ruckig import (
@@ -24,8 +22,6 @@ from ruckig import (
 )
 
 from armload_controller.motion.joint_limits import MotionLimits
-from armload_controller.motion.leg_interpolator import LegInterpolator, along
-from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.paths import InfeasibleMotion, LinePath, bound_phase
 from armload_controller.motion.phase import Leg, PhaseState, Segment, ramp_to_rate
 from armload_controller.motion.slow_round_pace import reduced_pace
@@ -35,30 +31,6 @@ from armload_identification.excitation.geometry.cartesian_speed import SpeedLimi
 
 CYCLE_ROUNDING = 1e-6
 """Share of a cycle by which a period may differ from a whole number of cycles."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class MotionPlan:
-    """Every setpoint of an uninterrupted motion; N cycles, n joints.
-
-    Attributes:
-        position_rad: (N, n) joint positions.
-        velocity_rad_s: (N, n) joint velocities.
-        acceleration_rad_s2: (N, n) joint accelerations.
-        phase_s: (N,) phase on the path.
-        phase_rate: (N,) ds/dt.
-        segment: N parts of the run.
-    """
-
-    position_rad: FloatArray
-    velocity_rad_s: FloatArray
-    acceleration_rad_s2: FloatArray
-    phase_s: FloatArray
-    phase_rate: FloatArray
-    segment: tuple[Segment, ...]
-
-    def __len__(self) -> int:
-        return len(self.segment)
 
 
 def plan_measured(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> Leg:
@@ -100,15 +72,6 @@ def plan_slow(excitation: Excitation, measured: Leg, speed: SpeedLimit) -> Leg:
 def plan_approach(line: LinePath, limits: MotionLimits) -> Leg:
     """The leg along a straight line in joint space."""
     return Leg(line, line.phase_limits(limits), 0.0, line.duration_s, 1.0, Segment.APPROACH)
-
-
-def plan_leg(leg: Leg, cycle_s: float) -> MotionPlan:
-    """Every setpoint of an uninterrupted leg, including its start at rest."""
-    interpolator = LegInterpolator(leg, cycle_s, MotionControl())
-    rows = [(PhaseState(leg.start_s, 0.0, 0.0), interpolator.first_segment), *interpolator.remaining()]
-    states = [state for state, _ in rows]
-    s, rate = np.array([(x.phase_s, x.rate) for x in states]).T
-    return MotionPlan(*along(leg.path, states), s, rate, tuple(segment for _, segment in rows))
 
 
 class RuckigFollower:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_controller.motion.setpoints import Segment, plan_leg, plan_measured
+from armload_controller.motion.setpoints import Segment, plan_measured
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation
@@ -21,6 +21,7 @@ from benchmarks.arms.streamed_arm import noiseless
 from benchmarks.arms.trials import identified, trial
 from benchmarks.results.error_statistics import Census, Errors
 from tests.fake_servos import FakeServos
+from tests.planned_leg import plan_leg
 
 pytest.importorskip("mujoco")
 

@@ -18,7 +18,6 @@ from armload_controller.motion.motion_constraints import MotionConstraints
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, SpeedOutOfRange, TerminationStop
 from armload_controller.motion.obstacles import Obstacles
 from armload_controller.motion.phase import Segment
-from armload_controller.motion.setpoints import plan_leg
 from armload_controller.session.run_session import run_leg
 from armload_drivers.driver_errors import BusError, CommandError, LoopLost, ServoFault, ServoTimeout
 from armload_drivers.servos import JointFeedback
@@ -30,6 +29,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
 from armload_identification.signals.joint_torque import Transmission
+from tests.planned_leg import plan_leg
 
 N = 2
 CYCLE_S = 0.01

@@ -21,11 +21,11 @@ from armload_controller.motion.joint_and_speed_checks import (
 from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.obstacles import Obstacles
 from armload_controller.motion.paths import BlockedWay, LinePath, PhaseLimits
-from armload_controller.motion.setpoints import plan_leg
 from armload_identification.excitation.fourier import Excitation, FourierBounds, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, CarriedSphere, SpeedLimit
 from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
 from armload_identification.model.chain import pose_from_xyz_rpy
+from tests.planned_leg import plan_leg
 
 ROBOT = load_robot("prbt")
 CYCLE_S = 0.01

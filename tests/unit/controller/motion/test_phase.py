@@ -9,10 +9,11 @@ from armload_controller.motion.joint_limits import MotionLimits, check_setpoints
 from armload_controller.motion.leg_interpolator import LegInterpolator
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_controller.motion.phase import PhaseState, Segment, ramp_to_grid, ramp_to_rate
-from armload_controller.motion.setpoints import plan_leg, plan_measured, plan_slow
+from armload_controller.motion.setpoints import plan_measured, plan_slow
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
+from tests.planned_leg import plan_leg
 
 N = 2
 CYCLE_S = 0.01

@@ -11,13 +11,13 @@ from armload_controller.motion.phase import Segment
 from armload_controller.motion.setpoints import (
     RuckigFollower,
     plan_approach,
-    plan_leg,
     plan_measured,
     plan_slow,
 )
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.model.chain import Chain
+from tests.planned_leg import plan_leg
 
 N = 3
 CYCLE_S = 0.004
