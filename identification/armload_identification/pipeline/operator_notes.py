@@ -26,7 +26,7 @@ from armload_identification.verdict.decision_levels import ArmFit, PayloadFit, T
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
 from armload_identification.verdict.recording_checks.friction_validity import friction_notes, standard_deviations
 
-_CHECKED_BY: Final = "Several runs with a weighed payload can: `armload calibrate`."
+_CHECKED_BY: Final = "Several runs with a weighed payload show it: `armload calibrate`."
 
 
 def notes_on(

@@ -108,21 +108,11 @@ def _refuse_long_means(seen: _Run) -> None:
 
 
 def _refuse_velocity(seen: _Run) -> None:
-    """Raise for a velocity that is not the derivative of the position, or is so in degrees.
-
-    It is integrated over parts of the run and compared with the change of position, which noise hardly affects.
-    """
+    """Raise for a velocity that is not the derivative of the position, or is so in degrees."""
     run = seen.recording
     if run.velocity_rad_s is None or run.average is not None:
         return
-    velocity = np.nan_to_num(run.velocity_rad_s)
-    step_s = np.diff(run.time_s)[:, None]
-    whole = step_s < RunLevels.gap * np.median(step_s)
-    steps = np.diff(run.position_rad, axis=0), 0.5 * (velocity[1:] + velocity[:-1]) * step_s
-    starts = np.arange(0, len(step_s), max(len(step_s) // RunLevels.velocity_parts, 1))
-    change, expected = (np.add.reduceat(whole * step, starts, axis=0) for step in steps)
-    change, expected = change - change.mean(axis=0), expected - expected.mean(axis=0)
-    size = np.sqrt(np.sum(change**2, axis=0) * np.sum(expected**2, axis=0))
+    change, expected, size = _changes(run, np.nan_to_num(run.velocity_rad_s))
     moves = seen.moves & (size > 0.0)
     strange = moves & (np.sum(change * expected, axis=0) < Correlations.derivative * size)
     if strange.any():
@@ -142,6 +132,32 @@ def _refuse_velocity(seen: _Run) -> None:
                 f"{run.source.path}: joint {joint + 1} moves {times[joint]:.3g} times as fast as its velocity "
                 f"indicates. Its {what} look like degrees: convert them to radians."
             )
+
+
+def _refuse_velocity_as_effort(seen: _Run) -> None:
+    """Raise for a current or torque that is the derivative of the position on every joint."""
+    if seen.recording.average is None:
+        change, expected, size = _changes(seen.recording, reported_effort(seen.recording))
+        follows = np.sum(change * expected, axis=0) > Correlations.velocity * size
+        if seen.moves.sum() > 1 and follows[seen.moves].all():
+            raise RecordingError(
+                f"{seen.recording.source.path}: the current or torque of every joint is the derivative of its "
+                "position: these columns are velocities. Correct the column map."
+            )
+
+
+def _changes(run: Recording, rate: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Changes of position in parts of a run and the integral of a (N, n) rate, without means, and (n,) their size.
+
+    Noise hardly affects them.
+    """
+    step_s = np.diff(run.time_s)[:, None]
+    whole = step_s < RunLevels.gap * np.median(step_s)
+    steps = np.diff(run.position_rad, axis=0), 0.5 * (rate[1:] + rate[:-1]) * step_s
+    starts = np.arange(0, len(step_s), max(len(step_s) // RunLevels.velocity_parts, 1))
+    change, expected = (np.add.reduceat(whole * step, starts, axis=0) for step in steps)
+    change, expected = change - change.mean(axis=0), expected - expected.mean(axis=0)
+    return change, expected, np.sqrt(np.sum(change**2, axis=0) * np.sum(expected**2, axis=0))
 
 
 def _refuse_constant(seen: _Run) -> None:
@@ -215,6 +231,7 @@ PAIR_CHECKS = (_refuse_the_same_file, _refuse_exchanged_labels, require_same_eff
 RUN_CHECKS = (
     _refuse_long_means,
     _refuse_velocity,
+    _refuse_velocity_as_effort,
     _refuse_constant,
     _refuse_saturation,
     _refuse_stuck,

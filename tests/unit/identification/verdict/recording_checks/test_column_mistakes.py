@@ -231,6 +231,8 @@ def test_a_velocity_that_is_not_the_derivative_of_the_position_is_refused(pair, 
         require_sound(replace(run, position_rad=velocity, velocity_rad_s=run.position_rad), pinocchio_arm.transmission)
     with pytest.raises(RecordingError, match=r"velocity of joints 1 and 2 is not the derivative"):
         require_sound(replace(run, velocity_rad_s=velocity[:, [1, 0, 2, 3, 4, 5]]), pinocchio_arm.transmission)
+    with pytest.raises(RecordingError, match="these columns are velocities"):
+        require_sound(replace(run, current_a=measured), pinocchio_arm.transmission)
 
 
 @pytest.mark.parametrize(("what", "times"), [("positions", "57.3"), ("velocities", "0.0175")])
