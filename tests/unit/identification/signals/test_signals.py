@@ -296,6 +296,16 @@ def test_the_difference_of_runs_is_the_payloads_torque(pair, pinocchio_arm):
     assert (signal.mismatch_rad < 1e-5).all()
 
 
+def test_a_residual_of_single_samples_holds_the_noise_that_averaging_removed(pair, pinocchio_arm):
+    """Of P periods the average keeps 1 / P of the noise's variance; what a prediction misses is added to the rest."""
+    signal = load_signal(*pair, pinocchio_arm.transmission)
+    assert signal.periods[0] == signal.periods[1] > 1
+    removed = signal.noise_nm**2 * (1.0 - 1.0 / signal.periods[0])
+    for missed_nm in (0.0, 0.2):
+        found = signal.raw_residual_rms(signal.raw_nm + missed_nm)
+        np.testing.assert_allclose(found, np.sqrt(missed_nm**2 + removed))
+
+
 def test_without_a_period_the_runs_are_laid_over_each_other(pinocchio_arm):
     trajectory = pinocchio_arm.trajectory(period_s=10.0)
     loaded = pinocchio_arm.run(trajectory, True, seed=21, periods=2, with_phase=False)
