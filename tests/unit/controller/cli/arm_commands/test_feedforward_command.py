@@ -109,7 +109,7 @@ def test_with_a_calibration_the_arms_own_torque_is_a_third_curve(calibrated, fol
     first, second = calibrated.split("Following error beyond the servo's lag, RMS over time")
     for text, columns in ((first, 3), (second, 3)):
         for joint in range(1, 7):
-            (row,) = [line for line in text.splitlines() if f"prbt_joint_{joint} " in line and "%" in line]
+            (row,) = [line for line in text.splitlines() if line.startswith(f"│ prbt_joint_{joint} ") and "%" in line]
             assert len(re.findall("% (?:less|more)", row)) == columns
     (row,) = [line for line in second.splitlines() if "prbt_joint_3" in line and "% less" in line]
     payload, _, arm = (float(share) for share in re.findall(r"([\d.]+) % less", row))

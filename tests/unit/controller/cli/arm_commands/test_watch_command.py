@@ -11,8 +11,8 @@ from armload_controller.analysis import payload_watch
 @pytest.mark.parametrize(
     ("stated", "said"),
     [
-        (("--gain-drift", "3%"), "(3 % as stated"),
-        (("--reference", "unloaded_validation.mcap"), "(measured by unloaded_validation.mcap), which is corrected"),
+        (("--gain-drift", "3%"), "3 %, as stated;"),
+        (("--reference", "unloaded_validation.mcap"), "(measured by unloaded_validation.mcap): corrected."),
         (("--reference", "loaded_validation.mcap", "--reference-mass", "9.814"), "(measured by loaded_validation"),
     ],
 )
