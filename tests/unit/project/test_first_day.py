@@ -158,10 +158,12 @@ INTERRUPTIONS = {
 
 @pytest.fixture
 def day(armload, tmp_path, monkeypatch):
-    """er50 at 50 Hz with excitations of 8 s."""
+    """er50 at 50 Hz with excitations of 8 s; Ctrl-C is a stop also in a background job, which ignores it."""
     monkeypatch.chdir(tmp_path)
     write_arm(tmp_path, 4.0, 2, cycle_hz=50)
-    return Day(tmp_path, armload, monkeypatch)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield Day(tmp_path, armload, monkeypatch)
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.long
