@@ -3,10 +3,6 @@
 import ast
 from pathlib import Path
 
-import pytest
-
-pytestmark = pytest.mark.pure
-
 ROOT = Path(__file__).parents[3]
 STATES = {
     "Dictionary", "DraftedFile", "FleetTally", "GroupState", "PluginTiming", "ReadingAccount", "_EvenStretch",
