@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import (
     COULOMB,
-    DELAY,
     LINKS,
     LOAD_FRICTION,
     ROOT,
@@ -43,7 +42,7 @@ def identified_body(
         root_nm=found.value(ROOT),
         offset_nm=offset,
         load_friction=found.value(LOAD_FRICTION),
-        torque_delay_s=float(found.value(DELAY)[0]),
+        torque_delay_s=found.delay_s,
         reversal_speed_rad_s=reversal_speed_rad_s,
         coupling=found.problem.coupling,
     )

@@ -110,6 +110,11 @@ class Posterior:
         """
         return np.asarray(self.x[self.problem.own_place(name, group, run)])
 
+    @property
+    def delay_s(self) -> float:
+        """Delay of the torque, all its terms together."""
+        return self.groups[0].torque[0].delay_s
+
     @cached_property
     def change_deviation(self) -> FloatArray:
         """(o,) standard deviations of the own unknowns of another run: those of these runs, but not below the stated.

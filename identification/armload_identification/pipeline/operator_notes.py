@@ -12,7 +12,6 @@ from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_estimate import PayloadEstimate, gear_asymmetry
-from armload_identification.estimation.terms import Shared
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.recording.recording import Recording
@@ -100,8 +99,7 @@ def _on_times(loaded: Recording, found: Identification) -> list[str]:
                 f"A period took {took_s:.4g} s by the time stamps, {stated_s:.4g} s by the excitation: if the clock is "
                 "wrong, so are accelerations and what follows from them. Check the time stamps."
             )
-    posterior = found.plain.posterior
-    delay_s = sum(float(posterior.value(term.name)[0]) for term in posterior.problem.terms if term.law is Shared.DELAY)
+    delay_s = found.plain.posterior.delay_s
     if abs(delay_s) > Timing.late_s:
         notes.append(
             f"The torque belongs to positions {1e3 * abs(delay_s):.0f} ms {'before' if delay_s > 0.0 else 'after'} it. "

@@ -15,6 +15,7 @@ from armload_identification.estimation.arm_terms import (
     RECORDER,
     SESSION_FRICTION,
 )
+from armload_identification.estimation.identified_body import identified_body
 from armload_identification.estimation.payload_problem import HELD, pair_problem, single_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.solve import solve
@@ -144,10 +145,11 @@ def test_a_recorder_whose_torque_is_later_than_in_the_calibration_does_not_chang
     chain, transmission, arm = known
     run = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), True, seed=8, with_phase=False)
     late = replace(run, current_a=np.roll(run.current_a, 2, axis=0))  # by 20 ms
-    found = solve(
-        single_problem(motion_over_time(late, transmission), chain, transmission.coupling, arm).problem, rough=True
-    )
+    problem = single_problem(motion_over_time(late, transmission), chain, transmission.coupling, arm)
+    found = solve(problem.problem, rough=True)
     value, deviation = payload(found)
+    body = identified_body(found, problem.base, problem.peak_rad_s, np.zeros((3, chain.n)))
+    assert body.torque_delay_s == pytest.approx(arm.body.torque_delay_s + 0.02, abs=0.002)
     assert found.value(RECORDER)[0] == pytest.approx(0.02, abs=0.002)
     assert (np.abs(value - pinocchio_arm.payload.theta)[:4] < 4.0 * deviation[:4]).all()
 

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_identification.estimation.arm_terms import DELAY, GAIN, LAWS
 from armload_identification.pipeline.operator_notes import misfit_notes, notes_on
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import ABOVE_BAND
@@ -51,11 +50,7 @@ def signal(**changes):
 def found_of(share=0.01, **changes):
     """An identification that leaves a share of the torque of each joint."""
     plain = {"theta": np.zeros(10), "rank": 10, "noise_nm": np.ones(JOINTS), "load_friction": np.full(JOINTS, 0.05)}
-    delay_s = changes.pop("delay_s", 0.001)
-    terms = [SimpleNamespace(name=name, law=LAWS[name]) for name in (GAIN, DELAY)]
-    plain["posterior"] = SimpleNamespace(
-        problem=SimpleNamespace(terms=terms), value={GAIN: np.ones(JOINTS), DELAY: np.array([delay_s])}.get
-    )
+    plain["posterior"] = SimpleNamespace(delay_s=changes.pop("delay_s", 0.001))
     plain = with_changes(plain, {name: changes.pop(name) for name in [*plain] if name in changes})
     base = {
         "plain": plain,
