@@ -34,9 +34,9 @@ if TYPE_CHECKING:
 CHANGES: Final = 3
 """Changes of a run's friction per joint: Coulomb, viscous, offset."""
 GAIN, LINKS, ROTORS, LOAD_FRICTION = "log_h", "links", "rotors", "load"
-RECORDER: Final = "recorder"
 COULOMB, VISCOUS, ROOT, DELAY, TILT = "coulomb", "viscous", "root", "delay", "tilt"
 PAYLOAD, FRICTION_CHANGE, SESSION_FRICTION = "payload", "friction change", "friction of the session"
+RECORDER: Final = "recorder"
 ARM_TERMS: Final = (GAIN, LINKS, ROTORS, LOAD_FRICTION, COULOMB, VISCOUS, ROOT, DELAY, TILT)
 """In the order of a calibration's covariance. Its file does not name them: in another order, existing files would be
 read wrongly."""

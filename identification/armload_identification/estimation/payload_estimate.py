@@ -26,8 +26,7 @@ from armload_identification.estimation.solve import solve
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.mass_center import MassCenterCovariance, unknown_deviation
 from armload_identification.model.regressor import PARAMETERS
-from armload_identification.signals.reversals import TURN_OVER
-from armload_identification.signals.signal_constants import Standstill
+from armload_identification.signals.reversals import reversal_speed
 
 
 def estimate_of(
@@ -284,5 +283,5 @@ class PayloadEstimate:
 
     def body(self, run: int) -> BodyModel:
         """The arm as it was in a run of the group."""
-        speed = np.maximum(TURN_OVER * self.arm.peak_rad_s, Standstill.slowest_rad_s)
+        speed = reversal_speed(self.arm.peak_rad_s[None])
         return identified_body(self.posterior, self.arm.base, speed, self.friction(run))

@@ -242,9 +242,7 @@ def _jumps(position: FloatArray, reach_rad: float) -> NDArray[np.bool_]:
         return jumps
     steps = np.flatnonzero((step > reach_rad / (_JUMP_WINDOW - 1)).any(axis=1))
     near = np.unique(np.clip(steps[:, None] + np.arange(-_JUMP_WINDOW, _JUMP_WINDOW + 1), 0, len(position) - 1))
-    padded = np.pad(position, ((_JUMP_WINDOW // 2, _JUMP_WINDOW // 2), (0, 0)), mode="edge")
-    usual = np.median(sliding_window_view(padded, _JUMP_WINDOW, axis=0)[near], axis=-1)
-    jumps[near] = (np.abs(position[near] - usual) > reach_rad).any(axis=1)
+    jumps[near] = (_from_neighbours(position, near, _JUMP_WINDOW) > reach_rad).any(axis=1)
     return jumps
 
 
@@ -256,11 +254,18 @@ def _spikes(effort: FloatArray) -> NDArray[np.bool_]:
     far = np.where(usual_step > 0.0, _SPIKE * usual_step, np.inf)
     joints = min(2, effort.shape[1])
     (steps,) = np.nonzero(np.count_nonzero(step > far, axis=1) >= joints)
+    if not steps.size:
+        return spikes
     near = np.unique(np.clip(steps[:, None] + np.arange(2), 0, len(effort) - 1))
-    padded = np.pad(effort, ((_SPIKE_WINDOW // 2, _SPIKE_WINDOW // 2), (0, 0)), mode="edge")
-    usual = np.median(sliding_window_view(padded, _SPIKE_WINDOW, axis=0)[near], axis=-1)
-    spikes[near] = np.count_nonzero(np.abs(effort[near] - usual) > far, axis=1) >= joints
+    spikes[near] = np.count_nonzero(_from_neighbours(effort, near, _SPIKE_WINDOW) > far, axis=1) >= joints
     return spikes & (np.mean(spikes) > _SPIKES)
+
+
+def _from_neighbours(values: FloatArray, rows: NDArray[np.intp], window: int) -> FloatArray:
+    """(k, n) distances of k rows of (N, n) values from the medians of the windows about them."""
+    padded = np.pad(values, ((window // 2, window // 2), (0, 0)), mode="edge")
+    usual = np.median(sliding_window_view(padded, window, axis=0)[rows], axis=-1)
+    return np.asarray(np.abs(values[rows] - usual))
 
 
 def _longest_increasing(values: FloatArray) -> NDArray[np.intp]:
