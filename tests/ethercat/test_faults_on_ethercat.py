@@ -160,9 +160,12 @@ def recover(settings):
                 reset(bring_up, f"joint_{number + 1}", lambda question: True)
 
 
-def comes_to_be_without_torque():
-    """A drive that hung obeys what it was told before; its watchdog acts within 2 s."""
-    end_s = time.monotonic() + 5.0
+def comes_to_be_without_torque(within_s=5.0):
+    """A drive that hung obeys what it was told before; its watchdog acts within 2 s, or as it was set.
+
+    The drives run in a process of their own, which a busy machine may schedule late.
+    """
+    end_s = time.monotonic() + within_s
     while any(powered()) and time.monotonic() < end_s:
         time.sleep(0.05)
     assert not any(powered())
@@ -297,8 +300,7 @@ def test_a_broken_cable_stops_the_arm_and_names_who_is_lost(make_arm):
     problem = arm.stop(Cause.MISSING_FEEDBACK)
     assert "joint_4" in str(problem), "of the drives behind the cut nothing can be read back"
     assert "emergency stop" in str(problem)
-    time.sleep(0.3)
-    assert not any(powered())
+    comes_to_be_without_torque(within_s=1.0)
 
 
 def test_a_hung_firmware_in_motion_has_left_its_course(make_arm):
@@ -345,8 +347,7 @@ def test_an_unplugged_cable_is_named_and_the_drives_stop_by_themselves(make_arm)
         assert "no link" in str(arm.stop(Cause.LINK))
         with pytest.raises(TorqueRemains, match="emergency stop"):
             arm.servos.close()  # nothing can be read back without a cable
-        time.sleep(0.3)
-        assert not any(powered())
+        comes_to_be_without_torque(within_s=1.0)
     finally:
         set_far_end("up")
 
@@ -547,7 +548,7 @@ def test_a_master_that_is_not_scheduled_finds_stopped_drives(settings, away_s, w
         assert all(powered())
         master.send_signal(signal.SIGSTOP)
         time.sleep(away_s)
-        assert not any(powered())
+        comes_to_be_without_torque(within_s=1.0)
         stood = [drive["position"] for drive in drive_states()]
         master.send_signal(signal.SIGCONT)
         cause, text = json.loads(master.stdout.readline())
