@@ -31,7 +31,7 @@ from armload_identification.files.calibration_file import write_calibration
 from benchmarks.accuracy.simulated_motion import calibration_of
 from benchmarks.arms.setups import Twin
 from benchmarks.timing.loop_probe import PARTS, ROBOT, SocketBus, loop
-from benchmarks.timing.startup import PYTHON, REFERENCE, cpu_s
+from benchmarks.timing.startup import INSTALLED, PYTHON, REFERENCE, cpu_s
 
 ROUNDS = 7
 MOST_MB, MOST_START = 70.0, 3.0
@@ -53,7 +53,9 @@ def run(hours: float = HOURS) -> None:
                 arguments = f"Path({str(calibration)!r}), {theirs.fileno()}"
                 program = f"from benchmarks.timing.loop_probe import *; only_the_loop({arguments})"
                 command = [*PYTHON, f"import gc; gc.disable(); {program}"]
-                done = subprocess.run(command, check=True, capture_output=True, text=True, pass_fds=[theirs.fileno()])
+                done = subprocess.run(
+                    command, check=True, capture_output=True, text=True, pass_fds=[theirs.fileno()], env=INSTALLED
+                )
             theirs.close()
             measured.append([float(number) for number in done.stdout.split()])
         constructed, enabled, peak = np.median(np.array(measured[1:]), axis=0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
 
 @dataclass(frozen=True)
@@ -53,6 +52,8 @@ class PrintedResult(ABC):
 
     def _repr_html_(self) -> str:
         """The table for a notebook."""
+        from html import escape
+
         table = self.table()
 
         def row(cells: Sequence[str], tag: str) -> str:

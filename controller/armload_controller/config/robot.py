@@ -3,6 +3,8 @@
 Three kinds of file share the same tables: an arm on a bus (`[bus]` and a drive per joint), an arm known only from logs
 (`[log]`), and either of these with a `[simulation]`. Besides the form and consistency of the tables, it is checked that
 the cycle fits the bus, that the joints can hold the stated payloads, and that the files it names can be used.
+
+A process that only runs the loop loads a robot too: what it does not use is imported where it is needed.
 """
 
 from __future__ import annotations
@@ -14,36 +16,38 @@ from functools import cached_property
 from importlib import resources
 from os import PathLike, fspath
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armload_controller.config.drive_profiles import with_profiles
 from armload_controller.config.robot_drives import RobotDrives
-from armload_controller.config.robot_limits import RobotLimits
 from armload_controller.config.robot_payloads import RobotPayloads
-from armload_controller.config.robot_simulation import RobotSimulation
 from armload_controller.config.robot_source import RobotSource
-from armload_controller.config.robot_torque_limits import RobotStrength
 from armload_controller.config.tables.drive_tables import VIRTUAL, BusTable
 from armload_controller.config.tables.robot_file import RobotFile
 from armload_controller.config.urdf_tree import is_urdf
 from armload_controller.control_errors import CommissioningError, ConfigurationError
-from armload_controller.motion.motion_constraints import MotionConstraints
-from armload_controller.motion.obstacles import Obstacles
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.excitation_file import read_excitation
 from armload_identification.excitation.fourier import Excitation
-from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, CarriedSphere
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.identification_errors import IdentificationError, ModelError
-from armload_identification.recording.csv_columns import CsvColumns
-from armload_identification.recording.joint_names import JointNames
-from armload_identification.recording.recording import Recording, check_joints
-from armload_identification.signals.joint_torque import Transmission
 from armload_identification.storage.regular_file import require_regular
 from armload_identification.storage.strict_toml import BadValue, read_text, toml_values, validated
-from armload_identification.verdict.recording_checks.impossible_magnitudes import ArmMagnitudes, require_possible
+
+if TYPE_CHECKING:
+    from armload_controller.config.robot_limits import RobotLimits
+    from armload_controller.config.robot_simulation import RobotSimulation
+    from armload_controller.config.robot_torque_limits import RobotStrength
+    from armload_controller.motion.motion_constraints import MotionConstraints
+    from armload_controller.motion.obstacles import Obstacles
+    from armload_identification.excitation.design_envelope import Envelope
+    from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
+    from armload_identification.recording.csv_columns import CsvColumns
+    from armload_identification.recording.recording import Recording
+    from armload_identification.signals.joint_torque import Transmission
+    from armload_identification.verdict.recording_checks.impossible_magnitudes import ArmMagnitudes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -130,6 +134,10 @@ class Robot(RobotSource):
 
     def own(self, recording: Recording) -> Recording:
         """A recording with this arm's joints; see `MeasuredArm.own`."""
+        from armload_identification.recording.joint_names import JointNames
+        from armload_identification.recording.recording import check_joints
+        from armload_identification.verdict.recording_checks.impossible_magnitudes import require_possible
+
         path, name = recording.source.path, recording.source.run().get("robot", self.name)
         if name != self.name:
             raise CommissioningError(
@@ -149,6 +157,8 @@ class Robot(RobotSource):
     @cached_property
     def _magnitudes(self) -> ArmMagnitudes:
         """Ranges, speeds and torques that the joints can physically have."""
+        from armload_identification.verdict.recording_checks.impossible_magnitudes import ArmMagnitudes
+
         limits = self.limits.motion
         body = None if self.tables.body is None else self.strength.arm_body
         return ArmMagnitudes(
@@ -168,6 +178,8 @@ class Robot(RobotSource):
     @cached_property
     def limits(self) -> RobotLimits:
         """Limits and noise of the joints."""
+        from armload_controller.config.robot_limits import RobotLimits
+
         return RobotLimits(self)
 
     @cached_property
@@ -178,11 +190,15 @@ class Robot(RobotSource):
     @cached_property
     def strength(self) -> RobotStrength:
         """Torque available to the joints for a motion with a payload."""
+        from armload_controller.config.robot_torque_limits import RobotStrength
+
         return RobotStrength(self, self.payloads, self.drives.coupling)
 
     @cached_property
     def simulation(self) -> RobotSimulation:
         """The simulated twin."""
+        from armload_controller.config.robot_simulation import RobotSimulation
+
         return RobotSimulation(self, self.drives.coupling)
 
     @property
@@ -212,6 +228,8 @@ class Robot(RobotSource):
         Raises:
             ConfigurationError: the URDF that the file names cannot be used.
         """
+        from armload_controller.motion.obstacles import Obstacles
+
         table = self.tables.workspace
         try:
             meshes = None if table is None else table.meshes(self.folder, self.chain, self.joint_names)
@@ -225,6 +243,8 @@ class Robot(RobotSource):
 
         The same with every load: what the arm carries before it is identified is known from its file only.
         """
+        from armload_identification.excitation.geometry.cartesian_speed import CarriedSphere
+
         flange = self.n + 1
         tool = (CarriedSphere("tool", s.center_m, s.radius_m) for s in self.workspace.spheres if s.link == flange)
         return replace(self.limits.points, carried=(*tool, *self.payloads.envelopes))
@@ -241,6 +261,8 @@ class Robot(RobotSource):
             ConfigurationError: the file states neither the arm's body nor its share of the torque.
             ExcitationError: nothing is left of a range.
         """
+        from armload_identification.excitation.design_envelope import Envelope
+
         return Envelope(
             self.limits.excitation.reduced(position_margin_rad, rate_share),
             self.strength.limits(torque_share),
@@ -255,6 +277,8 @@ class Robot(RobotSource):
         Raises:
             ConfigurationError: the URDF cannot be used, or friction alone uses up a joint's torque.
         """
+        from armload_controller.motion.motion_constraints import MotionConstraints
+
         limits = self.limits
         return MotionConstraints(
             self.sha256,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,15 +13,16 @@ from armload_controller.config.drive_profiles import read_profile
 from armload_controller.config.robot_source import RobotSource
 from armload_controller.config.tables.drive_tables import OF_THE_JOINT
 from armload_controller.config.tables.joint_table import JointTable
-from armload_controller.config.tables.profile_table import ProfileFile
 from armload_core.arrays import FloatArray
-from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import ArmSettings, Fieldbus
 from armload_drivers.cia402.bus_budget import require_room
 from armload_drivers.cia402.drive_safety import Safety
-from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.driver_errors import BusOverload, DescriptionError
 from armload_identification.signals.joint_torque import Transmission
+
+if TYPE_CHECKING:
+    from armload_controller.config.tables.profile_table import ProfileFile
+    from armload_drivers.cia402.eds_parser import DeviceDescription
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,8 @@ class RobotDrives:
         Raises:
             ConfigurationError: a description cannot be used.
         """
+        from armload_drivers.bring_up.description_file import read_description
+
         found = {}
         for joint, key, name in self._named("description"):
             try:

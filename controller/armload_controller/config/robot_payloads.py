@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armload_controller.config.robot_source import RobotSource
-from armload_identification.excitation.geometry.cartesian_speed import CarriedSphere
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque
+
+if TYPE_CHECKING:
+    from armload_identification.excitation.geometry.cartesian_speed import CarriedSphere
 
 _POSES = 512
 """Random poses in which the joints must hold every payload at rest."""

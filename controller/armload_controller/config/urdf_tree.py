@@ -12,12 +12,15 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
+from typing import TYPE_CHECKING
 
 from armload_controller.control_errors import ConfigurationError
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import pose_from_xyz_rpy
 from armload_identification.storage.regular_file import read_whole
+
+if TYPE_CHECKING:
+    from xml.etree import ElementTree
 
 _REVOLUTE_TYPES = ("revolute", "continuous")
 _HAND_WORDS = {"gripper", "finger", "jaw", "thumb", "knuckle", "hand", "pinky", "pincer", "claw"}
@@ -174,6 +177,8 @@ def read_urdf_tree(path: Path) -> UrdfTree:
 
 def _parsed(path: Path, data: bytes) -> ElementTree.Element:
     """The `<robot>` element of a file."""
+    from xml.etree import ElementTree
+
     try:
         root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, LookupError, ValueError) as error:

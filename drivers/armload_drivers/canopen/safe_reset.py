@@ -16,9 +16,9 @@ Rules of this file:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup
-from armload_drivers.bring_up.powered_drive import PoweredDrive, judged
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.rival_master import ForeignTraffic
 from armload_drivers.canopen.canopen_setup import CanopenSetup
@@ -27,6 +27,9 @@ from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.drive_safety import HEARTBEAT_TOLERANCE
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState
 from armload_drivers.cia402.state_machine import State
+
+if TYPE_CHECKING:
+    from armload_drivers.bring_up.powered_drive import PoweredDrive
 
 
 def answering_drives(setups: Sequence[CanopenSetup], arm: ArmSettings, link: BusLink) -> list[CanopenSetup]:
@@ -48,6 +51,8 @@ def answering_drives(setups: Sequence[CanopenSetup], arm: ArmSettings, link: Bus
         ServoError: a silent node is in OPERATIONAL, or a master is heard; or an SDO failed.
         BusError: the bus failed.
     """
+    from armload_drivers.bring_up.powered_drive import PoweredDrive, judged
+
     answering = [setup for setup in setups if setup.identify_before_reset()]
     silent = [setup for setup in setups if setup not in answering]
     if not silent:
@@ -90,6 +95,8 @@ def powered_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLink
         ServoError: a drive does not report its state, position or scale.
         BusError: the bus failed.
     """
+    from armload_drivers.bring_up.powered_drive import judged
+
     powered = {setup: state for setup in setups if (state := setup.read_powered_state()) is not None}
     if not powered:
         return []

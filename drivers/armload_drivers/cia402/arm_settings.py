@@ -10,10 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum, IntEnum
+from typing import TYPE_CHECKING
 
 from armload_core.arrays import FloatArray
-from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
+
+if TYPE_CHECKING:
+    from armload_drivers.cia402.eds_parser import DeviceDescription
 
 NODE_IDS = frozenset(range(1, 128))
 """Node ids of CANopen."""

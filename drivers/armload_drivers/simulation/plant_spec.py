@@ -10,11 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from armload_core.arrays import FloatArray
-from armload_drivers.simulation.servo_loops import INTEGRAL_TIME_S
-
-BRAKE_DELAY_S = 0.05
-"""Usual time in which a servo motor's holding brake closes: data sheets give 10 ms for small and 100 ms for large
-ones."""
+from armload_drivers.simulation.servo_loops import BRAKE_DELAY_S, INTEGRAL_TIME_S
 
 
 class PlantVariant(Enum):

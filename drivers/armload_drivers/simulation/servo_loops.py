@@ -24,6 +24,9 @@ drives the motor.
 POSITION_GAIN_1_S = 25.0
 VELOCITY_BANDWIDTH_HZ = 40.0
 INTEGRAL_TIME_S = 0.020
+BRAKE_DELAY_S = 0.05
+"""Usual time in which a servo motor's holding brake closes: data sheets give 10 ms for small and 100 ms for large
+ones."""
 EFFICIENCY_FORWARD = 0.85
 EFFICIENCY_BACKWARD = 0.75
 GREATEST_SPEED_RAD_S = 100.0

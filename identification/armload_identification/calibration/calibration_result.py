@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,19 +26,20 @@ from armload_identification.estimation.arm_terms import (
     known_arm_terms,
 )
 from armload_identification.estimation.base_tilt import sideways, tilt_axes
-from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.problem import EMPTY, Known
-from armload_identification.estimation.terms import Term
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.body_model import BodyModel, smooth_sign
 from armload_identification.model.chain import Chain
-from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import body_regressor, rotor_columns
 from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission, gain_shares
-from armload_identification.signals.reversals import TURN_OVER
+
+if TYPE_CHECKING:
+    from armload_identification.estimation.empty_arm.known_arm import KnownArm
+    from armload_identification.estimation.problem import Known
+    from armload_identification.estimation.terms import Term
+    from armload_identification.model.joint_states import JointStates
 
 DETERMINED_WITHIN: Final = 0.05
 """A gain is determined if the half width of its 95 % interval is at most this share of it."""
@@ -211,6 +212,8 @@ class ArmCalibration:
     @property
     def middle_speed_rad_s(self) -> FloatArray:
         """(n,) half of each joint's greatest speed in the runs, at which its friction is reported."""
+        from armload_identification.signals.reversals import TURN_OVER
+
         return np.asarray(0.5 * self.body.reversal_speed_rad_s / TURN_OVER)
 
     @property
@@ -302,6 +305,8 @@ class ArmCalibration:
 
     def _gaussian(self) -> tuple[tuple[Term, ...], Known]:
         """The terms for torque computed with these gains on a level arm, and the Gaussian over all of them."""
+        from armload_identification.estimation.problem import EMPTY, Known
+
         values = self._values(np.zeros(self.n), np.zeros(2))
         turn = np.ones(len(self.covariance))
         turn[self._place(GAIN)] = -1.0
@@ -338,6 +343,8 @@ class ArmCalibration:
         Args:
             chain: The configured arm.
         """
+        from armload_identification.estimation.empty_arm.known_arm import KnownArm
+
         level = self.level(chain)
         terms, known = self._gaussian()
         return KnownArm(

@@ -24,6 +24,7 @@ from armload_identification.storage.strict_toml import (
     BadValue,
     NumberList,
     NumberRows,
+    SymmetricRows,
     Table,
     Text,
     parse,
@@ -121,7 +122,7 @@ class _LeftOutTable(Table):
 class _UncertaintyTable(Table):
     """Covariance of all unknowns."""
 
-    covariance: NumberRows
+    covariance: SymmetricRows
 
 
 class _CalibrationFile(Table):
@@ -198,8 +199,9 @@ def format_calibration(result: ArmCalibration) -> str:
     for name, reason in result.left_out:
         lines += table("[left_out]", {"name": name, "reason": reason})
     lines += [
-        "# Of ln gain, base parameters, rotors, load, Coulomb, viscous and root friction, delay (s), tilt (rad).",
-        *table("uncertainty", {"covariance": result.covariance}),
+        "# Of ln gain, base parameters, rotors, load, Coulomb, viscous and root friction, delay (s), tilt (rad);",
+        "# it is symmetric, and each row ends at the diagonal.",
+        *table("uncertainty", {"covariance": [row[:end] for end, row in enumerate(result.covariance, 1)]}),
         *provenance_lines(result.provenance),
     ]
     return "\n".join(lines)

@@ -17,7 +17,6 @@ from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.empty_arm.known_arm_rows import KnownArmRows
-from armload_identification.estimation.physical_consistency import nearest_possible
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
@@ -108,6 +107,8 @@ class LivePayload:
         Raises:
             EstimationError: no possible body was found.
         """
+        from armload_identification.estimation.physical_consistency import nearest_possible
+
         if not self.mass_kg > max(float(self.half_width_95[0]), _WEIGHTLESS_KG):
             return None
         try:

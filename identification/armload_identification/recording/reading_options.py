@@ -8,10 +8,10 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from armload_identification.identification_errors import NamelessColumns
-from armload_identification.recording.csv_columns import CsvColumns
 
 if TYPE_CHECKING:  # the command line's options need no numpy
     from armload_core.arrays import FloatArray
+    from armload_identification.recording.csv_columns import CsvColumns
 
 
 class Effort(StrEnum):

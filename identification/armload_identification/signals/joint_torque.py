@@ -7,15 +7,17 @@ the power is the same on both sides, tau_joint = C^-T tau_axis.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError, RecordingError
-from armload_identification.recording.recording import Recording
 from armload_identification.signals.signal_constants import NominalGain, ReportedTorque
+
+if TYPE_CHECKING:
+    from armload_identification.recording.recording import Recording
 
 
 @dataclass(frozen=True, eq=False)

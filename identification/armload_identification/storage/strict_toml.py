@@ -7,10 +7,9 @@ most similar key in the file. The same reader is used for robot files and files 
 
 from __future__ import annotations
 
-import difflib
 import math
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar, get_args
 
@@ -194,10 +193,21 @@ def _number_rows(value: object) -> NDArray[np.float64]:
     return np.array(value, dtype=np.float64)
 
 
+def _symmetric_rows(value: object) -> NDArray[np.float64]:
+    """A symmetric matrix: rows that end at its diagonal, or whole rows."""
+    rows = value if isinstance(value, list) else []
+    if [len(row) if isinstance(row, list) else 0 for row in rows] != list(range(1, len(rows) + 1)):
+        return _number_rows(value)
+    lower = _number_rows([[*row, *[0.0] * (len(rows) - len(row))] for row in rows])
+    return np.asarray(lower + np.tril(lower, -1).T)
+
+
 NumberList = Annotated[NDArray[np.float64], PlainValidator(_number_list)]
 """(k,) finite numbers, k >= 1."""
 NumberRows = Annotated[NDArray[np.float64], PlainValidator(_number_rows)]
 """(k, m) finite numbers, k and m >= 1."""
+SymmetricRows = Annotated[NDArray[np.float64], PlainValidator(_symmetric_rows)]
+"""(k, k) finite numbers, written up to the diagonal."""
 
 
 def require_shape(key: str, found: NDArray[np.float64], shape: tuple[int, ...]) -> None:
@@ -291,7 +301,7 @@ def _near_missing(problem: ErrorDetails, tables: type[Table]) -> str | None:
     """An unknown key of the same table that is similar to the missing one."""
     fields = _fields_at(problem["loc"][:-1], tables)
     strangers = [key for key in problem["input"] if key not in fields]
-    return next(iter(difflib.get_close_matches(str(problem["loc"][-1]), strangers, n=1, cutoff=_KEYS_ALIKE)), None)
+    return _most_similar(str(problem["loc"][-1]), strangers)
 
 
 def _near_unknown(loc: Sequence[int | str], tables: type[Table]) -> str:
@@ -300,8 +310,15 @@ def _near_unknown(loc: Sequence[int | str], tables: type[Table]) -> str:
     owner = next((path for path, model in _all_tables(tables, "") if path and key in model.model_fields), None)
     if owner is not None:
         return f" here: it belongs to {owner}"
-    close = difflib.get_close_matches(key, _fields_at(loc[:-1], tables), n=1, cutoff=_KEYS_ALIKE)
-    return f": did you mean {close[0]}?" if close else ""
+    close = _most_similar(key, _fields_at(loc[:-1], tables))
+    return f": did you mean {close}?" if close else ""
+
+
+def _most_similar(key: str, others: Iterable[str]) -> str | None:
+    """The key of which this one may be a misspelling."""
+    import difflib
+
+    return next(iter(difflib.get_close_matches(key, list(others), n=1, cutoff=_KEYS_ALIKE)), None)
 
 
 def _fields_at(loc: Sequence[int | str], tables: type[Table]) -> Mapping[str, FieldInfo]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
 
 import numpy as np
@@ -20,12 +20,12 @@ def number(value: float) -> str:
     return repr(float(value))
 
 
-def array(value: ArrayLike) -> str:
-    """An array of floats; a matrix gets one line per row."""
-    numbers = np.asarray(value, dtype=np.float64)
-    if numbers.ndim == 1:
-        return "[" + ", ".join(number(v) for v in numbers) + "]"
-    return "[\n" + "".join(f"    {array(row)},\n" for row in numbers) + "]"
+def array(values: Iterable[ArrayLike]) -> str:
+    """An array of floats; a matrix, or rows of any lengths, gets one line per row."""
+    entries = [np.asarray(entry, dtype=np.float64) for entry in values]
+    if all(entry.ndim == 0 for entry in entries):
+        return "[" + ", ".join(number(float(entry)) for entry in entries) + "]"
+    return "[\n" + "".join(f"    {array(row)},\n" for row in entries) + "]"
 
 
 def value(content: object) -> str:
@@ -42,7 +42,7 @@ def value(content: object) -> str:
         return inline({text(key): value(entry) for key, entry in content.items()})
     if isinstance(content, Sequence) and all(isinstance(entry, str) for entry in content):
         return "[" + ", ".join(text(entry) for entry in content) + "]"
-    return array(np.asarray(content))
+    return array(content if isinstance(content, Sequence) else np.asarray(content))
 
 
 def table(name: str, values: Mapping[str, object]) -> list[str]:

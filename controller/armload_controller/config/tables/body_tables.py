@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from pydantic import model_validator
 
 from armload_controller.config.tables.table_types import NonNegative, Positive, Vector3
 from armload_core.arrays import FloatArray
-from armload_drivers.simulation.plant_spec import RigidBody
-from armload_identification.excitation.geometry.cartesian_speed import CarriedSphere
 from armload_identification.files.inertia_table import InertiaTable
 from armload_identification.model.dynamics import ArmBody
 from armload_identification.model.payload import InertialParameters
 from armload_identification.storage.strict_toml import BadValue, Table
+
+if TYPE_CHECKING:
+    from armload_drivers.simulation.plant_spec import RigidBody
+    from armload_identification.excitation.geometry.cartesian_speed import CarriedSphere
 
 _WATER_KG_M3 = 1000.0
 """Density of an envelope that a file does not state."""
@@ -29,6 +31,8 @@ class BodyTable(Table):
 
     def rigid_body(self) -> RigidBody:
         """For the simulated arm."""
+        from armload_drivers.simulation.plant_spec import RigidBody
+
         return RigidBody(self.mass_kg, np.array(self.center_of_mass_m), self.inertia_kg_m2.tensor())
 
     def inertial(self) -> InertialParameters:
@@ -66,6 +70,8 @@ class CarriedPayloadTable(PayloadTable):
 
     def envelope(self, name: str) -> CarriedSphere:
         """The sphere, with the assumed radius if the file gives none."""
+        from armload_identification.excitation.geometry.cartesian_speed import CarriedSphere
+
         radius_m = self.assumed_radius[0] if self.envelope_radius_m is None else self.envelope_radius_m
         return CarriedSphere(name, np.array(self.center_of_mass_m), radius_m)
 

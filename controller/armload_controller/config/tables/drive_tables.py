@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -24,10 +24,12 @@ from armload_drivers.cia402.arm_settings import (
     VendorSetting,
 )
 from armload_drivers.cia402.drive_safety import SAFETY_KEYS, property_of
-from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
 from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_identification.storage.strict_toml import BadValue, Table
+
+if TYPE_CHECKING:
+    from armload_drivers.cia402.eds_parser import DeviceDescription
 
 _OBJECT_INDEX = re.compile("[0-9A-Fa-f]{4}")
 _NUMBER_TYPES = {

@@ -5,7 +5,7 @@ Every limit must be given, an unknown key is an error, and text is not accepted 
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -16,8 +16,10 @@ from armload_controller.config.tables.kinematics_table import KinematicsTable, T
 from armload_controller.config.tables.simulation_table import SimulationTable
 from armload_controller.config.tables.table_types import Positive, Vector3
 from armload_controller.config.tables.workspace_table import WorkspaceTable
-from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.storage.strict_toml import BadValue, Table, Text
+
+if TYPE_CHECKING:
+    from armload_identification.recording.csv_columns import CsvColumns
 
 
 class RobotTable(Table):
@@ -75,6 +77,8 @@ class LogTable(Table):
 
     def csv_columns(self) -> CsvColumns:
         """For the reader of recordings."""
+        from armload_identification.recording.csv_columns import CsvColumns
+
         return CsvColumns(
             self.time_column, self.position_columns, self.velocity_columns, self.current_columns, self.torque_columns
         )

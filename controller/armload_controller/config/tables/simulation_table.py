@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
@@ -10,8 +10,11 @@ from armload_controller.config.tables.body_tables import BodyTable, PayloadTable
 from armload_controller.config.tables.joint_table import JointTable
 from armload_controller.config.tables.table_types import NonNegative, Positive, Share
 from armload_core.arrays import FloatArray
-from armload_drivers.simulation.plant_spec import BRAKE_DELAY_S, PlantJoint
+from armload_drivers.simulation.servo_loops import BRAKE_DELAY_S
 from armload_identification.storage.strict_toml import BadValue, Table
+
+if TYPE_CHECKING:
+    from armload_drivers.simulation.plant_spec import PlantJoint
 
 
 class SimulatedJointTable(Table):
@@ -37,6 +40,8 @@ class SimulatedJointTable(Table):
             placement: (4, 4) pose of its frame in the previous one.
             axis: (3,) its axis in its own frame.
         """
+        from armload_drivers.simulation.plant_spec import PlantJoint
+
         return PlantJoint(
             name=joint.name,
             placement=placement,
