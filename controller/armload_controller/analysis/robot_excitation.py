@@ -201,8 +201,8 @@ class DesignSearch:
 
     Examples:
         >>> import armload
-        >>> one_start = armload.DesignSearch(restarts=1, criterion="condition-number")
-        >>> armload.design("prbt", harmonics=2, period_s=5.0, search=one_start).result.criterion
+        >>> few_starts = armload.DesignSearch(restarts=3, criterion="condition-number")
+        >>> armload.design("prbt", harmonics=2, period_s=5.0, search=few_starts).result.criterion
         'condition-number'
     """
 
