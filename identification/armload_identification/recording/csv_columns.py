@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Final
 
 from armload_identification.identification_errors import RecordingError
@@ -59,6 +60,30 @@ class CsvColumns:
         groups = {quantity: getattr(self, key) for key, quantity in QUANTITIES_BY_KEY.items()}
         groups["time_s"] = [self.time] if self.nanoseconds is None else [self.time, self.nanoseconds]
         return {name: list(columns) for name, columns in groups.items() if columns is not None}
+
+    def places(self, path: Path, names: Sequence[str], width: int | None = None) -> dict[str, list[int]]:
+        """Numbers of the columns by the name of the quantity.
+
+        Args:
+            path: Name of the table in messages.
+            names: Names of all columns; the first of several with one name is meant.
+            width: Number of columns that the rows have, if that may be another.
+
+        Raises:
+            RecordingError: a column that the table does not have.
+        """
+        found: dict[str, list[int]] = {}
+        for quantity, columns in self.groups().items():
+            found[quantity] = []
+            for column in columns:
+                place = column if isinstance(column, int) else names.index(column) if column in names else -1
+                if not 0 <= place < (len(names) if width is None else width):
+                    raise RecordingError(
+                        f"{path}: no column {column!r} for {quantity}; there are {', '.join(names)}. Correct the names, "
+                        "or the numbers, which start at 0, or give the right file."
+                    )
+                found[quantity].append(place)
+        return found
 
     def in_units(self, factors: Mapping[str, float]) -> CsvColumns:
         """The same columns in other units.

@@ -38,15 +38,17 @@ class RowBlock:
     phase_s: FloatArray | None = None
 
     @classmethod
-    def of_columns(cls, columns: Mapping[str, FloatArray]) -> Self:
+    def of_columns(cls, columns: Mapping[str, FloatArray], scale: Mapping[str, float]) -> Self:
         """Rows of a table, without a phase.
 
         Args:
             columns: (N, k) by quantity: the time, and perhaps nanoseconds to add to it, and n columns of every other;
                 absent quantities become None.
+            scale: Factor on the numbers of a quantity, 1 if not given.
         """
-        seconds, *nanoseconds = columns["time_s"].T
-        return cls(**{**columns, "time_s": seconds + 1e-9 * nanoseconds[0] if nanoseconds else seconds})
+        scaled = {name: scale.get(name, 1.0) * values for name, values in columns.items()}
+        seconds, *nanoseconds = scaled["time_s"].T
+        return cls(**{**scaled, "time_s": seconds + 1e-9 * nanoseconds[0] if nanoseconds else seconds})
 
     @property
     def n(self) -> int:

@@ -7,7 +7,7 @@ own reason), or text instead of a number. Nothing is filled in.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -112,14 +112,7 @@ class _Layout:
         if given is None or header is not None:
             given = options.columns_of(lambda: columns_by_name(path, self.names, options.joint_names))
         self.columns = given
-        groups = {name: _indices(path, name, wanted, header) for name, wanted in self.columns.groups().items()}
-        needed = max(max(indices) for indices in groups.values()) + 1
-        if lines and needed > self.expected:
-            found = "no table" if self.expected == 1 else f"the rows have {self.expected} columns"
-            raise RecordingError(
-                f"{path}: {found}, but the column map refers to column {needed - 1}. "
-                "Correct the column numbers (starting at 0) or give the right file."
-            )
+        groups = self.columns.places(path, self.names, self.expected)
         if lines and self.columns.by_name and options.columns is None and len(self.names) != self.expected:
             raise RecordingError(
                 f"{path}: the header has {len(self.names)} columns, the rows have {self.expected}. Specify the columns "
@@ -155,9 +148,8 @@ class _Layout:
 
     def block(self, table: FloatArray) -> RowBlock:
         """The wanted numbers by quantity."""
-        scale = self.columns.scale
-        parts = {name: scale.get(name, 1.0) * table[:, first:end] for name, (first, end) in self._places.items()}
-        return RowBlock.of_columns(parts)
+        parts = {name: table[:, first:end] for name, (first, end) in self._places.items()}
+        return RowBlock.of_columns(parts, self.columns.scale)
 
 
 def _text(line: bytes) -> str:
@@ -168,23 +160,3 @@ def _text(line: bytes) -> str:
         text = line.decode("cp1252", errors="replace")
     text = text.rstrip("\r")
     return text if text.strip() else ""
-
-
-def _indices(path: Path, quantity: str, wanted: Sequence[int | str], header: list[str] | None) -> list[int]:
-    indices = []
-    for column in wanted:
-        if isinstance(column, int):
-            indices.append(column)
-        elif header is None:
-            raise RecordingError(
-                f"{path}: there is no header line, so the column '{column}' for {quantity} cannot be found. "
-                "Give column numbers, starting at 0."
-            )
-        elif column not in header:
-            raise RecordingError(
-                f"{path}: no column '{column}' for {quantity}; the header has {', '.join(header)}. "
-                "Correct the column map."
-            )
-        else:
-            indices.append(header.index(column))
-    return indices

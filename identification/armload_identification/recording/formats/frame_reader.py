@@ -50,24 +50,20 @@ class FrameReader:
         keys = list(frame.columns)
         self._names = [key if isinstance(key, str) else ".".join(map(str, np.atleast_1d(key))) for key in keys]
         self._columns = options.columns_of(lambda: columns_by_name(name, self._names, options.joint_names))
-        groups = self._columns.groups()
-        scale = self._columns.scale
         self._table = {
-            quantity: scale.get(quantity, 1.0) * np.column_stack([self._numbers(frame, keys, one) for one in wanted])
-            for quantity, wanted in groups.items()
+            quantity: np.column_stack([self._numbers(frame, keys, place) for place in places])
+            for quantity, places in self._columns.places(name, self._names).items()
         }
 
     def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
         """See `RecordingReader`."""
         account.joint_names, account.columns = self._columns.joint_names, (self._columns, self._names)
         account.sha256, account.rows_read = hash_of(self._table), len(self._table["time_s"])
-        yield from map(RowBlock.of_columns, parts_of(self._table))
+        for part in parts_of(self._table):
+            yield RowBlock.of_columns(part, self._columns.scale)
 
-    def _numbers(self, frame: DataFrame, keys: Sequence[Any], column: int | str) -> FloatArray:
+    def _numbers(self, frame: DataFrame, keys: Sequence[Any], place: int) -> FloatArray:
         """(N,) numbers of a column; of durations seconds, of dates seconds since 1970."""
-        place = column if isinstance(column, int) else self._names.index(column) if column in self._names else -1
-        if not 0 <= place < len(keys):
-            raise RecordingError(f"{self._name}: no column {column}; there are {', '.join(self._names)}.")
         array = np.asarray(frame[keys[place]])
         try:
             if array.dtype.kind in "mM":

@@ -8,11 +8,10 @@ cannot cause excessive use of memory: the size of a record or chunk is bounded.
 
 from __future__ import annotations
 
-import hashlib
 import os
 import struct
 import zlib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -21,7 +20,7 @@ import numpy as np
 import orjson
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, DataEnd
+from mcap.records import Attachment, Channel, Chunk
 
 from armload_core import kernels
 from armload_core.arrays import FloatArray
@@ -31,11 +30,11 @@ from armload_identification.recording.read_boundary import MOST_BYTES
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.row_block import RowBlock
 from armload_identification.recording.run_format import MAGIC, RUN_ATTACHMENT, TOPIC
+from armload_identification.storage.regular_file import hash_of_files
 
 _BLOCK_ROWS: Final = 2**13
 _BLOCK_NUMBERS: Final = 2**20
 """Most numbers in a block, for any number of joints."""
-_COPY_BYTES: Final = 2**16
 _MOST_BYTES: Final = 2**26
 """Most bytes of a record, and of an uncompressed chunk: the recorder's have 1 MB at most."""
 _RECORD: Final = struct.Struct("<BQ")
@@ -88,34 +87,15 @@ class McapReader:
 
     def _chunks_of_records(self, account: ReadingAccount) -> Iterator[bytes]:
         """The file's channels and messages, a chunk at a time."""
-        account.truncated, ended = True, False
+        account.sha256, account.truncated = hash_of_files([self._path]), True
         with self._path.open("rb") as file:
-            start = file.read(len(MAGIC))
-            digest, checksum = hashlib.sha256(start), zlib.crc32(start)
-
-            def passed(data: bytes) -> None:
-                nonlocal checksum
-                digest.update(data)
-                checksum = zlib.crc32(data, checksum)
-
-            wanted = {Opcode.CHUNK, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.DATA_END, Opcode.FOOTER}
-            for opcode, content in _records(file, wanted, passed):
+            for opcode, content in _records(file, {Opcode.CHUNK, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.FOOTER}):
                 if opcode == Opcode.CHUNK:
                     yield _unpacked(content)
-                elif opcode in {Opcode.CHANNEL, Opcode.MESSAGE}:
-                    yield _RECORD.pack(opcode, len(content)) + content
-                elif opcode == Opcode.DATA_END:
-                    if DataEnd.read(_stream(content)).data_section_crc not in {0, checksum}:
-                        raise ValueError("the checksum of its data section is wrong")
+                elif opcode == Opcode.FOOTER:
+                    account.truncated = file.read(len(MAGIC)) != MAGIC
                 else:
-                    ended = True
-            end = file.read(len(MAGIC))
-            digest.update(end)
-            account.truncated = not (ended and end == MAGIC)
-            # The hash of the file includes the bytes after the last complete record.
-            while rest := file.read(_COPY_BYTES):
-                digest.update(rest)
-        account.sha256 = digest.hexdigest()
+                    yield _RECORD.pack(opcode, len(content)) + content
 
 
 class _MessageTable:
@@ -254,19 +234,9 @@ def require_small_chunks(path: Path) -> None:
         ValueError: naming the size.
     """
     with path.open("rb") as file:
-        size = os.fstat(file.fileno()).st_size
-        at = len(MAGIC)
-        while at + _RECORD.size <= size:
-            file.seek(at)
-            opcode, length = _RECORD.unpack(file.read(_RECORD.size))
-            if length > MOST_BYTES:
-                raise ValueError(f"a record of {length} bytes, at most {MOST_BYTES} are possible")
-            if opcode == Opcode.CHUNK:
-                chunk = Chunk.read(_stream(file.read(length)))
-                require_bounded(BytesIO(chunk.data), chunk.compression)
-            at += _RECORD.size + length
-            if opcode == Opcode.FOOTER:
-                return
+        for _, content in _records(file, {Opcode.CHUNK}, MOST_BYTES):
+            chunk = Chunk.read(_stream(content))
+            require_bounded(BytesIO(chunk.data), chunk.compression)
 
 
 def _joint_names(run: str, n: int) -> tuple[str, ...]:
@@ -282,7 +252,6 @@ def _joint_names(run: str, n: int) -> tuple[str, ...]:
 def _attached(path: Path) -> Iterator[tuple[str, str]]:
     """Name and text of each attachment."""
     with path.open("rb") as file:
-        file.read(len(MAGIC))
         for _, content in _records(file, {Opcode.ATTACHMENT}):
             attachment = Attachment.read(_stream(content))
             checksum = int.from_bytes(content[-_CHECKSUM_BYTES:], "little")
@@ -291,31 +260,20 @@ def _attached(path: Path) -> Iterator[tuple[str, str]]:
             yield attachment.name, attachment.data.decode("utf-8", errors="replace")
 
 
-def _records(
-    file: BinaryIO, wanted: Collection[int], passed: Callable[[bytes], None] | None = None
-) -> Iterator[tuple[int, bytes]]:
-    """Kind and content of every complete wanted record up to the footer; `passed` is called with all bytes read."""
+def _records(file: BinaryIO, wanted: Collection[int], most: int = _MOST_BYTES) -> Iterator[tuple[int, bytes]]:
+    """Kind and content of every complete wanted record up to the footer; `ValueError` for any above `most` bytes."""
     size = os.fstat(file.fileno()).st_size
+    file.seek(len(MAGIC))
     while len(header := file.read(_RECORD.size)) == _RECORD.size:
         opcode, length = _RECORD.unpack(header)
         if length > size - file.tell():
-            file.seek(-_RECORD.size, os.SEEK_CUR)
             return
+        if length > most:
+            raise ValueError(f"a record of {length} bytes, at most {most} are possible")
         if opcode in wanted:
-            if length > _MOST_BYTES:
-                raise ValueError(f"a record of {length} bytes, at most {_MOST_BYTES} are possible")
-            content = file.read(length)
-            yield opcode, content
-            if passed is not None:
-                passed(header)
-                passed(content)
-        elif passed is None:
-            file.seek(length, os.SEEK_CUR)
+            yield opcode, file.read(length)
         else:
-            passed(header)
-            while length:
-                passed(piece := file.read(min(length, _COPY_BYTES)))
-                length -= len(piece)
+            file.seek(length, os.SEEK_CUR)
         if opcode == Opcode.FOOTER:
             return
 

@@ -81,17 +81,9 @@ class ParquetReader:
         Raises:
             RecordingError: damaged, or columns that do not exist.
         """
-        groups = {
-            name: [column if isinstance(column, str) else self._names.names[column] for column in columns]
-            for name, columns in self._columns.groups().items()
-        }
+        places = self._columns.places(self._path, self._names.names)
+        groups = {name: [self._names.names[place] for place in columns] for name, columns in places.items()}
         wanted = [column for columns in groups.values() for column in columns]
-        absent = [column for column in wanted if column not in self._names.names]
-        if absent:
-            raise RecordingError(
-                f"{self._path}: no column {', '.join(absent)}; there are {', '.join(self._names.names)}. "
-                "Correct the column map."
-            )
         account.remarks = self._remarks
         account.joint_names, account.columns = self._columns.joint_names, (self._columns, self._names.names)
         account.sha256 = hash_of_files(self._files)
@@ -108,11 +100,8 @@ class ParquetReader:
 
     def _block(self, batch: Any, groups: Mapping[str, Sequence[str]]) -> RowBlock:
         """Numbers of a batch."""
-        parts = {
-            name: self._columns.scale.get(name, 1.0) * np.hstack([_numbers(batch.column(c)) for c in columns])
-            for name, columns in groups.items()
-        }
-        return RowBlock.of_columns(parts)
+        parts = {name: np.hstack([_numbers(batch.column(c)) for c in columns]) for name, columns in groups.items()}
+        return RowBlock.of_columns(parts, self._columns.scale)
 
     def _recognised(self, info: Mapping[str, Any]) -> CsvColumns:
         """Columns by their names: lists first, then one per joint."""

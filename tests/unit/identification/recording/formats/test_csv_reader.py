@@ -87,9 +87,9 @@ def test_one_wild_time_stamp_does_not_cost_the_rest(tmp_path):
         (
             csv_rows(),
             ReadingOptions(CsvColumns(0, [1, 2], current=[6, 7])),
-            "have 7 columns, but the column map refers to column 7",
+            "no column 7 for current_a; there are 0, 1, 2, 3, 4, 5, 6",
         ),
-        (csv_rows(), ReadingOptions(CsvColumns("t", [1, 2], current=[5, 6])), "no header line"),
+        (csv_rows(), ReadingOptions(CsvColumns("t", [1, 2], current=[5, 6])), "no column 't' .* 0, 1, 2"),
         (
             ["a,b,c,d,e,f,g", *csv_rows()],
             ReadingOptions(CsvColumns("t", [1, 2], current=[5, 6])),

@@ -46,7 +46,7 @@ def test_columns_and_units_can_be_given():
     assert_read(armload.read_recording(anonymous, columns="time[ms]=a position[deg]=b,c torque=3-4"))
     with pytest.raises(RecordingError, match="no time column"):
         armload.read_recording(anonymous)
-    with pytest.raises(RecordingError, match="no column x"):
+    with pytest.raises(RecordingError, match="no column 'x'"):
         armload.read_recording(anonymous, columns="time=x position=b,c torque=3-4")
 
 

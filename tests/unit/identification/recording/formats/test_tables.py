@@ -92,7 +92,7 @@ def test_a_parquet_table_with_a_column_for_each_joint(tmp_path):
     pq.write_table(pa.table(columns()), path)
     assert_read(read_recording(path))
     assert_read(read_recording(path, ReadingOptions(CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau3"]))))
-    with pytest.raises(RecordingError, match="no column tau9; there are t, q1"):
+    with pytest.raises(RecordingError, match="no column 'tau9' for torque_nm; there are t, q1"):
         read_recording(path, ReadingOptions(CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau9"])))
     pq.write_table(pa.table({"a": TIME}), path)
     with pytest.raises(RecordingError, match="no time column"):
