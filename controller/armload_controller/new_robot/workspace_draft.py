@@ -119,13 +119,13 @@ def workspace_of_spheres(
     spheres = [*spheres, *(Sphere(link, np.zeros(3), BARE_RADIUS_M) for link in bare), tool]
     links = sorted({s.link for s in spheres})
     poses = _poses(draft, _POSES)
+    share: dict[tuple[int, int], float] = {}
     candidates = [(a, b) for a, b in combinations(links, 2) if b - a >= 2 and (a, b) != (n - 1, n + 1)]
     if candidates:
         model = Workspace(draft.chain, tuple(spheres), apart=tuple(candidates))
-        clear = _least_clearances(model, candidates, poses) >= KEEP_M
+        first = np.sort(np.unique(model.names, return_index=True)[1])  # of each pair's spheres, in the order of pairs
+        clear = np.minimum.reduceat(model.clearances(poses), first, axis=1) >= KEEP_M
         share = dict(zip(candidates, clear.mean(axis=0), strict=True))
-    else:
-        share = {}
     return WorkspaceDraft(
         spheres=tuple(spheres),
         bare=bare,
@@ -140,30 +140,10 @@ def workspace_of_spheres(
 
 
 def _poses(draft: ArmDraft, count: int) -> FloatArray:
-    """(count, n) random configurations within the joints' ranges."""
-    return np.random.default_rng(_SEED).uniform(_least_positions(draft), _greatest_positions(draft), (count, draft.n))
-
-
-def _least_positions(draft: ArmDraft) -> FloatArray:
-    """(n,) least positions, limited to -pi."""
-    return np.maximum(np.nan_to_num(draft.position_min_rad, nan=-np.pi, neginf=-np.pi), -np.pi)
-
-
-def _greatest_positions(draft: ArmDraft) -> FloatArray:
-    """(n,) greatest positions, limited to pi."""
-    return np.minimum(np.nan_to_num(draft.position_max_rad, nan=np.pi, posinf=np.pi), np.pi)
-
-
-def _least_clearances(model: Workspace, pairs: list[tuple[int, int]], poses: FloatArray) -> FloatArray:
-    """(poses, pairs) least clearance of each pair of links."""
-    clearances = model.clearances(poses)
-    columns: dict[tuple[int, int], list[int]] = {pair: [] for pair in pairs}
-    at = 0
-    for pair in model.apart:
-        count = sum(s.link == pair[0] for s in model.spheres) * sum(s.link == pair[1] for s in model.spheres)
-        columns[pair] = list(range(at, at + count))
-        at += count
-    return np.stack([clearances[:, columns[pair]].min(axis=1) for pair in pairs], axis=1)
+    """(count, n) random configurations within the joints' ranges, or within a turn."""
+    least = np.nan_to_num(draft.position_min_rad, nan=-np.pi).clip(min=-np.pi)
+    greatest = np.nan_to_num(draft.position_max_rad, nan=np.pi).clip(max=np.pi)
+    return np.random.default_rng(_SEED).uniform(least, greatest, (count, draft.n))
 
 
 def up_of(draft: ArmDraft) -> FloatArray:

@@ -79,8 +79,8 @@ class CsvColumns:
                 place = column if isinstance(column, int) else names.index(column) if column in names else -1
                 if not 0 <= place < (len(names) if width is None else width):
                     raise RecordingError(
-                        f"{path}: no column {column!r} for {quantity}; there are {', '.join(names)}. Correct the names, "
-                        "or the numbers, which start at 0, or give the right file."
+                        f"{path}: no column {column!r} for {quantity}; there are {', '.join(names)}. Correct the name, "
+                        "or the number, which starts at 0, or give the right file."
                     )
                 found[quantity].append(place)
         return found

@@ -141,8 +141,7 @@ class Recording(RowBlock):
             chosen: Columns, starting at 0.
         """
         columns = np.array(chosen, dtype=np.intp)
-        names = ("position_rad", "velocity_rad_s", "current_a", "torque_nm")
-        kept = {name: values[:, columns] for name in names if (values := getattr(self, name)) is not None}
+        kept = self.each(lambda values: values[:, columns] if values.ndim > 1 else values)
         average, repeats, excitation = self.average, self.repeats, self.excitation
         if average is not None and average.effort_covariance is not None:
             average = replace(average, effort_covariance=average.effort_covariance[np.ix_(columns, columns)])
@@ -155,7 +154,7 @@ class Recording(RowBlock):
         source = self.source
         if source.joint_names:
             source = replace(source, joint_names=tuple(source.joint_names[column] for column in columns))
-        return replace(self, **kept, average=average, repeats=repeats, excitation=excitation, source=source)
+        return replace(kept, average=average, repeats=repeats, excitation=excitation, source=source)
 
     def named_joints(self, names: Sequence[str]) -> Recording:
         """The same run with only the joints of these names, in this order.

@@ -6,9 +6,9 @@ own reason), or text instead of a number. Nothing is filled in.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator, Mapping
-from itertools import pairwise
+from functools import partial
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Final
 
@@ -21,8 +21,8 @@ from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.row_block import RowBlock
 from armload_identification.recording.text_table import TextTable, echoed_columns, is_number, seconds_of_stamp
+from armload_identification.storage.regular_file import hash_of_files
 
-_CHUNK_BYTES: Final = 2**18
 _LONGEST_LINE_BYTES: Final = 2**20
 _BLOCK_LINES: Final = 2**12
 
@@ -48,7 +48,8 @@ class CsvReader:
         """
         layout: _Layout | None = None
         table: TextTable | None = None
-        for read, last in self._lines(account):
+        account.sha256 = hash_of_files([self._path])
+        for read, last in self._lines():
             if table is None or layout is None:
                 table = TextTable.of(read)
                 lines = [table.with_commas(line) for line in read[table.first_row :]]
@@ -62,27 +63,15 @@ class CsvReader:
             raise RecordingError(f"{self._path}: the file is empty. Give a recording with rows of numbers.")
         account.joint_names = layout.columns.joint_names
 
-    def _lines(self, account: ReadingAccount) -> Iterator[tuple[list[str], bool]]:
+    def _lines(self) -> Iterator[tuple[list[str], bool]]:
         """Blocks of lines that are not blank, and whether it is the last block."""
-        digest = hashlib.sha256()
-        waiting: list[str] = []
-        rest = b""
         with self._path.open("rb") as file:
-            while chunk := file.read(_CHUNK_BYTES):
-                digest.update(chunk)
-                *whole, rest = (rest + chunk).split(b"\n")
-                if len(rest) > _LONGEST_LINE_BYTES:
-                    raise ValueError(f"a line of more than {_LONGEST_LINE_BYTES} bytes, so it is no table")
-                waiting += [text for line in whole if (text := _text(line))]
-                # Some lines are always held back, because the last block must not be empty.
-                while len(waiting) > _BLOCK_LINES:
-                    yield waiting[:_BLOCK_LINES], False
-                    waiting = waiting[_BLOCK_LINES:]
-        if text := _text(rest):
-            waiting.append(text)
-        account.sha256 = digest.hexdigest()
-        if waiting:
-            yield waiting, True
+            lines = filter(None, map(_text, iter(partial(file.readline, _LONGEST_LINE_BYTES + 1), b"")))
+            block = list(islice(lines, _BLOCK_LINES))
+            while block:
+                following = list(islice(lines, _BLOCK_LINES))
+                yield block, not following
+                block = following
 
     def _block(self, layout: _Layout, lines: list[str], account: ReadingAccount, last: bool) -> RowBlock:
         """The numbers of the readable lines."""
@@ -154,9 +143,10 @@ class _Layout:
 
 def _text(line: bytes) -> str:
     """A line without its ending; empty if it is blank."""
+    if len(line) > _LONGEST_LINE_BYTES:
+        raise ValueError(f"a line of more than {_LONGEST_LINE_BYTES} bytes, so it is no table")
     try:
         text = line.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = line.decode("cp1252", errors="replace")
-    text = text.rstrip("\r")
-    return text if text.strip() else ""
+    return text.rstrip("\r\n") if text.strip() else ""
