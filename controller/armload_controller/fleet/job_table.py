@@ -12,7 +12,8 @@ from typing import Final
 
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.fleet.remote_files import is_url
-from armload_identification.storage.strict_csv import CsvLine, parse_csv, read_csv
+from armload_identification.storage.strict_csv import CsvLine, parse_csv
+from armload_identification.storage.strict_toml import read_text
 
 REQUIRED: Final = ("arm", "robot", "loaded")
 RECORDINGS: Final = ("loaded", "unloaded", "validation_loaded", "validation_unloaded")
@@ -54,7 +55,7 @@ def read_job_table(path: Path) -> tuple[TableEntry, ...]:
     Raises:
         ConfigurationError: the file cannot be read, or a line is invalid; names file, line, column and value.
     """
-    return parse_job_table(read_csv(path, ConfigurationError, LARGEST_BYTES), str(path))
+    return parse_job_table(read_text(path, ConfigurationError, LARGEST_BYTES), str(path))
 
 
 def parse_job_table(text: str, source: str) -> tuple[TableEntry, ...]:

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Final
 
 from armload_identification.identification_errors import RunTableError
-from armload_identification.storage.strict_csv import CsvLine, parse_csv, read_csv
+from armload_identification.storage.strict_csv import CsvLine, parse_csv
+from armload_identification.storage.strict_toml import read_text
 
 _REQUIRED: Final = ("recording", "mounting", "mass_kg")
 _OPTIONAL: Final = ("payload", "recorded")
@@ -51,7 +52,7 @@ def read_run_table(path: Path) -> tuple[TableRow, ...]:
     Raises:
         RunTableError: not readable, or an invalid row, naming file, line, column and value.
     """
-    return parse_run_table(read_csv(path, RunTableError), str(path), path.parent)
+    return parse_run_table(read_text(path, RunTableError), str(path), path.parent)
 
 
 def parse_run_table(text: str, source: str, folder: Path) -> tuple[TableRow, ...]:

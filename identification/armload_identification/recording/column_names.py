@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -30,6 +30,14 @@ _QUANTITIES: Final = {
     "current_a": {"current", "currents", "curr", "i", "strom", "courant"},
     "torque_nm": {"torque", "torques", "tau", "effort", "efforts", "moment", "trq", "tor", "drehmoment", "couple"},
 }
+_ARRAYS: Final = {
+    "time_s": ("time_s", "timestamp", "time", "t"),
+    "position_rad": ("position_rad", "observation.state", "observation.position", "position", "positions", "q"),
+    "velocity_rad_s": ("velocity_rad_s", "observation.velocity", "velocity", "velocities", "dq", "qd"),
+    "current_a": ("current_a", "observation.current", "current", "currents", "i"),
+    "torque_nm": ("torque_nm", "observation.effort", "observation.torque", "effort", "torque", "torques", "tau"),
+}
+"""Names of arrays, and of columns of lists, with the numbers of all joints; the first that is there is used."""
 _TIMES: Final = ("timestamp", "time", "t", "stamp", "zeit", "temps")
 _AROUND_TIME: Final = {"header", "field", "joint", "states", "state", "receive", "elapsed", "in", "msg", "robot"}
 _NOT_MEASURED: Final = {
@@ -119,6 +127,16 @@ def columns_by_name(path: Path, names: Sequence[str], joint_names: Sequence[str]
             message contains an option that answers the question.
     """
     return _Header(names, JointNames(joint_names)).columns(path)
+
+
+def arrays_by_name(names: Collection[str]) -> dict[str, str]:
+    """The array of each quantity of all joints, as far as there is one.
+
+    Args:
+        names: Names of the arrays of an archive, or of a table's columns of lists.
+    """
+    found = {quantity: next((name for name in known if name in names), "") for quantity, known in _ARRAYS.items()}
+    return {quantity: name for quantity, name in found.items() if name}
 
 
 class _Header:

@@ -21,7 +21,7 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.garbage_rows import GarbageFilter
 from armload_identification.recording.joint_names import JointNames
 from armload_identification.recording.reduction.repeated_values import RepeatedValues
-from armload_identification.recording.row_block import QUANTITIES, RowBlock, hash_of, joined
+from armload_identification.recording.row_block import QUANTITIES, RowBlock, hash_of, joined, require_shapes
 from armload_identification.recording.run_format import RUN_ATTACHMENT
 
 
@@ -228,7 +228,7 @@ class Recording(RowBlock):
             zip(QUANTITIES, (time_s, position_rad, velocity_rad_s, current_a, torque_nm, phase_s), strict=True)
         )
         arrays = {key: np.array(value, dtype=np.float64) for key, value in given.items() if value is not None}
-        _require_shapes(name, arrays)
+        require_shapes(name, arrays)
         if (phase_s is None) != (excitation is None):
             raise RecordingError(f"{name}: phase_s and excitation belong together; give both or neither")
         n, names = arrays["position_rad"].shape[1], tuple(joint_names)
@@ -294,16 +294,3 @@ def hashes_by_name(sources: Sequence[RecordingSource]) -> dict[str, str]:
     named = [f"{sha256[:8]} {name}" for sha256, name in zip(hashes, names, strict=True)]
     unique = next((each for each in (names, folders) if len(set(each)) == len(each)), named)
     return dict(zip(unique, hashes, strict=True))
-
-
-def _require_shapes(name: str, arrays: Mapping[str, FloatArray]) -> None:
-    """Raise unless the arrays have consistent shapes."""
-    position = arrays["position_rad"]
-    if position.ndim != 2 or not position.size:
-        raise RecordingError(f"{name}: position_rad has shape {position.shape}; expected (N, n), a row per sample")
-    for key, values in arrays.items():
-        expected = position.shape[:1] if key in {"time_s", "phase_s"} else position.shape
-        if values.shape != expected:
-            raise RecordingError(
-                f"{name}: {key} has shape {values.shape}; expected {expected}, as position_rad has {position.shape}"
-            )

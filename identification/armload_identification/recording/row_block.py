@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.identification_errors import RecordingError
 
 QUANTITIES: Final = ("time_s", "position_rad", "velocity_rad_s", "current_a", "torque_nm", "phase_s")
 _PART_ROWS: Final = 2**13
@@ -85,6 +86,27 @@ def hash_of(arrays: Mapping[str, FloatArray]) -> str:
     for name, values in arrays.items():
         digest.update(f"{name}{values.shape}".encode() + np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
+
+
+def require_shapes(name: str, arrays: Mapping[str, FloatArray]) -> None:
+    """Raise unless the arrays of a recording have consistent shapes.
+
+    Args:
+        name: Where they are from, in the message.
+        arrays: By quantity, the positions among them.
+
+    Raises:
+        RecordingError: naming an array, its shape and the expected one.
+    """
+    position = arrays["position_rad"]
+    if position.ndim != 2 or not position.size:
+        raise RecordingError(f"{name}: position_rad has shape {position.shape}; expected (N, n), a row per sample")
+    for key, values in arrays.items():
+        expected = position.shape[:1] if key in {"time_s", "phase_s"} else position.shape
+        if values.shape != expected:
+            raise RecordingError(
+                f"{name}: {key} has shape {values.shape}; expected {expected}, as position_rad has {position.shape}"
+            )
 
 
 def parts_of(arrays: Mapping[str, FloatArray]) -> Iterator[dict[str, FloatArray]]:

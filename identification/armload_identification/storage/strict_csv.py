@@ -6,10 +6,7 @@ import csv
 import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
-
-from armload_identification.storage.regular_file import LARGEST_BYTES, read_whole
 
 if TYPE_CHECKING:
     from armload_identification.storage.strict_toml import FileErrorClass
@@ -51,22 +48,6 @@ class CsvLine:
         if not 0.0 < value < float("inf"):
             raise error(source, f"line {self.number}, {column}", text, "expected a number above 0, or nothing")
         return value
-
-
-def read_csv(path: Path, error: FileErrorClass, largest_bytes: int = LARGEST_BYTES) -> str:
-    """The text of a table.
-
-    Args:
-        error: Class of the error raised if it cannot be read, is not text, or is larger.
-        largest_bytes: Largest accepted size.
-    """
-    try:
-        return read_whole(path, largest_bytes).decode("utf-8-sig")
-    except OSError as problem:
-        raise error(str(path), "", None, f"cannot be read: {problem.strerror}") from problem
-    except UnicodeDecodeError as problem:
-        expected = f"cannot be read: not UTF-8, {problem.reason}; save the table as UTF-8"
-        raise error(str(path), "", None, expected) from problem
 
 
 def parse_csv(

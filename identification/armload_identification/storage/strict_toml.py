@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationErr
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from armload_identification.storage.regular_file import read_whole
+from armload_identification.storage.regular_file import LARGEST_BYTES, read_whole
 from armload_identification.storage.replace_file import replace_file
 
 FileErrorClass = Callable[[str, str, object, str], Exception]
@@ -83,23 +83,23 @@ class BadValue(ValueError):
         self.expected = expected
 
 
-def read_text(path: Path, error: FileErrorClass) -> str:
+def read_text(path: Path, error: FileErrorClass, largest_bytes: int = LARGEST_BYTES) -> str:
     """The text of a file in UTF-8.
 
     Args:
         error: Makes the error that is raised.
+        largest_bytes: Largest accepted size.
 
     Raises:
         Exception: made by `error`; no such file, no permission, a pipe or device, too large, or not UTF-8.
     """
     try:
-        return read_whole(path).decode("utf-8")
+        return read_whole(path, largest_bytes).decode("utf-8-sig")
     except OSError as problem:
         raise error(str(path), "", None, f"cannot be read: {problem.strerror}") from problem
     except UnicodeDecodeError as problem:
-        raise error(
-            str(path), "", None, f"cannot be read: not UTF-8, {problem.reason} at byte {problem.start}"
-        ) from problem
+        reason = f"not UTF-8, {problem.reason} at byte {problem.start}; save it as UTF-8"
+        raise error(str(path), "", None, f"cannot be read: {reason}") from problem
 
 
 def write_text(path: Path, text: str, error: FileErrorClass) -> None:

@@ -18,7 +18,7 @@ from armload_identification.extensions import ExtensionGroup, extension
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import ReadingOptions
-from armload_identification.recording.row_block import QUANTITIES, RowBlock, parts_of
+from armload_identification.recording.row_block import QUANTITIES, RowBlock, parts_of, require_shapes
 from armload_identification.storage.regular_file import hash_of_files
 
 OWN_SUFFIXES: Final = frozenset({"csv", "tsv", "txt", "log", "mcap", "npz", "npy", "parquet", "db3", "bag"})
@@ -78,14 +78,10 @@ class ExtensionReader:
             raise RecordingError(
                 f"{self._path}: cannot be read by {self._package}: {type(problem).__name__}: {problem}"
             ) from problem
-        shape = arrays["position_rad"].shape if "position_rad" in arrays else ()
-        shapes = {name: shape[:1] if name in {"time_s", "phase_s"} else shape for name in arrays}
-        wrong = {"time_s", "position_rad"} - set(arrays) | set(arrays) - set(QUANTITIES)
-        wrong |= {name for name, values in arrays.items() if len(shape) != 2 or values.shape != shapes[name]}
-        if wrong:
-            given = ", ".join(f"{name} {values.shape}" for name, values in arrays.items()) or "nothing"
+        if {"time_s", "position_rad"} - set(arrays) or set(arrays) - set(QUANTITIES):
             raise RecordingError(
-                f"{self._path}: {self._package} gave {given}; "
-                f"expected time_s (N,), position_rad (N, n), and the same shape for others of {', '.join(QUANTITIES)}"
+                f"{self._path}: {self._package} gave {', '.join(arrays) or 'nothing'}; expected time_s (N,), "
+                f"position_rad (N, n), and the same shape for others of {', '.join(QUANTITIES)}"
             )
+        require_shapes(f"{self._path}: {self._package}", arrays)
         return arrays

@@ -1,7 +1,8 @@
 """NumPy archives (.npz): one array per quantity, by its name.
 
 `time_s` (N,), `position_rad` (N, n), and `velocity_rad_s`, `current_a`, `torque_nm` of the same shape, as in
-`Recording.from_arrays`, or any of the short names below; `joint_names` (n,) is optional. Nothing is unpickled.
+`Recording.from_arrays`, or another name that `column_names` knows; `joint_names` (n,) is optional. Nothing is
+unpickled.
 """
 
 from __future__ import annotations
@@ -15,17 +16,11 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.column_names import arrays_by_name
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.row_block import RowBlock
 from armload_identification.storage.regular_file import hash_of_files
 
-_NAMES: Final = {
-    "time_s": ("time_s", "time", "t", "timestamp"),
-    "position_rad": ("position_rad", "position", "q", "positions"),
-    "velocity_rad_s": ("velocity_rad_s", "velocity", "dq", "qd", "velocities"),
-    "current_a": ("current_a", "current", "currents", "i"),
-    "torque_nm": ("torque_nm", "torque", "tau", "effort", "torques"),
-}
 _JOINT_NAMES: Final = "joint_names"
 _BLOCK_ROWS: Final = 2**13
 _MOST_JOINTS: Final = 1024
@@ -46,11 +41,7 @@ class NumpyReader:
         self._path = path
         with zipfile.ZipFile(path) as archive:
             there = {name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")}
-        self._arrays = {
-            quantity: next(name for name in names if name in there)
-            for quantity, names in _NAMES.items()
-            if there & set(names)
-        }
+        self._arrays = arrays_by_name(there)
         self._named = _JOINT_NAMES in there
         absent = [quantity for quantity in ("time_s", "position_rad") if quantity not in self._arrays]
         if absent:

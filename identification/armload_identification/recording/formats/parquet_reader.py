@@ -22,9 +22,9 @@ import pyarrow.parquet as pq
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.column_names import columns_by_name
-from armload_identification.recording.column_units import DEGREE_RAD
-from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.column_names import arrays_by_name, columns_by_name
+from armload_identification.recording.column_units import DEGREE_RAD, unit_factor
+from armload_identification.recording.csv_columns import QUANTITIES_BY_KEY, CsvColumns
 from armload_identification.recording.joint_names import JointNames
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import ReadingOptions
@@ -34,21 +34,11 @@ from armload_identification.storage.regular_file import hash_of_files, read_whol
 INFO: Final = Path("meta") / "info.json"
 """Description of a LeRobot data set, relative to its folder."""
 _EPISODE: Final = "episode_index"
-_LISTS: Final = {
-    "position_rad": ("observation.state", "observation.position", "position", "positions", "q"),
-    "velocity_rad_s": ("observation.velocity", "velocity", "velocities", "dq"),
-    "current_a": ("observation.current", "current", "currents"),
-    "torque_nm": ("observation.effort", "observation.torque", "effort", "torque", "torques", "tau"),
-}
-"""Columns that may contain lists, by quantity."""
-_TIMES: Final = ("timestamp", "time", "time_s", "t")
 _ANGLES: Final = {"position_rad", "velocity_rad_s"}
 _NORMALISED: Final = 100.0
 """End of the range of a joint that LeRobot records in percent."""
 _SLACK_RAD: Final = 0.1
 """How far a position may be beyond a limit."""
-_SECONDS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Of the units of times in Arrow."""
 _BLOCK_ROWS: Final = 2**13
 
 
@@ -90,13 +80,17 @@ class ParquetReader:
         if self._episode is not None:
             account.sha256 = hashlib.sha256(f"{account.sha256} episode {self._episode}".encode()).hexdigest()
             wanted.append(_EPISODE)
+        for batch in self._batches(wanted):
+            if self._episode is not None:
+                batch = batch.filter(pc.equal(batch.column(_EPISODE), self._episode))  # noqa: PLW2901
+            account.rows_read += batch.num_rows
+            if batch.num_rows:
+                yield self._block(batch, groups)
+
+    def _batches(self, columns: Sequence[str]) -> Iterator[Any]:
+        """Some columns of the files, some thousand rows at a time."""
         for file in self._files:
-            for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=list(dict.fromkeys(wanted))):
-                if self._episode is not None:
-                    batch = batch.filter(pc.equal(batch.column(_EPISODE), self._episode))  # noqa: PLW2901
-                account.rows_read += batch.num_rows
-                if batch.num_rows:
-                    yield self._block(batch, groups)
+            yield from pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=list(dict.fromkeys(columns)))
 
     def _block(self, batch: Any, groups: Mapping[str, Sequence[str]]) -> RowBlock:
         """Numbers of a batch."""
@@ -106,19 +100,14 @@ class ParquetReader:
     def _recognised(self, info: Mapping[str, Any]) -> CsvColumns:
         """Columns by their names: lists first, then one per joint."""
         names = self._names.names
-        lists = {name for name in names if _holds_lists(self._names.field(name).type)}
-        found = {
-            quantity: next((name for name in synonyms if name in lists), None) for quantity, synonyms in _LISTS.items()
-        }
-        time = next((name for name in _TIMES if name in names), None)
-        position = found["position_rad"]
+        lists = arrays_by_name({name for name in names if _holds_lists(self._names.field(name).type)})
+        time, position = arrays_by_name(names).get("time_s"), lists.get("position_rad")
         if position is None or time is None:
             return columns_by_name(self._path, names, self._options.joint_names)
-        joints = _joints_of(info, position)
-        others = {key: None if name is None else [name] for key, name in found.items()}
-        columns = CsvColumns(
-            time, [position], others["velocity_rad_s"], others["current_a"], others["torque_nm"], joint_names=joints
-        )
+        others: dict[str, Any] = {
+            key: [lists[name]] for key, name in QUANTITIES_BY_KEY.items() if name in lists and key != "time"
+        }
+        columns = CsvColumns(time, **others, joint_names=_joints_of(info, position))
         limits = self._options.position_limits_rad
         return columns if limits is None or not info else self._in_stated_unit(columns, position, limits)
 
@@ -127,10 +116,9 @@ class ParquetReader:
         places = JointNames(self._options.joint_names).places(columns.joint_names)
         chosen = [places[joint] for joint in sorted(places)]
         ranges = []
-        for file in self._files:
-            for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=[position]):
-                values = _numbers(batch.column(0))[:, chosen]
-                ranges.append(np.stack([values.min(axis=0), values.max(axis=0)], axis=1))
+        for batch in self._batches([position]):
+            values = _numbers(batch.column(0))[:, chosen]
+            ranges.append(np.stack([values.min(axis=0), values.max(axis=0)], axis=1))
         if not ranges or not chosen:
             return columns
         low, high = np.min(ranges, axis=0)[:, 0], np.max(ranges, axis=0)[:, 1]
@@ -157,9 +145,8 @@ class ParquetReader:
         """Raise for several episodes of which none is chosen, and for a choice that does not exist."""
         episodes: set[int] = set()
         if _EPISODE in self._names.names:
-            for file in self._files:
-                for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=[_EPISODE]):
-                    episodes.update(batch.column(0).unique().to_pylist())
+            for batch in self._batches([_EPISODE]):
+                episodes.update(batch.column(0).unique().to_pylist())
         if self._episode is None and len(episodes) > 1:
             raise RecordingError(
                 f"{self._path}: {len(episodes)} episodes ({_numbered(episodes)}), each of which is a separate "
@@ -206,7 +193,7 @@ def _holds_lists(kind: Any) -> bool:
 def _numbers(column: Any) -> FloatArray:
     """(N, k) numbers of a column, k above 1 for lists, of times in s; NaN for missing numbers."""
     if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
-        return _SECONDS[column.type.unit] * _numbers(column.cast(pa.int64()))
+        return (unit_factor("time_s", column.type.unit) or 1.0) * _numbers(column.cast(pa.int64()))
     if not _holds_lists(column.type):
         return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False)).reshape(-1, 1)
     flat = column.flatten().cast(pa.float64()).to_numpy(zero_copy_only=False)

@@ -196,7 +196,7 @@ def test_a_hostile_file_is_one_short_sentence(content):
 def test_what_is_no_utf_8_is_one_sentence(tmp_path, data):
     path = tmp_path / "arm.toml"
     path.write_bytes(data)
-    with pytest.raises(FileError, match=r"arm\.toml: cannot be read: not UTF-8, .* at byte \d+$"):
+    with pytest.raises(FileError, match=r"arm\.toml: cannot be read: not UTF-8, .* at byte \d+; save it as UTF-8$"):
         read_text(path, FileError)
 
 
