@@ -166,6 +166,17 @@ def pandas_of_a_bag(run, path):
     return written(path, names, [np.arange(len(ticks)), EPOCH_S + ticks // 10**9, ticks % 10**9, *full(run)[1:]])
 
 
+def pandas_of_dates(run, path):
+    """`DataFrame.to_csv` of a frame with dates as its nameless index and columns of two levels (pandas 3.1)."""
+    names = [*named("position.{}", run), *named("effort.{}", run)]
+    times = np.datetime64(EPOCH_S, "s") + np.round(run.time_s * 1e6).astype("timedelta64[us]")
+    written(path, ["", *names], columns(run, [str(time).replace("T", " ") for time in times]))
+    rows = path.read_text().partition("\n")[2]
+    levels = zip(*(name.split(".") for name in names), strict=True)
+    path.write_text("".join(f",{','.join(level)}\n" for level in levels) + rows)
+    return path
+
+
 def german_excel(run, path):
     """Excel in German: semicolons, decimal comma, and the words a German engineer uses."""
     names = ["Zeit [ms]", *numbered("Achse {} Position [°]", run, 1), *numbered("Achse {} Drehmoment [Nm]", run, 1)]
@@ -306,8 +317,18 @@ def controller_state(run, path):
 DIALECTS = {
     dialect.__name__: dialect
     for dialect in (
-        *(rtde_recorder, ur_rtde, plotjuggler, foxglove, ros2_echo, rostopic, bagpy, pandas_of_a_bag, german_excel),
-        *(french_excel, excel_text, libfranka, matlab_table, matlab_timetable, lerobot, namespaced, numbered_namespace),
+        *(rtde_recorder, ur_rtde, plotjuggler, foxglove, ros2_echo, rostopic, bagpy, pandas_of_a_bag, pandas_of_dates),
+        *(
+            german_excel,
+            french_excel,
+            excel_text,
+            libfranka,
+            matlab_table,
+            matlab_timetable,
+            lerobot,
+            namespaced,
+            numbered_namespace,
+        ),
         *(ros2_control, controller_state, sunrise, techman, numpy_savetxt, grafana, units_below),
     )
 }

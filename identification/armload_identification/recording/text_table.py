@@ -20,6 +20,8 @@ _SEPARATORS: Final = (";", "\t", ",", " ")
 _OPENING_LINES: Final = 64
 _HEADER_LINES: Final = 3
 """Lines above the numbers that are joined: names and units, or the levels of pandas' names and that of its index."""
+_TIMES_OF_ROWS: Final = "time"
+"""Name of a first column that has none and is no number: pandas writes the dates of a frame's index so."""
 _STAMP: Final = re.compile(r"([-+\d.eE]+)\s*([a-zA-Zµ]+)")
 _ECHO_FIELDS: Final = 3
 """Fields before the joints' names in a message that `ros2 topic echo --csv` printed: seconds, nanoseconds, frame."""
@@ -60,6 +62,8 @@ class TextTable:
         width = len(above[-1])
         text = [fields for fields in above[:first] if len(fields) == width] or above[:first][-1:]
         header = [" ".join(names).strip() for names in zip(*text[-_HEADER_LINES:], strict=True)]
+        if header and not header[0] and not is_number(above[-1][0]):
+            header[0] = _TIMES_OF_ROWS
         return cls(separator, quoted, header or None, first)
 
     @property

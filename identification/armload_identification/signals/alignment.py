@@ -50,7 +50,8 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
     interval_s = float(np.median(np.diff(elapsed)))
     spacing_s = min(SplineFit.coarsest_s, elapsed[-1] / SplineFit.fewest_pieces)
     best: tuple[float, Spline, FloatArray] | None = None
-    while spacing_s > 0.0:
+    while spacing_s >= SplineFit.samples_per_coefficient * interval_s:
+        fine = spacing_s < SplineFit.samples_per_knot * interval_s
         knots = _knots(elapsed, spacing_s)
         coefficients = knots.size - SplineFit.degree - 1
         if coefficients * SplineFit.samples_per_coefficient < elapsed.size:
@@ -59,11 +60,12 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
             # The sum of logarithms prevents joints with a large stroke from dominating.
             logarithms = np.log(misfit + SplineFit.negligible_rad**2)
             score = float(np.sum(logarithms) - 2 * misfit.size * np.log1p(-coefficients / elapsed.size))
-            if best is None or score < best[0]:
+            needed = misfit.size * np.log(SplineFit.motion_over_noise) if fine else 0.0
+            if best is None or score < best[0] - needed:
                 best = (score, spline, np.sqrt(misfit))
+            elif fine:
+                break
         spacing_s *= 0.5
-        if spacing_s < SplineFit.samples_per_knot * interval_s:
-            break
     if best is None:
         raise RecordingError(
             f"{elapsed.size} samples over {elapsed[-1]:.3g} s are not enough to fit a motion. Record a longer run."

@@ -29,7 +29,7 @@ class DataFrame(Protocol):
 
 
 class FrameReader:
-    """Reads a frame; an index with a name, as pandas has it, is a column too.
+    """Reads a frame; an index with a name, or of times, as pandas has it, is a column too.
 
     Args:
         frame: The frame; levels of a name are joined by dots.
@@ -45,8 +45,11 @@ class FrameReader:
 
     def __init__(self, frame: DataFrame, name: Path, options: ReadingOptions) -> None:
         self._name = name
-        if getattr(getattr(frame, "index", None), "name", None) is not None:
+        index = getattr(frame, "index", None)
+        if getattr(index, "name", None) is not None:
             frame = frame.reset_index()  # type: ignore[attr-defined]
+        elif getattr(getattr(index, "dtype", None), "kind", "") in {"m", "M"}:
+            frame = frame.reset_index(names="time")  # type: ignore[attr-defined]
         keys = list(frame.columns)
         self._names = [key if isinstance(key, str) else ".".join(map(str, np.atleast_1d(key))) for key in keys]
         self._columns = options.columns_of(lambda: columns_by_name(name, self._names, options.joint_names))

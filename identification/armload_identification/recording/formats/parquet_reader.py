@@ -34,6 +34,8 @@ from armload_identification.storage.regular_file import hash_of_files, read_whol
 INFO: Final = Path("meta") / "info.json"
 """Description of a LeRobot data set, relative to its folder."""
 _EPISODE: Final = "episode_index"
+_PANDAS_INDEX: Final = "__index_level_0__"
+"""Name under which pandas writes an index without a name."""
 _ANGLES: Final = {"position_rad", "velocity_rad_s"}
 _NORMALISED: Final = 100.0
 """End of the range of a joint that LeRobot records in percent."""
@@ -60,7 +62,10 @@ class ParquetReader:
     def __init__(self, path: Path, options: ReadingOptions) -> None:
         self._path, self._episode, self._options = path, options.episode, options
         info, self._files = _described(path) if path.is_dir() else ({}, [path])
-        self._names = pq.ParquetFile(self._files[0]).schema_arrow
+        self._schema = pq.ParquetFile(self._files[0]).schema_arrow
+        self._names = [
+            "time" if field.name == _PANDAS_INDEX and _holds_times(field.type) else field.name for field in self._schema
+        ]
         self._require_episode()
         self._remarks: tuple[str, ...] = ()
         self._columns = options.columns_of(lambda: self._recognised(info))
@@ -71,11 +76,11 @@ class ParquetReader:
         Raises:
             RecordingError: damaged, or columns that do not exist.
         """
-        places = self._columns.places(self._path, self._names.names)
-        groups = {name: [self._names.names[place] for place in columns] for name, columns in places.items()}
+        places = self._columns.places(self._path, self._names)
+        groups = {name: [self._schema.names[place] for place in columns] for name, columns in places.items()}
         wanted = [column for columns in groups.values() for column in columns]
         account.remarks = self._remarks
-        account.joint_names, account.columns = self._columns.joint_names, (self._columns, self._names.names)
+        account.joint_names, account.columns = self._columns.joint_names, (self._columns, self._names)
         account.sha256 = hash_of_files(self._files)
         if self._episode is not None:
             account.sha256 = hashlib.sha256(f"{account.sha256} episode {self._episode}".encode()).hexdigest()
@@ -99,8 +104,8 @@ class ParquetReader:
 
     def _recognised(self, info: Mapping[str, Any]) -> CsvColumns:
         """Columns by their names: lists first, then one per joint."""
-        names = self._names.names
-        lists = arrays_by_name({name for name in names if _holds_lists(self._names.field(name).type)})
+        names = self._names
+        lists = arrays_by_name({field.name for field in self._schema if _holds_lists(field.type)})
         time, position = arrays_by_name(names).get("time_s"), lists.get("position_rad")
         if position is None or time is None:
             return columns_by_name(self._path, names, self._options.joint_names)
@@ -133,7 +138,7 @@ class ParquetReader:
         if np.count_nonzero((low == -_NORMALISED) | (high == _NORMALISED)) > 1:
             raise RecordingError(
                 f"{self._path}: {position} ends at exactly -{_NORMALISED:g} or {_NORMALISED:g}, so it may be in "
-                f"percent of each joint's range. If it is in degrees, say so: {in_degrees.option(self._names.names)}."
+                f"percent of each joint's range. If it is in degrees, say so: {in_degrees.option(self._names)}."
             )
         self._remarks = (
             f"{position} reaches {max(-low.min(), high.max()):.4g}, beyond the arm's limits in radians and within them "
@@ -144,7 +149,7 @@ class ParquetReader:
     def _require_episode(self) -> None:
         """Raise for several episodes of which none is chosen, and for a choice that does not exist."""
         episodes: set[int] = set()
-        if _EPISODE in self._names.names:
+        if _EPISODE in self._names:
             for batch in self._batches([_EPISODE]):
                 episodes.update(batch.column(0).unique().to_pylist())
         if self._episode is None and len(episodes) > 1:
@@ -186,17 +191,21 @@ def _joints_of(info: Mapping[str, Any], column: str) -> tuple[str, ...]:
         return ()
 
 
+def _holds_times(kind: Any) -> bool:
+    return bool(pa.types.is_timestamp(kind) or pa.types.is_duration(kind))
+
+
 def _holds_lists(kind: Any) -> bool:
     return bool(pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind))
 
 
 def _numbers(column: Any) -> FloatArray:
     """(N, k) numbers of a column, k above 1 for lists, of times in s; NaN for missing numbers."""
-    if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
+    if _holds_times(column.type):
         return (unit_factor("time_s", column.type.unit) or 1.0) * _numbers(column.cast(pa.int64()))
     if not _holds_lists(column.type):
-        return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False)).reshape(-1, 1)
-    flat = column.flatten().cast(pa.float64()).to_numpy(zero_copy_only=False)
+        return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)).reshape(-1, 1)
+    flat = column.flatten().cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
     if len(column) == 0 or flat.size % len(column) or column.null_count:
         raise ValueError("a list without a number for each joint")
     lengths = column.value_lengths().to_numpy(zero_copy_only=False)

@@ -41,6 +41,20 @@ def test_a_frame_is_read_as_a_table_is():
     assert read.source.sha256 == armload.read_recording(Frame(TABLE)).source.sha256
 
 
+class Dated(Frame):
+    """A frame of pandas with times as its index, which has no name."""
+
+    index = np.round(1e6 * TIME_S).astype("timedelta64[us]")
+
+    def reset_index(self, names):
+        return Frame({names: self.index, **self._table})
+
+
+def test_an_index_of_times_is_the_time():
+    without = {name: values for name, values in TABLE.items() if name != "time [ms]"}
+    assert_read(armload.read_recording(Dated(without)))
+
+
 def test_columns_and_units_can_be_given():
     anonymous = Frame(dict(zip("abcde", TABLE.values(), strict=True)))
     assert_read(armload.read_recording(anonymous, columns="time[ms]=a position[deg]=b,c torque=3-4"))

@@ -104,8 +104,13 @@ def test_a_parquet_table_with_a_column_for_each_joint(tmp_path):
 def test_times_of_a_parquet_table_may_be_dates_and_durations(tmp_path, kind, unit):
     """As pandas and polars write them; they were refused as damaged."""
     ticks = np.round(TIME * {"ms": 1e3, "us": 1e6, "ns": 1e9}[unit]).astype(np.int64)
-    pq.write_table(pa.table({**columns(), "t": pa.array(ticks).cast(kind(unit))}), tmp_path / "run.parquet")
-    assert_read(read_recording(tmp_path / "run.parquet"))
+    path, since_1970 = tmp_path / "run.parquet", 1_700_000_000 * {"ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
+    pq.write_table(pa.table({**columns(), "t": pa.array(ticks).cast(kind(unit))}), path)
+    assert_read(read_recording(path))
+    found = columns()
+    del found["t"]
+    pq.write_table(pa.table({**found, "__index_level_0__": pa.array(ticks + since_1970).cast(kind(unit))}), path)
+    np.testing.assert_allclose(np.diff(read_recording(path).time_s), np.diff(TIME), atol=1e-6)
 
 
 def lerobot(folder, episodes=1, names=NAMES):
