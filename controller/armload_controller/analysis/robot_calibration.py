@@ -73,6 +73,5 @@ def calibrate_from_runs(
     Raises:
         EstimationError: no usable run, a mounting other than entered, or runs that contradict each other.
     """
-    require_extra(Extra.IDENTIFY, "calibrating an arm")
     made = Provenance(version("armload"), robot.sha256, {})
     return calibrate_arm(runs, robot.chain, robot.transmission, robot=robot.name, made=made, progress=progress)

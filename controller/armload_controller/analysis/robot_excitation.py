@@ -12,6 +12,7 @@ from functools import cached_property
 from importlib.metadata import version
 from math import ceil, floor, inf
 from multiprocessing import get_context
+from operator import itemgetter
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -118,18 +119,11 @@ class DesignedExcitation(DesignedMotion):
 
     def nearest(self) -> dict[str, tuple[str, float]]:
         """The smallest margin to every kind of limit: joint or pair of bodies, and the margin in the key's unit."""
-        room = self.result.margins
-        found = {}
-        for key in ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "torque_nm"):
-            values = getattr(room, key)
-            joint = int(values.argmin())
-            found[key] = (self.arm.joint_names[joint], float(values[joint]))
-        for key in ("clearance_m", "speed_m_s"):
-            named = getattr(room, key)
-            if named:
-                name = min(named, key=named.__getitem__)
-                found[key] = (name, float(named[name]))
-        return found
+        room, names = self.result.margins, self.arm.joint_names
+        of_joints = ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "torque_nm")
+        named = {key: dict(zip(names, getattr(room, key).tolist(), strict=True)) for key in of_joints}
+        named |= {"clearance_m": dict(room.clearance_m), "speed_m_s": dict(room.speed_m_s)}
+        return {key: min(values.items(), key=itemgetter(1)) for key, values in named.items() if values}
 
     @cached_property
     def speed_m_s(self) -> float:

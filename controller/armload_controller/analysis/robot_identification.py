@@ -334,15 +334,13 @@ def validate(
         >>> result.verdict.title
         'Repeatable within the tolerance'
     """
-    require_extra(Extra.IDENTIFY, "validating a payload")
-    arm = arm_of(robot)
-    findings = Findings(arm, payload_of(payload, arm), ReportContent(), version("armload"))
-    return _validated(findings, arm, arm_in_use(arm, calibration), (loaded, unloaded), tolerance)
+    runs = loaded, unloaded
+    return findings_from_files(robot, payload, validation=runs, calibration=calibration, tolerance=tolerance)
 
 
 def findings_from_files(
     robot: MeasuredArm | FilePath,
-    payload: FilePath,
+    payload: PayloadSource,
     *,
     fitted: RunPair | None = None,
     validation: RunPair | None = None,

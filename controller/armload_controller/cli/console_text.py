@@ -12,13 +12,22 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Column, Table
 
+from armload_identification.result_table import ResultTable
+
 _BORDER = 1
 _PADDING = 2
 
 
-def right(*headings: str) -> list[Column]:
-    """Columns of numbers, by their headings."""
-    return [Column(heading, justify="right") for heading in headings]
+def drawn(result: ResultTable) -> Table:
+    """A result's table for the console; numbers are right-aligned."""
+    columns = [
+        Column(heading, justify="left" if i in result.text_columns else "right")
+        for i, heading in enumerate(result.headings)
+    ]
+    table = Table(*columns, title=result.title or None, title_justify="left")
+    for row in result.rows:
+        table.add_row(*row)
+    return table
 
 
 def fitted(table: Table, console: Console) -> list[Table]:

@@ -49,7 +49,7 @@ def main() -> None:
 
             text = f"error: {error}" if status == ExitStatus.REFUSED else str(error)
             text = "\n".join([text, *_notes(error)])
-            Screen().errors.print(text, style="bold red", soft_wrap=True)
+            Screen(as_json=True).console.print(text, style="bold red", soft_wrap=True)
             sys.exit(status)
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")

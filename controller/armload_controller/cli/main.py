@@ -36,6 +36,7 @@ from armload_controller.cli.commands.schema_command import schema
 from armload_controller.cli.commands.tools_command import tools
 from armload_controller.cli.commands.validate_command import validate_payload
 from armload_controller.cli.exit_status import ExitStatus
+from armload_controller.cli.option_groups import with_option_groups
 
 app = typer.Typer(
     name="armload",
@@ -61,7 +62,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "schema": schema,
 }
 for name, command in COMMANDS.items():
-    app.command(name)(command)
+    app.command(name)(with_option_groups(command))
 
 app.add_typer(feedforward, name="feedforward")
 app.add_typer(drives, name="drives")

@@ -47,26 +47,6 @@ CalibrationOption = Annotated[
         "--calibration", help="Calibration file from `armload calibrate`; by default the one named in the robot's file."
     ),
 ]
-GainDriftOption = Annotated[
-    str | None,
-    typer.Option(
-        "--gain-drift",
-        metavar="SHARE",
-        help="With a calibrated arm: standard deviation of the drift of all gains together since the calibration, "
-        "such as 3%; if not given, that between the calibration's sessions, else 1%.",
-    ),
-]
-ReferenceOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--reference",
-        help="With a calibrated arm: a run of the same day and of any motion, empty or with a weighed tool, which "
-        "measures that drift.",
-    ),
-]
-ReferenceMassOption = Annotated[
-    float | None, typer.Option("--reference-mass", metavar="KG", help="Mass of the tool on the reference.")
-]
 MountedOption = Annotated[
     str | None,
     typer.Option(
@@ -86,42 +66,65 @@ _SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 _DURATION = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(ms|s|min|h|)")
 
 
-def seconds_of(text: str, option: str, *, above_zero: bool = True) -> float:
+def time_s(text: str) -> float:
     """The time that an option states, in s.
 
     Args:
         text: Value of the option, such as 10s, 1.5min, 500ms, 2h, or 10 for 10 s.
-        option: Name of the option.
-        above_zero: Whether a time of zero is refused.
+
+    Raises:
+        BadParameter: not a time.
+    """
+    match = _DURATION.fullmatch(text.strip())
+    if match is None:
+        raise typer.BadParameter(f"{text!r} is not a time; write 10s, 1.5min, 500ms or 2h")
+    return float(match[1]) * _SECONDS[match[2]]
+
+
+def duration_s(text: str) -> float:
+    """The same, above zero.
 
     Raises:
         BadParameter: not a time, or not above zero.
     """
-    match = _DURATION.fullmatch(text.strip())
-    if match is None:
-        raise typer.BadParameter(f"{text!r} is not a time; write 10s, 1.5min, 500ms or 2h", param_hint=option)
-    seconds = float(match[1]) * _SECONDS[match[2]]
-    if above_zero and seconds == 0.0:
-        raise typer.BadParameter(f"{text!r}: expected a time above zero, such as 10s", param_hint=option)
+    seconds = time_s(text)
+    if seconds == 0.0:
+        raise typer.BadParameter(f"{text!r}: expected a time above zero, such as 10s")
     return seconds
 
 
-def share_of(text: str | None, option: str = "--gain-drift") -> float | None:
-    """The share that an option states: 0.03 from '3%' or '0.03'; None if it is not given.
+def share(text: str) -> float:
+    """The share that an option states: 0.03 from '3%' or '0.03'.
 
     Raises:
         BadParameter: not a share above zero.
     """
-    if text is None:
-        return None
     number, percent, rest = text.partition("%")
     try:
-        share = float(number) * (0.01 if percent else 1.0)
+        found = float(number) * (0.01 if percent else 1.0)
     except ValueError:
-        share = float("nan")
-    if rest.strip() or not share > 0.0:
-        raise typer.BadParameter(f"{text!r}: expected a share such as 3% or 0.03", param_hint=option)
-    return share
+        found = float("nan")
+    if rest.strip() or not found > 0.0:
+        raise typer.BadParameter(f"{text!r}: expected a share such as 3% or 0.03")
+    return found
+
+
+def refuse_together(context: typer.Context, why: str, *names: str) -> None:
+    """Refuse options that were given, and do not apply with what else was.
+
+    Args:
+        context: The command's, with what was given.
+        why: Why they do not apply.
+        names: Names of their parameters.
+
+    Raises:
+        BadParameter: naming those that were given.
+    """
+    options = [option for option in context.command.params if option.name in names]
+    sources = [context.get_parameter_source(option.name or "") for option in options]
+    given = [o.opts[0] for o, source in zip(options, sources, strict=True) if source and source.name == "COMMANDLINE"]
+    if given:
+        raise typer.BadParameter(why, param_hint=", ".join(given))
 
 
 def bus_address(text: str, option: str) -> tuple[str, str]:

@@ -3,84 +3,73 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.options import seconds_of
+from armload_controller.cli.options import time_s
 from armload_identification.recording.reading_options import Effort
 
 if TYPE_CHECKING:
     from armload_controller.config.robot_recordings import RecordingChoice
 
-BetweenOption = Annotated[
-    tuple[str, str] | None,
-    typer.Option(
-        metavar="BEGIN END",
-        help="Use the rows between two times since the first row, such as 10s 1.5min; does not apply to --validation.",
-    ),
-]
-JointsOption = Annotated[
-    str | None,
-    typer.Option(help="Which of the recorded joints are the arm's, such as 1-5,7; by default by name, or all."),
-]
-ColumnsOption = Annotated[
-    str | None,
-    typer.Option(help='Columns of a table, such as "time[ms]=0 position[deg]=1-6 torque=7-12", or by names.'),
-]
-EffortOption = Annotated[
-    Effort, typer.Option(help="Meaning of effort in a ROS message: joint torque or motor current.")
-]
-EpisodeOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="N[,N...]",
-        help="Episode of a data set to use: one for all recordings, or one for each, loaded first.",
-    ),
-]
-
 _RANGE = re.compile(r"(\d{1,4})(?:-(\d{1,4}))?")
 
 
-def recording_choices(
-    columns: str | None,
-    effort: Effort,
-    between: tuple[str, str] | None,
-    joints: str | None,
-    episode: str | None,
-    *,
-    count: int,
-) -> list[RecordingChoice]:
-    """The options as one choice for each recording.
+@dataclass(frozen=True)
+class RecordingOptions:
+    """Options that select parts of recordings."""
 
-    Args:
-        columns: Value of --columns.
-        effort: Value of --effort.
-        between: Value of --between.
-        joints: Value of --joints.
-        episode: Value of --episode.
-        count: Number of recordings.
+    columns: Annotated[
+        str | None,
+        typer.Option(help='Columns of a table, such as "time[ms]=0 position[deg]=1-6 torque=7-12", or by names.'),
+    ] = None
+    effort: Annotated[
+        Effort, typer.Option(help="Meaning of effort in a ROS message: joint torque or motor current.")
+    ] = Effort.TORQUE
+    between: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            metavar="BEGIN END",
+            parser=time_s,
+            help="Use the rows between two times since the first row, such as 10s 1.5min; does not apply to "
+            "--validation.",
+        ),
+    ] = None
+    joints: Annotated[
+        str | None,
+        typer.Option(help="Which of the recorded joints are the arm's, such as 1-5,7; by default by name, or all."),
+    ] = None
+    episode: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N[,N...]",
+            help="Episode of a data set to use: one for all recordings, or one for each, loaded first.",
+        ),
+    ] = None
 
-    Raises:
-        BadParameter: an invalid time, joint or episode.
-        RecordingError: invalid columns.
-    """
-    from armload_controller.config.robot_recordings import RecordingChoice
-    from armload_identification.recording.csv_columns import parse_columns
+    def choices(self, count: int) -> list[RecordingChoice]:
+        """The options as one choice for each recording.
 
-    known = None if columns is None else parse_columns(columns)
-    between_s = None if between is None else _between(*between)
-    chosen = () if joints is None else _joints(joints)
-    episodes = _episodes(episode, count)
-    return [RecordingChoice(known, effort, between_s, number, chosen) for number in episodes]
+        Args:
+            count: Number of recordings.
 
+        Raises:
+            BadParameter: an invalid time, joint or episode.
+            RecordingError: invalid columns.
+        """
+        from armload_controller.config.robot_recordings import RecordingChoice
+        from armload_identification.recording.csv_columns import parse_columns
 
-def _between(begin: str, end: str) -> tuple[float, float]:
-    """Two times in seconds."""
-    begin_s, end_s = (seconds_of(text, "--between", above_zero=False) for text in (begin, end))
-    if end_s <= begin_s:
-        raise typer.BadParameter(f"{begin} is not before {end}", param_hint="--between")
-    return begin_s, end_s
+        known = None if self.columns is None else parse_columns(self.columns)
+        if self.between is not None and self.between[0] >= self.between[1]:
+            raise typer.BadParameter(
+                f"{self.between[0]:g} s is not before {self.between[1]:g} s", param_hint="--between"
+            )
+        chosen = () if self.joints is None else _joints(self.joints)
+        episodes = _episodes(self.episode, count)
+        return [RecordingChoice(known, self.effort, self.between, number, chosen) for number in episodes]
 
 
 def _joints(text: str) -> tuple[int, ...]:

@@ -11,30 +11,22 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from rich.progress import (
-    BarColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TaskProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.table import Column, Table
-from rich.text import Text
-
-from armload_controller.cli.console_text import fitted
 from armload_controller.cli.keyboard import HINT, Keyboard
-from armload_controller.cli.output.json_output import print_document
-from armload_controller.cli.printable_console import PrintableConsole, accepts_output
+from armload_controller.cli.output.json_output import JsonOption, print_document
 from armload_controller.control_errors import CommissioningError
 from armload_identification.storage.control_characters import printable
 
 if TYPE_CHECKING:
+    from rich.progress import ProgressColumn, Task
+    from rich.table import Table
+    from rich.text import Text
+
+    from armload_controller.cli.printable_console import PrintableConsole
     from armload_identification.result_table import ResultTable
 
 UNBOUNDED_WIDTH = 1000
@@ -43,36 +35,30 @@ _USUAL_WIDTH = 80
 """Width of a terminal that does not report one."""
 _LEAST_BAR_WIDTH = 8
 _GREATEST_BAR_WIDTH = 30
-_TIME_COLUMN = Column(no_wrap=True, min_width=7)
+_TIME_WIDTH = 7
 """Hours, minutes and seconds."""
 
 
-class _Rate(ProgressColumn):
-    """Amount done per second."""
-
-    def render(self, task: Task) -> Text:
-        """The rate since the start."""
-        return Text("" if not task.elapsed else f"{task.completed / task.elapsed:.1f}/s")
-
-
+@dataclass(eq=False)
 class Screen:
-    """A console that satisfies `run_session.Display`.
-
-    Args:
-        keyboard: Keyboard that is polled while something is tracked.
-        as_json: The result is a document on standard output: steps, bars and questions go to standard error, and
-            results as text are omitted.
+    """A console that satisfies `run_session.Display`; a parameter of each command, with the option `--json`.
 
     Attributes:
-        as_json: The same.
+        as_json: The result is a document on standard output: steps, bars and questions go to standard error, and
+            results as text are omitted.
+        keyboard: Keyboard that is polled while something is tracked.
     """
 
-    def __init__(self, keyboard: Keyboard | None = None, *, as_json: bool = False) -> None:
-        self.as_json = as_json
-        self._keyboard = keyboard
-        self._hint_shown = False
-        self.console = PrintableConsole(stderr=as_json, width=_width(sys.stderr if as_json else sys.stdout))
-        self.errors = PrintableConsole(stderr=True, width=_width(sys.stderr))
+    as_json: JsonOption = False
+    keyboard: Keyboard | None = field(default=None, init=False)
+    _hint_shown: bool = field(default=False, init=False)
+
+    @cached_property
+    def console(self) -> PrintableConsole:
+        """Where results go; rich is loaded when something is printed."""
+        from armload_controller.cli.printable_console import PrintableConsole
+
+        return PrintableConsole(stderr=self.as_json, width=_width(sys.stderr if self.as_json else sys.stdout))
 
     def step(self, text: str) -> None:
         """Print one line, for the start of an activity."""
@@ -90,6 +76,8 @@ class Screen:
 
     def table(self, table: Table) -> None:
         """Print a result as a table, complete at any width."""
+        from armload_controller.cli.console_text import fitted
+
         if self.as_json:
             return
         for part in fitted(table, self.console):
@@ -97,14 +85,9 @@ class Screen:
 
     def result_table(self, result: ResultTable) -> None:
         """Print a result's own table, and the sentences below it."""
-        columns = [
-            Column(heading, justify="left" if i in result.text_columns else "right")
-            for i, heading in enumerate(result.headings)
-        ]
-        table = Table(*columns, title=result.title or None, title_justify="left")
-        for row in result.rows:
-            table.add_row(*row)
-        self.table(table)
+        from armload_controller.cli.console_text import drawn
+
+        self.table(drawn(result))
         for sentence in result.sentences:
             self.result(sentence)
 
@@ -133,33 +116,28 @@ class Screen:
     @contextmanager
     def track(self, text: str, total: int, *, rate: bool = False) -> Iterator[Callable[[int], None]]:
         """Show a progress bar, optionally with a rate; the yielded function is called with the amount done."""
-        if self._keyboard is not None and not self._hint_shown:
+        from rich.progress import Progress
+
+        from armload_controller.cli.printable_console import accepts_output
+
+        if self.keyboard is not None and not self._hint_shown:
             self._hint_shown = True
             self.step(HINT)
         text = printable(text)
-        columns = [*self._columns(text), *([_Rate()] if rate else [])]
-        bar = Progress(*columns, console=self.console, auto_refresh=False)
-        with nullcontext() if self._keyboard is None else self._keyboard.awake(), bar:
+        bar = Progress(*_columns(text, self.console.width, rate=rate), console=self.console, auto_refresh=False)
+        with nullcontext() if self.keyboard is None else self.keyboard.awake(), bar:
             task = bar.add_task(text, total=total)
             drawn, asked = 0, ""
 
             def done(count: int) -> None:
                 nonlocal drawn, asked
-                now = "" if self._keyboard is None else self._keyboard.poll()
+                now = "" if self.keyboard is None else self.keyboard.poll()
                 new = count - drawn >= total / 100 or count >= total or now != asked
                 if new and accepts_output(self.console.file):
                     drawn, asked = count, now
                     bar.update(task, completed=count, refresh=True, description=f"{text}, {now}" if now else text)
 
             yield done
-
-    def _columns(self, text: str) -> list[ProgressColumn]:
-        """Columns of a progress line; on a narrow console the bar is omitted first."""
-        times = [TimeElapsedColumn(table_column=_TIME_COLUMN), TimeRemainingColumn(table_column=_TIME_COLUMN)]
-        room = self.console.width - len(f"{text}  100% 0:00:00 0:00:00")
-        bar = [BarColumn(bar_width=min(room, _GREATEST_BAR_WIDTH))] if room >= _LEAST_BAR_WIDTH else []
-        text_column = TextColumn("{task.description}", markup=False, table_column=Column())
-        return [text_column, *bar, TaskProgressColumn(), *times]
 
     def ask(self, question: str) -> str:
         """Ask for a text.
@@ -175,13 +153,44 @@ class Screen:
 
     def confirm(self, question: str) -> bool:
         """Ask a yes/no question; no answer, as at the end of input, means no."""
-        if self._keyboard is not None:
-            self._keyboard.forget()
+        if self.keyboard is not None:
+            self.keyboard.forget()
         try:
             answer = self.ask(f"{question} [y/N] ")
         except CommissioningError:
             return False
         return answer.strip().lower() in {"y", "yes"}
+
+
+PLAIN = Screen()
+"""The default of a command's parameter, which is replaced: it may then follow optional ones."""
+
+
+def _columns(text: str, width: int, *, rate: bool) -> list[ProgressColumn]:
+    """Columns of a progress line, which may end with the amount done per second; if narrow, without a bar."""
+    from rich.progress import (
+        BarColumn,
+        ProgressColumn,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+    from rich.table import Column
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """Amount done per second since the start."""
+
+        def render(self, task: Task) -> Text:
+            return Text("" if not task.elapsed else f"{task.completed / task.elapsed:.1f}/s")
+
+    time = Column(no_wrap=True, min_width=_TIME_WIDTH)
+    room = width - len(f"{text}  100% 0:00:00 0:00:00")
+    bar = [BarColumn(bar_width=min(room, _GREATEST_BAR_WIDTH))] if room >= _LEAST_BAR_WIDTH else []
+    text_column = TextColumn("{task.description}", markup=False, table_column=Column())
+    times = [TimeElapsedColumn(table_column=time), TimeRemainingColumn(table_column=time)]
+    return [text_column, *bar, TaskProgressColumn(), *times, *([Rate()] if rate else [])]
 
 
 def _width(stream: TextIO | None) -> int:

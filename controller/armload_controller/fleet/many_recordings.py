@@ -69,8 +69,10 @@ def fleet_report(rows: FilePath, report: FilePath | None = None) -> FleetReview:
     review = review_fleet(runs_of(Path(rows)))
     if report is not None:
         require_extra(Extra.REPORT, "the report of a fleet")
-        from armload_identification.report.fleet.fleet_report import write_fleet_report
+        from armload_identification.report.fleet.fleet_report import render_fleet_report
+        from armload_identification.report.page import write_page
 
         attention = attention_of(review, Path(rows), datetime.now(UTC).date())
-        write_fleet_report(Path(report), review, version("armload"), attention.words, attention.arms)
+        page = render_fleet_report(review, version("armload"), attention.words, attention.arms)
+        write_page(Path(report), page)
     return review

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import date
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -17,7 +16,7 @@ from armload_identification.numerals import NO_BREAK, decimals_for, numeral
 from armload_identification.recording.reading_options import Effort
 from armload_identification.report.figures.calibration_figures import drift_figure, gains_figure
 from armload_identification.report.figures.joint_figures import COLORS
-from armload_identification.report.page import rendered, write_page
+from armload_identification.report.page import rendered
 
 _TEMPLATE: Final = "calibration.html.j2"
 _LOUD: Final = 1.5
@@ -26,22 +25,12 @@ _STRONG: Final = 1.0
 """Influence of a run on a gain, in standard deviations, from which it is printed in bold."""
 
 
-def write_calibration_report(path: Path, calibration: ArmCalibration, description: str, names: Sequence[str]) -> None:
-    """Write the report of a calibration.
+def render_calibration_report(calibration: ArmCalibration, description: str, names: Sequence[str]) -> str:
+    """The report of a calibration.
 
     Args:
-        path: The file; an existing one is replaced.
         description: Description of the arm, in one line.
         names: Names of its joints.
-
-    Raises:
-        ReportError: the file cannot be written, or the names do not fit the joints.
-    """
-    write_page(path, render_calibration_report(calibration, description, names))
-
-
-def render_calibration_report(calibration: ArmCalibration, description: str, names: Sequence[str]) -> str:
-    """The report's text.
 
     Returns:
         HTML.

@@ -107,34 +107,30 @@ def _way_round(source: RecordingSource) -> str:
     text = source.attachments.get(WAY_ROUND_ATTACHMENT)
     if text is None:
         return ""
-    count = len(json.loads(text)["via_points_rad"])
-    points = "point" if count == 1 else "points"
-    return (
-        f" The straight path to its start was blocked: the arm went round the obstacle, via {count}{NO_BREAK}{points}."
-    )
+    points = counted(len(json.loads(text)["via_points_rad"]), "point").replace(" ", NO_BREAK)
+    return f" The straight path to its start was blocked: the arm went round the obstacle, via {points}."
 
 
 def comparison_sentence(signal: LoadSignal) -> str:
     """Description of the comparison of the loaded with the unloaded run."""
+    noise = f"The noise is from {signal.noise_source}."
     if not signal.periods[1]:
         return (
             "The torque of the payload is that of the loaded run minus that of the arm according to its calibration. "
-            f"The noise is from {signal.noise_source}."
+            + noise
         )
-    difference = (
-        "The torque of the payload is that of the loaded run minus that of the unloaded one, in which the arm itself "
-        "and nearly all friction cancel. "
-    )
     if signal.periodic:
         loaded, unloaded = (counted(count, "period") for count in signal.periods)
-        return difference + (
-            f"The runs were compared phase by phase: {loaded} of the loaded and {unloaded} of the unloaded run, "
-            f"averaged. The noise is from {signal.noise_source}."
+        how = f"compared phase by phase: {loaded} of the loaded and {unloaded} of the unloaded run, averaged. "
+    else:
+        apart = f"{numeral(abs(signal.shift_s), 3)}{NO_BREAK}s"
+        how = (
+            f"aligned by position, as they have no common period, with an offset of {apart} between their clocks, and "
+            "not averaged. "
         )
-    apart = f"{numeral(abs(signal.shift_s), 3)}{NO_BREAK}s"
-    return difference + (
-        f"The runs have no common period, so they were aligned by position, with an offset of {apart} between their "
-        f"clocks, and nothing was averaged. The noise is from {signal.noise_source}."
+    return (
+        "The torque of the payload is that of the loaded run minus that of the unloaded one, in which the arm itself "
+        f"and nearly all friction cancel. The runs were {how}{noise}"
     )
 
 

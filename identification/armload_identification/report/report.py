@@ -6,7 +6,6 @@ It loads nothing, contains no scripts, and the same inputs give the same bytes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -27,7 +26,7 @@ from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import FLANGE_MM, center_views
 from armload_identification.report.joints import JointRow, joint_rows
 from armload_identification.report.next_steps import next_steps
-from armload_identification.report.page import rendered, write_page
+from armload_identification.report.page import rendered
 from armload_identification.report.payload_in_words import (
     compared_rows,
     half_widths,
@@ -46,21 +45,11 @@ from armload_identification.verdict.joint_words import listed
 _TEMPLATE: Final = "template.html.j2"
 
 
-def write_report(path: Path, subject: ReportSubject, content: ReportContent) -> None:
-    """Write the report.
+def render_report(subject: ReportSubject, content: ReportContent) -> str:
+    """The report.
 
     Args:
-        path: The file; an existing one is replaced.
         content: Fit, runs and validation, as far as available.
-
-    Raises:
-        ReportError: the file cannot be written, or the names do not fit the joints.
-    """
-    write_page(path, render_report(subject, content))
-
-
-def render_report(subject: ReportSubject, content: ReportContent) -> str:
-    """The report's text.
 
     Returns:
         HTML.
@@ -81,7 +70,7 @@ def render_report(subject: ReportSubject, content: ReportContent) -> str:
         subject=subject,
         headline=headline(payload),
         mass=mass_card(payload),
-        views=tuple((view.heading, Markup(view.svg)) for view in center_views(payload)),
+        views=[(heading, Markup(svg)) for heading, svg in center_views(payload)],
         flange_width=f"{FLANGE_MM:g}{NO_BREAK}mm",
         steps=next_steps(payload, content.validation),
         truth_sentence="" if subject.truth is None else truth_sentence(payload, subject.truth),

@@ -53,9 +53,10 @@ class CalibratedArm(PrintedResult):
             ExtraMissing: the libraries for reports are not installed.
         """
         require_extra(Extra.REPORT, "the report of a calibration")
-        from armload_identification.report.calibration_report import write_calibration_report
+        from armload_identification.report.calibration_report import render_calibration_report
+        from armload_identification.report.page import write_page
 
-        write_calibration_report(Path(path), self.calibration, self.description, self.joint_names)
+        write_page(Path(path), render_calibration_report(self.calibration, self.description, self.joint_names))
 
     def table(self) -> ResultTable:
         """Gain and load-dependent friction of every joint, with 95 % intervals."""

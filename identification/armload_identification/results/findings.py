@@ -120,7 +120,8 @@ class Findings(PrintedResult):
             ExtraMissing: the libraries for reports are not installed.
         """
         require_extra(Extra.REPORT, "a report")
-        from armload_identification.report.report import write_report  # matplotlib takes longer to load than a fit
+        from armload_identification.report.page import write_page  # matplotlib takes longer to load than a fit
+        from armload_identification.report.report import render_report
 
         subject = ReportSubject(
             robot=self.arm.name,
@@ -132,7 +133,7 @@ class Findings(PrintedResult):
             truth=self.truth,
             payload=self.payload,
         )
-        write_report(Path(path), subject, self.content)
+        write_page(Path(path), render_report(subject, self.content))
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, texts, lists and dictionaries: the schema `armload/payload/1`."""

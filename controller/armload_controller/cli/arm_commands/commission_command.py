@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
@@ -12,38 +11,31 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.attendance import attended, operator_at
-from armload_controller.cli.given_arm import arm_on_bus
+from armload_controller.cli.attendance import operator_at
+from armload_controller.cli.drift_options import DriftOptions
+from armload_controller.cli.given_arm import DrivenArm
 from armload_controller.cli.options import (
-    BitrateOption,
-    BusOption,
     CalibrationOption,
-    CycleOption,
-    GainDriftOption,
     LiveAddressOption,
     LiveOption,
     MountedOption,
-    ReferenceMassOption,
-    ReferenceOption,
-    RobotArgument,
-    SimulatedDrivesOption,
     YesOption,
-    share_of,
+    refuse_together,
+    share,
 )
 from armload_controller.cli.output.findings_output import require_not_wrong
-from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import make_folder, require_writable
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption
+from armload_controller.cli.screen import PLAIN, Screen
 from armload_controller.control_errors import CommissioningError
 from armload_controller.motion.motion_control import MotionControl
 from armload_identification.verdict.tolerance import Tolerance
 
 if TYPE_CHECKING:
-    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.cycle.monitors import CycleSummary
     from armload_controller.session.commissioning import CommissioningPlan
-    from armload_controller.session.run_session import Consent, Operator, SessionLoad
+    from armload_controller.session.run_session import Consent, Operator, ServosFactory, SessionLoad
 
 
 class Runs(StrEnum):
@@ -55,11 +47,9 @@ class Runs(StrEnum):
 
 
 def commission(
-    robot: RobotArgument,
-    bus: BusOption = None,
-    bitrate: BitrateOption = None,
-    cycle_hz: CycleOption = None,
-    simulated_drives: SimulatedDrivesOption = False,
+    context: typer.Context,
+    driven: DrivenArm,
+    *,
     runs: Annotated[
         Runs, typer.Option(help="Run one half at a time; 'loaded' continues with the recordings of 'unloaded'.")
     ] = Runs.BOTH,
@@ -71,10 +61,12 @@ def commission(
         float | None, typer.Option(help="Mass of the payload, if it was weighed; it sets the scale of the gains.")
     ] = None,
     until: Annotated[
-        str | None,
+        float | None,
         typer.Option(
+            metavar="SHARE",
+            parser=share,
             help="Repeat the loaded periods, at most five times, until the mass repeats within this share, such as 1%. "
-            "That is the part of its interval that more periods reduce; with nominal gains their scale is not."
+            "That is the part of its interval that more periods reduce; with nominal gains their scale is not.",
         ),
     ] = None,
     slow_only: Annotated[
@@ -82,15 +74,13 @@ def commission(
         typer.Option("--slow-only", help="Run the slow rounds alone: mass and centre of mass, in wider intervals."),
     ] = False,
     calibration: CalibrationOption = None,
-    gain_drift: GainDriftOption = None,
-    reference: ReferenceOption = None,
-    reference_mass_kg: ReferenceMassOption = None,
+    drift: DriftOptions,
     mounted: MountedOption = None,
     yes: YesOption = False,
     live: LiveOption = False,
     live_address: LiveAddressOption = None,
     tolerance: ToleranceOption = TOLERANCE,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Run the arm empty and loaded, identify and validate the payload, write a report. Exit status 3: payload wrong.
 
@@ -99,12 +89,9 @@ def commission(
     except SIGTERM.
     """
     from armload_controller.analysis.arm_in_use import arm_in_use
-    from armload_controller.analysis.stated_drift import StatedDrift
     from armload_controller.cli.keyboard import Keyboard
     from armload_controller.cli.output.findings_output import show_findings
     from armload_controller.cli.output.json_documents import half_document
-    from armload_controller.cli.screen import Screen
-    from armload_controller.session.arm_access import require_rules
     from armload_controller.session.commissioning import CommissioningPlan, missing_roles, require_recordings
     from armload_controller.session.commissioning_results import PAYLOAD_NAME, REPORT_NAME, evaluate
     from armload_controller.session.folder_claim import claimed
@@ -114,23 +101,20 @@ def commission(
 
     for extra in (Extra.IDENTIFY, Extra.REPORT):
         require_extra(extra, "commissioning")
-    allowed = Tolerance(*tolerance)
+    if slow_only:
+        refuse_together(context, "no periods are run with --slow-only", "until")
     shown = live_at(live, live_address)
-    arm = arm_on_bus(robot, bus, bitrate, cycle_hz)
+    arm = driven.arm(driven.cycle_hz)
     if mounted is not None:
         arm = arm.with_simulated_payload(mounted)
-    drift = StatedDrift(share_of(gain_drift), reference, reference_mass_kg)
-    drift.session(arm, arm_in_use(arm, calibration))
+    stated = drift.stated()
+    stated.session(arm, arm_in_use(arm, calibration))
     now = datetime.now(UTC)
     directory = output or Path("runs") / f"{arm.name}-{now:%Y%m%d-%H%M%S}"
-    plan = CommissioningPlan(directory, mass_kg, calibration, drift, _wanted(until, slow_only=slow_only), slow_only)
-    halves = {
-        Runs.BOTH: (SessionLoad.UNLOADED, SessionLoad.LOADED),
-        Runs.UNLOADED: (SessionLoad.UNLOADED,),
-        Runs.LOADED: (SessionLoad.LOADED,),
-    }
-    if any(missing_roles(directory, load) for load in halves[runs]):
-        require_rules(arm, simulated_drives=simulated_drives, attended=attended())
+    plan = CommissioningPlan(directory, mass_kg, calibration, stated, until, slow_only)
+    halves = [load for load in SessionLoad if runs in {Runs.BOTH, load}]
+    if any(missing_roles(directory, load) for load in halves):
+        driven.require_rules(arm)
     if runs is Runs.LOADED:
         if output is None:
             raise CommissioningError("--runs loaded requires --output: the folder used by --runs unloaded")
@@ -138,32 +122,25 @@ def commission(
     make_folder(directory)
     require_writable(directory)
     control = MotionControl()
-    screen = Screen(Keyboard.of_this_process(control), as_json=as_json)
+    screen.keyboard = Keyboard.of_this_process(control)
     with claimed(directory):
-        done = not any(missing_roles(directory, load) for load in halves[runs])
+        done = not any(missing_roles(directory, load) for load in halves)
         if done and (runs is Runs.UNLOADED or all((directory / n).exists() for n in (PAYLOAD_NAME, REPORT_NAME))):
             raise CommissioningError(
                 f"{directory} already contains these recordings, which are never overwritten: choose another --output"
             )
         with operator_at(arm, screen, control, agreed=yes, live=shown) as operator:
-            _record(arm, plan, screen, operator, halves[runs], simulated_drives=simulated_drives)
+            _record(arm, plan, screen, operator, halves, driven.opened(arm, screen))
         if runs is Runs.UNLOADED:
             screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
             screen.document(half_document, {"directory": directory})
             return
-        findings, calibrated = evaluate(arm, plan, allowed, now)
+        findings, calibrated = evaluate(arm, plan, Tolerance(*tolerance), now)
         show_findings(screen, findings)
         for text in (f"payload: {directory / PAYLOAD_NAME}", f"report:  {directory / REPORT_NAME}", *calibrated):
             screen.step(text)
     screen.document(findings.to_dict, _files(directory))
     require_not_wrong(findings)
-
-
-def _wanted(until: str | None, *, slow_only: bool) -> float | None:
-    """The share that --until states."""
-    if slow_only and until is not None:
-        raise typer.BadParameter("no periods are run with --slow-only", param_hint="--until")
-    return share_of(until, "--until")
 
 
 def _files(directory: Path) -> dict[str, Path]:
@@ -181,17 +158,11 @@ def _record(
     screen: Screen,
     operator: Operator,
     halves: Sequence[SessionLoad],
-    *,
-    simulated_drives: bool,
+    open_servos: ServosFactory,
 ) -> None:
     """Record the halves that do not exist yet."""
-    from armload_controller.session.arm_access import open_arm
     from armload_controller.session.commissioning import missing_roles, record_half
     from armload_controller.session.run_session import SessionLoad
-    from armload_drivers.servos import JointServos
-
-    def open_servos(load: SessionLoad) -> AbstractContextManager[JointServos]:
-        return open_arm(arm, load, screen.step, simulated_drives=simulated_drives, attended=attended())
 
     for load in halves:
         if not missing_roles(plan.directory, load):

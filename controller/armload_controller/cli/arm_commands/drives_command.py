@@ -9,48 +9,39 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.command_group import CommandGroup
+from armload_controller.cli.command_group import Commands
 from armload_controller.cli.exit_status import ExitStatus
-from armload_controller.cli.given_arm import arm_on_bus
-from armload_controller.cli.options import (
-    BUS_FORM,
-    BitrateOption,
-    BusOption,
-    CycleOption,
-    RobotArgument,
-    SimulatedDrivesOption,
-    bus_address,
-)
-from armload_controller.cli.output.json_output import JsonOption
+from armload_controller.cli.given_arm import ArmOnBus, DrivenArm
+from armload_controller.cli.options import BUS_FORM, bus_address
+from armload_controller.cli.screen import PLAIN, Screen
 from armload_controller.control_errors import CommissioningError, ConfigurationError, UnsafeBus
 from armload_controller.motion.motion_control import MotionControl
+from armload_identification.results.json_document import json_document
 
 if TYPE_CHECKING:
     import can
 
-    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.session.brake_test import BrakeFinding
     from armload_drivers.bring_up.arm_bring_up import ArmBringUp
     from armload_drivers.bring_up.inspection import ArmStatus
     from armload_drivers.canopen.lss_master import LssAddress
 
-drives = typer.Typer(
-    cls=CommandGroup, help="Inspect the drives on a bus. Only check --brakes energises.", no_args_is_help=True
-)
+drives = Commands("Inspect the drives on a bus. Only check --brakes energises.")
 
 
 @drives.command("scan")
 def scan_command(
     bus: Annotated[str, typer.Argument(metavar=BUS_FORM, help="The bus, such as socketcan:can0.")],
     bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of the bus in bit/s.")] = 1_000_000,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """List the drives on the bus: identity, modes, and missing safety properties. Only reads.
 
@@ -58,14 +49,12 @@ def scan_command(
     """
     from armload_controller.cli.output.drive_result_tables import found_table
     from armload_controller.cli.output.json_documents import nodes_document
-    from armload_controller.cli.screen import Screen
     from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.session.arm_access import nodes_on
 
     interface, channel = bus_address(bus, BUS_FORM)
     if interface == VIRTUAL:
         raise UnsafeBus("a virtual bus has no nodes outside this process: give the interface of a real bus")
-    screen = Screen(as_json=as_json)
     found = nodes_on(interface, channel, bitrate)
     screen.document(partial(nodes_document, interface, channel, found))
     if not found:
@@ -85,25 +74,19 @@ def _hint_at_profiles(screen: Screen, vendor_ids: Iterable[int | None]) -> None:
 
 @drives.command("check")
 def check_command(
-    robot: RobotArgument,
-    bus: BusOption = None,
-    bitrate: BitrateOption = None,
-    cycle_hz: CycleOption = None,
+    driven: DrivenArm,
     brakes: Annotated[
         bool,
         typer.Option("--brakes", help="Then enable the drives with their brakes closed, and push against each. Asks."),
     ] = False,
-    simulated_drives: SimulatedDrivesOption = False,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Perform bring-up short of enabling, and check the safety properties. Resets and configures the arm's nodes."""
     from armload_controller.cli.output.drive_result_tables import check_table, safety_table
     from armload_controller.cli.output.json_documents import checks_document
-    from armload_controller.cli.screen import Screen
     from armload_drivers.bring_up.drive_check import Verdict, check
 
-    arm = arm_on_bus(robot, bus, bitrate, cycle_hz)
-    screen = Screen(as_json=as_json)
+    arm = driven.arm(driven.cycle_hz)
     for text in arm.drives.peculiarities:
         screen.step(text)
     with _bring_up(arm) as bring_up:
@@ -120,28 +103,21 @@ def check_command(
         named = arm.drives.profiles
         _hint_at_profiles(screen, (drive.wanted_identity.vendor_id for drive in drives if drive.joint not in named))
     screen.result(f"of {len(rows)} steps {', '.join(left)}" if left else f"all {len(rows)} steps are ok")
-    tried = _brakes_tried(arm, screen, simulated_drives=simulated_drives) if brakes and not wrong else ()
+    tried = _brakes_tried(arm, screen, driven) if brakes and not wrong else ()
     screen.document(partial(checks_document, arm.name, found, tried))
     if wrong or any(finding.tried_nm and not finding.holds for finding in tried):
         raise typer.Exit(ExitStatus.REFUSED)
 
 
-def _brakes_tried(arm: Robot, screen: Screen, *, simulated_drives: bool) -> tuple[BrakeFinding, ...]:
+def _brakes_tried(arm: Robot, screen: Screen, driven: DrivenArm) -> tuple[BrakeFinding, ...]:
     """Try the brakes, and show the result."""
-    from armload_controller.cli.attendance import attended, operator_at
+    from armload_controller.cli.attendance import operator_at
     from armload_controller.cli.output.drive_result_tables import brake_table
-    from armload_controller.session.arm_access import open_arm, require_rules
     from armload_controller.session.brake_test import brakes_tried
     from armload_controller.session.run_session import SessionLoad, run_session
-    from armload_drivers.servos import JointServos
 
-    require_rules(arm, simulated_drives=simulated_drives, attended=attended())
-
-    def open_servos(load: SessionLoad) -> AbstractContextManager[JointServos]:
-        return open_arm(
-            arm, load, screen.step, simulated_drives=simulated_drives, attended=attended(), brakes_closed=True
-        )
-
+    driven.require_rules(arm)
+    open_servos = driven.opened(arm, screen, brakes_closed=True)
     with (
         operator_at(arm, screen, MotionControl(), agreed=False, live=None) as operator,
         run_session(arm, SessionLoad.LOADED, open_servos, operator) as session,
@@ -153,20 +129,16 @@ def _brakes_tried(arm: Robot, screen: Screen, *, simulated_drives: bool) -> tupl
 
 @drives.command("show")
 def show_command(
-    robot: RobotArgument,
-    bus: BusOption = None,
-    bitrate: BitrateOption = None,
+    on_bus: ArmOnBus,
     once: Annotated[bool, typer.Option("--once", help="Print one table instead of a new one every second.")] = False,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Show state, position and effort of every drive, and the bus load, until Ctrl-C. Only reads."""
     from armload_controller.cli.output.drive_result_tables import bus_line, status_table
     from armload_controller.cli.output.json_documents import status_document
-    from armload_controller.cli.screen import Screen
     from armload_controller.session.stop_signals import StopSignals
 
-    arm = arm_on_bus(robot, bus, bitrate)
-    screen = Screen(as_json=as_json)
+    arm = on_bus.arm()
     control = MotionControl()
     with StopSignals(control), _status_of(arm) as status_now:
         while control.goal.stop is None:
@@ -180,50 +152,41 @@ def show_command(
 
 @drives.command("reset")
 def reset_command(
-    robot: RobotArgument,
+    on_bus: ArmOnBus,
     joint: Annotated[str, typer.Argument(metavar="JOINT", help="Name of the joint, as in the configuration.")],
-    bus: BusOption = None,
-    bitrate: BitrateOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="The cause has been removed: do not ask.")] = False,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Reset the fault of one drive, once its cause is removed. On a real arm, asks first. Nothing is enabled."""
-    from armload_controller.cli.output.json_documents import reset_document
-    from armload_controller.cli.screen import Screen
     from armload_drivers.bring_up.drive_check import reset
 
-    arm = arm_on_bus(robot, bus, bitrate)
+    arm = on_bus.arm()
     if joint not in arm.joint_names:
         raise ConfigurationError(arm.file, "JOINT", joint, f"one of: {', '.join(arm.joint_names)}")
     node_id = arm.drives.settings.drives[arm.joint_names.index(joint)].node_id
-    screen = Screen(as_json=as_json)
     with _bring_up(arm) as bring_up:
         state = reset(bring_up, joint, lambda question: yes or screen.confirm(question))
     if state is None:
         raise CommissioningError("not confirmed: nothing was reset")
-    screen.document(partial(reset_document, arm.name, joint, node_id, state))
+    fields = {"robot": arm.name, "joint": joint, "node_id": node_id, "state": state.title}
+    screen.document(lambda: json_document("reset", fields))
     screen.result(f"{joint}: {state.title}")
 
 
 @drives.command("store")
 def store_command(
-    robot: RobotArgument,
-    bus: BusOption = None,
-    bitrate: BitrateOption = None,
+    on_bus: ArmOnBus,
     yes: Annotated[bool, typer.Option("--yes", help="Store the settings: do not ask.")] = False,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Store the present settings of the arm's drives in their memory (1010). On a real arm, asks first."""
-    from armload_controller.cli.output.json_documents import stored_document
-    from armload_controller.cli.screen import Screen
     from armload_drivers.bring_up.drive_store import store
 
-    arm = arm_on_bus(robot, bus, bitrate)
-    screen = Screen(as_json=as_json)
+    arm = on_bus.arm()
     with _bring_up(arm) as bring_up:
         if not store(bring_up, lambda question: yes or screen.confirm(question)):
             raise CommissioningError("not confirmed: nothing was stored")
-    screen.document(partial(stored_document, arm.name, arm.joint_names))
+    screen.document(lambda: json_document("stored", {"robot": arm.name, "joints": list(arm.joint_names)}))
     screen.result(f"stored: {', '.join(arm.joint_names)}")
 
 
@@ -243,11 +206,9 @@ def assign_command(
     ] = None,
     bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of the bus in bit/s.")] = 1_000_000,
     yes: Annotated[bool, typer.Option("--yes", help="Set it: do not ask.")] = False,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Give a node its node id, and a bit rate, by layer setting services (LSS). Asks first."""
-    from armload_controller.cli.output.json_documents import assigned_document
-    from armload_controller.cli.screen import Screen
     from armload_controller.session.arm_access import open_bus
     from armload_drivers.canopen.lss_master import BIT_TIMINGS
     from armload_drivers.canopen.node_assignment import assign
@@ -255,12 +216,12 @@ def assign_command(
     if new_bitrate is not None and new_bitrate not in BIT_TIMINGS:
         raise typer.BadParameter(f"{new_bitrate}: expected one of {', '.join(map(str, BIT_TIMINGS))}")
     address = None if identity is None else _address(identity)
-    screen = Screen(as_json=as_json)
     with open_bus(*bus_address(bus, BUS_FORM), bitrate) as opened:
         found = assign(opened, node_id, new_bitrate, address, lambda question: yes or screen.confirm(question))
     if found is None:
         raise CommissioningError("not confirmed: nothing was set")
-    screen.document(partial(assigned_document, found, node_id, new_bitrate))
+    fields = asdict(found) | {"node_id": node_id, "bitrate": new_bitrate}
+    screen.document(lambda: json_document("assigned", fields))
     screen.result(f"{found}: node id {node_id}")
 
 

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.attendance import attended, operator_at
-from armload_controller.cli.given_arm import arm_on_bus
+from armload_controller.cli.attendance import operator_at
+from armload_controller.cli.given_arm import DrivenArm
 from armload_controller.cli.options import (
-    BitrateOption,
-    BusOption,
     CalibrationOption,
-    CycleOption,
     LiveAddressOption,
     LiveOption,
     MountedOption,
-    RobotArgument,
-    SimulatedDrivesOption,
     YesOption,
 )
 from armload_controller.cli.output.json_output import JsonOption
@@ -36,7 +29,6 @@ if TYPE_CHECKING:
     from armload_controller.motion.checked_path import CheckedPath
     from armload_controller.session.feedforward_comparison import ComparisonRuns
     from armload_controller.session.run_session import Operator, RunSession, ServosFactory, SessionLoad
-    from armload_drivers.servos import JointServos
     from armload_identification.model.payload import PayloadResult
 
 PERIODS = 1
@@ -86,33 +78,26 @@ class Bench:
 
 
 @dataclass(frozen=True)
-class BenchOptions:
+class BenchOptions(DrivenArm):
     """Options that all feed-forward commands share, in the order of their help."""
 
-    robot: RobotArgument
     excitation: ExcitationOption = None
     calibration: CalibrationOption = None
     mounted: MountedOption = None
-    bus: BusOption = None
-    bitrate: BitrateOption = None
-    cycle_hz: CycleOption = None
-    simulated_drives: SimulatedDrivesOption = False
     yes: YesOption = False
     live: LiveOption = False
     live_address: LiveAddressOption = None
     as_json: JsonOption = False
 
-    def arm(self) -> Robot:
+    def movable_arm(self) -> Robot:
         """The arm, if it may be moved.
 
         Raises:
             ConfigurationError: its file cannot be used, or lacks what a real arm requires.
             UnsafeBus: a real arm without an operator.
         """
-        from armload_controller.session.arm_access import require_rules
-
-        arm = arm_on_bus(self.robot, self.bus, self.bitrate, self.cycle_hz)
-        require_rules(arm, simulated_drives=self.simulated_drives, attended=attended())
+        arm = self.arm(self.cycle_hz)
+        self.require_rules(arm)
         return arm if self.mounted is None else arm.with_simulated_payload(self.mounted)
 
     @contextmanager
@@ -121,35 +106,16 @@ class BenchOptions:
         from armload_controller.analysis.arm_in_use import arm_in_use
         from armload_controller.cli.keyboard import Keyboard
         from armload_controller.cli.screen import Screen
-        from armload_controller.session.arm_access import open_arm
         from armload_controller.session.live.live_view import live_at
 
         control = MotionControl()
-        screen = Screen(Keyboard.of_this_process(control), as_json=self.as_json)
+        screen = Screen(self.as_json)
+        screen.keyboard = Keyboard.of_this_process(control)
         path = _checked_path(arm, self.excitation, whole=whole)
         used = arm_in_use(arm, self.calibration)
-
-        def open_servos(load: SessionLoad) -> AbstractContextManager[JointServos]:
-            return open_arm(arm, load, screen.step, simulated_drives=self.simulated_drives, attended=attended())
-
         live = live_at(self.live, self.live_address)
         with operator_at(arm, screen, control, agreed=self.yes, live=live) as operator:
-            yield Bench(arm, path, used, open_servos, operator, screen)
-
-
-def with_bench_options(command: Callable[..., None]) -> Callable[..., None]:
-    """A command with the options of `BenchOptions`, which it gets as its first argument, `options`."""
-    robot, *shared = inspect.signature(BenchOptions, eval_str=True).parameters.values()
-    _, *own = inspect.signature(command, eval_str=True).parameters.values()
-
-    @wraps(command)
-    def given(**values: object) -> None:
-        names = [each.name for each in own]
-        options = {name: value for name, value in values.items() if name not in names}
-        command(BenchOptions(**options), **{name: values[name] for name in names})  # type: ignore[arg-type]
-
-    given.__signature__ = inspect.Signature([robot, *own, *shared])  # type: ignore[attr-defined]
-    return given
+            yield Bench(arm, path, used, self.opened(arm, screen), operator, screen)
 
 
 def usable(arm: Robot, payload: Path) -> PayloadResult:

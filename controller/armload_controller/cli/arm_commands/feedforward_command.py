@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import typer
-
 from armload_controller.cli.arm_commands.feedforward_compare import feedforward_compare
 from armload_controller.cli.arm_commands.feedforward_run import feedforward_run
 from armload_controller.cli.arm_commands.feedforward_trial import feedforward_trial
-from armload_controller.cli.command_group import CommandGroup
+from armload_controller.cli.command_group import Commands
 
-feedforward = typer.Typer(
-    cls=CommandGroup,
-    help="Add a payload's torque to that of the drives (60B2), which is tried at standstill before anything moves.",
-    no_args_is_help=True,
+feedforward = Commands(
+    "Add a payload's torque to that of the drives (60B2), which is tried at standstill before anything moves."
 )
 feedforward.command("trial")(feedforward_trial)
 feedforward.command("compare")(feedforward_compare)

@@ -14,7 +14,6 @@ from armload_controller.cli.arm_commands.feedforward_bench import (
     BenchOptions,
     PayloadArgument,
     usable,
-    with_bench_options,
 )
 from armload_controller.cli.output.feedforward_output import offset_account, show_comparisons
 from armload_controller.cli.output.output_files import require_folder
@@ -28,7 +27,6 @@ IDENTIFIED, IDEAL = "identified payload", "true payload"
 FRICTION, ARM = "payload and its friction in the gears", "payload and arm"
 
 
-@with_bench_options
 def feedforward_compare(
     options: BenchOptions,
     payload: PayloadArgument,
@@ -43,7 +41,7 @@ def feedforward_compare(
     from armload_controller.cli.output.json_documents import feedforward_document
     from armload_controller.session.comparison_figure import require_picture
 
-    arm = options.arm()
+    arm = options.movable_arm()
     require_picture(picture)
     require_folder(picture)
     given = usable(arm, payload)

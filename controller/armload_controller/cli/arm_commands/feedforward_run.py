@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.arm_commands.feedforward_bench import Bench, BenchOptions, usable, with_bench_options
+from armload_controller.cli.arm_commands.feedforward_bench import Bench, BenchOptions, usable
 from armload_controller.cli.output.feedforward_output import offset_account
 
 if TYPE_CHECKING:
@@ -17,10 +17,8 @@ if TYPE_CHECKING:
     from armload_controller.feedforward.adaptation import AdaptationDecision
     from armload_controller.feedforward.adaptation_rules import DeclaredMass
     from armload_controller.feedforward.offset_check import OffsetVerdict
-    from armload_identification.model.payload import PayloadResult
 
 
-@with_bench_options
 def feedforward_run(
     options: BenchOptions,
     payload: Annotated[
@@ -47,9 +45,10 @@ def feedforward_run(
     Ctrl-C, SIGTERM and a lost terminal bring the arm to rest and remove its torque, as for `commission`.
     """
     from armload_controller.cli.output.json_documents import feedforward_document
+    from armload_controller.session.run_session import SessionLoad
 
     require_one_kind(payload, expect)
-    arm = options.arm()
+    arm = options.movable_arm()
     declared = None if expect is None else declared_mass(arm, expect)
     given = None if payload is None else usable(arm, payload)
     made: Sequence[AdaptationDecision] = ()
@@ -57,7 +56,8 @@ def feedforward_run(
         if declared is not None:
             verdict, made = _adapt(bench, declared, decisions)
         elif given is not None:
-            verdict = _run(bench, given)
+            with bench.session(SessionLoad.LOADED) as session:
+                _, verdict = bench.runs().with_feedforward(session, given, "loaded, with feed-forward", None)
         bench.screen.result(offset_account(verdict))
         bench.screen.document(partial(feedforward_document, arm.name, verdict, (), made))
 
@@ -88,14 +88,6 @@ def declared_mass(arm: Robot, expect: str) -> DeclaredMass:
     except ValueError:
         raise typer.BadParameter(f"{expect!r}: expected a range such as 0..3", param_hint="--expect") from None
     return DeclaredMass(least_kg, most_kg, arm.payloads.rated_kg)
-
-
-def _run(bench: Bench, payload: PayloadResult) -> OffsetVerdict:
-    """The run with a known payload's torque."""
-    from armload_controller.session.run_session import SessionLoad
-
-    with bench.session(SessionLoad.LOADED) as session:
-        return bench.runs().with_feedforward(session, payload, "loaded, with feed-forward", None)[1]
 
 
 def _adapt(bench: Bench, declared: DeclaredMass, decisions: Path) -> tuple[OffsetVerdict, Sequence[AdaptationDecision]]:

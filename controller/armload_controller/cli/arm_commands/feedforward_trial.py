@@ -8,12 +8,10 @@ from armload_controller.cli.arm_commands.feedforward_bench import (
     BenchOptions,
     PayloadArgument,
     usable,
-    with_bench_options,
 )
 from armload_controller.cli.output.feedforward_output import offset_account
 
 
-@with_bench_options
 def feedforward_trial(
     options: BenchOptions,
     payload: PayloadArgument,
@@ -25,7 +23,7 @@ def feedforward_trial(
     from armload_controller.cli.output.json_documents import feedforward_document
     from armload_controller.session.run_session import SessionLoad
 
-    arm = options.arm()
+    arm = options.movable_arm()
     given = usable(arm, payload)
     with options.bench(arm) as bench:
         with bench.session(SessionLoad.LOADED) as session:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.given_arm import arm_on_bus
-from armload_controller.cli.options import BitrateOption, BusOption, CycleOption, RobotArgument
+from armload_controller.cli.given_arm import ArmOnBus
+from armload_controller.cli.options import CycleOption
+from armload_controller.cli.output.output_files import make_folder
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.motion_control import MotionControl
 
@@ -22,9 +23,7 @@ POLL_S = 0.1
 
 
 def simulate(
-    robot: RobotArgument,
-    bus: BusOption = None,
-    bitrate: BitrateOption = None,
+    on_bus: ArmOnBus,
     cycle_hz: CycleOption = None,
     payload: Annotated[
         str | None,
@@ -62,7 +61,7 @@ def simulate(
     from armload_drivers.simulation.drives.drive_eds import drive_eds
     from armload_identification.storage.strict_toml import write_text
 
-    arm = arm_on_bus(robot, bus, bitrate, cycle_hz)
+    arm = on_bus.arm(cycle_hz)
     name = arm.simulation.payload_name if payload is None else payload
     changes = payload_changes(payload_at or [], arm.simulation)
     screen = Screen()
@@ -72,11 +71,7 @@ def simulate(
         expected = f"expected one for all joints, or one per joint: {arm.n}"
         raise ConfigurationError("command line", "--description", len(described), expected)
     if write_eds is not None:
-        try:
-            write_eds.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            expected = f"expected a folder: {error.strerror}"
-            raise ConfigurationError("command line", "--write-eds", str(write_eds), expected) from error
+        make_folder(write_eds)
         for drive in arm.drives.settings.drives:
             path = write_eds / f"{drive.joint}.eds"
             write_text(path, drive_eds(drive, arm.drives.settings.cycle_s), ConfigurationError)

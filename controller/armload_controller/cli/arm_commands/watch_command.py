@@ -5,57 +5,50 @@ from __future__ import annotations
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.given_arm import arm_on_bus
-from armload_controller.cli.options import (
-    BitrateOption,
-    BusOption,
-    CalibrationOption,
-    GainDriftOption,
-    ReferenceMassOption,
-    ReferenceOption,
-    RobotArgument,
-    seconds_of,
-    share_of,
-)
+from armload_controller.cli.drift_options import DriftOptions
+from armload_controller.cli.given_arm import ArmOnBus
+from armload_controller.cli.options import CalibrationOption, duration_s, refuse_together
 from armload_controller.cli.output.findings_output import ReportOption
-from armload_controller.cli.output.json_output import JsonOption
+from armload_controller.cli.screen import PLAIN, Screen
+from armload_identification.recording.reading_options import Effort
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
     from contextlib import AbstractContextManager
 
     from armload_controller.analysis.payload_watch import PayloadWatch, WatchedMoment
     from armload_controller.analysis.watch_history import WatchDiary
-    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.session.joint_feeds import JointFeed
     from armload_controller.session.run_session import SessionLoad
 
-_Stated = TypeVar("_Stated", bound=StrEnum)
+
+class Load(StrEnum):
+    """What an arm carries while it is recorded; see `SessionLoad`."""
+
+    UNLOADED = "unloaded"
+    LOADED = "loaded"
 
 
 def watch(
-    robot: RobotArgument,
+    context: typer.Context,
+    on_bus: ArmOnBus,
+    *,
     recording: Annotated[
         Path | None,
         typer.Argument(metavar="[RECORDING]", help="Recording, finished or still growing; by default the arm's bus."),
     ] = None,
     calibration: CalibrationOption = None,
-    bus: BusOption = None,
-    bitrate: BitrateOption = None,
     ros2: Annotated[
         str | None,
         typer.Option("--ros2", metavar="TOPIC", help="Joint states of this ROS 2 topic, such as /joint_states."),
     ] = None,
     effort: Annotated[
-        str | None,
-        typer.Option(
-            metavar="torque|current", help="With --ros2: what the topic's effort is; by default joint torque."
-        ),
+        Effort | None, typer.Option(help="With --ros2: what the topic's effort is; by default joint torque.")
     ] = None,
     rtde: Annotated[
         str | None, typer.Option("--rtde", metavar="HOST", help="Controller of an arm of Universal Robots.")
@@ -65,21 +58,24 @@ def watch(
         typer.Option("--record", help="Record the data received (.mcap); needs no calibration."),
     ] = None,
     load: Annotated[
-        str | None,
-        typer.Option(metavar="unloaded|loaded", help="With --record: what the arm carries, for `armload calibrate`."),
+        Load | None, typer.Option(help="With --record: what the arm carries, for `armload calibrate`.")
     ] = None,
     for_s: Annotated[
-        str | None, typer.Option("--for", metavar="TIME", help="Without a RECORDING: end after this time, such as 60s.")
+        float | None,
+        typer.Option(
+            "--for",
+            metavar="TIME",
+            parser=duration_s,
+            help="Without a RECORDING: end after this time, such as 60s.",
+        ),
     ] = None,
     follow: Annotated[
         bool, typer.Option("--follow", help="Continue to read a growing recording, until it is finished or Ctrl-C.")
     ] = False,
     every_s: Annotated[float, typer.Option(min=0.1, help="Time between two lines in s.")] = 1.0,
-    gain_drift: GainDriftOption = None,
-    reference: ReferenceOption = None,
-    reference_mass_kg: ReferenceMassOption = None,
+    drift: DriftOptions,
     report: ReportOption = None,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Show what a calibrated arm carries while another program moves it: mass, interval, and events such as grasped.
 
@@ -90,46 +86,37 @@ def watch(
 
     from armload_controller.analysis.payload_watch import PayloadWatch
     from armload_controller.analysis.payload_watch import follow as followed
-    from armload_controller.analysis.stated_drift import StatedDrift
     from armload_controller.cli.output.output_files import require_drawable
-    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.session.joint_feeds import bus_feed, ros2_feed, rtde_feed
     from armload_controller.session.run_session import SessionLoad
-    from armload_identification.recording.reading_options import Effort
 
-    sources = {"--bus": bus, "--ros2": ros2, "--rtde": rtde}
-    _check_combination(recording, sources, {"--record": record, "--load": load, "--for": for_s}, effort, follow=follow)
+    _refuse_other_sources(context, recording, on_bus, ros2, rtde)
+    if record is None:
+        refuse_together(context, "requires --record", "load")
     require_drawable(report)
-    screen = Screen(as_json=as_json)
-    arm = load_robot(robot)
-    drift = StatedDrift(share_of(gain_drift), reference, reference_mass_kg)
-    unused = (calibration, arm.calibration_file, gain_drift, reference, reference_mass_kg) == (None,) * 5
-    payload = None if unused and record is not None else PayloadWatch(arm, calibration, every_s, drift)
+    arm = load_robot(on_bus.robot)
+    unused = calibration is None and arm.calibration_file is None and drift == DriftOptions()
+    payload = None if unused and record is not None else PayloadWatch(arm, calibration, every_s, drift.stated())
     if recording is not None and payload is not None:
         watched = str(recording)
         moments = followed(payload, recording, sleep, every_s) if follow else payload.file(recording)
     else:
-        duration_s = float("inf") if for_s is None else seconds_of(for_s, "--for")
-        stated_load, stated_effort = (
-            _stated(load, SessionLoad, "--load"),
-            _stated(effort, Effort, "--effort") or Effort.TORQUE,
-        )
         if ros2 is not None:
-            watched, feed = ros2, ros2_feed(arm, ros2, stated_effort)
+            watched, feed = ros2, ros2_feed(arm, ros2, effort or Effort.TORQUE)
         elif rtde is not None:
             watched, feed = rtde, rtde_feed(arm, rtde)
         else:
-            arm = arm_on_bus(robot, bus, bitrate)
+            arm = on_bus.arm()
             watched, feed = f"{arm.bus.address}", bus_feed(arm)
-        moments = _live_moments(screen, arm, payload, feed, every_s, record, stated_load, duration_s)
+        stated_load = None if load is None else SessionLoad(load)
+        moments = _live_moments(screen, arm, payload, feed, every_s, record, stated_load, for_s or float("inf"))
     diary = None
-    if report is not None:
+    if payload is None:
+        refuse_together(context, "requires a calibrated arm; without a calibration the arm is only recorded", "report")
+    elif report is not None:
         from armload_controller.analysis.watch_history import WatchDiary
 
-        if payload is None:
-            what = "requires a calibrated arm; without a calibration the arm is only recorded"
-            raise typer.BadParameter(what, param_hint="--report")
         diary = WatchDiary(arm, payload, watched)
     _show(screen, arm, moments, diary, report)
 
@@ -155,32 +142,24 @@ def _show(
             diary.write(report)
             screen.step(f"written: {report}, up to the error")
         raise
-    if report is not None and diary is not None:
-        diary.write(report)
-        screen.step(f"written: {report}")
+    if diary is not None:
+        screen.write(diary.write, report)
 
 
-def _check_combination(
-    recording: Path | None,
-    sources: Mapping[str, str | None],
-    of_live: Mapping[str, object],
-    effort: str | None,
-    *,
-    follow: bool,
+def _refuse_other_sources(
+    context: typer.Context, recording: Path | None, on_bus: ArmOnBus, ros2: str | None, rtde: str | None
 ) -> None:
-    """Refuse options that cannot be combined."""
-    given = [name for name, value in {**sources, **of_live}.items() if value is not None]
-    if recording is not None and given:
+    """Refuse options of other sources of the arm's joints than the one that is given."""
+    sources = ("bus", "ros2", "rtde")
+    if recording is None:
+        refuse_together(context, "requires a RECORDING; a moving arm is always followed", "follow")
+    else:
         what = "applies to an arm that moves now and cannot be combined with a RECORDING"
-        raise typer.BadParameter(what, param_hint=", ".join(given))
-    if sum(name in sources for name in given) > 1:
-        raise typer.BadParameter("the joints come from one place; give one of them", param_hint=", ".join(given))
-    if effort is not None and sources["--ros2"] is None:
-        raise typer.BadParameter("requires --ros2", param_hint="--effort")
-    if of_live["--load"] is not None and of_live["--record"] is None:
-        raise typer.BadParameter("requires --record", param_hint="--load")
-    if follow and recording is None:
-        raise typer.BadParameter("requires a RECORDING; a moving arm is always followed", param_hint="--follow")
+        refuse_together(context, what, *sources, "record", "load", "for_s")
+    if [on_bus.bus, ros2, rtde].count(None) < len(sources) - 1:
+        refuse_together(context, "the joints come from one place; give one of them", *sources)
+    if ros2 is None:
+        refuse_together(context, "requires --ros2", "effort")
 
 
 def _live_moments(
@@ -221,11 +200,3 @@ def _live_moments(
         raise
     if recorder is not None:
         screen.step(f"written: {record}, {recorder.rows} cycles" if recorder.rows else "nothing was recorded")
-
-
-def _stated(text: str | None, kind: type[_Stated], option: str) -> _Stated | None:
-    """The value given by an option."""
-    try:
-        return None if text is None else kind(text)
-    except ValueError:
-        raise typer.BadParameter(f"{text!r}: expected {' or '.join(kind)}", param_hint=option) from None

@@ -9,8 +9,8 @@ import typer
 
 from armload_controller.cli.options import RobotArgument
 from armload_controller.cli.output.findings_output import ReportOption
-from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_drawable, require_folder
+from armload_controller.cli.screen import PLAIN, Screen
 
 
 def calibrate(
@@ -25,7 +25,7 @@ def calibrate(
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Calibration file (TOML) to write.")],
     report: ReportOption = None,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Calibrate an arm from all its runs: gains, body and friction, with intervals.
 
@@ -34,11 +34,9 @@ def calibrate(
     mounting. Runs that cannot be used or that contradict the others are left out and reported.
     """
     from armload_controller.analysis import robot_calibration
-    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
 
     arm = load_robot(robot)
-    screen = Screen(as_json=as_json)
     require_folder(output)
     require_drawable(report)
     with screen.track("reading and calibrating", total=200) as done:

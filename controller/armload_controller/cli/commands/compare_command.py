@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.verdict_output import (
     TOLERANCE,
     ToleranceOption,
     exit_status,
 )
+from armload_controller.cli.screen import PLAIN, Screen
 from armload_identification.verdict.tolerance import Tolerance
 
 
@@ -24,7 +24,7 @@ def compare_with_cad(
         typer.Option("--calibration", help="Calibration file of the arm; its gains are applied to the payload."),
     ] = None,
     tolerance: ToleranceOption = TOLERANCE,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Compare a payload with CAD: the verdict, and relative errors. Exit status 3: wrong; 4: cannot tell.
 
@@ -32,10 +32,8 @@ def compare_with_cad(
     paper's convention.
     """
     from armload_controller.analysis.robot_comparison import compare
-    from armload_controller.cli.screen import Screen
 
     result = compare(payload, cad, calibration=calibration, tolerance=Tolerance(*tolerance))
-    screen = Screen(as_json=as_json)
     screen.result_table(result.table())
     screen.document(result.to_dict)
     raise typer.Exit(exit_status(result.outcome))

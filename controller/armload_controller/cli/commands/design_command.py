@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from armload_controller.cli.argument_names import as_options
-from armload_controller.cli.options import CalibrationOption, RobotArgument
-from armload_controller.cli.output.json_output import JsonOption
+from armload_controller.cli.options import CalibrationOption, RobotArgument, refuse_together
 from armload_controller.cli.output.output_files import require_drawable
+from armload_controller.cli.screen import PLAIN, Screen
 
 if TYPE_CHECKING:
     from armload_controller.analysis.robot_excitation import DesignedMotion
-    from armload_controller.cli.screen import Screen
 
 MOST_HARMONICS, MOST_RESTARTS, MOST_PERIODS = 50, 1000, 10_000
 """Larger values are taken as typing errors."""
@@ -98,7 +97,7 @@ def design_motion(
         typer.Option(min=1, max=MOST_PERIODS, help="Periods that a run records; by default 30 s and at least three."),
     ] = None,
     criterion: Annotated[CriterionName, typer.Option(help="Criterion to optimise.")] = CriterionName.A_OPTIMAL,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Design an excitation for a robot's expected payload, always within all limits and clear of all obstacles.
 
@@ -106,18 +105,18 @@ def design_motion(
     of a calibrated arm.
     """
     from armload_controller.analysis.robot_excitation import DesignSearch, UnstreamablePeriod, design
-    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
 
     require_drawable(output.with_suffix(".png"))
     arm = load_robot(robot)
-    screen = Screen(as_json=as_json)
     if not arm.has_workspace:
         screen.step(
             f"note: {arm.file} has no [workspace]: collisions with the floor and between parts of the arm are not "
             "checked"
         )
-    _require_fitting(context, purpose)
+    for of, names in _OPTIONS_OF.items():
+        if of is not purpose:
+            refuse_together(context, f"requires --for {of}", *names)
     if purpose is Purpose.ANY_MOTION:
         from armload_controller.analysis.robot_wiggle import WiggleRequest, design_wiggle
 
@@ -154,15 +153,6 @@ def _finish(screen: Screen, designed: DesignedMotion, output: Path) -> None:
     screen.document(designed.to_dict, {"excitation": output, "picture": picture})
     screen.result(f"{output}: {designed}")
     screen.step(f"picture: {picture}")
-
-
-def _require_fitting(context: typer.Context, purpose: Purpose) -> None:
-    """Refuse options that do not apply to the purpose."""
-    for of, names in _OPTIONS_OF.items():
-        for name in names:
-            given = context.get_parameter_source(name)
-            if of is not purpose and given is not None and given.name == "COMMANDLINE":
-                raise typer.BadParameter(f"requires --for {of}", param_hint=f"--{name.replace('_', '-')}")
 
 
 def _radians(degrees: float) -> float:

@@ -9,8 +9,8 @@ import typer
 
 from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.findings_output import ReportOption
-from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_folder
+from armload_controller.cli.screen import PLAIN, Screen
 
 _PARTS = 100
 """Steps of the progress."""
@@ -30,7 +30,7 @@ def watch_drift(
     picture: Annotated[
         Path | None, typer.Option(help="The control charts as a picture (.png, .svg, .pdf) to write.")
     ] = None,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Monitor a calibrated arm's friction, gains and residual over days: what changed, and since when.
 
@@ -38,14 +38,17 @@ def watch_drift(
     used in the given order, or give a table with the column recorded.
     """
     from armload_controller.analysis.robot_drift import drift
-    from armload_controller.cli.output.drift_output import show_drift
-    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
 
     arm = load_robot(robot)
-    screen = Screen(as_json=as_json)
     require_folder(report)
     require_folder(picture)
     with screen.track("reading", total=_PARTS) as done:
         history = drift(arm, runs, calibration=calibration, progress=lambda count, total: done(_PARTS * count // total))
-    show_drift(screen, history, report=report, picture=picture)
+    screen.result_table(history.table())
+    screen.remarks("left out", (f"{name}: {reason}" for name, reason in history.left_out))
+    if not history.drift.began:
+        screen.step("note: not every recording has a start time, so they are used in the given order")
+    screen.write(history.report, report)
+    screen.write(history.picture, picture)
+    screen.document(history.to_dict, {"report": report, "picture": picture})

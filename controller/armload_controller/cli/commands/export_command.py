@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from armload_controller.cli.options import CalibrationOption, RobotArgument
-from armload_controller.cli.output.json_output import JsonOption
+from armload_controller.cli.screen import PLAIN, Screen
 from armload_controller.export.format_registry import ExportFormat, format_names
 from armload_controller.export.licence import DEFAULT_LICENCE
 
@@ -60,7 +60,7 @@ def export(
     licence: Annotated[
         str, typer.Option(metavar="SPDX", help="Licence of generated source code, as an SPDX expression.")
     ] = DEFAULT_LICENCE,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Export a payload as C source, an FMU, URDF, ROS 2 files or the load data of a robot controller.
 
@@ -70,9 +70,7 @@ def export(
     """
     from armload_controller.analysis import robot_export
     from armload_controller.cli.output.json_documents import export_document
-    from armload_controller.cli.screen import Screen
 
-    screen = Screen(as_json=as_json)
     done = robot_export.export(
         robot,
         payload,

@@ -10,18 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.command_group import CommandGroup
+from armload_controller.cli.command_group import Commands
 from armload_controller.cli.exit_status import ExitStatus
-from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import make_folder, require_drawable, require_writable
+from armload_controller.cli.screen import PLAIN, Screen
 
 if TYPE_CHECKING:
-    from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally
     from armload_controller.fleet.row_store import RowStore
 
 
-fleet = typer.Typer(cls=CommandGroup, help="Identify and assess the recordings of many arms.", no_args_is_help=True)
+fleet = Commands("Identify and assess the recordings of many arms.")
 
 TableArgument = Annotated[
     Path, typer.Argument(metavar="JOBS", help="Table of jobs (CSV: arm, robot, loaded, unloaded, calibration, ...).")
@@ -36,25 +35,19 @@ WorkersOption = Annotated[
 ]
 
 
-@fleet.callback()
-def _group() -> None:
-    """Identify and assess the recordings of many arms."""
-
-
 @fleet.command("identify")
 def identify_command(
     table: TableArgument,
     output: OutputOption,
     scheduler: SchedulerOption = None,
     workers: WorkersOption = None,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Identify every recording of the table that has no row yet.
 
     A refused recording is stored as a row with the reason. A second run processes only what is new, has changed or
     has failed. Exit status 1: none of the new recordings gave a result.
     """
-    from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
     from armload_controller.fleet.recording_row import RowOutcome
     from armload_controller.fleet.workforce import Workforce
@@ -62,7 +55,6 @@ def identify_command(
     from armload_identification.numerals import counted
 
     require_extra(Extra.FLEET, "armload fleet")
-    screen = Screen(as_json=as_json)
     with _claimed_store(output, scheduler, workers) as store:
         listing, jobs = new_jobs(table, store)
         screen.remarks("warning", listing.remarks)
@@ -92,7 +84,7 @@ def watch_command(
     every_s: Annotated[float, typer.Option(min=1.0, help="Time between two checks of the table's files in s.")] = 60.0,
     scheduler: SchedulerOption = None,
     workers: WorkersOption = None,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Identify new recordings repeatedly, until Ctrl-C.
 
@@ -100,14 +92,12 @@ def watch_command(
     """
     from time import sleep
 
-    from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally, looks
     from armload_controller.fleet.job_listing import JobListing
     from armload_controller.fleet.workforce import Workforce
     from armload_identification.extras import Extra, require_extra
 
     require_extra(Extra.FLEET, "armload fleet")
-    screen = Screen(as_json=as_json)
     try:
         with _claimed_store(output, scheduler, workers) as store, Workforce(scheduler, workers) as force:
             screen.step(
@@ -138,7 +128,7 @@ def report_command(
         str | None,
         typer.Option(envvar="ARMLOAD_WEBHOOK", help="URL that gets a POST with the findings that are new, as JSON."),
     ] = None,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Assess the arms of a fleet: payload, gains and friction over time, the most suspicious first.
 
@@ -152,27 +142,25 @@ def report_command(
 
     require_extra(Extra.FLEET, "armload fleet")
     from armload_controller.cli.output.fleet_output import fleet_report_document, suspicion_lines
-    from armload_controller.cli.screen import Screen
     from armload_controller.fleet.alerts import metrics_text, notify, write_metrics
     from armload_controller.fleet.attention import attention_of
     from armload_controller.fleet.fleet_rows import runs_of
     from armload_identification.many_arms.fleet_review import review_fleet
 
-    screen, now = Screen(as_json=as_json), datetime.now(UTC)
+    now = datetime.now(UTC)
     page = output or folder / "report.html"
     runs = runs_of(folder)
     require_drawable(page)
-    from armload_identification.report.fleet.fleet_report import write_fleet_report
+    from armload_identification.report.fleet.fleet_report import render_fleet_report
+    from armload_identification.report.page import write_page
 
     review = review_fleet(runs)
     attention = attention_of(review, folder, now.date())
-    write_fleet_report(page, review, version("armload"), attention.words, attention.arms)
+    text = render_fleet_report(review, version("armload"), attention.words, attention.arms)
+    screen.write(lambda path: write_page(path, text), page)
     for line in suspicion_lines(review, attention):
         screen.result(line)
-    if metrics is not None:
-        write_metrics(metrics, metrics_text(review, attention, now))
-    for path in (page, *([] if metrics is None else [metrics])):
-        screen.step(f"written: {path}")
+    screen.write(lambda path: write_metrics(path, metrics_text(review, attention, now)), metrics)
     screen.document(partial(fleet_report_document, review, attention), {"report": page, "metrics": metrics})
     if webhook is not None:
         sent = notify(webhook, folder, attention, version("armload"))
@@ -188,7 +176,7 @@ def history_command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Page (HTML) to write; by default FOLDER/ARM.html.")
     ] = None,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Write a page with charts of every monitored quantity of an arm over all its recordings."""
     from datetime import UTC, datetime
@@ -199,20 +187,19 @@ def history_command(
 
     require_extra(Extra.FLEET, "armload fleet")
     from armload_controller.cli.output.fleet_output import arm_document
-    from armload_controller.cli.screen import Screen
     from armload_controller.control_errors import ConfigurationError
     from armload_controller.fleet.attention import attention_of
     from armload_controller.fleet.fleet_rows import runs_of
     from armload_identification.many_arms.fleet_review import review_fleet
 
-    screen = Screen(as_json=as_json)
     runs = runs_of(folder)
     names = sorted({run.arm for run in runs})
     if arm not in names:
         raise ConfigurationError("command line", "ARM", arm, f"expected one of {', '.join(names)}")
     page = output or folder / f"{quote(arm, safe=' ')}.html"
     require_drawable(page)
-    from armload_identification.report.fleet.fleet_report import write_arm_history
+    from armload_identification.report.fleet.fleet_report import render_arm_history
+    from armload_identification.report.page import write_page
 
     review = review_fleet(runs)
     # an arm without a recent recording is reviewed by itself: against its own history
@@ -220,7 +207,7 @@ def history_command(
         review_fleet([run for run in runs if run.arm == arm]).arms
     )
     attention = attention_of(review, folder, datetime.now(UTC).date())
-    write_arm_history(page, found[0], version("armload"), attention.words.get(arm, ""))
+    write_page(page, render_arm_history(found[0], version("armload"), attention.words.get(arm, "")))
     for suspicion in found[0].suspicions:
         screen.result(suspicion.sentence)
     screen.step(f"written: {page}")
@@ -233,7 +220,7 @@ def acknowledge_command(
     arm: Annotated[str, typer.Argument(metavar="ARM", help="Name of the arm.")],
     until: Annotated[str, typer.Option(metavar="DATE", help="Last day, such as 2026-12-31.")],
     why: Annotated[str, typer.Option(metavar="TEXT", help="The reason, shown in every report until then.")],
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Acknowledge what an arm has now: until DATE it needs no attention, but is listed in every report.
 
@@ -245,12 +232,10 @@ def acknowledge_command(
 
     require_extra(Extra.FLEET, "armload fleet")
     from armload_controller.cli.output.fleet_output import acknowledged_document
-    from armload_controller.cli.screen import Screen
     from armload_controller.fleet.attention import acknowledge
     from armload_controller.fleet.fleet_rows import runs_of
     from armload_identification.many_arms.fleet_review import review_fleet
 
-    screen = Screen(as_json=as_json)
     made = acknowledge(folder, review_fleet(runs_of(folder)), arm, until, why, datetime.now(UTC))
     screen.step(f"{arm}: acknowledged until {made.until}: {'; '.join(made.findings)}")
     screen.document(partial(acknowledged_document, made))

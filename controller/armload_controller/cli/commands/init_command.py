@@ -12,11 +12,10 @@ import typer
 
 from armload_controller.cli.attendance import attended
 from armload_controller.cli.options import BUS_FORM, BaseOption, FlangeOption, bus_address
-from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_folder
+from armload_controller.cli.screen import PLAIN, Screen
 
 if TYPE_CHECKING:
-    from armload_controller.cli.screen import Screen
     from armload_controller.new_robot.arm_draft import ArmDraft
     from armload_controller.new_robot.drafted_file import DraftedFile
     from armload_controller.new_robot.drive_drafts import BusDraft
@@ -52,16 +51,15 @@ def init(
         bool, typer.Option("--simulated", help="Add a simulated twin of the arm, to try a commissioning.")
     ] = False,
     restarts: Annotated[int, typer.Option(min=1, help="Random starts of each excitation's design.")] = 8,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Write a first robot file, complete except for values that only you can know, and design its two excitations."""
     from armload_controller.cli.output.json_documents import init_document
-    from armload_controller.cli.screen import Screen
     from armload_controller.control_errors import CommissioningError, ConfigurationError
     from armload_controller.new_robot.arm_draft import named
     from armload_controller.new_robot.draft_text import draft_file
+    from armload_identification.storage.strict_toml import write_text
 
-    screen = Screen(as_json=as_json)
     require_folder(output)
     if output.exists():
         raise CommissioningError(f"{output} exists and is not overwritten: choose another --output")
@@ -88,7 +86,7 @@ def init(
             raise
     start_rad = designed.roomiest_rad if simulated else None
     drafted = draft_file(arm, payload_kg, workspace, bus, designed.names, twin_start_rad=start_rad)
-    _write(output, drafted.text)
+    write_text(output, drafted.text, ConfigurationError)
     if designed.names is None:
         screen.step(f"no excitation is designed: {designed.problem}")
     screen.step(f"written: {output}")
@@ -211,16 +209,18 @@ def _designed(
     """The two excitations, in the first of the candidate ranges in which both are found."""
     from armload_controller.analysis.robot_excitation import DesignSearch, design, design_envelope
     from armload_controller.config.robot import load_robot
+    from armload_controller.control_errors import ConfigurationError
     from armload_controller.new_robot.arm_draft import within
     from armload_controller.new_robot.design_range import design_range
     from armload_identification.identification_errors import ExcitationError
+    from armload_identification.storage.strict_toml import write_text
 
-    _write(output, draft(arm).text)
+    write_text(output, draft(arm).text, ConfigurationError)
     robot = load_robot(str(output))
     found = design_range(robot, design_envelope(robot))
     problem = ""
     for box in found.boxes:
-        _write(output, draft(within(arm, box)).text)
+        write_text(output, draft(within(arm, box)).text, ConfigurationError)
         try:
             excitations = []
             for seed, role in enumerate(_ROLES, 1):
@@ -239,14 +239,6 @@ def _designed(
             screen.step(f"written: {path}")
         return _Designed((paths[0].name, paths[1].name), None, found.roomiest_rad)
     return _Designed(None, problem, found.roomiest_rad)
-
-
-def _write(output: Path, text: str) -> None:
-    """Write the file completely."""
-    from armload_controller.control_errors import ConfigurationError
-    from armload_identification.storage.strict_toml import write_text
-
-    write_text(output, text, ConfigurationError)
 
 
 def _show_open_points(screen: Screen, drafted: DraftedFile) -> None:

@@ -9,9 +9,9 @@ import typer
 
 from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.findings_output import ValidationOption, finish, require_not_wrong
-from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_drawable
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption
+from armload_controller.cli.screen import PLAIN, Screen
 from armload_identification.verdict.tolerance import Tolerance
 
 
@@ -26,11 +26,10 @@ def report(
     validation: ValidationOption = None,
     calibration: CalibrationOption = None,
     tolerance: ToleranceOption = TOLERANCE,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Write the report of a payload file and its recordings. Exit status 3: the payload is wrong."""
     from armload_controller.analysis.robot_identification import findings_from_files
-    from armload_controller.cli.screen import Screen
 
     require_drawable(output)
     findings = findings_from_files(
@@ -41,5 +40,5 @@ def report(
         calibration=calibration,
         tolerance=Tolerance(*tolerance),
     )
-    finish(Screen(as_json=as_json), findings, payload=None, report=output)
+    finish(screen, findings, payload=None, report=output)
     require_not_wrong(findings)

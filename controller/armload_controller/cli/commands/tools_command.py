@@ -3,45 +3,33 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from armload_controller.cli.command_group import CommandGroup
-from armload_controller.cli.output.json_output import JsonOption
+from armload_controller.cli.command_group import Commands
+from armload_controller.cli.screen import PLAIN, Screen
 
-if TYPE_CHECKING:
-    from armload_controller.cli.screen import Screen
-
-tools = typer.Typer(cls=CommandGroup, help="Keep the payloads of tools by name.", no_args_is_help=True)
-
-
-@tools.callback()
-def _group() -> None:
-    """Keep the payloads of tools by name."""
+tools = Commands("Keep the payloads of tools by name.")
 
 
 @tools.command("add")
 def add_command(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the tool.")],
     payload: Annotated[Path, typer.Argument(metavar="FILE", help="Its payload file, from `armload identify`.")],
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Keep a payload as a tool, so that `armload identify --minus NAME` gives what it carries alone."""
     from armload_controller.analysis.tools import add_tool
-    from armload_controller.cli.screen import Screen
 
-    screen = Screen(as_json=as_json)
     screen.step(f"written: {add_tool(name, payload)}")
     _show(screen)
 
 
 @tools.command("list")
-def list_command(as_json: JsonOption = False) -> None:
+def list_command(screen: Screen = PLAIN) -> None:
     """List the tools."""
-    from armload_controller.cli.screen import Screen
-
-    _show(Screen(as_json=as_json))
+    _show(screen)
 
 
 def _show(screen: Screen) -> None:

@@ -17,18 +17,10 @@ from armload_controller.cli.options import (
     UnloadedOption,
 )
 from armload_controller.cli.output.findings_output import ReportOption, finish
-from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_drawable
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, exit_status
-from armload_controller.cli.recording_options import (
-    BetweenOption,
-    ColumnsOption,
-    EffortOption,
-    EpisodeOption,
-    JointsOption,
-    recording_choices,
-)
-from armload_identification.recording.reading_options import Effort
+from armload_controller.cli.recording_options import RecordingOptions
+from armload_controller.cli.screen import PLAIN, Screen
 from armload_identification.verdict.tolerance import Tolerance
 
 
@@ -37,21 +29,17 @@ def validate_payload(
     payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file (TOML).")],
     loaded: LoadedOption,
     unloaded: UnloadedOption,
+    *,
     base: BaseOption = None,
     flange: FlangeOption = None,
     report: ReportOption = None,
     calibration: CalibrationOption = None,
-    columns: ColumnsOption = None,
-    effort: EffortOption = Effort.TORQUE,
-    between: BetweenOption = None,
-    joints: JointsOption = None,
-    episode: EpisodeOption = None,
+    chosen: RecordingOptions,
     tolerance: ToleranceOption = TOLERANCE,
-    as_json: JsonOption = False,
+    screen: Screen = PLAIN,
 ) -> None:
     """Validate a payload file by identifying the payload again. Exit status 3: wrong; 4: cannot tell."""
     from armload_controller.analysis import robot_identification
-    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot_recordings import read_of
     from armload_identification.extras import Extra, require_extra
 
@@ -60,9 +48,9 @@ def validate_payload(
     require_drawable(report)
     allowed = Tolerance(*tolerance)
     judged = robot_identification.payload_of(payload, arm)
-    choices = recording_choices(columns, effort, between, joints, episode, count=2)
+    choices = chosen.choices(2)
     runs = [read_of(arm, file, choice) for file, choice in zip((loaded, unloaded), choices, strict=True)]
     findings = robot_identification.validate(arm, judged, *runs, calibration=calibration, tolerance=allowed)
-    finish(Screen(as_json=as_json), findings, payload=None, report=report)
+    finish(screen, findings, payload=None, report=report)
     if findings.outcome is not None:
         raise typer.Exit(exit_status(findings.outcome))

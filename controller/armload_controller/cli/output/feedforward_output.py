@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from armload_controller.cli.screen import Screen
     from armload_controller.feedforward.offset_check import OffsetVerdict
     from armload_controller.session.feedforward_comparison import FollowingComparison
+    from armload_identification.result_table import ResultTable
 
 
 def show_comparisons(screen: Screen, comparisons: Sequence[FollowingComparison], robot: str, picture: Path) -> None:
@@ -19,7 +18,7 @@ def show_comparisons(screen: Screen, comparisons: Sequence[FollowingComparison],
     from armload_controller.session.comparison_figure import draw
 
     for comparison in comparisons:
-        screen.table(following_error_table(comparison))
+        screen.result_table(following_error_table(comparison))
     draw(comparisons, robot, picture)
     screen.step(f"picture: {picture}")
 
@@ -37,25 +36,26 @@ def offset_account(verdict: OffsetVerdict) -> str:
     return text + (f"; no torque can be added on {', '.join(left)}: {why}" if left else "")
 
 
-def following_error_table(comparison: FollowingComparison) -> Table:
+def following_error_table(comparison: FollowingComparison) -> ResultTable:
     """RMS of the error per joint, and its reduction by feed-forward."""
-    from rich.table import Table
-
-    from armload_controller.cli.console_text import right
     from armload_controller.session.feedforward_comparison import Measure
+    from armload_identification.result_table import ResultTable
 
-    what = comparison.measure
-    headings = right("weight N m", "without mrad", *comparison.with_rad)
-    table = Table("joint", *headings, title=f"{what[0].upper()}{what[1:]}, RMS over time", title_justify="left")
-    for i, name in enumerate(comparison.joint_names):
-        shares = [comparison.less(label, i, 1) for label in comparison.with_rad]
-        mark = " *" if i in comparison.gravity_loaded else ""
-        weight, before = comparison.weight_nm[i], 1e3 * comparison.without_rms_rad[i]
-        table.add_row(name + mark, f"{weight:.1f}", f"{before:.3f}", *shares)
-    table.caption = "* carries the payload's weight"
+    rows = [
+        (
+            f"{name} *" if i in comparison.gravity_loaded else name,
+            f"{comparison.weight_nm[i]:.1f}",
+            f"{1e3 * comparison.without_rms_rad[i]:.3f}",
+            *(comparison.less(label, i, 1) for label in comparison.with_rad),
+        )
+        for i, name in enumerate(comparison.joint_names)
+    ]
+    below = "* carries the payload's weight"
     if comparison.measure is Measure.TORQUES:
-        table.caption += (
+        below += (
             ". The part that follows from the commanded motion alone, the servo's lag, is subtracted from every run; "
             "the rest is due to torque (weight, inertia, friction) and cycle jitter"
         )
-    return table
+    what = comparison.measure
+    headings = ("joint", "weight N m", "without mrad", *comparison.with_rad)
+    return ResultTable(f"{what[0].upper()}{what[1:]}, RMS over time", headings, rows, (0,), (below,))

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armload_controller.cli.exit_status import ExitStatus
-from armload_controller.cli.output.verdict_output import show_verdict
 
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
@@ -25,14 +24,17 @@ ValidationOption = Annotated[
 def show_findings(screen: Screen, findings: Findings) -> None:
     """Show values, validation and notes."""
     from armload_controller.cli.output.result_tables import payload_table, validation_table
+    from armload_identification.verdict.agreement import Outcome
     from armload_identification.verdict.verdict_text import sentences, title
 
     content = findings.content
-    screen.table(payload_table(findings.payload, findings.truth))
+    screen.result_table(payload_table(findings.payload, findings.truth))
     if content.validation is not None:
-        screen.table(validation_table(content.validation, findings.arm.joint_names))
-        text = sentences(content.validation.verdict, findings.arm.joint_names)
-        show_verdict(screen, content.validation.outcome, title(content.validation.verdict), text)
+        screen.result_table(validation_table(content.validation, findings.arm.joint_names))
+        name = title(content.validation.verdict)
+        screen.result(f"verdict: {name if findings.outcome is Outcome.RIGHT else name.upper()}")
+        for sentence in sentences(content.validation.verdict, findings.arm.joint_names):
+            screen.result(f"  {sentence}")
     screen.remarks("note", findings.notes)
 
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from armload_controller.session.feedforward_comparison import FollowingComparison
     from armload_drivers.bring_up.drive_check import ArmCheck
     from armload_drivers.bring_up.inspection import ArmStatus, DriveStatus, FoundNode
-    from armload_drivers.canopen.lss_master import LssAddress
-    from armload_drivers.cia402.state_machine import State
 
 
 def half_document() -> dict[str, Any]:
@@ -82,21 +80,6 @@ def status_document(robot: str, status: ArmStatus) -> dict[str, Any]:
 
     bus = {"bus_load": status.bus_load, "error_frames": status.error_frames, "error_passive": status.error_passive}
     return json_document("status", {"robot": robot, "drives": [drive_fields(each) for each in status.drives], **bus})
-
-
-def reset_document(robot: str, joint: str, node_id: int, state: State) -> dict[str, Any]:
-    """The state of a drive after its fault was reset."""
-    return json_document("reset", {"robot": robot, "joint": joint, "node_id": node_id, "state": state.title})
-
-
-def stored_document(robot: str, joints: Sequence[str]) -> dict[str, Any]:
-    """The joints whose drives have stored their settings."""
-    return json_document("stored", {"robot": robot, "joints": list(joints)})
-
-
-def assigned_document(found: LssAddress, node_id: int, bitrate: int | None) -> dict[str, Any]:
-    """The node that was given a node id, and perhaps a bit rate."""
-    return json_document("assigned", asdict(found) | {"node_id": node_id, "bitrate": bitrate})
 
 
 def feedforward_document(

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rich.table import Table
-
-from armload_controller.cli.console_text import right
 from armload_identification.numerals import counted
 from armload_identification.pipeline.recording_survey import RecordingSurvey
+from armload_identification.result_table import ResultTable
 from armload_identification.results.findings_document import numbers
 from armload_identification.results.json_document import json_document
 
@@ -39,19 +37,19 @@ def survey_text(facts: RecordingSurvey) -> str:
     return "\n".join(lines + [f"  missing      {sentence}" for sentence in facts.missing])
 
 
-def joint_table(facts: RecordingSurvey) -> Table:
+def joint_table(facts: RecordingSurvey) -> ResultTable:
     """A row for each joint."""
-    unit = {"joint torque": "N m", "motor current": "A"}.get(facts.effort_kind or "", "")
-    effort = [f"{facts.effort_kind}, {unit}"] if unit else []
-    table = Table("joint", *right("position, rad", "speed to, rad/s", *effort))
-    for joint in range(facts.recording.n):
-        name = facts.recording.joint_names[joint] if facts.recording.joint_names else str(joint + 1)
-        low, high = facts.position_rad[joint]
-        cells = [name, f"{low:z.3f} to {high:z.3f}", f"{facts.speed_rad_s[joint]:.3f}"]
-        if facts.effort is not None:
-            cells.append(f"{facts.effort[joint, 0]:.3g} to {facts.effort[joint, 1]:.3g}")
-        table.add_row(*cells)
-    return table
+    names = facts.recording.joint_names or [str(joint + 1) for joint in range(facts.recording.n)]
+    columns = [
+        names,
+        [f"{low:z.3f} to {high:z.3f}" for low, high in facts.position_rad],
+        [f"{speed:.3f}" for speed in facts.speed_rad_s],
+    ]
+    headings = ["joint", "position, rad", "speed to, rad/s"]
+    if facts.effort is not None:
+        columns.append([f"{low:.3g} to {high:.3g}" for low, high in facts.effort])
+        headings.append(f"{facts.effort_kind}, {'N m' if facts.effort_kind == 'joint torque' else 'A'}")
+    return ResultTable("", headings, list(zip(*columns, strict=True)), (0,))
 
 
 def pair_text(surveys: Sequence[RecordingSurvey], problem: str | None) -> str:

@@ -3,65 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from rich.table import Table
 
-from armload_controller.cli.console_text import right
 from armload_identification.estimation.uncertainty import CONFIDENCE
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
 from armload_identification.pipeline.payload_validation import Validation
+from armload_identification.result_table import ResultTable
 
 
-def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> Table:
-    """Per parameter the estimate, its interval, whether it is determined, and in simulation truth and error.
-
-    For a parameter that is not determined, the table states this instead of a number. Below, in simulation, how many
-    true values lie in their intervals, and how many are expected to.
-    """
-    values = payload.table()
-    table = Table(
-        "parameter",
-        *right("estimate", "95 % interval"),
-        "unit",
-        *(() if truth is None else right("truth", "error")),
-        title=values.title,
-        title_justify="left",
-        caption=None if truth is None else _held(payload, truth),
-        caption_justify="left",
-    )
-    true_values = None if truth is None else truth.values
-    for i, cells in enumerate(values.rows):
-        row = list(cells)
-        if true_values is not None:
-            error = _error(i, payload.values[i], true_values[i]) if payload.determined[i] else ""
-            row += [f"{true_values[i]:z.4f}", error]
-        table.add_row(*row)
-    return table
+def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> ResultTable:
+    """The table of a payload; in simulation also truth and error, and how many true values are in their intervals."""
+    shown = payload.table()
+    if truth is None:
+        return shown
+    errors = [
+        _error(i, value, true) if known else ""
+        for i, (value, true, known) in enumerate(zip(payload.values, truth.values, payload.determined, strict=True))
+    ]
+    rows = [
+        (*cells, f"{true:z.4f}", error) for cells, true, error in zip(shown.rows, truth.values, errors, strict=True)
+    ]
+    headings = (*shown.headings, "truth", "error")
+    return replace(shown, headings=headings, rows=rows, sentences=(_held(payload, truth),))
 
 
-def validation_table(validation: Validation, joint_names: Sequence[str]) -> Table:
+def validation_table(validation: Validation, joint_names: Sequence[str]) -> ResultTable:
     """Residual in the motion's band, and ratio of measured to predicted torque, per joint."""
-    headings = right("measured N m", "residual N m", "share", "measured / predicted")
-    table = Table(
-        "joint",
-        *headings,
-        title="The payload's torque (RMS, low-pass filtered), friction predicted",
-        title_justify="left",
-        caption="share: what the prediction leaves; measured / predicted: 1 where payload and gain are right",
-        caption_justify="left",
-    )
     scales = validation.verdict.of_payload
-    for i, name in enumerate(joint_names):
-        measured, left = validation.torque_in_band_nm[i], validation.left_in_band_nm[i]
-        table.add_row(
+    measured_nm, left_nm = validation.torque_in_band_nm, validation.left_in_band_nm
+    rows = [
+        (
             name,
-            f"{measured:.3f}",
-            f"{left:.3f}",
-            f"{100.0 * left / measured:.1f} %" if measured > 0.0 else "",
+            f"{measured_nm[i]:.3f}",
+            f"{left_nm[i]:.3f}",
+            f"{100.0 * left_nm[i] / measured_nm[i]:.1f} %" if measured_nm[i] > 0.0 else "",
             f"{scales.scale[i]:.3f} +- {scales.half_width_95[i]:.3f}" if scales.determined[i] else "",
         )
-    return table
+        for i, name in enumerate(joint_names)
+    ]
+    title = "The payload's torque (RMS, low-pass filtered), friction predicted"
+    meaning = "share: what the prediction leaves; measured / predicted: 1 where payload and gain are right"
+    headings = ("joint", "measured N m", "residual N m", "share", "measured / predicted")
+    return ResultTable(title, headings, rows, (0,), (meaning,))
 
 
 def _held(payload: PayloadResult, truth: InertialParameters) -> str:

@@ -10,9 +10,6 @@ from armload_controller.cli.exit_status import ExitStatus
 from armload_identification.verdict.tolerance import Tolerance
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from armload_controller.cli.screen import Screen
     from armload_identification.verdict.agreement import Outcome
 
 TOLERANCE: Final = (Tolerance().mass_share, Tolerance().center_m)
@@ -24,15 +21,6 @@ ToleranceOption = Annotated[
         help="Permitted error of the payload: fraction of its mass, and distance of its centre of mass in m.",
     ),
 ]
-
-
-def show_verdict(screen: Screen, outcome: Outcome, title: str, text: Sequence[str]) -> None:
-    """Print a verdict, one sentence per line."""
-    from armload_identification.verdict.agreement import Outcome
-
-    screen.result(f"verdict: {title if outcome is Outcome.RIGHT else title.upper()}")
-    for sentence in text:
-        screen.result(f"  {sentence}")
 
 
 def exit_status(outcome: Outcome) -> int:

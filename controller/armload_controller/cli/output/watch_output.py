@@ -10,11 +10,10 @@ import numpy as np
 
 from armload_controller.analysis.payload_watch import SHOWN_S, SILENT_S, HeardBus, WatchedMoment, drift_note
 from armload_identification.contact.force_watch import Force
+from armload_identification.result_table import ResultTable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from rich.table import Table
 
     from armload_controller.cli.screen import Screen
 
@@ -50,31 +49,28 @@ def shown_moments(screen: Screen, robot: str, joint_names: Sequence[str]) -> Ite
         return
     from rich.live import Live
 
+    from armload_controller.cli.console_text import drawn
+
     with Live(console=screen.console, auto_refresh=False) as live:
 
         def draw(moment: WatchedMoment) -> None:
             events(moment)
-            live.update(moment_table(moment, robot, joint_names), refresh=True)
+            live.update(drawn(moment_table(moment, robot, joint_names)), refresh=True)
 
         yield draw
 
 
-def moment_table(moment: WatchedMoment, robot: str, joint_names: Sequence[str]) -> Table:
+def moment_table(moment: WatchedMoment, robot: str, joint_names: Sequence[str]) -> ResultTable:
     """A moment as a table: the line of `moment_text`, and the time in motion of each joint."""
-    from rich.table import Table
-
-    from armload_controller.cli.console_text import right
-
-    moved, missing = right("moved s", "feedback frames missing")
-    title = f"{robot}: {moment_text(moment).strip()}"
-    table = Table("joint", moved, "", missing, title=title, title_justify="left")
     found, bus = moment.payload, moment.bus
     moving_s = np.zeros(len(joint_names)) if found is None else found.moving_s
     lost_frames = (0,) * len(joint_names) if bus is None else bus.missing
+    rows = []
     for name, moved_s, lost in zip(joint_names, moving_s.tolist(), lost_frames, strict=True):
         bar = "#" * round(_BAR_CHARACTERS * min(moved_s / _FULL_BAR_S, 1.0))
-        table.add_row(name, f"{moved_s:.1f}", bar.ljust(_BAR_CHARACTERS, "."), str(lost))
-    return table
+        rows.append((name, f"{moved_s:.1f}", bar.ljust(_BAR_CHARACTERS, "."), str(lost)))
+    headings = ("joint", "moved s", "", "feedback frames missing")
+    return ResultTable(f"{robot}: {moment_text(moment).strip()}", headings, rows, (0, 2))
 
 
 def moment_text(moment: WatchedMoment) -> str:

@@ -8,7 +8,6 @@ intervals. Colours are the page's (`currentColor` and its variables), so that th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import floor, log10
 from typing import Final
 
@@ -29,16 +28,8 @@ _AXES: Final = ("x", "y", "z")
 _MM: Final = 1e3
 
 
-@dataclass(frozen=True)
-class CenterView:
-    """One drawing: its heading, and an `svg` element."""
-
-    heading: str
-    svg: str
-
-
-def center_views(payload: PayloadResult) -> tuple[CenterView, ...]:
-    """The drawings whose two coordinates are determined.
+def center_views(payload: PayloadResult) -> list[tuple[str, str]]:
+    """Headings of the drawings whose two coordinates are determined, and their `svg` elements.
 
     Args:
         payload: The result, in the flange frame.
@@ -47,10 +38,10 @@ def center_views(payload: PayloadResult) -> tuple[CenterView, ...]:
     known = payload.determined[1:4]
     drawn = [view for view in wanted if known[view[1]] and known[view[2]]]
     if not drawn:
-        return ()
+        return []
     centre, half = _MM * payload.values[1:4], _MM * half_widths(payload)[1:4]
     reach = _ROOM * max(float(np.abs(centre[known]).max() + half[known].max()), 0.75 * FLANGE_MM)
-    return tuple(CenterView(name, _drawing(payload, name, across, up, reach)) for name, across, up in drawn)
+    return [(name, _drawing(payload, name, across, up, reach)) for name, across, up in drawn]
 
 
 def _correlation(payload: PayloadResult, one: int, other: int) -> float:

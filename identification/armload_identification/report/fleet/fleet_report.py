@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -14,7 +13,7 @@ from armload_identification.many_arms.arm_runs import UNITS, QuantityKind
 from armload_identification.many_arms.fleet_review import ABSENT, ArmReview, FigureReview, FleetReview
 from armload_identification.numerals import NO_BREAK, common_decimals, decimals_for, numeral
 from armload_identification.report.fleet.fleet_figures import chart_figure, strip
-from armload_identification.report.page import rendered, write_page
+from armload_identification.report.page import rendered
 
 MOST_SUSPICIOUS: Final = 10
 """Number of arms shown with their charts."""
@@ -27,31 +26,15 @@ _SHOWN: Final = (QuantityKind.MASS, QuantityKind.GAIN, QuantityKind.FRICTION)
 _TEMPLATE: Final = "fleet/fleet.html.j2"
 
 
-def write_fleet_report(
-    path: Path,
-    review: FleetReview,
-    armload_version: str,
-    acknowledged: Mapping[str, str],
-    needing_attention: Collection[str],
-) -> None:
-    """Write the report of a fleet.
-
-    Args:
-        path: The file; an existing one is replaced.
-        armload_version: Version of the program.
-        acknowledged: What was said of arms whose findings are acknowledged, by arm.
-        needing_attention: Names of the arms with findings that nobody has acknowledged.
-
-    Raises:
-        ReportError: the file cannot be written.
-    """
-    write_page(path, render_fleet_report(review, armload_version, acknowledged, needing_attention))
-
-
 def render_fleet_report(
     review: FleetReview, armload_version: str, acknowledged: Mapping[str, str], needing_attention: Collection[str]
 ) -> str:
-    """The report's text.
+    """The report of a fleet.
+
+    Args:
+        armload_version: Version of the program.
+        acknowledged: What was said of arms whose findings are acknowledged, by arm.
+        needing_attention: Names of the arms with findings that nobody has acknowledged.
 
     Returns:
         HTML.
@@ -79,22 +62,12 @@ def render_fleet_report(
     )
 
 
-def write_arm_history(path: Path, arm: ArmReview, armload_version: str, acknowledged: str) -> None:
-    """Write the page of one arm: every monitored quantity over all runs.
+def render_arm_history(arm: ArmReview, armload_version: str, acknowledged: str = "") -> str:
+    """The page of one arm: every monitored quantity over all runs.
 
     Args:
-        path: The file; an existing one is replaced.
         armload_version: Version of the program.
         acknowledged: What was said of its findings; empty if they are not acknowledged.
-
-    Raises:
-        ReportError: the file cannot be written.
-    """
-    write_page(path, render_arm_history(arm, armload_version, acknowledged))
-
-
-def render_arm_history(arm: ArmReview, armload_version: str, acknowledged: str = "") -> str:
-    """The page of one arm.
 
     Returns:
         HTML.

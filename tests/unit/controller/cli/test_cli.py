@@ -306,7 +306,7 @@ def test_simulate_writes_the_descriptions_of_its_drives(armload, tmp_path):
     assert sorted(path.name for path in (tmp_path / "eds").glob("*.eds")) == [f"joint_{k}.eds" for k in range(1, 7)]
     (tmp_path / "file").write_text("")
     result = armload("simulate", "er50", "--write-eds", str(tmp_path / "file"))
-    assert "expected a folder" in str(result.exception)
+    assert "cannot be created" in str(result.exception)
 
 
 def test_simulate_takes_one_description_or_one_per_joint(armload, tmp_path):

@@ -30,7 +30,7 @@ def test_steps_errors_tables_and_bars_are_printable(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     screen = Screen()
     screen.step(HOSTILE)
-    screen.errors.print(HOSTILE, style="bold red", soft_wrap=True)
+    Screen(as_json=True).console.print(HOSTILE, style="bold red", soft_wrap=True)
     table = Table(title=HOSTILE.replace("\t", ""))
     table.add_column(HOSTILE.replace("\t", ""))
     table.add_row(HOSTILE.replace("\t", ""))
@@ -91,12 +91,11 @@ def test_a_full_disk_is_not_taken_for_a_reader_that_has_gone(tmp_path):
 def test_columns_that_say_nothing_are_no_width(monkeypatch, columns, width):
     monkeypatch.setenv("COLUMNS", columns)
     screen = Screen()
-    assert (screen.console.width, screen.errors.width) == (width, width)
+    assert (screen.console.width, Screen(as_json=True).console.width) == (width, width)
 
 
 def test_errors_are_printed_where_standard_output_is_closed(monkeypatch, capsys):
     monkeypatch.setattr(sys, "stdout", None)
-    screen = Screen()
-    screen.step("goes nowhere")
-    screen.errors.print("what went wrong")
+    Screen().step("goes nowhere")
+    Screen(as_json=True).console.print("what went wrong")
     assert capsys.readouterr().err == "what went wrong\n"

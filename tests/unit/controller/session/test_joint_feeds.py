@@ -56,7 +56,7 @@ def test_an_arm_of_other_joints_has_no_rtde():
         (["--rtde", "h", "--ros2", "/j"], "the joints come from one place"),
         (["--rtde", "h", "--bus", "socketcan:can0"], "the joints come from one place"),
         (["--rtde", "h", "--effort", "current"], "requires --ros2"),
-        (["--ros2", "/j", "--effort", "power", "--record", "x.mcap"], "'power': expected torque or current"),
+        (["--ros2", "/j", "--effort", "power", "--record", "x.mcap"], "'power': expected one of 'torque', 'current'"),
         (["a.mcap", "--ros2", "/j"], "cannot be combined with a RECORDING"),
     ],
 )

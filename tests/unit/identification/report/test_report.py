@@ -26,10 +26,10 @@ from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import center_views
 from armload_identification.report.figures.joint_figures import thin_out, torque_figure
 from armload_identification.report.next_steps import next_steps
-from armload_identification.report.page import _typeset
+from armload_identification.report.page import _typeset, write_page
 from armload_identification.report.payload_in_words import headline, parameter_rows
 from armload_identification.report.provenance import file_rows
-from armload_identification.report.report import render_report, write_report
+from armload_identification.report.report import render_report
 from armload_identification.report.report_content import ReportContent, ReportSubject
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.verdict.payload_verdict import known_payload
@@ -328,9 +328,9 @@ def views(clear):
 
 def drawn(view):
     """Pixels per millimetre, the dot, and the ellipse's semi-axes and rotation."""
-    dot = [float(v) for v in re.search(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="3.5"', view.svg).groups()]
-    ellipse = re.search(r'rx="([\d.]+)" ry="([\d.]+)" transform="rotate\((-?[\d.]+)', view.svg)
-    length, scale = re.search(r"h([\d.]+)m0 -4v8.*?>(\d+)", view.svg).groups()
+    dot = [float(v) for v in re.search(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="3.5"', view[1]).groups()]
+    ellipse = re.search(r'rx="([\d.]+)" ry="([\d.]+)" transform="rotate\((-?[\d.]+)', view[1])
+    length, scale = re.search(r"h([\d.]+)m0 -4v8.*?>(\d+)", view[1]).groups()
     return float(length) / float(scale), np.array(dot), [float(v) for v in ellipse.groups()]
 
 
@@ -343,8 +343,8 @@ def test_the_centre_of_mass_is_drawn_to_scale_with_its_interval(views):
         lengths = pixels * 1e3 * np.array(sorted(half, reverse=True))
         np.testing.assert_allclose([wide, high], lengths, rtol=0.02)
         assert abs(turn) == pytest.approx(90.0)
-    assert "side" in side.heading
-    assert "front" in front.heading
+    assert "side" in side[0]
+    assert "front" in front[0]
 
 
 def test_the_ellipse_touches_the_intervals_whatever_the_correlation(views):
@@ -357,8 +357,8 @@ def test_the_ellipse_touches_the_intervals_whatever_the_correlation(views):
 
 
 def test_a_direction_that_is_not_determined_is_not_drawn(views):
-    assert [view.heading for view in views(unknown=(2,))[1]] == ["From the side"]
-    assert views(unknown=(1,))[1] == ()
+    assert [view[0] for view in views(unknown=(2,))[1]] == ["From the side"]
+    assert views(unknown=(1,))[1] == []
 
 
 def test_the_page_says_what_to_do_next(clear, validation, pinocchio_arm, without_curves):
@@ -489,14 +489,14 @@ def test_every_figure_says_what_it_shows(full):
 def test_the_same_inputs_give_the_same_bytes(tmp_path, noisy, bare_text):
     path = tmp_path / "report.html"
     with curves_of_one_joint():
-        write_report(path, subject(noisy), ReportContent(noisy))
+        write_page(path, render_report(subject(noisy), ReportContent(noisy)))
     assert path.read_bytes() == bare_text.encode()
 
 
 def test_a_page_that_cannot_be_written_is_an_error_with_its_path(tmp_path, noisy, without_curves):
     path = tmp_path / "missing" / "report.html"
     with pytest.raises(ReportError, match=r"missing/report\.html: the report cannot be written"):
-        write_report(path, subject(noisy), ReportContent(noisy))
+        write_page(path, render_report(subject(noisy), ReportContent(noisy)))
     assert issubclass(ReportError, IdentificationError)
 
 

@@ -99,7 +99,7 @@ def test_a_part_and_some_joints_can_be_chosen(armload, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--between", "5s", "2s"], "5s is not before 2s"),
+        (["--between", "5s", "2s"], "5 s is not before 2 s"),
         (["--between", "soon", "2s"], "'soon' is not a time"),
         (["--joints", "0-2"], "'0-2' is neither a joint"),
         (["--joints", "1,1"], "names a joint twice"),
@@ -126,8 +126,8 @@ def test_times_outside_the_recording_are_named_with_its_length(armload, tmp_path
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--every", "-5s"], "--every: '-5s' is not a time; write 10s"),
-        (["--every", "0s"], "--every: '0s': expected a time above zero"),
+        (["--every", "-5s"], "'--every': '-5s' is not a time; write 10s"),
+        (["--every", "0s"], "'--every': '0s': expected a time above zero"),
         (
             ["--every", "10s", "--report", "x.html", "--symmetric"],
             "--report, --symmetric: cannot be combined with --every",

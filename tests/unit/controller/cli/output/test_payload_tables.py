@@ -1,35 +1,20 @@
 """Tables and lines on the console: CAD beside the estimate, feed-forward, a payload over time, written files."""
 
-import io
 import json
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import typer
-from rich.console import Console
 
 from armload_controller.cli import screen as screen_module
 from armload_controller.cli.output.feedforward_output import following_error_table, offset_account
 from armload_controller.cli.output.findings_output import finish, require_not_wrong
-from armload_controller.cli.output.windows_output import show_windows, write_picture
-from armload_controller.control_errors import CommissioningError
 from armload_controller.feedforward.offset_check import CERTAINTY, OffsetVerdict
 from armload_controller.session.feedforward_comparison import FollowingComparison, Measure
-from armload_identification.result_table import ResultTable
 from armload_identification.results import payload_comparison
 from armload_identification.verdict.agreement import Outcome
 from armload_identification.verdict.cad_comparison import RelativeErrors
-
-
-def shown(table):
-    console = Console(file=io.StringIO(), width=400, markup=False)
-    console.print(table)
-    return console.file.getvalue()
-
-
-def rows(text):
-    return [[cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines() if line.startswith("│")]
 
 
 class Screen(screen_module.Screen):
@@ -82,43 +67,11 @@ def test_errors_with_feed_forward_are_told_as_less_and_loaded_joints_are_marked(
     following = FollowingComparison(
         next(iter(Measure)), ("base", "elbow"), np.arange(50.0), error, {"model": 0.25 * error}, np.array([0.01, 30.0])
     )
-    found = rows(shown(following_error_table(following)))
-    assert found == [["base", "0.0", "2.000", "75.0 % less"], ["elbow *", "30.0", "1.000", "75.0 % less"]]
+    found = following_error_table(following).rows
+    assert found == [("base", "0.0", "2.000", "75.0 % less"), ("elbow *", "30.0", "1.000", "75.0 % less")]
     for measure in Measure:
         one = FollowingComparison(measure, ("base", "elbow"), np.arange(50.0), error, {}, np.array([0.01, 30.0]))
-        assert ("subtracted" in following_error_table(one).caption) is (measure is Measure.TORQUES)
-
-
-def history():
-    return SimpleNamespace(
-        robot="six",
-        table=lambda: ResultTable("six", "abcd", [("0 to 5", "2.0", "1 2 3", ""), ("5 to 9", "", "", "gap")], (0, 3)),
-        picture=lambda path: path.write_text("a picture"),
-        to_dict=lambda: {"windows": []},
-    )
-
-
-def test_windows_are_shown_drawn_and_printed_where_wanted(tmp_path, capsys):
-    screen = Screen()
-    show_windows(screen, history(), picture=None)
-    assert rows(shown(screen.tables[0]))[1] == ["5 to 9", "", "", "gap"]
-    assert "six" in shown(screen.tables[0])
-    assert screen.lines == []
-    assert capsys.readouterr().out == ""
-    picture = tmp_path / "a.png"
-    screen = Screen(as_json=True)
-    show_windows(screen, history(), picture=picture)
-    assert picture.read_text() == "a picture"
-    assert screen.lines == [f"written: {picture}"]
-    assert json.loads(capsys.readouterr().out) == {"windows": [], "files": {"picture": str(picture)}}
-
-
-def test_a_picture_of_no_known_kind_is_refused_by_name(tmp_path):
-    def draw(path):
-        raise ValueError("no such format")
-
-    with pytest.raises(CommissioningError, match=r"a\.gif: no such format"):
-        write_picture(Screen(), draw, tmp_path / "a.gif")
+        assert ("subtracted" in following_error_table(one).sentences[0]) is (measure is Measure.TORQUES)
 
 
 def findings(outcome=Outcome.RIGHT):
