@@ -19,7 +19,8 @@ from armload_controller.analysis.watch_history import WatchDiary
 from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_runs import read_runs
 from armload_controller.control_errors import CommissioningError, ConfigurationError, UnsafeBus
-from armload_controller.session.bus_watch import BusWatch, heard_cycles, recorder_of
+from armload_controller.session.bus_watch import BusWatch, recorder_of
+from armload_controller.session.joint_feeds import bus_feed
 from armload_controller.session.run_session import SessionLoad
 from armload_drivers.driver_errors import BusError
 from armload_drivers.simulation.plant_spec import ScheduledPayload
@@ -148,10 +149,10 @@ class DeafMouth:
 def test_a_bus_is_opened_for_receiving_and_closed(robot, monkeypatch):
     opened = []
     monkeypatch.setattr(can, "Bus", lambda **kwargs: opened.append(DeafMouth()) or opened[-1])
-    with pytest.raises(UnsafeBus, match="such as --bus socketcan:can0"), heard_cycles(robot):
+    with pytest.raises(UnsafeBus, match="such as --bus socketcan:can0"), bus_feed(robot):
         pass
-    with heard_cycles(robot.with_bus("socketcan", "can0", None, None)) as cycles:
-        assert next(cycles) is None
+    with bus_feed(robot.with_bus("socketcan", "can0", None, None)) as feed:
+        assert next(feed.cycles) is None
     assert [bus.closed for bus in opened] == [True]
 
 
@@ -161,7 +162,7 @@ def test_scales_that_only_the_drives_know_are_asked_for(tmp_path):
     real, _, _ = text.partition("[simulation]")
     file.write_text(re.sub(r"(?s)\n\[excitation\].*?\n\[", "\n[", real).replace("counts_per_axis_turn", "#", 1))
     arm = load_robot(str(file)).with_bus("socketcan", "can0", None, None)
-    with pytest.raises(ConfigurationError, match=r"counts_per_axis_turn.*required for listening"), heard_cycles(arm):
+    with pytest.raises(ConfigurationError, match=r"counts_per_axis_turn.*required for listening"), bus_feed(arm):
         pass
 
 

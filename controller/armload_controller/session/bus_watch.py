@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -14,45 +13,14 @@ import numpy as np
 
 from armload_controller.analysis.payload_watch import HeardBus, PayloadWatch, WatchedMoment
 from armload_controller.config.robot import Robot
-from armload_controller.control_errors import CommissioningError, UnsafeBus
+from armload_controller.control_errors import CommissioningError
 from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.run_recorder import Recorder
-from armload_controller.session.arm_access import bus_of
 from armload_controller.session.run_session import SessionLoad
-from armload_drivers.bus.joined_bus import BusRole
 from armload_drivers.cia402.arm_settings import EffortFeedback
-from armload_drivers.listening.bus_listener import overheard
-from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle, ToldPayload
+from armload_drivers.listening.overheard_arm import OverheardCycle, ToldPayload
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, OVERHEARD, RUN_ATTACHMENT
-
-
-@contextmanager
-def heard_cycles(robot: Robot) -> Iterator[Iterator[OverheardCycle | None]]:
-    """The cycles of an arm on its bus; see `bus_listener.overheard`.
-
-    Args:
-        robot: The arm, with its bus.
-
-    Raises:
-        UnsafeBus: the bus is virtual, where no other process can be heard.
-        ConfigurationError: the file lacks a scale, which would have to be read from a drive.
-        BusError: the interface cannot be opened.
-    """
-    if robot.bus.in_virtual_time:
-        raise UnsafeBus(
-            "the virtual bus carries nothing from outside this process: give a RECORDING, or the arm's bus, such as "
-            "--bus socketcan:can0"
-        )
-    if robot.bus.on_ethercat:
-        raise UnsafeBus(
-            "an arm on EtherCAT cannot be listened to: a second master would take its drives out of operation. Watch "
-            "it through its controller (ROS 2, RTDE), or give a RECORDING"
-        )
-    robot.drives.require_scales()
-    arm = OverheardArm(robot.drives.settings)
-    with bus_of(robot, BusRole.LISTENER) as bus:
-        yield overheard(bus, arm)
 
 
 def recorder_of(robot: Robot, path: Path, load: SessionLoad | None) -> Recorder:

@@ -9,10 +9,12 @@ from dataclasses import dataclass
 
 from armload_controller.analysis.payload_watch import WatchedMoment
 from armload_controller.config.robot import Robot
-from armload_controller.control_errors import CommissioningError
-from armload_controller.session.bus_watch import heard_cycles
+from armload_controller.control_errors import CommissioningError, UnsafeBus
+from armload_controller.session.arm_access import bus_of
+from armload_drivers.bus.joined_bus import BusRole
 from armload_drivers.feeds.rtde_client import JOINTS, RtdeClient
-from armload_drivers.listening.overheard_arm import OverheardCycle
+from armload_drivers.listening.bus_listener import overheard
+from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle
 from armload_identification.recording.reading_options import Effort
 
 
@@ -37,9 +39,30 @@ class JointFeed:
 
 @contextmanager
 def bus_feed(robot: Robot) -> Iterator[JointFeed]:
-    """The drives of the robot's CANopen bus; see `heard_cycles`."""
-    with heard_cycles(robot) as cycles:
-        yield JointFeed(f"{robot.bus.address}", "nothing is sent", cycles)
+    """The drives of an arm on its CANopen bus; see `bus_listener.overheard`.
+
+    Args:
+        robot: The arm, with its bus.
+
+    Raises:
+        UnsafeBus: the bus is virtual, where no other process can be heard.
+        ConfigurationError: the file lacks a scale, which would have to be read from a drive.
+        BusError: the interface cannot be opened.
+    """
+    if robot.bus.in_virtual_time:
+        raise UnsafeBus(
+            "the virtual bus carries nothing from outside this process: give a RECORDING, or the arm's bus, such as "
+            "--bus socketcan:can0"
+        )
+    if robot.bus.on_ethercat:
+        raise UnsafeBus(
+            "an arm on EtherCAT cannot be listened to: a second master would take its drives out of operation. Watch "
+            "it through its controller (ROS 2, RTDE), or give a RECORDING"
+        )
+    robot.drives.require_scales()
+    arm = OverheardArm(robot.drives.settings)
+    with bus_of(robot, BusRole.LISTENER) as bus:
+        yield JointFeed(f"{robot.bus.address}", "nothing is sent", overheard(bus, arm))
 
 
 @contextmanager

@@ -18,7 +18,6 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import BusError
 from armload_drivers.feeds.ros2_messages import JointState
 from armload_drivers.feeds.ros2_participant import Subscription
@@ -93,7 +92,9 @@ class JointStateCycles:
         lost_before, self._lost = self._lost, max(self._reported_lost, self._left_out)
         lost = self._lost - lost_before
         self._count += 1
-        return OverheardCycle(self._feedback(elapsed_ns, position[place], effort[place]), None, enabled=True, lost=lost)
+        current, torque = (effort[place], None) if self._with_current else (None, effort[place])
+        feedback = JointFeedback(self._count, 1e-9 * elapsed_ns, position[place], None, current, torque, *self._nothing)
+        return OverheardCycle(feedback, None, enabled=True, lost=lost)
 
     def stamp_ns(self, time_s: float) -> int:
         """The header stamp, in ns, that belongs to a cycle's time."""
@@ -127,20 +128,6 @@ class JointStateCycles:
             return None
         self._last_ns = elapsed_ns
         return elapsed_ns
-
-    def _feedback(self, elapsed_ns: int, position: FloatArray, effort: FloatArray) -> JointFeedback:
-        """A message as feedback."""
-        statusword, missing = self._nothing
-        return JointFeedback(
-            cycle=self._count,
-            time_s=1e-9 * elapsed_ns,
-            position_rad=position,
-            velocity_rad_s=None,
-            current_a=effort if self._with_current else None,
-            torque_nm=None if self._with_current else effort,
-            statusword=statusword,
-            missing=missing,
-        )
 
 
 def joint_state_cycles(

@@ -17,7 +17,6 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from enum import IntEnum
-from itertools import islice
 from typing import Final, Self
 
 import numpy as np
@@ -38,7 +37,7 @@ _VERSION: Final = 2
 _FAST_SINCE: Final = 5
 """First major version of controllers that send at 500 Hz; earlier ones (CB3) send at 125 Hz."""
 _HEADER: Final = struct.Struct(">HB")
-_DATA_TYPES: Final = {"DOUBLE": "d", "VECTOR3D": "3d", "VECTOR6D": "6d", "INT32": "i"}
+_DATA_TYPES: Final = {"DOUBLE": ">f8", "VECTOR3D": "3>f8", "VECTOR6D": "6>f8", "INT32": ">i4"}
 _NOT_FOUND: Final = "NOT_FOUND"
 _REQUIRED: Final = {
     "timestamp": "DOUBLE",
@@ -79,8 +78,6 @@ class RtdeClient:
         address, _, port = host.partition(":")
         if not address or (port and not port.isdecimal()):
             raise BusError(f"{host!r}: expected the name or address of the controller, such as 192.168.0.10")
-        self._buffer = b""
-        self._unread: list[tuple[int, bytes]] = []
         try:
             self._socket = socket.create_connection((address, int(port or PORT)), PATIENCE_S)
         except OSError as error:
@@ -90,6 +87,7 @@ class RtdeClient:
             ) from error
         try:
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._packages = self._received()
             self._set_up()
         except BaseException:
             self._socket.close()
@@ -118,8 +116,8 @@ class RtdeClient:
         wrong = [f"{name} ({kind} instead of {outputs[name]})" for name, kind in types.items() if kind != outputs[name]]
         if wrong:
             raise BusError(f"{self._name}: the controller does not send {', '.join(wrong)}")
-        self._names = tuple(types)
-        self._format = struct.Struct(">B" + "".join(_DATA_TYPES[kind] for kind in types.values()))
+        fields = [("recipe", "u1"), *((name, _DATA_TYPES[kind]) for name, kind in types.items())]
+        self._package = np.dtype(fields)
         if self._ask(Package.START, b"") != b"\x01":
             raise BusError(f"{self._name}: the controller does not start to send. Is another RTDE client using it up?")
 
@@ -138,40 +136,36 @@ class RtdeClient:
         except OSError as error:
             raise BusError(f"{self._name}: the controller closed the connection") from error
         end_s = time.monotonic() + PATIENCE_S
-        while time.monotonic() < end_s:
-            unread = self._packages()
-            for place, (found, answer) in enumerate(unread):
-                if found == kind:
-                    # data may follow the answer to the start at once
-                    self._unread = unread[place + 1 :]
-                    return answer
+        for package in self._packages:
+            if package is not None and package[0] == kind:
+                return package[1]
+            if time.monotonic() >= end_s:
+                break
         raise BusError(f"{self._name}: no answer to request {kind.name} within {PATIENCE_S:g} s. Is this port RTDE's?")
 
-    def _packages(self) -> list[tuple[int, bytes]]:
-        """Type and content of the packages received; empty after `LOOK_S` without one."""
-        if self._unread:
-            unread, self._unread = self._unread, []
-            return unread
+    def _received(self) -> Iterator[tuple[int, bytes] | None]:
+        """Type and content of each package, without end; None after `LOOK_S` without data."""
         self._socket.settimeout(LOOK_S)
-        try:
-            received = self._socket.recv(65536)
-        except TimeoutError:
-            return []
-        except OSError as error:
-            raise BusError(f"{self._name}: receiving failed: {error}") from error
-        if not received:
-            raise BusError(f"{self._name}: the controller closed the connection")
-        self._buffer += received
-        found = []
-        while len(self._buffer) >= _HEADER.size:
-            size, kind = _HEADER.unpack_from(self._buffer)
-            if size < _HEADER.size:
-                raise BusError(f"{self._name}: a package of {size} bytes. Is this port RTDE's?")
-            if len(self._buffer) < size:
-                break
-            found.append((kind, self._buffer[_HEADER.size : size]))
-            self._buffer = self._buffer[size:]
-        return found
+        buffer = b""
+        while True:
+            try:
+                received = self._socket.recv(65536)
+            except TimeoutError:
+                yield None
+                continue
+            except OSError as error:
+                raise BusError(f"{self._name}: receiving failed: {error}") from error
+            if not received:
+                raise BusError(f"{self._name}: the controller closed the connection")
+            buffer += received
+            while len(buffer) >= _HEADER.size:
+                size, kind = _HEADER.unpack_from(buffer)
+                if size < _HEADER.size:
+                    raise BusError(f"{self._name}: a package of {size} bytes. Is this port RTDE's?")
+                if len(buffer) < size:
+                    break
+                content, buffer = buffer[_HEADER.size : size], buffer[size:]
+                yield kind, content
 
     def cycles(self, clock: Callable[[], float] = time.monotonic) -> Iterator[OverheardCycle | None]:
         """The cycles of the arm, without end; times are measured from the first package, on the controller's clock.
@@ -187,51 +181,45 @@ class RtdeClient:
         """
         begun_s: float | None = None
         last_s, count, started_s = 0.0, 0, clock()
-        while True:
-            packages = [content for kind, content in self._packages() if kind == Package.DATA]
-            for content in packages:
-                if len(content) != self._format.size:
-                    raise BusError(
-                        f"{self._name}: a data package of {len(content)} bytes instead of {self._format.size}"
-                    )
-                fields = self._fields(content)
-                begun_s = fields["timestamp"][0] if begun_s is None else begun_s
-                time_s = fields["timestamp"][0] - begun_s
+        for package in self._packages:
+            if package is not None and package[0] == Package.DATA:
+                fields = self._fields(package[1])
+                now_s = float(fields["timestamp"])
+                begun_s = now_s if begun_s is None else begun_s
+                time_s = now_s - begun_s
                 lost = max(round((time_s - last_s) * self.rate_hz) - 1, 0) if count else 0
                 last_s, count = time_s, count + 1
                 yield _cycle(fields, time_s, count, lost)
-            if not count and clock() - started_s > PATIENCE_S:
+            elif not count and clock() - started_s > PATIENCE_S:
                 raise BusError(f"{self._name}: the controller sends nothing after the start was accepted")
-            if not packages:
+            else:
                 yield None
 
-    def _fields(self, content: bytes) -> dict[str, tuple[float, ...]]:
-        """Values of a data package by name."""
-        values, kinds = iter(self._format.unpack(content)[1:]), _REQUIRED | _OPTIONAL
-        return {name: tuple(islice(values, int(_DATA_TYPES[kinds[name]][:-1] or 1))) for name in self._names}
+    def _fields(self, content: bytes) -> np.void:
+        """The outputs of a data package."""
+        if len(content) != self._package.itemsize:
+            raise BusError(f"{self._name}: a data package of {len(content)} bytes instead of {self._package.itemsize}")
+        fields: np.void = np.frombuffer(content, self._package)[0]
+        return fields
 
 
-def _cycle(fields: dict[str, tuple[float, ...]], time_s: float, count: int, lost: int) -> OverheardCycle:
+def _cycle(fields: np.void, time_s: float, count: int, lost: int) -> OverheardCycle:
     """A data package as a cycle."""
+    sent = fields.dtype.names or ()
     told = None
-    if "payload" in fields and "payload_cog" in fields:
-        x, y, z = fields["payload_cog"]
-        told = ToldPayload(fields["payload"][0], (x, y, z))
+    if "payload" in sent and "payload_cog" in sent:
+        x, y, z = fields["payload_cog"].tolist()
+        told = ToldPayload(float(fields["payload"]), (x, y, z))
     feedback = JointFeedback(
         cycle=count,
         time_s=time_s,
-        position_rad=np.array(fields["actual_q"]),
-        velocity_rad_s=np.array(fields["actual_qd"]),
-        current_a=np.array(fields["actual_current"]),
+        position_rad=fields["actual_q"].astype(float),
+        velocity_rad_s=fields["actual_qd"].astype(float),
+        current_a=fields["actual_current"].astype(float),
         torque_nm=None,
         statusword=np.zeros(JOINTS, dtype=np.uint16),
         missing=np.zeros(JOINTS, dtype=np.bool_),
     )
-    return OverheardCycle(
-        feedback,
-        None,
-        enabled=fields["robot_mode"][0] == RUNNING,
-        lost=lost,
-        told=told,
-        target_torque_nm=np.array(fields["target_moment"]) if "target_moment" in fields else None,
-    )
+    target_nm = fields["target_moment"].astype(float) if "target_moment" in sent else None
+    enabled = bool(fields["robot_mode"] == RUNNING)
+    return OverheardCycle(feedback, None, enabled=enabled, lost=lost, told=told, target_torque_nm=target_nm)
