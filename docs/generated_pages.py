@@ -17,12 +17,14 @@ _STOPS = """\
 # What stops an arm, and how
 
 Generated from [stop_decisions.py](armload_controller/cycle/stop_decisions.py) by
-`python docs/generated_pages.py`; do not edit. `python -m benchmarks.canopen_runs.stops` triggers
-every cause on the simulated arm and measures the stop.
+`python docs/generated_pages.py`; do not edit. `python -m benchmarks.canopen_runs.stops` measures
+every stop on the simulated arm.
 
 Whatever the cause, the arm is disabled with its brakes engaged before the error is reported, and it is never re-enabled
 automatically. If a step fails, the next one still follows; the last, removal of torque, is read back from every drive,
 or the message names the drives of which it could not be.
+
+**A quick stop leaves the path**, as each axis slows down on its own: er50's by up to 62 mrad.
 
 Torque is removed at standstill, with one exception. A quick stop needs the drive's own loop: with an encoder that has
 failed, it accelerates the axis. So every stop escalates. An axis that leaves its
