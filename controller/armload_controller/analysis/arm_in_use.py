@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from armload_controller.config.measured_arm import MeasuredArm
-from armload_controller.config.objects_or_paths import FilePath, wrong_type
+from armload_controller.config.objects_or_paths import FilePath
+from armload_identification.argument_types import wrong_type
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain

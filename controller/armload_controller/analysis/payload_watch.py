@@ -16,6 +16,7 @@ from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import FilePath, arm_of
 from armload_core.arrays import FloatArray
 from armload_drivers.listening.overheard_arm import ToldPayload
+from armload_identification.argument_types import path_of, require_type
 from armload_identification.contact.force_watch import Force
 from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.identification_errors import RecordingError
@@ -92,17 +93,10 @@ class WatchedMoment(PrintedResult):
 
     def to_dict(self, robot: str) -> dict[str, Any]:
         """Numbers, texts, lists and dictionaries: the schema `armload/watch/1`."""
-        return json_document(
-            "watch",
-            {
-                "robot": robot,
-                "time_s": self.time_s,
-                **_payload_fields(self.payload),
-                "force": str(self.force),
-                "events": [asdict(event) for event in self.events],
-                "bus": _bus_fields(self.bus),
-            },
-        )
+        events = [asdict(event) for event in self.events]
+        found = _payload_fields(self.payload) | {"force": str(self.force)}
+        where = {"robot": robot, "time_s": self.time_s}
+        return json_document("watch", where | found | {"events": events, "bus": _bus_fields(self.bus)})
 
 
 def drift_note(moment: WatchedMoment) -> str | None:
@@ -300,7 +294,9 @@ def watch(
         >>> 9 < last.payload.mass_kg < 11
         True
     """
-    return PayloadWatch(arm_of(robot), calibration, every_s, drift).file(Path(recording))
+    require_type("drift", drift, StatedDrift)
+    path = path_of("recording", recording)
+    return PayloadWatch(arm_of(robot), calibration, every_s, drift).file(path)
 
 
 def follow(watch: PayloadWatch, path: Path, wait: Callable[[float], None], every_s: float) -> Iterator[WatchedMoment]:

@@ -7,7 +7,8 @@ from os import PathLike
 from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import Calibration, calibration_from
-from armload_controller.config.objects_or_paths import PayloadSource, payload_from, require_type
+from armload_controller.config.objects_or_paths import PayloadSource, payload_from
+from armload_identification.argument_types import require_type
 from armload_identification.identification_errors import PayloadFileError
 from armload_identification.results.payload_comparison import PayloadComparison
 from armload_identification.verdict import cad_comparison

@@ -23,6 +23,7 @@ from armload_controller.control_errors import ControlError
 from armload_controller.motion.paths import PLANNED_SPEED_M_S, bound_phase
 from armload_controller.motion.setpoints import CYCLE_ROUNDING
 from armload_controller.motion.slow_round_pace import SLOW_RATE, reduced_pace
+from armload_identification.argument_types import require_type, wrong_type
 from armload_identification.excitation.design import DesignResult, optimal_excitation
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.design_search import PeriodRange, Search, SearchSettings, SlowRound
@@ -139,24 +140,13 @@ class DesignedExcitation(DesignedMotion):
 
     def to_dict(self) -> dict[str, Any]:
         """The figures as numbers, texts, lists and dictionaries: the schema `armload/design/1`."""
-        result = self.result
-        return json_document(
-            "design",
-            {
-                "robot": self.arm.name,
-                "criterion": result.criterion,
-                "cost": float(result.cost),
-                "condition_number": float(result.condition_number),
-                "rank": int(result.rank),
-                "period_s": float(result.trajectory.period_s),
-                "periods": self.periods,
-                "harmonics": int(result.trajectory.harmonics),
-                "seed": result.seed,
-                "speed_m_s": self.speed_m_s,
-                "slow_round_s": self.slow_round_s,
-                "nearest": {key: {"name": name, "room": room} for key, (name, room) in self.nearest().items()},
-            },
-        )
+        result, path = self.result, self.result.trajectory
+        found = {"robot": self.arm.name, "criterion": result.criterion, "rank": int(result.rank), "seed": result.seed}
+        found |= {key: float(getattr(result, key)) for key in ("cost", "condition_number")}
+        motion = {"period_s": float(path.period_s), "periods": self.periods, "harmonics": int(path.harmonics)}
+        run = {"speed_m_s": self.speed_m_s, "slow_round_s": self.slow_round_s}
+        nearest = {key: {"name": name, "room": room} for key, (name, room) in self.nearest().items()}
+        return json_document("design", found | motion | run | {"nearest": nearest})
 
     def __str__(self) -> str:
         """Figures, and the smallest margin to every kind of limit."""
@@ -247,6 +237,7 @@ def design(
         >>> excitation.save("excitation.toml")
     """
     require_extra(Extra.IDENTIFY, "designing an excitation")
+    require_type("search", search, DesignSearch)
     arm = robot_of(robot)
     frequency = _frequency(arm, period_s, harmonics)
     envelope = design_envelope(arm)
@@ -301,11 +292,13 @@ def _workers(restarts: int) -> Iterator[Executor | None]:
 
 def _frequency(arm: Robot, period_s: float | Literal["auto"], harmonics: int) -> float | PeriodRange:
     """The base frequency, or the range of periods to choose from, such that the arm's bus can stream them."""
-    if isinstance(period_s, str):
+    if period_s == "auto":
         cycle_s = 1 / arm.bus.cycle_hz
         step_s = ceil(_PERIOD_STEP_S / cycle_s - 1e-9) * cycle_s
         shortest_s = max(_SHORTEST_PERIOD_S, ceil(harmonics * _LEAST_CYCLES * cycle_s / step_s - 1e-9) * step_s)
         return PeriodRange(shortest_s, _LONGEST_PERIOD_S, step_s)
+    if isinstance(period_s, str):
+        raise wrong_type("period_s", period_s, 'a duration in s, or "auto"')
     if not 0.0 < period_s < inf:
         raise UnstreamablePeriod(f"a period of {period_s:g} s: expected a duration above 0")
     if arm.has_bus:

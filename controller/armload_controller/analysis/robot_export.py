@@ -18,6 +18,7 @@ from armload_controller.export.export_files import write_files
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.format_registry import LOAD_DATA, OF_AN_ARM, ExportFormat, exporter
 from armload_controller.export.licence import DEFAULT_LICENCE
+from armload_identification.argument_types import path_of, require_type
 from armload_identification.files.calibration_file import is_calibration
 from armload_identification.files.payload_file import format_payload
 from armload_identification.model.payload import PARAMETER_NAMES
@@ -102,7 +103,8 @@ def export(
         >>> [path.name for path in exported.files]
         ['er50_payload_inertial.xml']
     """
-    arm, folder = robot_of(robot), Path(output)
+    require_type("options", options, ExportOptions)
+    arm, folder = robot_of(robot), path_of("output", output)
     target, write = str(export_format), exporter(export_format)
     if options.single and target != ExportFormat.C:
         raise ExportError("`single=`", f"can only be used with the format c, not with {target}")

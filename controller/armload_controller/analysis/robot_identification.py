@@ -11,7 +11,6 @@ from dataclasses import replace
 from importlib.metadata import version
 from math import isfinite
 from os import PathLike
-from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
 from armload_controller.analysis.stated_drift import NOTHING_STATED, StatedDrift
@@ -23,11 +22,10 @@ from armload_controller.config.objects_or_paths import (
     arm_of,
     payload_from,
     recording_of,
-    require_type,
-    wrong_type,
 )
 from armload_controller.config.robot_recordings import RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
+from armload_identification.argument_types import path_of, require_type, wrong_type
 from armload_identification.calibration.session_gains import SessionGains
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.extras import Extra, require_extra
@@ -97,7 +95,11 @@ def read_recording(
     """
     known = parse_columns(columns) if isinstance(columns, str) else columns
     choice = RecordingChoice(known, Effort(effort), between_s, episode, tuple(joints))
-    source = path if isinstance(path, DataFrame) else Path(path)
+    source = path if isinstance(path, DataFrame) else path_of("path", path, "the path of a recording, or a data frame")
+    if isinstance(joints, str):
+        raise wrong_type("joints", joints, "indices from 0, such as [0, 1, 2]")
+    if between_s is not None and not isinstance(between_s, Sequence):
+        raise wrong_type("between_s", between_s, "two times in s, such as (10.0, 90.0)")
     if robot is not None:
         return read_of(arm_of(robot), source, choice)
     options = ReadingOptions(known, choice.effort, episode=episode)
@@ -159,6 +161,7 @@ def identify(
     """
     require_extra(Extra.IDENTIFY, "identifying a payload")
     require_type("known", known, KnownPayload)
+    require_type("drift", drift, StatedDrift)
     require_type("tolerance", tolerance, Tolerance)
     if isinstance(validation, str | PathLike | Recording):
         raise wrong_type("validation", validation, "a loaded and an unloaded run")

@@ -89,23 +89,15 @@ class DesignedWiggle(DesignedMotion):
 
     def to_dict(self) -> dict[str, Any]:
         """The figures as numbers, texts, lists and dictionaries: the schema `armload/wiggle/1`."""
-        return json_document(
-            "wiggle",
-            {
-                "robot": self.arm.name,
-                "expected_kg": float(self.arm.payloads.expected.mass_kg),
-                "half_width_95_kg": self.wiggle.half_width_kg,
-                "period_s": self.wiggle.trajectory.period_s,
-                "periods": self.wiggle.periods,
-                "measured_s": self.measured_s,
-                "slow_round_s": self.path.slow_round_s,
-                "speed_m_s": self.speed_m_s,
-                "joints": [
-                    {"name": name, "at_rad": float(at), "amplitude_rad": float(size)}
-                    for name, at, size in zip(self.arm.joint_names, self.at_rad, self.amplitude_rad, strict=True)
-                ],
-            },
-        )
+        wiggle = self.wiggle
+        mass = {"expected_kg": float(self.arm.payloads.expected.mass_kg), "half_width_95_kg": wiggle.half_width_kg}
+        motion = {"period_s": wiggle.trajectory.period_s, "periods": wiggle.periods, "measured_s": self.measured_s}
+        run = {"slow_round_s": self.path.slow_round_s, "speed_m_s": self.speed_m_s}
+        joints = [
+            {"name": name, "at_rad": float(at), "amplitude_rad": float(size)}
+            for name, at, size in zip(self.arm.joint_names, self.at_rad, self.amplitude_rad, strict=True)
+        ]
+        return json_document("wiggle", {"robot": self.arm.name} | mass | motion | run | {"joints": joints})
 
     def __str__(self) -> str:
         """Accuracy, duration and extent."""

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
-    from armload_controller.motion.motion_control import MotionControl
     from armload_controller.session.live.live_view import LiveAddress
     from armload_controller.session.run_session import Operator
 
@@ -24,21 +23,22 @@ def attended() -> bool:
 
 
 @contextmanager
-def operator_at(
-    arm: Robot, screen: Screen, control: MotionControl, *, agreed: bool, live: LiveAddress | None
-) -> Iterator[Operator]:
-    """The operator of an arm: within the block signals stop the arm, and a question is answered at the terminal.
+def operator_at(arm: Robot, screen: Screen, *, agreed: bool, live: LiveAddress | None) -> Iterator[Operator]:
+    """The operator of an arm: within the block signals and keys control it, and a question is answered at the terminal.
 
     Args:
         screen: Shows progress and asks.
-        control: Receives the operator's requests.
         agreed: Whether the operator has agreed in advance to everything that allows it.
         live: Address of the live view; None for none.
     """
+    from armload_controller.cli.keyboard import Keyboard
+    from armload_controller.motion.motion_control import MotionControl
     from armload_controller.session.live.live_view import shown_live
     from armload_controller.session.run_session import Consent, Operator
     from armload_controller.session.stop_signals import StopSignals
 
+    control = MotionControl()
+    screen.keyboard = Keyboard.of_this_process(control)
     with StopSignals(control) as signals:
         consent = Consent(lambda question: signals.ask(question, screen.confirm), given=agreed)
         with shown_live(Operator(screen, control, consent), arm, live) as operator:

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 import typer
 from typer.core import TyperGroup
 
 from armload_controller.cli.option_groups import with_option_groups
+
+_WORDS: Final = {
+    " is not one of ": ": expected one of ",
+    "a valid number": "a number",
+    "a valid integer": "a whole number",
+    "greater than or equal to": "at least",
+    "less than or equal to": "at most",
+}
+"""Typer's words, and this program's."""
 
 
 class CommandGroup(TyperGroup):
@@ -32,11 +41,10 @@ class CommandGroup(TyperGroup):
             return super().invoke(ctx)
         except typer.BadParameter as error:
             for found in getattr(error.__cause__, "errors", list)()[:1]:  # pydantic's, which is not imported for this
-                what = str(found["msg"]).removeprefix("Value error, ").removesuffix(".")
-                what = what.replace(" is not one of ", ": expected one of ")
-                error.message = what.replace("Input should be", f"'{found['input']}': expected").partition(", unable")[
-                    0
-                ]
+                what = str(found["msg"]).removeprefix("Value error, ").removesuffix(".").partition(", unable")[0]
+                for theirs, ours in _WORDS.items():
+                    what = what.replace(theirs, ours)
+                error.message = what.replace("Input should be", f"'{found['input']}': expected")
             raise
 
 

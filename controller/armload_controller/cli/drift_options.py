@@ -22,7 +22,6 @@ class DriftOptions:
     gain_drift: Annotated[
         float | None,
         typer.Option(
-            "--gain-drift",
             metavar="SHARE",
             parser=share,
             help="With a calibrated arm: standard deviation of the drift of all gains together since the calibration, "
@@ -32,7 +31,6 @@ class DriftOptions:
     reference: Annotated[
         Path | None,
         typer.Option(
-            "--reference",
             help="With a calibrated arm: a run of the same day and of any motion, empty or with a weighed tool, which "
             "measures that drift.",
         ),

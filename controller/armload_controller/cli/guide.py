@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeVar
 
@@ -35,116 +36,119 @@ def guided_words(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
     say("What do you want to do?")
     for number, choice in enumerate(CHOICES, 1):
         say(f"  {number}  {choice}")
+    guide = _Guide(ask, say, shipped)
     while True:
-        answer = ask("1 to 4, or q to leave; `armload --help` lists all commands: ").strip().lower()
-        if answer in {"q", ""}:
-            return []
-        if answer in {"1", "2", "3", "4"}:
-            break
-        say(f"  {answer!r}: expected 1, 2, 3, 4 or q")
-    if answer == "1":
-        return ["commission", "er50", "--output", str(_new_folder())]
-    if answer == "2":
-        return _identify(ask, say, shipped)
-    if answer == "3":
-        return _init(ask, say)
-    from armload_controller.config.robot import load_robot
-
-    robot, _ = _accepted(ask, say, _robot_question(shipped), load_robot)
-    return ["commission", robot, "--output", ask("Folder for the recordings [runs/today]: ").strip() or "runs/today"]
+        match ask("1 to 4, or q to leave; `armload --help` lists all commands: ").strip().lower():
+            case "q" | "":
+                return []
+            case "1":
+                return ["commission", "er50", "--output", str(_new_folder())]
+            case "2":
+                return guide.identify()
+            case "3":
+                return guide.init()
+            case "4":
+                return guide.commission()
+            case answer:
+                say(f"  {answer!r}: expected 1, 2, 3, 4 or q")
 
 
-def _identify(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
-    """Ask for an arm and two recordings, the empty run first; each is read when it is given."""
-    from armload_controller.cli.given_arm import given_arm
-    from armload_controller.config.robot_recordings import read_of
-    from armload_identification.identification_errors import RecordingError
-    from armload_identification.pipeline.recording_survey import pair_mismatch
-    from armload_identification.recording.recording import Recording
+@dataclass(frozen=True)
+class _Guide:
+    """Questions whose answers become the words of a command; each answer is checked when it is given."""
 
-    def run_of(path: str) -> Recording:
-        if not path:
-            raise RecordingError("nothing was typed: the path of a recording is required, or Ctrl-C to leave")
-        return read_of(arm, Path(path))
+    ask: Ask
+    say: Say
+    shipped: tuple[str, ...]
 
-    def loaded_run(path: str) -> Recording:
-        recording = run_of(path)
-        problem = pair_mismatch(recording, empty)
-        if problem is not None:
-            raise RecordingError(problem)
-        return recording
+    def commission(self) -> list[str]:
+        """Ask for an arm with a robot file, and a folder."""
+        from armload_controller.config.robot import load_robot
 
-    robot, links = _accepted(
-        ask, say, _robot_question(shipped, " or URDF"), lambda name: _links(ask, say, name, given_arm)
-    )
-    arm = given_arm(robot, links.get("--base"), links.get("--flange"))
-    unloaded, empty = _accepted(ask, say, "Recording without the payload: ", run_of)
-    loaded, _ = _accepted(ask, say, "Recording of the same motion with it: ", loaded_run)
-    files = ["--loaded", loaded, "--unloaded", unloaded, "--output", "payload.toml", "--report", "report.html"]
-    return ["identify", robot, *_words(links), *files]
+        robot, _ = self._accepted(self._robot_question(), load_robot)
+        folder = self.ask("Folder for the recordings [runs/today]: ").strip() or "runs/today"
+        return ["commission", robot, "--output", folder]
 
+    def identify(self) -> list[str]:
+        """Ask for an arm and two recordings, the empty run first; each is read when it is given."""
+        from armload_controller.cli.given_arm import given_arm
+        from armload_controller.config.robot_recordings import read_of
+        from armload_identification.identification_errors import RecordingError
+        from armload_identification.pipeline.recording_survey import pair_mismatch
+        from armload_identification.recording.recording import Recording
 
-def _init(ask: Ask, say: Say) -> list[str]:
-    """Ask for a URDF, if any, and for a file that does not exist yet."""
-    from armload_controller.config.chain_from_urdf import read_urdf_arm
+        def run_of(path: str) -> Recording:
+            if not path:
+                raise RecordingError("nothing was typed: the path of a recording is required, or Ctrl-C to leave")
+            return read_of(arm, Path(path))
 
-    urdf, links = _accepted(
-        ask,
-        say,
-        "URDF of the arm; empty to answer questions instead: ",
-        lambda path: _links(ask, say, path, read_urdf_arm) if path else {},
-    )
-    while True:
-        output = ask("Robot file to write [my_arm.toml]: ").strip() or "my_arm.toml"
-        if not Path(output).exists():
-            break
-        say(f"  {output} exists and is not overwritten: give another name")
-    return ["init", *([urdf, *_words(links)] if urdf else []), "--output", output]
+        def loaded_run(path: str) -> Recording:
+            recording = run_of(path)
+            problem = pair_mismatch(recording, empty)
+            if problem is not None:
+                raise RecordingError(problem)
+            return recording
 
+        robot, links = self._accepted(self._robot_question(" or URDF"), lambda name: self._links(name, given_arm))
+        arm = given_arm(robot, links.get("--base"), links.get("--flange"))
+        unloaded, empty = self._accepted("Recording without the payload: ", run_of)
+        loaded, _ = self._accepted("Recording of the same motion with it: ", loaded_run)
+        files = ["--loaded", loaded, "--unloaded", unloaded, "--output", "payload.toml", "--report", "report.html"]
+        return ["identify", robot, *_words(links), *files]
 
-def _links(ask: Ask, say: Say, arm: str, read: Callable[[str, str | None, str | None], object]) -> dict[str, str]:
-    """Base and flange, asked for if the file leaves a choice; two empty answers mean another file."""
-    from armload_controller.config.urdf_tree import is_urdf
-    from armload_controller.control_errors import ConfigurationError
+    def init(self) -> list[str]:
+        """Ask for a URDF, if any, and for a file that does not exist yet."""
+        from armload_controller.config.chain_from_urdf import read_urdf_arm
 
-    links: dict[str, str] = {}
-    while True:
-        try:
-            read(arm, links.get("--base"), links.get("--flange"))
-        except ConfigurationError as error:
-            if not is_urdf(Path(arm)):
-                raise
-            say(f"  {as_options(str(error))}")
-            base = ask("--base, the first link of the arm; empty for the root: ").strip()
-            flange = ask("--flange, the last link of the arm; empty for another file: ").strip()
-            links = {name: link for name, link in (("--base", base), ("--flange", flange)) if link}
-            if not links:
-                raise
-        else:
-            return links
+        question = "URDF of the arm; empty to answer questions instead: "
+        urdf, links = self._accepted(question, lambda path: self._links(path, read_urdf_arm) if path else {})
+        while True:
+            output = self.ask("Robot file to write [my_arm.toml]: ").strip() or "my_arm.toml"
+            if not Path(output).exists():
+                return ["init", *([urdf, *_words(links)] if urdf else []), "--output", output]
+            self.say(f"  {output} exists and is not overwritten: give another name")
+
+    def _links(self, arm: str, read: Callable[[str, str | None, str | None], object]) -> dict[str, str]:
+        """Base and flange, asked for if the file leaves a choice; two empty answers mean another file."""
+        from armload_controller.config.urdf_tree import is_urdf
+        from armload_controller.control_errors import ConfigurationError
+
+        links: dict[str, str] = {}
+        while True:
+            try:
+                read(arm, links.get("--base"), links.get("--flange"))
+            except ConfigurationError as error:
+                if not is_urdf(Path(arm)):
+                    raise
+                self.say(f"  {as_options(str(error))}")
+                base = self.ask("--base, the first link of the arm; empty for the root: ").strip()
+                flange = self.ask("--flange, the last link of the arm; empty for another file: ").strip()
+                links = {name: link for name, link in (("--base", base), ("--flange", flange)) if link}
+                if not links:
+                    raise
+            else:
+                return links
+
+    def _robot_question(self, also: str = "") -> str:
+        """Asks for an arm."""
+        return f"The arm: {', '.join(self.shipped)}, or the path of its TOML{also}: "
+
+    def _accepted(self, question: str, check: Callable[[str], _Found]) -> tuple[str, _Found]:
+        """The first path that passes a check, and what that found; the reason is shown for every other."""
+        from armload_controller.control_errors import ControlError
+        from armload_identification.identification_errors import IdentificationError
+
+        while True:
+            answer = _path(self.ask(question))
+            try:
+                return answer, check(answer)
+            except (ControlError, IdentificationError) as error:
+                self.say(f"  {as_options(str(error))}")
 
 
 def _words(links: dict[str, str]) -> list[str]:
     """Options as words of a command."""
     return [word for option in links.items() for word in option]
-
-
-def _robot_question(shipped: tuple[str, ...], also: str = "") -> str:
-    """Asks for an arm."""
-    return f"The arm: {', '.join(shipped)}, or the path of its TOML{also}: "
-
-
-def _accepted(ask: Ask, say: Say, question: str, check: Callable[[str], _Found]) -> tuple[str, _Found]:
-    """The first path that passes a check, and what that found; the reason is shown for every other."""
-    from armload_controller.control_errors import ControlError
-    from armload_identification.identification_errors import IdentificationError
-
-    while True:
-        answer = _path(ask(question))
-        try:
-            return answer, check(answer)
-        except (ControlError, IdentificationError) as error:
-            say(f"  {as_options(str(error))}")
 
 
 def _path(answer: str) -> str:

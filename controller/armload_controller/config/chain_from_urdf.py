@@ -28,6 +28,7 @@ import numpy as np
 
 from armload_controller.config.urdf_tree import UrdfJoint, UrdfTree, read_urdf_tree
 from armload_core.arrays import FloatArray
+from armload_identification.argument_types import path_of
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmBody
@@ -181,7 +182,7 @@ def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: st
         ConfigurationError: the file is not a URDF, a link does not exist or the choice is ambiguous (the candidates are
             listed), a joint of the chain is of a kind that is not supported, or their number is not 4 to 16.
     """
-    tree = read_urdf_tree(Path(path))
+    tree = read_urdf_tree(path_of("path", path, "the path of a URDF"))
     start = _base_link(tree, base)
     end = _flange_link(tree, flange, start)
     way = _joints_between(tree, start, end)

@@ -14,6 +14,7 @@ from armload_controller.config.chain_from_urdf import UrdfArm, read_urdf_arm
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.robot_recordings import read_of
 from armload_controller.config.urdf_tree import is_urdf
+from armload_identification.argument_types import wrong_type
 from armload_identification.files.payload_file import read_payload
 from armload_identification.model.payload import PayloadResult
 from armload_identification.recording.formats.frame_reader import DataFrame
@@ -30,38 +31,17 @@ PayloadSource: TypeAlias = "PayloadResult | Findings | FilePath"
 """A payload, a result that contains it, or the path of its file."""
 
 
-def wrong_type(argument: str, value: object, expected: str) -> TypeError:
-    """The error for an argument of another type.
-
-    Args:
-        argument: Its name.
-        value: What was given.
-        expected: What it may be.
-    """
-    return TypeError(f"`{argument}=` is {value!r:.80} ({type(value).__name__}): expected {expected}.")
-
-
-def require_type(argument: str, value: object, kind: type) -> None:
-    """Raise unless an optional argument is None or of its one type.
-
-    Raises:
-        TypeError: it is something else.
-    """
-    if value is not None and not isinstance(value, kind):
-        raise wrong_type(argument, value, f"armload.{kind.__name__}")
-
-
 def several_runs(runs: Recording | FilePath | Sequence[Recording | FilePath]) -> Sequence[Recording | FilePath]:
     """Recordings, or one of them, or a table of runs, as a list.
 
     Raises:
         TypeError: it is something else.
     """
-    if isinstance(runs, Recording | str | PathLike):
-        return [runs]
-    if isinstance(runs, Sequence):
-        return runs
-    raise wrong_type("runs", runs, "recordings, their paths, or the path of a table of runs")
+    listed = [runs] if isinstance(runs, Recording | str | PathLike) or not isinstance(runs, Sequence) else runs
+    for run in listed:
+        if not isinstance(run, Recording | str | PathLike):
+            raise wrong_type("runs", run, "recordings, their paths, or the path of a table of runs")
+    return listed
 
 
 def arm_of(robot: MeasuredArm | FilePath) -> MeasuredArm:

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import resources
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,12 +29,13 @@ from armload_controller.config.tables.robot_file import RobotFile
 from armload_controller.config.urdf_tree import is_urdf
 from armload_controller.control_errors import CommissioningError, ConfigurationError
 from armload_core.arrays import FloatArray
+from armload_identification.argument_types import path_of
 from armload_identification.excitation.excitation_file import read_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.identification_errors import IdentificationError, ModelError
 from armload_identification.storage.regular_file import require_regular
-from armload_identification.storage.strict_toml import BadValue, read_text, toml_values, validated
+from armload_identification.storage.strict_toml import BadValue, read_toml, toml_values, validated
 
 if TYPE_CHECKING:
     from armload_controller.config.robot_limits import RobotLimits
@@ -368,7 +369,8 @@ def load_robot(name_or_path: str | PathLike[str]) -> Robot:
         >>> isinstance(robot, armload.Robot), robot.n, robot.chain.n
         (True, 6, 6)
     """
-    shipped, given = shipped_robots(), fspath(name_or_path)
+    expected = "the name of a shipped robot, or the path of a robot's file"
+    shipped, given = shipped_robots(), str(path_of("name_or_path", name_or_path, expected))
     if given in shipped:
         path, file = Path(str(resources.files("armload_configs") / f"{given}.toml")), f"{given}.toml"
     else:
@@ -380,7 +382,7 @@ def load_robot(name_or_path: str | PathLike[str]) -> Robot:
     if is_urdf(path):
         expected = "a URDF has no drives and limits of an arm's use: make a robot file of it with `armload init`"
         raise ConfigurationError(file, "", None, expected)
-    text = read_text(path, ConfigurationError)
+    text = read_toml(path, ConfigurationError)
     values = with_profiles(toml_values(text, file, ConfigurationError), path.parent, file)
     robot = Robot(file, text, path.parent, validated(values, file, RobotFile, ConfigurationError))
     robot = replace(robot, excitations=_read_excitations(robot))

@@ -13,6 +13,7 @@ from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
 from armload_controller.fleet.row_store import RowStore
 from armload_controller.fleet.workforce import Workforce
 from armload_controller.session.folder_claim import claimed
+from armload_identification.argument_types import path_of
 from armload_identification.extras import Extra, require_extra
 from armload_identification.many_arms.fleet_review import FleetReview, review_fleet
 
@@ -44,10 +45,10 @@ def fleet(jobs: FilePath, output: FilePath, *, workers: int | None = None, sched
         ['cell-1']
     """
     require_extra(Extra.FLEET, "a fleet")
-    folder = Path(output)
+    table, folder = path_of("jobs", jobs), path_of("output", output)
     folder.mkdir(parents=True, exist_ok=True)
     with claimed(folder, "`armload fleet` run"), RowStore(folder) as store:
-        listing, new = new_jobs(Path(jobs), store)
+        listing, new = new_jobs(table, store)
         if not new:
             return FleetTally.before(listing, new)
         with Workforce(scheduler, workers) as force:
@@ -66,13 +67,14 @@ def fleet_report(rows: FilePath, report: FilePath | None = None) -> FleetReview:
         ReportError: the report cannot be written.
     """
     require_extra(Extra.FLEET, "a fleet")
-    review = review_fleet(runs_of(Path(rows)))
+    folder = path_of("rows", rows)
+    review = review_fleet(runs_of(folder))
     if report is not None:
         require_extra(Extra.REPORT, "the report of a fleet")
         from armload_identification.report.fleet.fleet_report import render_fleet_report
         from armload_identification.report.page import write_page
 
-        attention = attention_of(review, Path(rows), datetime.now(UTC).date())
+        attention = attention_of(review, folder, datetime.now(UTC).date())
         page = render_fleet_report(review, version("armload"), attention.words, attention.arms)
         write_page(Path(report), page)
     return review

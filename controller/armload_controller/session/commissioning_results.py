@@ -18,6 +18,7 @@ from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, missing_roles, read_pair, record_half
 from armload_controller.session.folder_claim import claimed
 from armload_controller.session.run_session import SessionLoad, no_operator
+from armload_identification.argument_types import path_of
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.identification_errors import EstimationError, RunTableError
 from armload_identification.recording.recording import Recording
@@ -69,7 +70,7 @@ def commission(
         )
     if mounted is not None:
         arm = arm.with_simulated_payload(mounted)
-    directory = Path(output)
+    directory = path_of("output", output)
     plan = CommissioningPlan(directory, mass_kg, calibration)
     directory.mkdir(parents=True, exist_ok=True)
     with claimed(directory):

@@ -28,7 +28,7 @@ from armload_identification.storage.strict_toml import (
     Table,
     Text,
     parse,
-    read_text,
+    read_toml,
     require_shapes,
     write_text,
 )
@@ -240,7 +240,7 @@ def read_calibration(path: str | PathLike[str]) -> ArmCalibration:
         >>> armload.read_calibration("runs/today/arm.calibration.toml").robot
         'er50'
     """
-    return parse_calibration(read_text(Path(path), CalibrationFileError), str(path))
+    return parse_calibration(read_toml(path, CalibrationFileError), str(path))
 
 
 def is_calibration(path: str | PathLike[str]) -> bool:

@@ -34,7 +34,7 @@ from armload_identification.storage.strict_toml import (
     Table,
     Text,
     parse,
-    read_text,
+    read_toml,
     require_shape,
     write_text,
 )
@@ -247,7 +247,7 @@ def read_payload(path: str | PathLike[str]) -> PayloadResult:
         >>> round(payload.model.mass_kg, 1), payload.feedforward_ready
         (9.8, True)
     """
-    return parse_payload(read_text(Path(path), PayloadFileError), str(path))
+    return parse_payload(read_toml(path, PayloadFileError), str(path))
 
 
 def parse_payload(content: str, source: str = "payload") -> PayloadResult:

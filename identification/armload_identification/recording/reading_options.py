@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from armload_identification.identification_errors import NamelessColumns
+from armload_identification.identification_errors import NamelessColumns, RecordingError
 
 if TYPE_CHECKING:  # the command line's options need no numpy
     from armload_core.arrays import FloatArray
@@ -19,6 +19,10 @@ class Effort(StrEnum):
 
     TORQUE = "torque"
     CURRENT = "current"
+
+    @classmethod
+    def _missing_(cls, value: object) -> Effort:
+        raise RecordingError(f"`effort=` is {value!r}: expected {' or '.join(cls)}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import date
 from typing import Final
 
@@ -57,11 +57,11 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
         gain_meaning="per ampere of motor current" if current else "per newton metre that the drive reports",
         joints=[_joint_row(calibration, joint, name) for joint, name in enumerate(names)],
         gains=Markup(gains_figure(change, width, calibration.determined.tolist(), title)),
-        payloads=_payload_rows(calibration),
+        payloads=list(_payload_rows(calibration)),
         runs=[(run, run.residual_rms_nm / noise) for run in calibration.runs],
         loud=_LOUD,
         strong=_STRONG,
-        drift=_drift(calibration, names),
+        drift=list(_drift(calibration, names)),
         delay=f"{numeral(1e3 * calibration.body.torque_delay_s, 1)} ± {numeral(width_ms, 1)}{NO_BREAK}ms",
         tilt=tilted if tilt_deg > tilt_width_deg else f"level within {numeral(tilt_width_deg, 2)}°",
         numeral=numeral,
@@ -98,25 +98,20 @@ def _with_width(value: float, half_width: float) -> str:
     return f"{numeral(value, decimals)}{NO_BREAK}±{NO_BREAK}{numeral(half_width, decimals)}"
 
 
-def _payload_rows(calibration: ArmCalibration) -> list[tuple[str, str, str, str]]:
+def _payload_rows(calibration: ArmCalibration) -> Iterator[tuple[str, str, str, str]]:
     """Name, weighed mass, mass and centre of mass of every mounting."""
-    rows = []
     for payload in calibration.payloads:
-        weighed = np.isfinite(payload.weighed_kg)
         mass = payload.theta[0]
         center = payload.theta[1:4] / mass if mass > 0.0 else np.full(3, np.nan)
-        rows.append(
-            (
-                payload.mounting,
-                f"{payload.weighed_kg:g}" if weighed else "not weighed",
-                _with_width(mass, NORMAL_HALF_WIDTH * payload.deviation[0]),
-                ", ".join(numeral(1e3 * value, 1) for value in center),
-            )
+        yield (
+            payload.mounting,
+            f"{payload.weighed_kg:g}" if np.isfinite(payload.weighed_kg) else "not weighed",
+            _with_width(mass, NORMAL_HALF_WIDTH * payload.deviation[0]),
+            ", ".join(numeral(1e3 * value, 1) for value in center),
         )
-    return rows
 
 
-def _drift(calibration: ArmCalibration, names: Sequence[str]) -> list[tuple[str, Markup]]:
+def _drift(calibration: ArmCalibration, names: Sequence[str]) -> Iterator[tuple[str, Markup]]:
     """Name of every joint and the figure of its friction, by day if all runs state theirs, else in their order."""
     runs = calibration.runs
     days = [_day(run.recorded) for run in runs]
@@ -126,15 +121,13 @@ def _drift(calibration: ArmCalibration, names: Sequence[str]) -> list[tuple[str,
         labels = [f"{day:%d %b}" for day in days if day]
     else:
         places, labels = np.arange(1.0, len(runs) + 1.0), [str(number) for number in range(1, len(runs) + 1)]
-    panels = []
     changes = np.array([calibration.friction_change_nm(run) for run in runs]).T
     for joint, (name, change, usual) in enumerate(zip(names, changes, calibration.usual_change_nm, strict=True)):
         title = (
             f"Change of the friction of joint {joint + 1} ({name}) over the runs: "
             f"{numeral(change.min(), 2)} to {numeral(change.max(), 2)} N m."
         )
-        panels.append((name, Markup(drift_figure(places, labels, change, float(usual), joint, title))))
-    return panels
+        yield name, Markup(drift_figure(places, labels, change, float(usual), joint, title))
 
 
 def _day(recorded: str) -> date | None:

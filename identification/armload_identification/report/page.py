@@ -8,10 +8,9 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup, escape
 
-from armload_identification.identification_errors import ReportError
 from armload_identification.numerals import MINUS, NO_BREAK
+from armload_identification.report.figures.figure_file import write_drawn
 from armload_identification.storage.control_characters import printable
-from armload_identification.storage.replace_file import replace_file
 
 _IN_BACKTICKS = re.compile(r"`([^`\n]+)`")
 _NEGATIVE = re.compile(r"(?<![\w.+/-])-(?=\d)")
@@ -59,9 +58,4 @@ def write_page(path: Path, page: str) -> None:
     Raises:
         ReportError: the file cannot be written.
     """
-    try:
-        replace_file(path, page)
-    except OSError as problem:
-        raise ReportError(
-            f"{path}: the report cannot be written ({problem.strerror}). Choose a file in an existing, writable folder."
-        ) from problem
+    write_drawn(path, page, "report")

@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import matplotlib.style
 import numpy as np
 from markupsafe import Markup
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.numerals import numeral
-from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, VERMILION
+from armload_identification.report.figures.figure_style import BLUE, INK, VERMILION
+from armload_identification.report.figures.styled_figure import styled_figure
 from armload_identification.report.figures.svg import inline_svg
 from armload_identification.report.page import rendered, write_page
 
@@ -118,8 +117,7 @@ def watch_svg(history: WatchHistory, name: str, title: str) -> str:
     step = max(1, len(history.time_s) // _MOST_MOMENTS)
     time_s, mass, width = (x[::step] for x in (history.time_s, history.mass_kg, history.half_width_95_kg))
     shown = np.where(_drawn(history)[::step], mass, np.nan)
-    with matplotlib.style.context(["default", FIGURE_STYLE]):
-        figure = Figure(figsize=(_WIDE_IN, _HIGH_IN), layout="constrained")
+    with styled_figure(_WIDE_IN, _HIGH_IN, "constrained") as figure:
         axes = figure.add_subplot()
         axes.axhline(0.0, color=INK, linewidth=0.7)
         axes.fill_between(time_s, shown - width, shown + width, color=BLUE, alpha=0.25, linewidth=0)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar, get_args
 
@@ -19,12 +20,15 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationErr
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from armload_identification.argument_types import path_of
 from armload_identification.storage.regular_file import LARGEST_BYTES, read_whole
 from armload_identification.storage.replace_file import replace_file
 
 FileErrorClass = Callable[[str, str, object, str], Exception]
 """Makes an error from file, key, value found and what was expected."""
 
+_RECORDED = frozenset({".csv", ".mcap", ".bag", ".db3", ".npz", ".parquet"})
+"""Suffixes of recordings and tables."""
 _KEYS_ALIKE = 0.6
 """Similarity (`difflib`) from which a key may be a misspelling of another."""
 
@@ -100,6 +104,26 @@ def read_text(path: Path, error: FileErrorClass, largest_bytes: int = LARGEST_BY
     except UnicodeDecodeError as problem:
         reason = f"not UTF-8, {problem.reason} at byte {problem.start}; save it as UTF-8"
         raise error(str(path), "", None, f"cannot be read: {reason}") from problem
+
+
+def read_toml(path: str | PathLike[str], error: FileErrorClass) -> str:
+    """The text of a TOML file that a caller names.
+
+    Args:
+        error: Makes the error that is raised.
+
+    Raises:
+        Exception: made by `error`; it cannot be read, or is a recording or a table.
+        TypeError: it is no path.
+    """
+    file = path_of("path", path, "the path of a TOML file")
+    if file.suffix.lower() in _RECORDED and file.exists():
+        expected = (
+            "a recording or a table, where a file in TOML is expected; `armload identify --loaded` takes recordings, "
+            "`armload calibrate` also tables of runs"
+        )
+        raise error(str(path), "", None, expected)
+    return read_text(file, error)
 
 
 def write_text(path: Path, text: str, error: FileErrorClass) -> None:

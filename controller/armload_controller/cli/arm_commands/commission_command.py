@@ -28,7 +28,6 @@ from armload_controller.cli.output.output_files import make_folder, require_writ
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption
 from armload_controller.cli.screen import PLAIN, Screen
 from armload_controller.control_errors import CommissioningError
-from armload_controller.motion.motion_control import MotionControl
 from armload_identification.verdict.tolerance import Tolerance
 
 if TYPE_CHECKING:
@@ -89,15 +88,14 @@ def commission(
     except SIGTERM.
     """
     from armload_controller.analysis.arm_in_use import arm_in_use
-    from armload_controller.cli.keyboard import Keyboard
     from armload_controller.cli.output.findings_output import show_findings
-    from armload_controller.cli.output.json_documents import half_document
     from armload_controller.session.commissioning import CommissioningPlan, missing_roles, require_recordings
     from armload_controller.session.commissioning_results import PAYLOAD_NAME, REPORT_NAME, evaluate
     from armload_controller.session.folder_claim import claimed
     from armload_controller.session.live.live_view import live_at
     from armload_controller.session.run_session import SessionLoad
     from armload_identification.extras import Extra, require_extra
+    from armload_identification.results.json_document import json_document
 
     for extra in (Extra.IDENTIFY, Extra.REPORT):
         require_extra(extra, "commissioning")
@@ -121,19 +119,17 @@ def commission(
         require_recordings(directory, SessionLoad.UNLOADED)
     make_folder(directory)
     require_writable(directory)
-    control = MotionControl()
-    screen.keyboard = Keyboard.of_this_process(control)
     with claimed(directory):
         done = not any(missing_roles(directory, load) for load in halves)
         if done and (runs is Runs.UNLOADED or all((directory / n).exists() for n in (PAYLOAD_NAME, REPORT_NAME))):
             raise CommissioningError(
                 f"{directory} already contains these recordings, which are never overwritten: choose another --output"
             )
-        with operator_at(arm, screen, control, agreed=yes, live=shown) as operator:
+        with operator_at(arm, screen, agreed=yes, live=shown) as operator:
             _record(arm, plan, screen, operator, halves, driven.opened(arm, screen))
         if runs is Runs.UNLOADED:
             screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
-            screen.document(half_document, {"directory": directory})
+            screen.document(lambda: json_document("commission-half", {}), {"directory": directory})
             return
         findings, calibrated = evaluate(arm, plan, Tolerance(*tolerance), now)
         show_findings(screen, findings)

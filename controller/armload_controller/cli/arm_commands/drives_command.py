@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 
 drives = Commands("Inspect the drives on a bus. Only check --brakes energises.")
 
+_MOST_COLUMNS = 100
+"""Width of a check also in a file, where other output is not wrapped."""
+
 
 @drives.command("scan")
 def scan_command(
@@ -69,7 +72,7 @@ def _hint_at_profiles(screen: Screen, vendor_ids: Iterable[int | None]) -> None:
     from armload_controller.config.drive_profiles import profile_hint
 
     for hint in dict.fromkeys(filter(None, map(profile_hint, vendor_ids))):
-        screen.step(hint)
+        screen.console.print(hint)
 
 
 @drives.command("check")
@@ -87,8 +90,9 @@ def check_command(
     from armload_drivers.bring_up.drive_check import Verdict, check
 
     arm = driven.arm(driven.cycle_hz)
+    screen.console.width = min(screen.console.width, _MOST_COLUMNS)
     for text in arm.drives.peculiarities:
-        screen.step(text)
+        screen.console.print(text)
     with _bring_up(arm) as bring_up:
         found = check(bring_up)
     rows = found.steps
@@ -119,7 +123,7 @@ def _brakes_tried(arm: Robot, screen: Screen, driven: DrivenArm) -> tuple[BrakeF
     driven.require_rules(arm)
     open_servos = driven.opened(arm, screen, brakes_closed=True)
     with (
-        operator_at(arm, screen, MotionControl(), agreed=False, live=None) as operator,
+        operator_at(arm, screen, agreed=False, live=None) as operator,
         run_session(arm, SessionLoad.LOADED, open_servos, operator) as session,
     ):
         found = brakes_tried(session)
@@ -195,7 +199,7 @@ def assign_command(
     bus: Annotated[str, typer.Argument(metavar=BUS_FORM, help="The bus, such as socketcan:can0.")],
     node_id: Annotated[int, typer.Option("--node-id", min=1, max=127, help="Node id of the node from now on.")],
     new_bitrate: Annotated[
-        int | None, typer.Option("--new-bitrate", help="Bit rate of the node from its next power-on, in bit/s.")
+        int | None, typer.Option(help="Bit rate of the node from its next power-on, in bit/s.")
     ] = None,
     identity: Annotated[
         str | None,

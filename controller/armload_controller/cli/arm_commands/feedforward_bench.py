@@ -20,7 +20,6 @@ from armload_controller.cli.options import (
     YesOption,
 )
 from armload_controller.cli.output.json_output import JsonOption
-from armload_controller.motion.motion_control import MotionControl
 
 if TYPE_CHECKING:
     from armload_controller.analysis.arm_in_use import ArmInUse
@@ -104,17 +103,14 @@ class BenchOptions(DrivenArm):
     def bench(self, arm: Robot, *, whole: bool = False) -> Iterator[Bench]:
         """The arm with its trajectory, one period of it or all, checked; within the block the operator can stop it."""
         from armload_controller.analysis.arm_in_use import arm_in_use
-        from armload_controller.cli.keyboard import Keyboard
         from armload_controller.cli.screen import Screen
         from armload_controller.session.live.live_view import live_at
 
-        control = MotionControl()
         screen = Screen(self.as_json)
-        screen.keyboard = Keyboard.of_this_process(control)
         path = _checked_path(arm, self.excitation, whole=whole)
         used = arm_in_use(arm, self.calibration)
         live = live_at(self.live, self.live_address)
-        with operator_at(arm, screen, control, agreed=self.yes, live=live) as operator:
+        with operator_at(arm, screen, agreed=self.yes, live=live) as operator:
             yield Bench(arm, path, used, self.opened(arm, screen), operator, screen)
 
 

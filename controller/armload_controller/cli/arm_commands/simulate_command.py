@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from armload_controller.cli.given_arm import ArmOnBus
-from armload_controller.cli.options import CycleOption
+from armload_controller.cli.options import CycleOption, duration_s
 from armload_controller.cli.output.output_files import make_folder
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.motion_control import MotionControl
@@ -20,6 +19,14 @@ if TYPE_CHECKING:
     from armload_drivers.simulation.plant_spec import ScheduledPayload
 
 POLL_S = 0.1
+
+
+def payload_change(text: str) -> tuple[float, str]:
+    """Time and payload of a text such as '10s=tool.toml'."""
+    at, _, name = text.partition("=")
+    if not name:
+        raise typer.BadParameter(f"{text!r}: expected a time and a payload, such as 10s=tool.toml or 40s=none")
+    return duration_s(at), name
 
 
 def simulate(
@@ -33,10 +40,11 @@ def simulate(
         ),
     ] = None,
     payload_at: Annotated[
-        list[str] | None,
+        list[Any] | None,
         typer.Option(
             "--payload-at",
             metavar="TIME=PAYLOAD",
+            parser=payload_change,
             help="Mount another payload, or 'none', at this time after the first SYNC, whether or not the arm is "
             "moving, such as 10s=tool.toml; may be given several times.",
         ),
@@ -44,13 +52,12 @@ def simulate(
     description: Annotated[
         list[Path] | None,
         typer.Option(
-            "--description",
             help="Serve exactly the objects of this EDS or DCF file: one for all joints, or one per joint in order.",
         ),
     ] = None,
     write_eds: Annotated[
         Path | None,
-        typer.Option("--write-eds", help="Write an EDS file per joint into this folder, for other masters, and exit."),
+        typer.Option(help="Write an EDS file per joint into this folder, for other masters, and exit."),
     ] = None,
 ) -> None:
     """Serve simulated CiA 402 drives and their simulated arm, until Ctrl-C."""
@@ -79,7 +86,7 @@ def simulate(
         return
     control = MotionControl()
     with StopSignals(control), drives_alone(arm, name, changes, described) as drives:
-        later = "".join(f", {text.replace('=', ': ', 1)}" for text in payload_at or [])
+        later = "".join(f", {at_s:g} s: {then}" for at_s, then in payload_at or [])
         screen.step(
             f"{arm.n} simulated drives of {arm.name} on {arm.bus.address}, payload {name}{later}. Ctrl-C ends them."
         )
@@ -88,29 +95,18 @@ def simulate(
     screen.step("drives stopped")
 
 
-def payload_changes(given: list[str], simulation: RobotSimulation) -> list[ScheduledPayload]:
-    """Payload changes from texts such as '10s=tool.toml'.
+def payload_changes(given: list[tuple[float, str]], simulation: RobotSimulation) -> list[ScheduledPayload]:
+    """Payload changes from times and names.
 
     Returns:
         Changes in order of time.
 
     Raises:
-        BadParameter: a text has another form, or two changes have the same time.
+        BadParameter: two changes have the same time.
         ConfigurationError: no payload of that name.
     """
     from armload_drivers.simulation.plant_spec import ScheduledPayload
 
-    found: dict[float, ScheduledPayload] = {}
-    for text in given:
-        at, _, name = text.partition("=")
-        try:
-            time_s = float(at.strip().removesuffix("s"))
-        except ValueError:
-            time_s = math.nan
-        if not (0.0 < time_s < math.inf and name) or time_s in found:
-            raise typer.BadParameter(
-                f"{text!r}: expected a time above zero, each once, and a payload, such as 10s=tool.toml or 40s=none",
-                param_hint="--payload-at",
-            )
-        found[time_s] = ScheduledPayload(time_s, simulation.mounted(name))
-    return [found[time_s] for time_s in sorted(found)]
+    if len(dict(given)) < len(given):
+        raise typer.BadParameter("expected each time once", param_hint="--payload-at")
+    return [ScheduledPayload(at_s, simulation.mounted(name)) for at_s, name in sorted(given)]

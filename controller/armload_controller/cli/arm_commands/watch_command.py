@@ -55,7 +55,7 @@ def watch(
     ] = None,
     record: Annotated[
         Path | None,
-        typer.Option("--record", help="Record the data received (.mcap); needs no calibration."),
+        typer.Option(help="Record the data received (.mcap); needs no calibration."),
     ] = None,
     load: Annotated[
         Load | None, typer.Option(help="With --record: what the arm carries, for `armload calibrate`.")

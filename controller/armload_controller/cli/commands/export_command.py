@@ -18,7 +18,7 @@ def _known(name: str) -> str:
     """The name of a format, after checking that there is one."""
     if name in tuple(ExportFormat) or name in format_names():
         return name
-    raise typer.BadParameter(f"{name!r} is not one of {', '.join(map(repr, map(str, format_names())))}")
+    raise typer.BadParameter(f"{name!r}: expected one of {', '.join(map(repr, map(str, format_names())))}")
 
 
 def export(

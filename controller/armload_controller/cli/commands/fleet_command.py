@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,25 +23,45 @@ if TYPE_CHECKING:
 
 fleet = Commands("Identify and assess the recordings of many arms.")
 
-TableArgument = Annotated[
-    Path, typer.Argument(metavar="JOBS", help="Table of jobs (CSV: arm, robot, loaded, unloaded, calibration, ...).")
-]
-OutputOption = Annotated[Path, typer.Option("--output", "-o", help="Folder of the rows (Parquet, one folder per day).")]
-SchedulerOption = Annotated[
-    str | None,
-    typer.Option(help="Address of a Dask scheduler, such as tls://host:8786; by default processes on this machine."),
-]
-WorkersOption = Annotated[
-    int | None, typer.Option(min=1, help="Number of processes on this machine; by default the number of cores.")
-]
+
+@dataclass(frozen=True)
+class FleetJobs:
+    """Jobs, where their rows are kept, and who does them."""
+
+    table: Annotated[
+        Path,
+        typer.Argument(metavar="JOBS", help="Table of jobs (CSV: arm, robot, loaded, unloaded, calibration, ...)."),
+    ]
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the rows (Parquet, one folder per day).")]
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a Dask scheduler, such as tls://host:8786; by default processes on this machine."
+        ),
+    ] = None
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Number of processes on this machine; by default the number of cores.")
+    ] = None
+
+    @contextmanager
+    def claimed_store(self) -> Iterator[RowStore]:
+        """The rows, for this run alone; --workers is refused with --scheduler, which has its own workers."""
+        from armload_controller.fleet.row_store import RowStore
+        from armload_controller.session.folder_claim import claimed
+
+        if self.scheduler is not None and self.workers is not None:
+            raise typer.BadParameter(
+                "cannot be combined with --scheduler, which has its own workers", param_hint="--workers"
+            )
+        make_folder(self.output)
+        require_writable(self.output)
+        with claimed(self.output, "`armload fleet` run"), RowStore(self.output) as store:
+            yield store
 
 
 @fleet.command("identify")
 def identify_command(
-    table: TableArgument,
-    output: OutputOption,
-    scheduler: SchedulerOption = None,
-    workers: WorkersOption = None,
+    given: FleetJobs,
     screen: Screen = PLAIN,
 ) -> None:
     """Identify every recording of the table that has no row yet.
@@ -55,8 +76,8 @@ def identify_command(
     from armload_identification.numerals import counted
 
     require_extra(Extra.FLEET, "armload fleet")
-    with _claimed_store(output, scheduler, workers) as store:
-        listing, jobs = new_jobs(table, store)
+    with given.claimed_store() as store:
+        listing, jobs = new_jobs(given.table, store)
         screen.remarks("warning", listing.remarks)
         before = len(listing.jobs) - len(jobs)
         screen.step(f"{counted(len(listing.jobs), 'recording')}, {before or 'none'} processed before")
@@ -65,25 +86,22 @@ def identify_command(
         else:
             try:
                 with (
-                    Workforce(scheduler, workers) as force,
+                    Workforce(given.scheduler, given.workers) as force,
                     screen.track("identifying", len(jobs), rate=True) as progress,
                 ):
                     tally = do_jobs(listing, jobs, store, force.rows, progress)
             except KeyboardInterrupt:
                 screen.step("stopped: finished rows are kept, and the same command processes the rest")
                 raise
-    _show_tally(screen, tally, output)
+    _show_tally(screen, tally, given.output)
     if tally.done and not tally.outcomes[RowOutcome.IDENTIFIED.value]:
         raise typer.Exit(ExitStatus.REFUSED)
 
 
 @fleet.command("watch")
 def watch_command(
-    table: TableArgument,
-    output: OutputOption,
+    given: FleetJobs,
     every_s: Annotated[float, typer.Option(min=1.0, help="Time between two checks of the table's files in s.")] = 60.0,
-    scheduler: SchedulerOption = None,
-    workers: WorkersOption = None,
     screen: Screen = PLAIN,
 ) -> None:
     """Identify new recordings repeatedly, until Ctrl-C.
@@ -99,14 +117,14 @@ def watch_command(
 
     require_extra(Extra.FLEET, "armload fleet")
     try:
-        with _claimed_store(output, scheduler, workers) as store, Workforce(scheduler, workers) as force:
+        with given.claimed_store() as store, Workforce(given.scheduler, given.workers) as force:
             screen.step(
-                f"watching {table}, every {every_s:g} s; a recording is processed once it has not changed between two "
-                "checks. Ctrl-C ends it"
+                f"watching {given.table}, every {every_s:g} s; a recording is processed once it has not changed "
+                "between two checks. Ctrl-C ends it"
             )
-            for found in looks(table, store, force.rows, sleep, every_s):
+            for found in looks(given.table, store, force.rows, sleep, every_s):
                 if isinstance(found, FleetTally):
-                    _show_tally(screen, found, output)
+                    _show_tally(screen, found, given.output)
                 elif isinstance(found, JobListing):
                     screen.remarks("warning", found.remarks)
                 else:
@@ -241,27 +259,12 @@ def acknowledge_command(
     screen.document(partial(acknowledged_document, made))
 
 
-@contextmanager
-def _claimed_store(output: Path, scheduler: str | None, workers: int | None) -> Iterator[RowStore]:
-    """The rows of a folder, for this run alone; --workers is refused with --scheduler, which has its own workers."""
-    from armload_controller.fleet.row_store import RowStore
-    from armload_controller.session.folder_claim import claimed
-
-    if scheduler is not None and workers is not None:
-        raise typer.BadParameter(
-            "cannot be combined with --scheduler, which has its own workers", param_hint="--workers"
-        )
-    make_folder(output)
-    require_writable(output)
-    with claimed(output, "`armload fleet` run"), RowStore(output) as store:
-        yield store
-
-
 def _show_tally(screen: Screen, tally: FleetTally, output: Path) -> None:
     """Show the counts of a run over the jobs."""
-    from armload_controller.cli.output.fleet_output import fleet_document, problem_lines
+    from armload_controller.cli.output.fleet_output import problem_lines
+    from armload_identification.results.json_document import json_document
 
     screen.result(str(tally))
     for line in problem_lines(tally, output):
         screen.result(line)
-    screen.document(partial(fleet_document, tally), {"directory": output})
+    screen.document(lambda: json_document("fleet", tally.to_dict()), {"directory": output})

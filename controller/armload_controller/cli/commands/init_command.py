@@ -39,14 +39,14 @@ def init(
     flange: FlangeOption = None,
     name: Annotated[str | None, typer.Option("--name", help="Name of the robot, instead of the URDF's.")] = None,
     payload_kg: Annotated[
-        float | None, typer.Option("--payload-kg", min=1e-3, help="Maximum payload of the arm, including the tool.")
+        float | None, typer.Option(min=1e-3, help="Maximum payload of the arm, including the tool.")
     ] = None,
     scan: Annotated[
         str | None,
-        typer.Option("--scan", metavar=BUS_FORM, help="Use the drives that answer on this bus. Only reads."),
+        typer.Option(metavar=BUS_FORM, help="Use the drives that answer on this bus. Only reads."),
     ] = None,
-    bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of that bus in bit/s.")] = 1_000_000,
-    description: Annotated[Path | None, typer.Option("--description", help="EDS or DCF file of the drives.")] = None,
+    bitrate: Annotated[int, typer.Option(help="Bit rate of that bus in bit/s.")] = 1_000_000,
+    description: Annotated[Path | None, typer.Option(help="EDS or DCF file of the drives.")] = None,
     simulated: Annotated[
         bool, typer.Option("--simulated", help="Add a simulated twin of the arm, to try a commissioning.")
     ] = False,

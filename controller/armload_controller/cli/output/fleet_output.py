@@ -36,11 +36,6 @@ def problem_lines(tally: FleetTally, output: Path) -> list[str]:
     return lines
 
 
-def fleet_document(tally: FleetTally) -> dict[str, Any]:
-    """The same for `--json`."""
-    return json_document("fleet", tally.to_dict())
-
-
 def suspicion_lines(review: FleetReview, attention: Attention) -> list[str]:
     """The most suspicious arms, one line each; then what is acknowledged, absent, oddly dated, and without a result."""
     present = {arm.arm for arm in review.arms}

@@ -25,11 +25,6 @@ if TYPE_CHECKING:
     from armload_drivers.bring_up.inspection import ArmStatus, DriveStatus, FoundNode
 
 
-def half_document() -> dict[str, Any]:
-    """The unloaded half of a commissioning: recordings without an identification."""
-    return json_document("commission-half", {})
-
-
 def nodes_document(interface: str, channel: str, found: Sequence[FoundNode]) -> dict[str, Any]:
     """Nodes that answer on a bus."""
 
@@ -115,18 +110,9 @@ def feedforward_document(
 
 def init_document(arm: ArmDraft, drafted: DraftedFile, problem: str | None, following: str) -> dict[str, Any]:
     """A first robot file, with its missing and assumed values."""
-    return json_document(
-        "init",
-        {
-            "robot": arm.name,
-            "joint_names": list(arm.joint_names),
-            "other_joints": list(arm.other_joints),
-            "holes": list(drafted.holes),
-            "assumed": list(drafted.unchecked),
-            "no_excitation": problem,
-            "next": following,
-        },
-    )
+    of_arm = {"robot": arm.name, "joint_names": list(arm.joint_names), "other_joints": list(arm.other_joints)}
+    of_file = {"holes": list(drafted.holes), "assumed": list(drafted.unchecked)}
+    return json_document("init", of_arm | of_file | {"no_excitation": problem, "next": following})
 
 
 def export_document(done: Exported) -> dict[str, Any]:

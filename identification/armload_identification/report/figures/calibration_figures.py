@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Final
 
-import matplotlib.style
 import numpy as np
-from matplotlib.figure import Figure
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, LIGHT_GREY, VERMILION
+from armload_identification.report.figures.figure_style import BLUE, INK, LIGHT_GREY, VERMILION
 from armload_identification.report.figures.joint_figures import ticks
+from armload_identification.report.figures.styled_figure import styled_figure
 from armload_identification.report.figures.svg import inline_svg
 
 _WIDE_IN: Final = 7.0
@@ -31,8 +30,7 @@ def gains_figure(change: FloatArray, half_width_95: FloatArray, determined: list
         An `svg` element.
     """
     joints = np.arange(1, change.size + 1)
-    with matplotlib.style.context(["default", FIGURE_STYLE]):
-        figure = Figure(figsize=(_WIDE_IN, 2.1), layout="constrained")
+    with styled_figure(_WIDE_IN, 2.1, "constrained") as figure:
         axes = figure.add_subplot()
         axes.axhline(0.0, color=INK, linewidth=0.7)
         for joint, middle, width, known in zip(joints, 100.0 * change, 100.0 * half_width_95, determined, strict=True):
@@ -60,8 +58,7 @@ def drift_figure(days: FloatArray, labels: list[str], change: FloatArray, usual:
     Returns:
         An `svg` element.
     """
-    with matplotlib.style.context(["default", FIGURE_STYLE]):
-        figure = Figure(figsize=(_NARROW_IN, 1.6), layout="constrained")
+    with styled_figure(_NARROW_IN, 1.6, "constrained") as figure:
         axes = figure.add_subplot()
         axes.axhspan(-2.0 * usual, 2.0 * usual, color=LIGHT_GREY, linewidth=0)
         axes.axhline(0.0, color=INK, linewidth=0.7)

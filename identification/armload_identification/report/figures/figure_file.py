@@ -30,10 +30,21 @@ def write_figure(path: Path, figure: Figure, dpi: float) -> None:
         )
     drawn = io.BytesIO()
     figure.savefig(drawn, format=kind, dpi=dpi)
+    write_drawn(path, drawn.getvalue(), "picture")
+
+
+def write_drawn(path: Path, content: str | bytes, what: str) -> None:
+    """Write a report or a picture; an existing file is replaced atomically.
+
+    Args:
+        what: What it is, for messages.
+
+    Raises:
+        ReportError: the file cannot be written.
+    """
     try:
-        replace_file(path, drawn.getvalue())
+        replace_file(path, content)
     except OSError as problem:
         raise ReportError(
-            f"{path}: the picture cannot be written ({problem.strerror}). Choose a file in an existing, writable "
-            "folder."
+            f"{path}: the {what} cannot be written ({problem.strerror}). Choose a file in an existing, writable folder."
         ) from problem

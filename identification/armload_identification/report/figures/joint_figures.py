@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from typing import Final
 
-import matplotlib.style
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, GREEN, INK, VERMILION
+from armload_identification.report.figures.figure_style import BLUE, GREEN, INK, VERMILION
+from armload_identification.report.figures.styled_figure import styled_figure
 from armload_identification.report.figures.svg import inline_svg
 from armload_identification.signals.load_signal import LoadSignal
 
@@ -43,8 +43,7 @@ def motion_figure(signal: LoadSignal, joint: int, name: str, title: str) -> str:
     Returns:
         An `svg` element.
     """
-    with matplotlib.style.context(["default", FIGURE_STYLE]):
-        figure = Figure(figsize=(_NARROW_IN, 1.95))
+    with styled_figure(_NARROW_IN, 1.95) as figure:
         upper, lower = _stacked(figure, (0.34, 0.60, 0.25, 0.60))
         for axes, values, label in (
             (upper, signal.states.position_rad, "position, rad"),
@@ -73,8 +72,7 @@ def torque_figure(signal: LoadSignal, predicted_nm: FloatArray, joint: int, name
     """
     time_s, predicted = signal.time_s, predicted_nm[:, joint]
     raw, smoothed = (np.where(signal.valid, values[:, joint], np.nan) for values in (signal.raw_nm, signal.torque_nm))
-    with matplotlib.style.context(["default", FIGURE_STYLE]):
-        figure = Figure(figsize=(_WIDE_IN, 2.25))
+    with styled_figure(_WIDE_IN, 2.25) as figure:
         upper, lower = _stacked(figure, (0.34, 0.60, 0.25, 0.91))
         upper.plot(*thin_out(time_s, raw), color=RAW, linewidth=0.6)
         upper.plot(*thin_out(time_s, smoothed), color=SMOOTHED, linewidth=0.9)

@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import Final
 from xml.sax.saxutils import escape
 
-import matplotlib.style
 import numpy as np
-from matplotlib.figure import Figure
 
 from armload_core.arrays import FloatArray
 from armload_identification.many_arms.arm_runs import UNITS
 from armload_identification.many_arms.fleet_review import FigureReview
 from armload_identification.report.figures.control_chart_axes import days_of, draw_control_chart, draw_dates
-from armload_identification.report.figures.figure_style import BLUE, FIGURE_STYLE, INK, LIGHT_GREY, VERMILION
+from armload_identification.report.figures.figure_style import BLUE, INK, LIGHT_GREY, VERMILION
+from armload_identification.report.figures.styled_figure import styled_figure
 from armload_identification.report.figures.svg import inline_svg
 
 _WIDE_IN: Final = 2.6
@@ -33,8 +32,7 @@ def chart_figure(figure: FigureReview, name: str, title: str) -> str:
     Returns:
         An `svg` element.
     """
-    with matplotlib.style.context(["default", FIGURE_STYLE]):
-        drawing = Figure(figsize=(_WIDE_IN, _HIGH_IN))
+    with styled_figure(_WIDE_IN, _HIGH_IN) as drawing:
         # Fixed: a computed layout takes longer than the rest of the report.
         drawing.subplots_adjust(0.17, 0.24, 0.97, 0.86)
         axes = drawing.subplots()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from datetime import datetime
 from typing import Final
 
 import numpy as np
@@ -46,7 +45,7 @@ def render_fleet_report(
         arms=len(review.arms),
         runs=sum(arm.runs for arm in review.arms),
         without_result=len(review.problems),
-        latest=f"{max(_latest(review)):%Y-%m-%d}",
+        latest=f"{max(arm.latest for arm in (*review.arms, *review.absent)):%Y-%m-%d}",
         suspicious=len(suspicious),
         to_inspect=sum(arm.arm in needing_attention for arm in suspicious),
         panels=[(arm, _charts(arm, number)) for number, arm in enumerate(suspicious[:MOST_SUSPICIOUS], 1)],
@@ -78,11 +77,6 @@ def render_arm_history(arm: ArmReview, armload_version: str, acknowledged: str =
     return rendered(
         "fleet/arm.html.j2", armload_version=armload_version, arm=arm, charts=charts, acknowledged=acknowledged
     )
-
-
-def _latest(review: FleetReview) -> list[datetime]:
-    """The latest recording of each arm."""
-    return [arm.latest for arm in review.arms] + [arm.latest for arm in review.absent]
 
 
 def _charts(arm: ArmReview, number: int) -> list[Markup]:

@@ -215,11 +215,39 @@ def test_objects_are_taken_in_the_place_of_paths(folder, tmp_path, found):
         (lambda: armload.identify("er50", "a.mcap", validation="b.mcap"), "validation"),
         (lambda: armload.compare("a.toml", "b.toml", tolerance=5), "tolerance"),
         (lambda: armload.commission(armload, "out"), "robot"),
+        (lambda: armload.commission("er50", None), "output"),
+        (lambda: armload.load_robot(None), "name_or_path"),
+        (lambda: armload.load_robot(b"er50"), "name_or_path"),
+        (lambda: armload.read_payload(None), "path"),
+        (lambda: armload.read_calibration(None), "path"),
+        (lambda: armload.read_urdf_arm(None), "path"),
+        (lambda: armload.read_recording(None), "path"),
+        (lambda: armload.read_recording("a.mcap", joints="1-3"), "joints"),
+        (lambda: armload.read_recording("a.mcap", between_s=5.0), "between_s"),
+        (lambda: armload.calibrate("er50", [None]), "runs"),
+        (lambda: armload.identify("er50", "a.mcap", drift=0.03), "drift"),
+        (lambda: armload.watch("er50", None), "recording"),
+        (lambda: armload.export("er50", "a.toml", "c", options={"single": True}), "options"),
+        (lambda: armload.export("er50", "a.toml", "c", None), "output"),
+        (lambda: armload.design("er50", search=3), "search"),
+        (lambda: armload.design("er50", period_s="fast"), "period_s"),
     ],
 )
 def test_an_argument_of_another_type_gets_a_sentence(call, argument):
     with pytest.raises(TypeError, match=rf"^`{argument}=` is .* \(\w+\): expected .+\.$"):
         call()
+
+
+def test_an_effort_that_is_none_is_told_which_there_are():
+    with pytest.raises(armload.IdentificationError, match="`effort=` is 'power': expected torque or current"):
+        armload.read_recording("a.mcap", effort="power")
+
+
+@pytest.mark.parametrize("read", [armload.read_payload, armload.read_calibration, armload.load_robot])
+def test_a_table_where_a_file_in_toml_is_expected_is_told_where_it_goes(read, tmp_path):
+    (tmp_path / "run.csv").write_text("time,position_1\n0,0\n")
+    with pytest.raises((armload.IdentificationError, armload.ControlError), match=r"run\.csv: a recording .*--loaded"):
+        read(tmp_path / "run.csv")
 
 
 def test_a_loop_takes_no_payload_of_another_arm_and_none_that_no_body_has(found):

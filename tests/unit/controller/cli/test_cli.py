@@ -296,6 +296,30 @@ def test_a_check_that_finds_something_names_the_shipped_profiles_of_the_vendor(a
     assert "profile" not in armload("drives", "check", "er50").output
 
 
+def test_a_check_fits_100_columns_also_in_a_file(armload):
+    """One of prbt's remarks is longer."""
+    lines = armload("drives", "check", "prbt", columns=0).output.splitlines()
+    assert any("event timer" in line for line in lines)
+    assert max(map(len, lines)) <= 100
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("init --payload-kg three --output a.toml", "'--payload-kg': 'three': expected a number"),
+        ("design er50 --output a.toml --restarts 0", "'--restarts': '0': expected at least 1"),
+        ("fleet identify jobs.csv --output rows --workers two", "'--workers': 'two': expected a whole number"),
+        ("design er50 --output a.toml --for all", "'--for': 'all': expected one of 'payload', 'any-motion'"),
+        ("identify er50 --loaded a.mcap --tolerance a 1", "'--tolerance': 'a': expected a number"),
+        ("export er50 a.toml --format cc", "'--format': 'cc': expected one of 'c', 'fmu'"),
+        ("simulate er50 --payload-at 10s", "'--payload-at': '10s': expected a time and a payload"),
+    ],
+)
+def test_a_value_of_an_option_is_named_with_what_was_expected(armload, words, said):
+    result = armload(*words.split())
+    assert (result.exit_code, said in result.output) == (2, True), result.output
+
+
 def test_simulate_needs_a_bus_that_others_can_reach(armload):
     assert "--bus" in str(armload("simulate", "er50").exception)
 
@@ -372,9 +396,9 @@ def test_design_chooses_the_period_on_request(armload, tmp_path):
         (["--period-s", "0.4"], "harmonic 5 of 0.4 s has 8.0 setpoints per period.*--period-s 0.5 or more"),
         (["--period-s", "-1"], "--period-s: '-1' is not a period"),
         (["--period-s", "nan"], "'nan' is not a period"),
-        (["--seed", "-1"], "--seed.*greater than or equal to 0"),
-        (["--harmonics", "0"], "--harmonics.*greater than or equal to 1"),
-        (["--periods", "0"], "--periods.*greater than or equal to 1"),
+        (["--seed", "-1"], "--seed.*expected at least 0"),
+        (["--harmonics", "0"], "--harmonics.*expected at least 1"),
+        (["--periods", "0"], "--periods.*expected at least 1"),
         (["--criterion", "best"], "--criterion.*'a-optimal', 'a-optimal-mean'"),
     ],
 )

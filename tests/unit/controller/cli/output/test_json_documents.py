@@ -22,12 +22,10 @@ from armload_controller.cli.main import app
 from armload_controller.cli.output.fleet_output import (
     acknowledged_document,
     arm_document,
-    fleet_document,
     fleet_report_document,
 )
 from armload_controller.cli.output.json_documents import (
     feedforward_document,
-    half_document,
     init_document,
     nodes_document,
 )
@@ -65,7 +63,7 @@ from armload_identification.recording.reading_options import Effort
 from armload_identification.results.arm_history import ArmHistory
 from armload_identification.results.arm_without_payload import ArmWithoutPayload
 from armload_identification.results.calibrated_arm import CalibratedArm
-from armload_identification.results.json_document import json_schemas
+from armload_identification.results.json_document import json_document, json_schemas
 from armload_identification.results.payload_over_time import PayloadOverTime
 
 
@@ -239,19 +237,20 @@ def made():
         printed(partial(feedforward_document, "arm", offset, [compared], [decision]), picture="picture.svg"),
         printed(ArmWithoutPayload(*nothing_on(load_robot("prbt"))).to_dict, report="report.html"),
         nodes_document("socketcan", "can0", [node]),
-        printed(half_document, directory="runs/today"),
+        printed(partial(json_document, "commission-half", {}), directory="runs/today"),
         printed(partial(fleet_report_document, *fleet_attention()), report="report.html", metrics="fleet.prom"),
         printed(partial(arm_document, reviewed_arm()), page="one.html"),
         acknowledged_document(fleet_attention()[1].acknowledged[0][1]),
         printed(
             partial(
-                fleet_document,
+                json_document,
+                "fleet",
                 FleetTally(
                     2,
                     1,
                     problems=[FleetProblem("cell-17", "a.mcap", RowOutcome.REFUSED, "a.mcap: truncated")],
                     remarks=("line 2: no file",),
-                ),
+                ).to_dict(),
             ),
             directory="fleet",
         ),
