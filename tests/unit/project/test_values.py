@@ -5,9 +5,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
 STATES = {
-    "Dictionary", "DraftedFile", "FleetTally", "GroupState", "PluginTiming", "ReadingAccount", "_EvenStretch",
+    "Dictionary", "DraftedFile", "FleetTally", "GroupState", "PluginTiming", "ReadingAccount", "Screen", "_EvenStretch",
 }  # fmt: skip
-"""Those that are filled or counted up while something runs."""
+"""Those that are filled or counted up while something runs; the screen gets a keyboard when an arm moves."""
 MESSAGES = ROOT / "drivers" / "armload_drivers" / "feeds" / "ros2_messages.py"
 """Its library fills in messages."""
 ARRAYS = ("FloatArray", "NDArray[")

@@ -216,7 +216,6 @@ def test_what_a_reader_gives_is_checked(bring, tmp_path):
     returned = "{'time_s': np.zeros(3), 'position_rad': np.zeros((2, 1))}"
     source = f"import numpy as np\ndef function(path):\n    return {returned}\n"
     bring("odd", "armload.readers", "trc", source)
-    with pytest.raises(
-        RecordingError, match=r"odd 2 gave time_s \(3,\), position_rad \(2, 1\); expected time_s \(N,\)"
-    ):
+    problem = r"odd 2: time_s has shape \(3,\); expected \(2,\), as position_rad"
+    with pytest.raises(RecordingError, match=problem):
         armload.read_recording(tmp_path / "run.trc")
