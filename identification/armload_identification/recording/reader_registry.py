@@ -102,7 +102,8 @@ def reader_of(path: Path, options: ReadingOptions) -> RecordingReader:
         return reader
     raise RecordingError(
         f"{path}: a {'folder' if path.is_dir() else 'file'} of unknown format. Give a recording made by armload, a ROS "
-        "bag (folder, .db3, .mcap or .bag), or a table with column names (.csv, .parquet, .npz)."
+        "bag (folder, .db3, .mcap or .bag), or a table with column names (.csv, .parquet, .npz). Spreadsheets and "
+        "MATLAB can save a table as .csv."
     )
 
 
