@@ -211,11 +211,16 @@ def test_what_a_format_gives_is_checked(bring, make_subject, source, problem):
         exporter("sheet")(make_subject())
 
 
-def test_what_a_reader_gives_is_checked(bring, tmp_path):
+@pytest.mark.parametrize(
+    ("returned", "problem"),
+    [
+        ("{'time_s': np.zeros(3), 'position_rad': np.zeros((2, 1))}", "odd 2: time_s has shape (3,); expected (2,)"),
+        ("{'time_s': np.zeros(3), 'angle': np.zeros((3, 1))}", "odd 2 gave time_s, angle; expected time_s (N,)"),
+    ],
+)
+def test_what_a_reader_gives_is_checked(bring, tmp_path, returned, problem):
     (tmp_path / "run.trc").write_text("x")
-    returned = "{'time_s': np.zeros(3), 'position_rad': np.zeros((2, 1))}"
     source = f"import numpy as np\ndef function(path):\n    return {returned}\n"
     bring("odd", "armload.readers", "trc", source)
-    problem = r"odd 2: time_s has shape \(3,\); expected \(2,\), as position_rad"
-    with pytest.raises(RecordingError, match=problem):
+    with pytest.raises(RecordingError, match=re.escape(problem)):
         armload.read_recording(tmp_path / "run.trc")
