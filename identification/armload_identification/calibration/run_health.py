@@ -209,8 +209,8 @@ class _RunFit:
     def _friction(self, found: Posterior) -> tuple[FloatArray, FloatArray]:
         """(n,) the change of friction at the middle speed, and its standard deviation by the run's noise."""
         slope = self._at_middle_speed
-        variance = np.einsum("ij,jk,ik->i", slope, found.own_covariance(0), slope)
-        return slope @ found.own_value(FRICTION_CHANGE), np.sqrt(variance)
+        covariance = found.joint_covariance(np.zeros((len(slope), found.problem.shared_size)), slope, 0)
+        return slope @ found.own_value(FRICTION_CHANGE), np.sqrt(np.diag(covariance))
 
     def _torque_doubts(self) -> FloatArray:
         """(k, N, n) axis torque of one standard deviation of each independent error of the calibration."""
