@@ -360,7 +360,7 @@ class _Calibration:
 
 def _effort_change(fit: Posterior, index: int) -> dict[str, float]:
     """Common factor of a run's efforts minus 1, beside all other unknowns, and its standard deviation."""
-    gradient, information = fit.beside(fit.groups[index].torque[0].predicted_nm[None], index)
+    gradient, information = fit.beside(fit.groups[index].torque[0].predicted_nm[None], first=index)
     deviation = float(information[0, 0] ** -0.5)
     return {
         "effort_change": float(gradient[0]) * deviation**2,

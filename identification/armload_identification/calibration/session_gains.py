@@ -26,7 +26,7 @@ from armload_identification.estimation.payload_problem import PayloadProblem, si
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.problem import Group, Problem, RunRows
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, ONE_SIDED
 from armload_identification.model.chain import Chain
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
@@ -43,8 +43,6 @@ calibration seem alike because the arm's links are fitted to them."""
 OF_REFERENCE: Final = 0.003
 """The same of a drift that a reference has measured: on 31 January the UR10e's empty run says -0.4 %, the loaded one
 -0.8 %, where the weighed payload shows none."""
-ONE_SIDED: Final = 1.645
-"""Standard deviations within which a value is with 95 %, on one side."""
 _STEPS: Final = 3
 """Linearisations: with 5 % of drift the second changes it by 0.1 %."""
 
@@ -92,11 +90,9 @@ class SessionGains:
         Raises:
             RecordingError: a recording that does not fit the arm, or is invalid.
         """
-        if mass_kg is None:
-            found, deviation = self._found(reference, calibration, chain, transmission, _nothing)
-        else:
-            tool = KnownPayload(mass_kg=mass_kg).prior()
-            found, deviation = self._found(reference, calibration, chain, transmission, lambda arm: arm.knowing(tool))
+        tool = KnownPayload(mass_kg=mass_kg).prior()
+        carried = _nothing if mass_kg is None else lambda arm: arm.knowing(tool)
+        found, deviation = self._found(reference, calibration, chain, transmission, carried)
         whole = float(np.hypot(deviation, min(OF_REFERENCE, self.deviation)))
         return SessionGains(found, whole, f"measured by {reference.source.path.name}")
 

@@ -211,18 +211,8 @@ class Posterior:
         own = self.problem.own(index)
         return np.asarray(self.deviation[own][self.problem.free[own]] ** -2.0)
 
-    def own_covariance(self, group: int) -> FloatArray:
-        """(o, o) covariance of a group's own unknowns if the rows are as independent as assumed.
-
-        Args:
-            group: Its index.
-        """
-        part = self.eliminated[group]
-        inverse = self.bread[np.ix_(self._free, self._free)]
-        return np.asarray(part.own_covariance + part.follow @ inverse @ part.follow.T)
-
     def joint_covariance(self, shared: FloatArray, own: FloatArray, group: int) -> FloatArray:
-        """(k, k) covariance of combinations of the shared and a group's own unknowns, as `own_covariance`.
+        """(k, k) covariance of combinations of a group's unknowns if the rows are as independent as assumed.
 
         Args:
             shared: (k, s) coefficients of the shared unknowns.
@@ -254,27 +244,29 @@ class Posterior:
         whole[self._free] = of_shared
         return whole, part.own_covariance @ pull[shared:] - part.follow @ of_shared
 
-    def beside(self, torque_nm: FloatArray, group: int = 0) -> tuple[FloatArray, FloatArray]:
+    def beside(self, *torque_nm: FloatArray, first: int = 0) -> tuple[FloatArray, FloatArray]:
         """What the rows say of further unknowns, beside all others, to first order.
 
         Args:
-            torque_nm: (k, N, n) axis torque per unit of each, on the first run of a group.
-            group: Index of the group.
+            torque_nm: (k, N, n) axis torque per unit of each, on the first run of one group after the other.
+            first: Index of the first of these groups.
 
         Returns:
             (k,) gradient and (k, k) information: their estimate is the solution, if nothing else is known of them.
         """
-        part, weight, mix = self.eliminated[group], self.row_weight(group), self.groups[group].group.mix[:, 0]
-        shared = self._free.size
-        gradient, information = np.zeros(len(torque_nm)), np.zeros((len(torque_nm),) * 2)
-        pull = np.zeros((shared + part.own_step.size, len(torque_nm)))
-        for rows in self.weighted_rows(group):
-            columns = mix[rows.combination] * torque_nm[:, :, rows.axis] * weight[rows.combination, :, rows.axis]
-            gradient += columns @ rows.target
-            information += columns @ columns.T
-            pull[rows.place] += rows.rows.T @ columns.T
-        across = pull[:shared] - part.follow.T @ pull[shared:]
-        information -= pull[shared:].T @ part.own_covariance @ pull[shared:]
+        shared, unknowns = self._free.size, len(torque_nm[0])
+        gradient, information = np.zeros(unknowns), np.zeros((unknowns, unknowns))
+        across = np.zeros((shared, unknowns))
+        for group, torque in enumerate(torque_nm, first):
+            part, weight, mix = self.eliminated[group], self.row_weight(group), self.groups[group].group.mix[:, 0]
+            pull = np.zeros((shared + part.own_step.size, unknowns))
+            for rows in self.weighted_rows(group):
+                columns = mix[rows.combination] * torque[:, :, rows.axis] * weight[rows.combination, :, rows.axis]
+                gradient += columns @ rows.target
+                information += columns @ columns.T
+                pull[rows.place] += rows.rows.T @ columns.T
+            across += pull[:shared] - part.follow.T @ pull[shared:]
+            information -= pull[shared:].T @ part.own_covariance @ pull[shared:]
         return gradient, information - across.T @ solved(self.information, across)
 
     def row_weight(self, group: int = 0) -> FloatArray:

@@ -25,6 +25,8 @@ CONFIDENCE: Final = 0.95
 NORMAL_HALF_WIDTH: Final = 1.9599639845400536
 """Half width of the 95 % interval of a normal distribution, in standard deviations. A literal, as the modules that
 compute it take as long to load as a loop's own; a test compares the two."""
+ONE_SIDED: Final = 1.645
+"""Standard deviations within which a value is with 95 %, on one side."""
 _NEWTON_STEPS: Final = 6
 _NEARLY_NORMAL: Final = 1e8
 """Degrees of freedom from which on the distribution is normal to 1e-8."""

@@ -8,11 +8,9 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.payload_estimate import estimate_of
+from armload_identification.estimation.payload_estimate import estimate_of, model_doubts
 from armload_identification.estimation.payload_problem import PayloadProblem, single_problem
-from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
@@ -36,10 +34,6 @@ from armload_identification.verdict.recording_checks.nothing_mounted import refu
 from armload_identification.verdict.recording_checks.usable_runs import require_usable
 
 SHORTEST_WINDOW_S: Final = 2.0
-_LASTING: Final = 0.5
-"""Part of a joint's residual in excess of the calibration's noise that may be proportional to its torque throughout the
-run. On simulated arms with elastic joints and gears of two efficiencies, 69 to 97 % of intervals hold without it, 96 %
-or more with it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +95,7 @@ class SingleRun:
         quality = MotionQuality.of(motion, arm.body)
         quality.require_enough(name)
         posterior = solve(self.problem.knowing(prior), rough=True)
-        plain = estimate_of(posterior, self.problem, prior, arm.errors, (_model_doubts(posterior, arm),))
+        plain = estimate_of(posterior, self.problem, prior, arm.errors).doubting(model_doubts(posterior, arm))
         mass_kg, floor_kg = float(plain.theta[0]), float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.theta[0]))
         one = np.eye(1, PARAMETERS)
         random_kg, all_kg = (
@@ -163,12 +157,3 @@ def identify_windows(
             f"{every_s:g} s. Use shorter windows."
         )
     return tuple(windows)
-
-
-def _model_doubts(posterior: Posterior, arm: KnownArm) -> FloatArray:
-    """(n, N, n) axis torque of one standard deviation of the model's own error on each joint."""
-    rows = posterior.problem.groups[0].runs[0].rows
-    level = np.sqrt(np.mean(rows.effort_nm**2, axis=0))
-    left = np.sqrt(np.maximum(posterior.noise_nm[0] ** 2 - arm.noise_nm**2, 0.0))
-    share = np.divide(_LASTING * left, level, out=np.zeros_like(level), where=level > 0.0)
-    return np.asarray((share * rows.effort_nm)[None] * np.eye(level.size)[:, None, :])

@@ -54,7 +54,7 @@ def notes_on(
         *_on_signal(found.signal, found.struck),
         *_on_result(found),
         *_on_blows(found.signal, found.struck),
-        *_on_friction(found.plain, arm),
+        *_on_calibrated_arm(found.plain, arm),
     ]
 
 
@@ -238,13 +238,21 @@ def _on_blows(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
     ]
 
 
-def _on_friction(plain: PayloadEstimate, arm: KnownArm | None) -> list[str]:
-    """Friction far outside its variation in the calibration."""
+def _on_calibrated_arm(plain: PayloadEstimate, arm: KnownArm | None) -> list[str]:
+    """Friction far outside its variation in the calibration, and joints that fit far worse than there."""
     if arm is None:
         return []
     run = plain.runs - 1
     change, covariance = plain.friction(run)[:2], plain.friction_covariance(run)
-    return list(friction_notes(standard_deviations(change, covariance, arm.drift[:2])))
+    notes = list(friction_notes(standard_deviations(change, covariance, arm.drift[:2])))
+    strange = plain.noise_nm > ArmFit.noisier * arm.noise_nm
+    if strange.any():
+        notes.append(
+            f"The torque of {numbered_joints(strange)} fits more than {ArmFit.noisier:.0f} times worse than in the "
+            "calibration: something pushed the arm, rows are too far apart, or a gain has changed. Mass and centre of "
+            "mass may lie outside their intervals. Record the runs again, without contact and at 50 Hz or more."
+        )
+    return notes
 
 
 def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:

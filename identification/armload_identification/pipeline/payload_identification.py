@@ -13,9 +13,10 @@ from threadpoolctl import threadpool_limits
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit, fit_body
 from armload_identification.estimation.gain_errors import GainFit, fit_gains
-from armload_identification.estimation.payload_estimate import estimate_of
+from armload_identification.estimation.payload_estimate import estimate_of, model_doubts
 from armload_identification.estimation.payload_problem import pair_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
+from armload_identification.estimation.run_drift import RunDrift
 from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
@@ -130,10 +131,14 @@ def _by_difference(
         adjusted = pair_signal(plain, signal, transmission)
         added_nm = added_friction(plain, adjusted)
         refuse_contradictions(FittedPair(plain, fitted, signal, adjusted, added_nm, body), columns)
+        drift = RunDrift.of(posterior, arm)
+        plain = plain.doubting(*(drift.allowed * state.torque[0].predicted_nm[None] for state in posterior.groups))
+        if arm is not None:
+            plain = plain.doubting(model_doubts(posterior, arm))
         result = completed(plain, fitted, adjusted, added_nm, transmission, loaded, unloaded)
         if misfit_notes(result):
             columns.require_right()
-        return result.with_notes(*notes_on(result, (loaded, unloaded), transmission, arm, fit))
+        return result.with_notes(*drift.notes(), *notes_on(result, (loaded, unloaded), transmission, arm, fit))
 
     return identified
 

@@ -223,6 +223,13 @@ class ArmFit:
     Origin: prior, not measured: a sound joint has 1 or more, a flipped one -1.
     Factor of two: either way: none of 74 tests fails. Sound and flipped joints are far from it.
     """
+    noisier: Final = 15.0
+    """[1] Multiple of the calibration's noise on a joint from which a note is given.
+
+    Origin: measured: 0.7 to 3 in pairs of er50, prbt and the UR10e, up to 11 with gears that lose more in one
+        direction; on prbt 26 and more with rows at 21 Hz and with a push of 50 N.
+    Factor of two: either way: none of 74 tests fails. Reasoned: half: notes on such gears.
+    """
     rows: Final = 400
     """[1] Samples of a run, or poses of a motion, to which checks are thinned that need no more.
 

@@ -310,7 +310,9 @@ def test_friction_far_outside_that_of_the_calibration_is_named():
     def noted(**changes):
         found = found_of(plain=with_changes(plain, changes), gains=None)
         transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), ALL)
-        return notes_on(found, (recording(), recording()), transmission, SimpleNamespace(drift=drift))
+        arm = SimpleNamespace(drift=drift, noise_nm=np.ones(JOINTS))
+        return notes_on(found, (recording(), recording()), transmission, arm)
 
     assert "friction of joint 2 " in only(noted())
     assert noted(runs=1) == []
+    assert "torque of joint 3 fits" in only(noted(runs=1, noise_nm=np.array([1.0, 5.0, 20.0])))

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_identification.estimation.estimation_constants import Drift
+from armload_identification.estimation.run_drift import RunDrift
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.joint_torque import Transmission
 
@@ -93,3 +95,29 @@ def test_an_axis_can_be_left_out_of_periods_and_slow_rounds(together, axis):
     assert rank == same_rank
     np.testing.assert_allclose(values, again, atol=0.015)
     np.testing.assert_allclose(np.diag(covariance), np.diag(same_covariance), rtol=0.3)
+
+
+@pytest.mark.parametrize(
+    ("factor", "with_slow"), [(0.99, False), (1.0, False), (1.0, True), (1.01, False), (1.01, True)]
+)
+def test_gains_that_drift_between_the_runs_are_allowed_for(runs, calibration, pinocchio_arm, factor, with_slow):
+    """In periods and slow rounds alike: else the slow round would seem to speak against it."""
+    loaded, unloaded = (after_slow_round(*each, 5.0) if with_slow else each[0] for each in zip(*runs, strict=True))
+    loaded = replace(loaded, current_a=factor * loaded.current_a)
+    level, gains = calibration.level(pinocchio_arm.chain), calibration.transmission(pinocchio_arm.transmission)
+    known = calibration.known_arm(pinocchio_arm.chain)
+    found = identify(loaded, unloaded, level, gains, arm=known)
+    error_kg = abs(found.parameters.mass_kg - pinocchio_arm.payload.mass_kg)
+    assert error_kg < found.uncertainty.half_width_95[0]
+    drift = RunDrift.of(found.plain.posterior, known)
+    assert drift.log_factor == pytest.approx(-np.log(factor), abs=0.005)
+    assert (drift.allowed < 2.0 * Drift.between_runs) == (factor == 1.0)
+    assert any("as if all gains had drifted" in note for note in found.notes) == bool(drift.size > Drift.noted)
+
+
+def test_a_pair_that_fits_badly_is_not_heard():
+    certain, doubted = (RunDrift(0.01, 0.002, Drift.between_runs, heard) for heard in (True, False))
+    assert certain.notes()
+    assert not doubted.notes()
+    assert doubted.allowed < 3.0 * Drift.between_runs < certain.allowed
+    assert RunDrift(0.002, 0.002).allowed == 0.0, "of nominal gains only a drift that the pair shows"

@@ -1,0 +1,94 @@
+"""Drift of a pair's gains from one of its runs to the other: a factor on all torque of the loaded run.
+
+The difference of the runs then contains that share of the arm's own torque, which is many times the payload's. With x
+the logarithm of the gains' factor, beside all other unknowns,
+
+    loaded = exp(-x) (arm + payload),        unloaded = arm
+
+The rows say x +- s. It is allowed for and not corrected, as what no friction law describes looks the same: the UR10e's
+pairs say -0.1 to -0.4 %, where the weighed payload shows none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.estimation_constants import Drift, Payloads
+from armload_identification.estimation.posterior import Posterior
+from armload_identification.estimation.problem import Group
+from armload_identification.estimation.solve import solve
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, ONE_SIDED
+
+
+@dataclass(frozen=True)
+class RunDrift:
+    """What a pair says of the drift.
+
+    Attributes:
+        log_factor: x, the gains of the loaded run over those of the unloaded one, by the rows alone.
+        deviation: s, its standard deviation.
+        usual: Standard deviation of the drift that is expected; 0 of nominal gains, which are far less certain: only a
+            drift that is noted counts.
+        heard: Whether at least half of the joints fit about as well as in the calibration, if there is one. Gears that
+            lose more in one direction look like a drift, but on all joints.
+    """
+
+    log_factor: float
+    deviation: float
+    usual: float = 0.0
+    heard: bool = True
+
+    @classmethod
+    def of(cls, posterior: Posterior, arm: KnownArm | None) -> RunDrift:
+        """The drift of a pair's solution."""
+        found = cls._beside(posterior, arm)
+        if found.size <= ONE_SIDED:
+            return found
+        # the other unknowns have taken up a part of it: once more from where it is corrected
+        groups = [_loaded_times(float(np.exp(found.log_factor)), group) for group in posterior.problem.groups]
+        rest = cls._beside(solve(replace(posterior.problem, groups=groups), rough=True), arm)
+        return replace(rest, log_factor=found.log_factor + rest.log_factor)
+
+    @classmethod
+    def _beside(cls, posterior: Posterior, arm: KnownArm | None) -> RunDrift:
+        """To first order."""
+        pull, information = posterior.beside(*(state.torque[0].predicted_nm[None] for state in posterior.groups))
+        found = -float(pull[0] / information[0, 0]), float(information[0, 0]) ** -0.5
+        if arm is None:
+            return cls(*found)
+        noisier = float(np.median(posterior.noise_nm[0] / arm.noise_nm))
+        return cls(*found, Drift.between_runs, noisier <= Payloads.noisier)
+
+    @property
+    def size(self) -> float:
+        """|x| in standard deviations of a pair whose gains drift as usual; 0 if it is not heard."""
+        return abs(self.log_factor) / float(np.hypot(self.deviation, Drift.between_runs)) if self.heard else 0.0
+
+    @property
+    def allowed(self) -> float:
+        """Standard deviation for the intervals: what the rows leave of the usual drift, or all that they say."""
+        if self.size > (ONE_SIDED if self.usual else Drift.noted):
+            return (abs(self.log_factor) + ONE_SIDED * self.deviation) / NORMAL_HALF_WIDTH
+        share = self.usual**2 / (self.usual**2 + self.deviation**2)
+        return float(np.hypot(share * self.log_factor, np.sqrt(share) * self.deviation))
+
+    def notes(self) -> list[str]:
+        """A note if the runs certainly differ."""
+        if self.size <= Drift.noted:
+            return []
+        factor, half_width = 100.0 * np.expm1(self.log_factor), 100.0 * NORMAL_HALF_WIDTH * self.deviation
+        return [
+            f"The loaded run is as if all gains had drifted by {factor:+.1f} +- {half_width:.1f} % since the unloaded "
+            "one, and the intervals allow for that. A constant force on the arm or colder gears look the same. Record "
+            "both runs again, one right after the other."
+        ]
+
+
+def _loaded_times(factor: float, group: Group) -> Group:
+    """A pair's group with the torque of its loaded run times a factor."""
+    loaded, *others = group.runs
+    rows = replace(loaded.rows, effort_nm=factor * loaded.rows.effort_nm)
+    return replace(group, runs=(replace(loaded, rows=rows), *others))
