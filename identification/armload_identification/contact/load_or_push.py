@@ -1,12 +1,14 @@
 """What acts on the arm: another payload, or a push.
 
-    e = H x + X b 1[t0, t1) + noise            x from before the onset
-    another payload: X = H_payload, t1 = infinity        a push: X = J', a constant force and moment at the flange
+    e = H x + w X b + noise                    x from before the onset
+    another payload: X = H_payload, w rises from 0 to 1 after t0, at once or within the time of a grasp
+    a push: X = J', a constant force and moment at the flange, w = 1 within [t0, t1)
 
-The log marginal likelihood of each is averaged over t0 and t1 on a grid. With N = noise + H P H', r = e - H x and sums
-over the means within [t0, t1),
+The log marginal likelihood of each is averaged over t0 and t1, or the time of the rise, on a grid. With N = noise + H P
+H' and r = e - H x, summed over the means,
 
-    v = sum_i X_i' (N^-1 r)_i        B = sum_ij X_i' (N^-1)_ij X_j        ln L = v' (1 + B)^-1 v / 2 - ln det(1 + B) / 2
+    v = sum_i w_i X_i' (N^-1 r)_i        B = sum_ij w_i w_j X_i' (N^-1)_ij X_j
+    ln L = v' (1 + B)^-1 v / 2 - ln det(1 + B) / 2
 """
 
 from __future__ import annotations
@@ -25,6 +27,8 @@ from armload_identification.contact.contact_levels import (
     DECISION_STEP_S,
     FAVOUR,
     FORCE_N,
+    GRASPED_S,
+    INEXACT,
     LEAST_SINCE,
     MOMENT_NM,
     PAYLOAD_SIZE,
@@ -66,40 +70,19 @@ class _Fits(NamedTuple):
     covariance: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class _Explanation:
-    """Sums of one family over all pairs of means.
-
-    Attributes:
-        right: (K + 1, m) cumulative v.
-        information: (K + 1, K + 1, m, m) cumulative B in both directions.
-    """
-
-    right: FloatArray
-    information: FloatArray
-
-    @classmethod
-    def of(cls, columns: FloatArray, inverse: FloatArray, residual: FloatArray) -> _Explanation:
-        """From (K, n, m) columns, (K n, K n) N^-1 and (K n,) residual."""
-        count, n, m = columns.shape
-        blocks = inverse.reshape(count, n, count, n)
-        pairs = np.einsum("iam,iajb,jbl->ijml", columns, blocks, columns, optimize=True)
-        right = np.einsum("iam,ia->im", columns, (inverse @ residual).reshape(count, n))
-        information = np.zeros((count + 1, count + 1, m, m))
-        information[1:, 1:] = pairs.cumsum(axis=0).cumsum(axis=1)
-        return cls(np.concatenate([np.zeros((1, m)), right.cumsum(axis=0)]), information)
-
-    def within(self, start: NDArray[np.intp], end: NDArray[np.intp]) -> _Fits:
-        """The fits to the means from `start` to before `end`, (W,) each."""
-        v = self.right[end] - self.right[start]
-        whole = self.information
-        B = whole[end, end] - whole[start, end] - whole[end, start] + whole[start, start]
-        covariance = np.linalg.inv(np.eye(v.shape[1]) + B)
-        b = np.einsum("wij,wj->wi", covariance, v)
-        logarithm = 0.5 * np.einsum("wi,wi->w", v, b) + 0.5 * np.linalg.slogdet(covariance)[1]
-        best = int(np.argmax(logarithm))
-        top = float(logarithm[best])
-        return _Fits(top + float(np.log(np.mean(np.exp(logarithm - top)))), best, b[best], covariance[best])
+def _fits(columns: FloatArray, inverse: FloatArray, residual: FloatArray, shares: FloatArray) -> _Fits:
+    """The fits with (W, K) shares of (K, n, m) columns, from (K n, K n) N^-1 and (K n,) residual."""
+    count, n, m = columns.shape
+    right = np.einsum("iam,ia->im", columns, (inverse @ residual).reshape(count, n))
+    pairs = np.einsum("iam,iajb,jbl->ijml", columns, inverse.reshape(count, n, count, n), columns, optimize=True)
+    v = shares @ right
+    B = np.einsum("wj,wjml->wml", shares, np.tensordot(shares, pairs, 1))
+    covariance = np.linalg.inv(np.eye(m) + B)
+    b = np.einsum("wij,wj->wi", covariance, v)
+    logarithm = 0.5 * np.einsum("wi,wi->w", v, b) + 0.5 * np.linalg.slogdet(covariance)[1]
+    best = int(np.argmax(logarithm))
+    top = float(logarithm[best])
+    return _Fits(top + float(np.log(np.mean(np.exp(logarithm - top)))), best, b[best], covariance[best])
 
 
 def assess(
@@ -117,23 +100,23 @@ def assess(
     count = means.size
     residual, inverse = _residual_of(means, known, noise)
     jacobians = np.array([jacobian(chain, q) for q in means.position_rad])
-    push = _Explanation.of(np.swapaxes(jacobians, 1, 2) * _FORCE, inverse, residual)
     onsets = np.arange(max(int(np.searchsorted(means.time_s, noticed_s + DECISION_STEP_S, side="right")), 1))
-    payloads = _payloads(means, inverse, residual, onsets)
+    payloads = _payloads(means, inverse, residual, onsets, GRASPED_S)
     start, end = (each.ravel() for each in np.meshgrid(onsets, np.arange(1, count + 1), indexing="ij"))
     start, end = start[end > start], end[end > start]
-    pushes = push.within(start, end)
+    within = (np.arange(count) >= start[:, None]) & (np.arange(count) < end[:, None])
+    pushes = _fits(np.swapaxes(jacobians, 1, 2) * _FORCE, inverse, residual, within.astype(float))
     first, last = int(start[pushes.best]), int(end[pushes.best])
     mass_kg, spread_kg = (
         float(PAYLOAD_SIZE * scale[0] * value) for value in (payloads.b[0], np.sqrt(payloads.covariance[0, 0]))
     )
     odds = payloads.logarithm + FAVOUR - pushes.logarithm
-    if known.value[0] * scale[0] + mass_kg + 3.0 * spread_kg < 0.0:
+    if known.value[0] * scale[0] + mass_kg + 3.0 * spread_kg + INEXACT * abs(mass_kg) < 0.0:
         odds = -np.inf
     return Assessment(
         odds=odds,
         evidence=payloads.logarithm,
-        payload_since_s=float(means.time_s[payloads.best]),
+        payload_since_s=float(means.time_s[payloads.best // len(GRASPED_S)]),
         push_s=(float(means.time_s[first]), np.inf if last == count else float(means.time_s[last])),
         force_n=_FORCE[:3] * pushes.b[:3],
         force_deviation_n=_FORCE[:3] * np.sqrt(np.diag(pushes.covariance)[:3]),
@@ -152,7 +135,7 @@ def payload_evidence(rows: ForceRows, known: RememberedState, noise: ResidualNoi
     if means.size <= LEAST_SINCE:
         return -np.inf
     residual, inverse = _residual_of(means, known, noise)
-    return _payloads(means, inverse, residual, np.arange(means.size - LEAST_SINCE)).logarithm
+    return _payloads(means, inverse, residual, np.arange(means.size - LEAST_SINCE), (0.0,)).logarithm
 
 
 def _residual_of(means: ForceRows, known: RememberedState, noise: ResidualNoise) -> tuple[FloatArray, FloatArray]:
@@ -161,10 +144,18 @@ def _residual_of(means: ForceRows, known: RememberedState, noise: ResidualNoise)
     return (means.residual_nm - means.columns @ known.value).ravel(), inverse
 
 
-def _payloads(means: ForceRows, inverse: FloatArray, residual: FloatArray, onsets: NDArray[np.intp]) -> _Fits:
-    """The fits of payloads from each onset until now."""
-    payload = _Explanation.of(PAYLOAD_SIZE * means.columns[:, :, :PAYLOAD], inverse, residual)
-    return payload.within(onsets, np.full(onsets.size, means.size))
+def _payloads(
+    means: ForceRows,
+    inverse: FloatArray,
+    residual: FloatArray,
+    onsets: NDArray[np.intp],
+    rises_s: tuple[float, ...],
+) -> _Fits:
+    """The fits of payloads that rise from each onset within each time."""
+    middle_s, since_s = means.time_s + 0.5 * DECISION_STEP_S, np.repeat(means.time_s[onsets], len(rises_s))[:, None]
+    over_s = np.maximum(np.tile(rises_s, onsets.size), 0.5 * DECISION_STEP_S)[:, None]
+    shares = np.clip((middle_s - since_s) / over_s, 0.0, 1.0)
+    return _fits(PAYLOAD_SIZE * means.columns[:, :, :PAYLOAD], inverse, residual, shares)
 
 
 def jacobian(chain: Chain, position_rad: FloatArray) -> FloatArray:

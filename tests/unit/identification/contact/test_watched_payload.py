@@ -76,6 +76,12 @@ def test_another_payload_is_decided_within_three_seconds_and_weighed(moved, gras
     assert abs(found.mass_kg - mass_kg) < found.half_width_95[0] < 0.3
 
 
+def test_a_payload_that_is_grasped_slowly_is_never_a_push(moved):
+    share = np.clip((moved.time_s - moved.at(BEGIN_S)) / 0.4, 0.0, 1.0)[:, None]
+    events = watched(moved, BEGIN_S + 4.0, moved.empty + share * (moved.loaded - moved.empty)).take_events()
+    assert [event.kind for event in events] == [ACTING, PAYLOAD]
+
+
 def test_samples_in_any_parts_give_the_same(moved):
     samples = moved.until(12.0, moved.grasped(BEGIN_S))
     # some were lost, so that blocks of a tenth of a second begin anywhere
