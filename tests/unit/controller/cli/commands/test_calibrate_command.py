@@ -175,7 +175,8 @@ def test_a_report_needs_a_name_per_joint(calibrated):
 def test_the_next_payload_of_an_arm_is_known_better(calibrated, today):
     """The validation runs serve as a second commissioning, nominal gains as the first.
 
-    The interval allows for a drift of the gains since the calibration, as far as the unloaded run does not show it.
+    The interval allows for a drift of the gains since the calibration, as far as the unloaded run does not show it, and
+    between the two runs.
     """
     pair = today / "loaded_validation.mcap", today / "unloaded_validation.mcap"
     first, second = (
@@ -183,7 +184,7 @@ def test_the_next_payload_of_an_arm_is_known_better(calibrated, today):
         armload_package.identify("er50", *pair, calibration=calibrated[0]),
     )
     width = [found.intervals["mass"][1] - found.intervals["mass"][0] for found in (first, second)]
-    assert width[1] < 0.8 * width[0]
+    assert width[1] < 0.85 * width[0]
     low, high = second.intervals["mass"]
     assert low < 9.814 < high
     assert "are from arm.calibration.toml: 4 runs of 2026-03-01, scale from a weighed payload" in second.notes[0]
