@@ -20,6 +20,8 @@ from armload_drivers.servos import JointCommand
 from tests.foreign_drives import DRIVES, ForeignDrives
 
 SPEED_RAD_S = 0.15
+RUNAWAY_RAD_S2 = 300.0
+"""Acceleration of the drives' motor with three times its rated torque."""
 NODE = 4
 COUNTS_PER_TURN = 1048576
 
@@ -76,8 +78,9 @@ def test_a_foreign_drive_whose_loop_is_lost_carries_no_torque_at_exit(arm, order
     arm.servos.stop()
     assert set(arm.powered()) == {3, 5, 6, 7, 8}, f"node {NODE} has none; the others hold with torque"
     turns = (arm.stats()[NODE]["position"] - before) / COUNTS_PER_TURN
-    # Less than 0.06 rad; while a busy machine delays this program, a joint goes on at the last commanded speed.
-    assert abs(turns) * 2.0 * np.pi < 0.1 + SPEED_RAD_S * (time.monotonic() - began_s)
+    # Less than 0.09 rad within less than 0.1 s; while a busy machine delays this program, the axis runs away further.
+    late_s = max(time.monotonic() - began_s - 0.1, 0.0)
+    assert abs(turns) * 2.0 * np.pi < 0.1 + SPEED_RAD_S * late_s + 0.5 * RUNAWAY_RAD_S2 * late_s**2
     arm.servos.disable()
     assert arm.powered() == []
 
