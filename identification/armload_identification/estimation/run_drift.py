@@ -32,8 +32,8 @@ class RunDrift:
         deviation: s, its standard deviation.
         usual: Standard deviation of the drift that is expected; 0 of nominal gains, which are far less certain: only a
             drift that is noted counts.
-        heard: Whether at least half of the joints fit about as well as in the calibration, if there is one. Gears that
-            lose more in one direction look like a drift, but on all joints.
+        heard: Whether at least half of the joints fit about as well as in the calibration, if there is one, once the
+            drift is corrected. Gears that lose more in one direction look like a drift, but fit no better for it.
     """
 
     log_factor: float
@@ -64,20 +64,20 @@ class RunDrift:
 
     @property
     def size(self) -> float:
-        """|x| in standard deviations of a pair whose gains drift as usual; 0 if it is not heard."""
-        return abs(self.log_factor) / float(np.hypot(self.deviation, Drift.between_runs)) if self.heard else 0.0
+        """|x| in standard deviations of a pair whose gains drift as usual."""
+        return abs(self.log_factor) / float(np.hypot(self.deviation, Drift.between_runs))
 
     @property
     def allowed(self) -> float:
         """Standard deviation for the intervals: what the rows leave of the usual drift, or all that they say."""
-        if self.size > (ONE_SIDED if self.usual else Drift.noted):
+        if self.heard and self.size > (ONE_SIDED if self.usual else Drift.noted):
             return (abs(self.log_factor) + ONE_SIDED * self.deviation) / NORMAL_HALF_WIDTH
         share = self.usual**2 / (self.usual**2 + self.deviation**2)
         return float(np.hypot(share * self.log_factor, np.sqrt(share) * self.deviation))
 
     def notes(self) -> list[str]:
         """A note if the runs certainly differ."""
-        if self.size <= Drift.noted:
+        if not self.heard or self.size <= Drift.noted:
             return []
         factor, half_width = 100.0 * np.expm1(self.log_factor), 100.0 * NORMAL_HALF_WIDTH * self.deviation
         return [
