@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -84,11 +85,18 @@ def _student(freedom: float) -> float:
     root = math.sqrt(freedom)
     scale = 2.0 / math.sqrt(math.pi) * math.exp(math.lgamma(0.5 * freedom + 0.5) - math.lgamma(0.5 * freedom))
     angle = math.atan(NORMAL_HALF_WIDTH / root)
-    nodes, weights = np.polynomial.legendre.leggauss(16)
+    nodes, weights = _quadrature()
     for _ in range(_NEWTON_STEPS):
         within = 0.5 * scale * angle * float(weights @ np.cos(0.5 * angle * (nodes + 1.0)) ** (freedom - 1.0))
         angle += (CONFIDENCE - within) / (scale * math.cos(angle) ** (freedom - 1.0))
     return root * math.tan(angle)
+
+
+@cache
+def _quadrature() -> tuple[FloatArray, FloatArray]:
+    """Nodes and weights of Gauss and Legendre; computed when first used, as their module takes long to load."""
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    return nodes, weights
 
 
 def quantify(found: PayloadEstimate, parameters: InertialParameters) -> Uncertainty:
