@@ -37,9 +37,9 @@ def messages(rows=60, joints=2, **changes):
     return out
 
 
-def write_mcap(path, content, attachments=(), compression=CompressionType.NONE):
+def write_mcap(path, content, attachments=(), compression=CompressionType.NONE, **options):
     with path.open("wb") as stream:
-        writer = Writer(stream, chunk_size=2000, compression=compression)
+        writer = Writer(stream, chunk_size=2000, compression=compression, **options)
         writer.start()
         for name, text in attachments:
             writer.add_attachment(0, 0, name, "text/plain", text.encode())

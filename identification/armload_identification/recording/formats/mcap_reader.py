@@ -20,7 +20,7 @@ import numpy as np
 import orjson
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk
+from mcap.records import Attachment, Channel, Chunk, DataEnd
 
 from armload_core import kernels
 from armload_core.arrays import FloatArray
@@ -37,6 +37,7 @@ _BLOCK_NUMBERS: Final = 2**20
 """Most numbers in a block, for any number of joints."""
 _MOST_BYTES: Final = 2**26
 """Most bytes of a record, and of an uncompressed chunk: the recorder's have 1 MB at most."""
+_COPY_BYTES: Final = 2**16
 _RECORD: Final = struct.Struct("<BQ")
 """Header of every record: its kind and length."""
 _CHANNEL_ID: Final = struct.Struct("<H")
@@ -89,13 +90,25 @@ class McapReader:
         """The file's channels and messages, a chunk at a time."""
         account.sha256, account.truncated = hash_of_files([self._path]), True
         with self._path.open("rb") as file:
-            for opcode, content in _records(file, {Opcode.CHUNK, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.FOOTER}):
+            wanted = {Opcode.CHUNK, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.DATA_END, Opcode.FOOTER}
+            for opcode, content in _records(file, wanted):
                 if opcode == Opcode.CHUNK:
                     yield _unpacked(content)
+                elif opcode == Opcode.DATA_END:
+                    self._require_checksum(DataEnd.read(_stream(content)), file.tell() - _RECORD.size - len(content))
                 elif opcode == Opcode.FOOTER:
                     account.truncated = file.read(len(MAGIC)) != MAGIC
                 else:
                     yield _RECORD.pack(opcode, len(content)) + content
+
+    def _require_checksum(self, stated: DataEnd, size: int) -> None:
+        """Raise if the first bytes of the file, up to the end of its data section, do not have the stated checksum."""
+        checksum = 0
+        with self._path.open("rb") as file:
+            for start in range(0, size if stated.data_section_crc else 0, _COPY_BYTES):
+                checksum = zlib.crc32(file.read(min(_COPY_BYTES, size - start)), checksum)
+        if checksum != stated.data_section_crc:
+            raise ValueError("the checksum of its data section is wrong")
 
 
 class _MessageTable:
@@ -261,15 +274,16 @@ def _attached(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def _records(file: BinaryIO, wanted: Collection[int], most: int = _MOST_BYTES) -> Iterator[tuple[int, bytes]]:
-    """Kind and content of every complete wanted record up to the footer; `ValueError` for any above `most` bytes."""
+    """Kind and content of every complete wanted record up to the footer; `ValueError` for one above `most` bytes."""
     size = os.fstat(file.fileno()).st_size
     file.seek(len(MAGIC))
     while len(header := file.read(_RECORD.size)) == _RECORD.size:
         opcode, length = _RECORD.unpack(header)
         if length > size - file.tell():
             return
-        if length > most:
-            raise ValueError(f"a record of {length} bytes, at most {most} are possible")
+        bound = most if opcode in wanted else MOST_BYTES
+        if length > bound:
+            raise ValueError(f"a record of {length} bytes, at most {bound} are possible")
         if opcode in wanted:
             yield opcode, file.read(length)
         else:

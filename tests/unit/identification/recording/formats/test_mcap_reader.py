@@ -98,6 +98,17 @@ def test_a_damaged_attachment_is_named(tmp_path):
         recording.source.run()
 
 
+def test_a_digit_that_changed_in_a_file_without_chunks_is_noticed(tmp_path):
+    """The checksum of the whole data section, which some writers state, protects what no chunk's does."""
+    path = write_mcap(tmp_path / "a.mcap", messages(), use_chunking=False, enable_data_crcs=True)
+    assert read_recording(path).source.rows_dropped == 0
+    whole = path.read_bytes()
+    at = whole.index(b'"current_a": [') + 14
+    path.write_bytes(whole[:at] + b"9" + whole[at + 1 :])
+    with pytest.raises(RecordingError, match="the checksum of its data section is wrong"):
+        read_recording(path)
+
+
 @pytest.mark.parametrize("joints", ['["a", "b", "c"]', '["a", "a"]', "[1, 2]", '"ab"', '["a", ""]', "{}"])
 def test_joint_names_that_do_not_fit_are_none(tmp_path, joints):
     attachments = [(RUN_ATTACHMENT, f'{{"joints": {joints}}}')]
