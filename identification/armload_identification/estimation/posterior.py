@@ -5,8 +5,7 @@ The covariance is that of the residuals' local spectra (`residual_spectrum`), gr
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,34 +13,15 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.estimation_constants import Solver
-from armload_identification.estimation.normal_equations import Eliminated, WeightedRows, eliminate, solved
-from armload_identification.estimation.problem import EMPTY, Group, Problem
+from armload_identification.estimation.normal_equations import (
+    Eliminated,
+    GroupState,
+    WeightedRows,
+    eliminate,
+    solved,
+)
+from armload_identification.estimation.problem import EMPTY, Problem
 from armload_identification.estimation.residual_spectrum import FREEST, ResidualSpectrum
-from armload_identification.estimation.terms import TorqueAt
-
-
-@dataclass(eq=False)
-class GroupState:
-    """A group during and after the iteration.
-
-    Attributes:
-        group: Its rows.
-        trust: Weight of the group; 1 unless it deviates as a whole.
-        struck: (N,) rows excluded as blows.
-        residual_nm: (g, N, n) measured minus predicted torque, as its rows are combined.
-        torque: Predicted torque of each run.
-    """
-
-    group: Group
-    trust: float
-    struck: NDArray[np.bool_]
-    residual_nm: FloatArray
-    torque: list[TorqueAt] = field(default_factory=list)
-
-    @property
-    def weighted_nm(self) -> FloatArray:
-        """(g, N, n) residual, less where a joint turns or stands."""
-        return self.residual_nm * self.group.weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +55,6 @@ class Posterior:
         steps: Number of iterations.
         groups: Residual and weight of every group.
         eliminated: Contribution of every group.
-        weighted_rows: Of a group by its index; their unknowns are those that are not known exactly.
     """
 
     problem: Problem
@@ -90,7 +69,6 @@ class Posterior:
     steps: int
     groups: tuple[GroupState, ...]
     eliminated: tuple[Eliminated, ...]
-    weighted_rows: Callable[[int], list[WeightedRows]]
 
     def value(self, name: str, mounting: str = EMPTY) -> FloatArray:
         """Values of a shared term.
@@ -275,7 +253,15 @@ class Posterior:
         Args:
             group: Its index.
         """
-        return row_weights(self.groups[group], self.noise_nm, self.correlation, robust=self.problem.noise.robust)
+        return self.groups[group].row_weights(self.noise_nm, self.correlation, robust=self.problem.noise.robust)
+
+    def weighted_rows(self, group: int = 0) -> list[WeightedRows]:
+        """Weighted rows of a group; their unknowns are those that are not known exactly.
+
+        Args:
+            group: Its index.
+        """
+        return self.groups[group].weighted_rows(self.row_weight(group))
 
     def deviates(self, group: int) -> FloatArray:
         """(n,) RMS residual of a group relative to the noise of all.
@@ -283,8 +269,7 @@ class Posterior:
         Args:
             group: Its index.
         """
-        state = self.groups[group]
-        return np.asarray(relative_residual(state, self.noise_nm).max(axis=0))
+        return np.asarray(self.groups[group].relative_residual(self.noise_nm).max(axis=0))
 
     def change_without(self, group: int) -> FloatArray:
         """(s,) change of the shared unknowns without a group, by one step from the solution.
@@ -335,20 +320,3 @@ class Posterior:
         whole = np.zeros((self.problem.shared_size,) * 2)
         whole[np.ix_(self._free, self._free)] = matrix
         return whole
-
-
-def row_weights(state: GroupState, noise_nm: FloatArray, correlation: FloatArray, *, robust: bool) -> FloatArray:
-    """(g, N, n) weight of every row: root of its inverse variance."""
-    noises = state.group.noises
-    noise = noise_nm[noises, None]
-    weight = state.group.weight * (np.sqrt(state.trust) / (noise * np.sqrt(correlation[noises, None])))
-    if robust:
-        outlying = np.maximum(np.abs(state.weighted_nm) / (Solver.huber * noise), 1.0)
-        weight = weight / np.sqrt(outlying)
-    return np.asarray(np.where(state.struck[:, None], 0.0, weight))
-
-
-def relative_residual(state: GroupState, noise_nm: FloatArray) -> FloatArray:
-    """(c, n) RMS over the rows, relative to the noise."""
-    relative = state.weighted_nm[:, ~state.struck] / noise_nm[state.group.noises, None]
-    return np.asarray(np.sqrt(np.mean(relative**2, axis=1)))

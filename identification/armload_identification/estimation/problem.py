@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.terms import Placed, Scope, Term, TorqueModel
+from armload_identification.estimation.terms import Placed, Scope, Term
 
 if TYPE_CHECKING:
     from armload_identification.estimation.arm_rows import ArmRows
@@ -160,11 +160,6 @@ class Problem:
     def mountings(self) -> tuple[str, ...]:
         """Names of all payloads, sorted."""
         return tuple(sorted({run.mounting for group in self.groups for run in group.runs} - {EMPTY}))
-
-    @cached_property
-    def model(self) -> TorqueModel:
-        """Torque from the terms."""
-        return TorqueModel(self.coupling)
 
     @cached_property
     def _shared(self) -> dict[tuple[str, str], slice]:

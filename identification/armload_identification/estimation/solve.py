@@ -22,17 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.empty_arm.impacts import struck_samples
 from armload_identification.estimation.estimation_constants import Solver
-from armload_identification.estimation.normal_equations import (
-    AxisInformation,
-    Eliminated,
-    WeightedRows,
-    eliminate,
-    joined_columns,
-    solved,
-)
-from armload_identification.estimation.posterior import GroupState, Posterior, relative_residual, row_weights
+from armload_identification.estimation.normal_equations import Eliminated, GroupState, solved
+from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Problem
 from armload_identification.estimation.terms import Shared
 from armload_identification.identification_errors import EstimationError
@@ -84,7 +76,7 @@ class _Solver:
     """State of the iteration."""
 
     def __init__(self, problem: Problem) -> None:
-        self._problem, self._model = problem, problem.model
+        self._problem = problem
         self._shared = problem.shared_size
         self._factors = {
             term.name: np.ones(int(term.pooled.max()) + 1) for term in problem.terms if term.pooled is not None
@@ -93,9 +85,16 @@ class _Solver:
         self._mean, self._x = mean, mean.copy()
         self._free = problem.free
         self._shared_free = np.flatnonzero(self._free[: self._shared])
-        self._acting = [problem.acting(index) for index in range(len(problem.groups))]
+        own = [problem.own(index) for index in range(len(problem.groups))]
         self._groups = [
-            GroupState(group, 1.0, np.zeros(len(group.time_s), dtype=bool), group.effort_nm) for group in problem.groups
+            GroupState(
+                group,
+                problem.acting(index),
+                problem.coupling,
+                self._shared_free,
+                own[index].start + np.flatnonzero(self._free[own[index]]),
+            )
+            for index, group in enumerate(problem.groups)
         ]
         self._known_precision = np.zeros((self._shared, self._shared))
         self._known_target = np.zeros(self._shared)
@@ -109,7 +108,7 @@ class _Solver:
         self._residual = self._noise.copy()
         start = np.ones(noise.start_nm.size) if noise.correlation is None else noise.correlation
         self._correlation = np.tile(start, (combinations, 1))
-        terms = [term for runs in self._acting for placed in runs for term in placed]
+        terms = [term for state in self._groups for placed in state.acting for term in placed]
         gains = [np.arange(place.start, place.stop) for term, place in terms if term.law is Shared.GAIN]
         self._gains = np.concatenate([np.zeros(0, dtype=np.intp), *gains])
         self._update()
@@ -125,7 +124,7 @@ class _Solver:
 
     def step(self) -> float:
         """One step of all unknowns, shortened until the fit improves; returns its size in standard deviations."""
-        eliminated = [self._eliminated(index) for index in range(len(self._groups))]
+        eliminated = self._eliminated()
         information, gradient = self._prior_equations()
         information = information + np.sum([part.information for part in eliminated], axis=0)
         gradient = gradient + np.sum([part.gradient for part in eliminated], axis=0)
@@ -135,9 +134,9 @@ class _Solver:
         self._absorb(eliminated)
         whole = np.zeros_like(self._x)
         whole[self._shared_free] = step
-        for index, part in enumerate(eliminated):
-            whole[self._own_free(index)] = part.own_step - part.follow @ step
-        weights = [self._row_weights(state) for state in self._groups]
+        for state, part in zip(self._groups, eliminated, strict=True):
+            whole[state.own] = part.own_step - part.follow @ step
+        weights = self._row_weights()
         before, cost = self._x, self._cost(weights)
         size = float(np.sqrt(max(step @ information @ step, 0.0)))
         if not step.size:
@@ -164,10 +163,7 @@ class _Solver:
                 self._weigh_axis(number, axis, parts)
         if noise.robust:
             for state in self._groups:
-                size = np.abs(state.weighted_nm) / self._noise[state.group.noises, None]
-                state.struck = struck_samples(size.max(axis=0), state.group.time_s) if not rough else state.struck
-                relative = relative_residual(state, self._noise)
-                state.trust = 1.0 / max(float(relative.max()) / Solver.deviates, 1.0) ** 2
+                state.judge(self._noise, blows=not rough)
         if rough:
             self._pool()
             self._mean, self._deviation = self._problem.prior(self._x, self._factors)
@@ -177,9 +173,9 @@ class _Solver:
         if not self._factors:
             return
         variance, shared = np.zeros_like(self._x), self._shared_free.size
-        for index, covariance in enumerate(self._covariances):
+        for state, covariance in zip(self._groups, self._covariances, strict=True):
             variance[self._shared_free] = np.diag(covariance)[:shared]
-            variance[self._own_free(index)] = np.diag(covariance)[shared:]
+            variance[state.own] = np.diag(covariance)[shared:]
         stated = self._problem.prior(self._x)[1]
         for term in self._problem.terms:
             if term.pooled is None:
@@ -222,7 +218,7 @@ class _Solver:
     def posterior(self, steps: int) -> Posterior:
         """The posterior at the present unknowns."""
         known, pull = self._prior_equations()
-        parts = tuple(self._eliminated(index) for index in range(len(self._groups)))
+        parts = self._eliminated()
         information = known + np.sum([part.information for part in parts], axis=0)
         return Posterior(
             problem=self._problem,
@@ -237,16 +233,12 @@ class _Solver:
             steps=steps,
             groups=tuple(self._groups),
             eliminated=parts,
-            weighted_rows=self._weighted,
         )
 
     def _update(self) -> None:
         """The residuals of all groups."""
-        for state, terms in zip(self._groups, self._acting, strict=True):
-            runs = zip(state.group.runs, terms, strict=True)
-            state.torque = [self._model.predict(run.rows, placed, self._x) for run, placed in runs]
-            predicted = np.stack([torque.predicted_nm for torque in state.torque])
-            state.residual_nm = state.group.effort_nm - state.group.mixed(predicted)
+        for state in self._groups:
+            state.move_to(self._x)
 
     def _prior_equations(self) -> tuple[FloatArray, FloatArray]:
         """Information and gradient of the free shared unknowns by their priors."""
@@ -266,50 +258,19 @@ class _Solver:
         shared = self._x[: self._shared]
         return left + float(prior + shared @ self._known_precision @ shared - 2.0 * self._known_target @ shared)
 
-    def _row_weights(self, state: GroupState) -> FloatArray:
-        return row_weights(state, self._noise, self._correlation, robust=self._problem.noise.robust)
+    def _row_weights(self) -> list[FloatArray]:
+        """Of all groups, (g, N, n)."""
+        robust = self._problem.noise.robust
+        return [state.row_weights(self._noise, self._correlation, robust=robust) for state in self._groups]
 
-    def _own_free(self, index: int) -> NDArray[np.intp]:
-        """Indices of a group's own unknowns that are not known exactly."""
-        own = self._problem.own(index)
-        return np.asarray(own.start + np.flatnonzero(self._free[own]), dtype=np.intp)
-
-    def _eliminated(self, index: int) -> Eliminated:
-        """A group's normal equations with its own unknowns eliminated."""
-        own = self._own_free(index)
-        shared = self._shared_free.size
-        information, gradient = np.zeros((shared + own.size, shared + own.size)), np.zeros(shared + own.size)
-        axes = []
-        for axis in self._weighted(index):
-            of_axis = AxisInformation(axis.combination, axis.axis, axis.place, axis.rows.T @ axis.rows)
-            axes.append(of_axis)
-            information[np.ix_(axis.place, axis.place)] += of_axis.information
-            gradient[axis.place] += axis.rows.T @ axis.target
-        at = shared + np.arange(own.size)
-        information[at, at] += self._deviation[own] ** -2.0
-        gradient[at] += (self._mean - self._x)[own] / self._deviation[own] ** 2
-        return eliminate(information, gradient, shared, axes)
-
-    def _weighted(self, index: int) -> list[WeightedRows]:
-        """Weighted rows of every axis and combination of a group."""
-        state, own = self._groups[index], self._own_free(index)
-        shared = self._shared_free.size
-        where = np.full(self._problem.size, -1, dtype=np.intp)
-        where[self._shared_free], where[own] = np.arange(shared), shared + np.arange(own.size)
-        runs = zip(state.torque, self._acting[index], strict=True)
-        found = [self._model.derivatives(torque, placed) for torque, placed in runs]
-        weight = self._row_weights(state)
-        weighted = []
-        for axis in range(weight.shape[2]):
-            columns, place = joined_columns([(run.columns[axis], run.place[axis]) for run in found])
-            place = where[place]
-            kept = place >= 0
-            mixed = state.group.mixed(columns[:, :, kept])
-            for combination, rows in enumerate(mixed):
-                of_rows = weight[combination, :, axis]
-                target = state.residual_nm[combination, :, axis] * of_rows
-                weighted.append(WeightedRows(combination, axis, rows * of_rows[:, None], target, place[kept]))
-        return weighted
+    def _eliminated(self) -> tuple[Eliminated, ...]:
+        """The normal equations of all groups."""
+        parts = []
+        for state, weight in zip(self._groups, self._row_weights(), strict=True):
+            precision = self._deviation[state.own] ** -2.0
+            pull = (self._mean - self._x)[state.own] / self._deviation[state.own] ** 2
+            parts.append(state.eliminated(weight, precision, pull))
+        return tuple(parts)
 
 
 def clipped_rms(state: GroupState, moved: NDArray[np.bool_]) -> FloatArray:

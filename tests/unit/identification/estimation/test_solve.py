@@ -24,6 +24,7 @@ from armload_identification.estimation.arm_terms import (
     effort_level,
 )
 from armload_identification.estimation.estimation_constants import Solver
+from armload_identification.estimation.normal_equations import torque_at, torque_derivatives
 from armload_identification.estimation.problem import DIFFERENCE_AND_MEAN, Group, Known, Noise, Problem, RunRows
 from armload_identification.estimation.residual_spectrum import FREEST
 from armload_identification.estimation.solve import solve
@@ -119,12 +120,14 @@ def test_derivatives_are_those_of_the_torque(rows, pinocchio_arm, name):
     mean, deviation = problem.prior()
     x = mean + 0.1 * deviation * np.random.default_rng(1).normal(size=mean.size)
     placed = problem.acting(0)[0]
-    at = problem.model.predict(pair[0], placed, x)
-    derivatives = problem.model.derivatives(at, placed)
+    at = torque_at(pair[0], placed, x, problem.coupling)
+    derivatives = torque_derivatives(at, placed, problem.coupling)
     place = problem.place(name, "tool" if name == PAYLOAD else "")
     for unknown in range(place.start, place.stop)[:3]:
         step = 1e-6 * np.maximum(deviation[unknown], 1e-3) * (np.arange(x.size) == unknown)
-        ahead, behind = (problem.model.predict(pair[0], placed, x + sign * step).predicted_nm for sign in (1.0, -1.0))
+        ahead, behind = (
+            torque_at(pair[0], placed, x + sign * step, problem.coupling).predicted_nm for sign in (1.0, -1.0)
+        )
         numeric = (ahead - behind) / (2.0 * step[unknown])
         for axis in range(6):
             column = derivatives.columns[axis][:, derivatives.place[axis] == unknown].sum(axis=1)
@@ -201,7 +204,7 @@ def test_the_noise_is_corrected_for_what_the_unknowns_absorbed(problem, rows):
     rng, noise_nm = np.random.default_rng(3), 0.3
     groups = []
     for index, group in enumerate(given.groups):
-        exact = given.model.predict(group.runs[0].rows, given.acting(index)[0], x).predicted_nm
+        exact = torque_at(group.runs[0].rows, given.acting(index)[0], x, given.coupling).predicted_nm
         noisy = replace(group.runs[0].rows, effort_nm=exact + noise_nm * rng.normal(size=exact.shape))
         groups.append(Group((replace(group.runs[0], rows=noisy),)))
     found = solve(replace(given, groups=groups))
@@ -280,7 +283,7 @@ def test_the_spread_is_that_of_many_runs(problem, rows):
     given = Problem(terms, [Group((RunRows(pair[0], "tool"),))], Noise.given(noise_nm, np.ones(6)), problem.coupling)
     truth = given.prior()[0]
     truth[given.place(PAYLOAD, "tool")] = [3.0, 0.1, -0.2, 0.3, 0.1, 0.1, 0.1, 0.0, 0.0, 0.0]
-    exact = given.model.predict(pair[0], given.acting(0)[0], truth).predicted_nm
+    exact = torque_at(pair[0], given.acting(0)[0], truth, given.coupling).predicted_nm
     place = given.place(PAYLOAD, "tool")
     contrast = np.eye(given.shared_size)[place]
     errors, variances, held, joint = [], [], [], []
