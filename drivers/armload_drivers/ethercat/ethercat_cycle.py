@@ -101,10 +101,10 @@ class EthercatCycle(ArmCycle[EthercatDrive]):
         self._lately = [False] * LOSS_WINDOW
         self._all_in, self._rival = True, ""
         self._clock.begin(self._cycle_s)
-        self._last_s = self._clock.now_s()
         for state in (LineState.SAFEOP, LineState.OP):
             self._line.request(state)
             self._reach(state)
+        self._last_s = self._clock.now_s()
         self.read_states()
         self._monitor = self._monitor or FrameMonitor(self._line.interface)
         self._monitor.commands_only()
@@ -118,7 +118,7 @@ class EthercatCycle(ArmCycle[EthercatDrive]):
                 node.prepare(self._clock.now_s())
             self._line.exchange(self._limit_s)
             statuses = self._line.statuses()
-            if all(status == state.value for status in statuses):
+            if all(statuses[node.place] == state.value for node in self.nodes):
                 return
         late = next(node for node in self.nodes if statuses[node.place] != state.value)
         raise ServoTimeout(
