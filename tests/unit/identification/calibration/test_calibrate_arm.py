@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 
@@ -10,27 +9,20 @@ import numpy as np
 import pytest
 
 from armload_identification.calibration import calibrate_arm as calibrate_module
-from armload_identification.calibration.calibrate_arm import calibrate_arm
-from armload_identification.calibration.calibration_constants import Contradiction, OtherMounting
-from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun, WeighedPayload
-from armload_identification.calibration.run_health import run_health
+from armload_identification.calibration.calibration_constants import OtherMounting
+from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.calibration.session_gains import SessionGains
 from armload_identification.estimation import solve as solve_module
 from armload_identification.estimation.arm_rows import run_signals
 from armload_identification.estimation.base_tilt import tilt_axes
 from armload_identification.estimation.estimation_constants import Solver
-from armload_identification.identification_errors import EstimationError, ModelError, RecordingError
-from armload_identification.model.chain import Chain
-from armload_identification.model.payload import InertialParameters, Provenance
+from armload_identification.identification_errors import EstimationError
+from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.reading_options import Effort
-from armload_identification.recording.run_format import RUN_ATTACHMENT
-from armload_identification.signals.joint_torque import Transmission
+from tests.mounted_runs import LOAD_FRICTION, WRONG, calibrated, named
 
 pytestmark = pytest.mark.pure
-
-WRONG = np.array([1.03, 0.96, 1.05, 0.97, 1.02, 0.98])
-LOAD_FRICTION = 0.06
 
 
 @pytest.mark.long
@@ -64,83 +56,10 @@ def leaning(chain, tilt_rad):
     return size * gravity / np.linalg.norm(gravity)
 
 
-@pytest.fixture(scope="module")
-def nominal(pinocchio_arm):
-    """Assumed gains; the arm's own are these times WRONG."""
-    return Transmission(pinocchio_arm.transmission.gain_nm_a / WRONG, pinocchio_arm.transmission.coupling)
-
-
-@pytest.fixture(scope="module")
-def other(pinocchio_arm):
-    """The same arm with another payload."""
-    arm = type(pinocchio_arm)()
-    arm.payload = InertialParameters.from_center_of_mass(2.5, [-0.06, 0.09, 0.12], 0.02 * np.eye(3))
-    return arm
-
-
-@pytest.fixture(scope="module")
-def runs(pinocchio_arm, other):
-    """Six runs on two trajectories: empty, with a weighed payload, and with an unweighed one.
-
-    The empty ones do not state when they were made, the others have an entry in the table or in the recording.
-    """
-    made = []
-    for seed in (3, 4):
-        trajectory = pinocchio_arm.trajectory(seed, period_s=10.0)
-        for name, arm in (("", pinocchio_arm), ("weighed", pinocchio_arm), ("other", other)):
-            run = arm.run(
-                trajectory, bool(name), seed=10 * seed + len(name), load_friction=LOAD_FRICTION, with_phase=False
-            )
-            run = named(run, f"{name or 'empty'}{seed}")
-            if name == "other":
-                attached = {RUN_ATTACHMENT: json.dumps({"created": f"2026-03-1{seed}T08:00:00+00:00"})}
-                run = replace(run, source=replace(run.source, attachments=attached))
-            made.append(MountedRun(run, name, recorded="2026-03-01T09:30:00" if name == "weighed" else ""))
-    return made
-
-
-@pytest.fixture(scope="module")
-def four(runs):
-    """The runs without the unweighed payload."""
-    return [run for run in runs if run.mounting != "other"]
-
-
-@pytest.fixture(scope="module")
-def weighed(pinocchio_arm):
-    return {"weighed": WeighedPayload(pinocchio_arm.payload.mass_kg)}
-
-
-def named(run, name):
-    return replace(run, source=replace(run.source, path=run.source.path.with_name(f"{name}.mcap"), sha256=name))
-
-
-def calibrated(runs, weighed, arm, nominal, chain=None, left_out=(), **more):
-    given, made = ArmRuns(tuple(runs), weighed, tuple(left_out)), Provenance("0", "c" * 64, {})
-    return calibrate_arm(given, chain or arm.chain, nominal, robot="test", made=made, **more)
-
-
-@pytest.fixture(scope="module")
-def steps():
-    """Progress messages of `result`."""
-    return []
-
-
-@pytest.fixture(scope="module")
-def result(runs, weighed, pinocchio_arm, nominal, steps):
-    return calibrated(runs, weighed, pinocchio_arm, nominal, progress=lambda done, total: steps.append((done, total)))
-
-
 def test_the_days_are_those_of_the_table_and_of_the_recordings(result):
     assert sum(run.recorded == "" for run in result.runs) == 2
     assert result.days == ("2026-03-01", "2026-03-13", "2026-03-14")
     assert result.origin.startswith("6 runs from 2026-03-01 to 2026-03-14, ")
-
-
-def changed(runs, index, **recording):
-    """The same runs, one of them with changed signals."""
-    out = list(runs)
-    out[index] = replace(out[index], recording=replace(out[index].recording, **recording))
-    return out
 
 
 def test_gains_friction_and_payloads_are_found_within_their_intervals(result, pinocchio_arm, other):
@@ -214,27 +133,6 @@ def colder(run, joint, arm):
     return replace(run, current_a=current)
 
 
-def test_the_residual_of_a_known_arm_is_that_of_its_joints(result, pinocchio_arm, nominal):
-    """A calibration holds that of axes with nominal gains; joints 5 and 6 are a differential wrist here."""
-    coupling = np.eye(6)
-    coupling[4:, 4:] = [[0.5, 0.5], [0.5, -0.5]]
-    nominal = Transmission(nominal.gain_nm_a, coupling)
-    found = replace(
-        result,
-        body=replace(result.body, coupling=coupling),
-        noise_nm=np.array([1.0, 2.0, 0.5, 0.2, 0.3, 0.9]),
-        gain_nm_a=1.2 * nominal.gain_nm_a,
-    )
-    known = found.known_arm(pinocchio_arm.chain)
-    axes = np.random.default_rng(1).normal(size=(100_000, 6))
-    for axis_nm, joint_nm in (
-        (found.noise_nm, known.noise_nm),
-        (found.level_nm, known.level_nm),
-    ):
-        torque = found.transmission(nominal).joint_torque(axes * axis_nm / nominal.gain_nm_a)
-        np.testing.assert_allclose(joint_nm, np.sqrt(np.mean(torque**2, axis=0)), rtol=0.01)
-
-
 def test_a_body_from_one_motion_says_how_little_it_knows_of_others(runs, pinocchio_arm, nominal, result):
     found = calibrated(runs[:1], {}, pinocchio_arm, nominal)
     (text,) = [text for text in found.warnings if text.startswith("for other motions")]
@@ -297,14 +195,6 @@ def test_a_base_that_is_not_level_is_found(pinocchio_arm, nominal, weighed):
     np.testing.assert_allclose(found.level(pinocchio_arm.chain).gravity_m_s2, arm.gravity, atol=0.03)
 
 
-@pytest.mark.parametrize(("gravity", "how"), [((0.0, 0.0, 9.81), "on the floor"), ((0.0, 9.81, 0.0), "on the floor")])
-def test_a_mounting_that_was_entered_wrongly_is_named(four, weighed, pinocchio_arm, nominal, gravity, how):
-    chain = pinocchio_arm.chain
-    wrong = Chain(chain.placement, chain.axis, chain.flange, np.array(gravity))
-    with pytest.raises(EstimationError, match=f"mounted {how}, gravity_m_s2 = .0.0, 0.0, -9.81."):
-        calibrated(four[:2], weighed, pinocchio_arm, nominal, wrong)
-
-
 @pytest.mark.long
 def test_a_rough_fit_that_goes_to_and_fro_says_nothing_about_the_mounting(
     runs, weighed, pinocchio_arm, nominal, monkeypatch
@@ -323,104 +213,6 @@ def test_a_rough_fit_that_goes_to_and_fro_says_nothing_about_the_mounting(
     assert calibrated(runs, weighed, pinocchio_arm, nominal).left_out == ()
     assert rough[0]
     assert not rough[-1]
-
-
-def scaled(run, joint, factor):
-    return {"current_a": run.recording.current_a * np.where(np.arange(6) == joint, factor, 1.0)}
-
-
-def exchanged(run, one, other):
-    order = np.arange(6)
-    order[[one, other]] = order[[other, one]]
-    return {
-        "position_rad": run.recording.position_rad[:, order],
-        "current_a": run.recording.current_a[:, order],
-    }
-
-
-def turned(run, joint):
-    sign = np.where(np.arange(6) == joint, -1.0, 1.0)
-    return {"position_rad": run.recording.position_rad * sign, "current_a": run.recording.current_a * sign}
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda run: scaled(run, 1, 1.2), "joint 2 reports 1.2[01] times its effort"),
-        pytest.param(lambda run: exchanged(run, 1, 2), "joints 2 and 3 are exchanged", marks=pytest.mark.long),
-        pytest.param(lambda run: turned(run, 2), "position and effort of joint 3 are inverted", marks=pytest.mark.long),
-    ],
-)
-def test_a_run_that_contradicts_the_others_is_named_with_its_mistake(
-    runs, weighed, pinocchio_arm, nominal, result, change, said
-):
-    found = calibrated(changed(runs, 3, **change(runs[3])), weighed, pinocchio_arm, nominal)
-    ((name, reason),) = found.left_out
-    assert name == "empty4.mcap"
-    assert re.search(said, reason), reason
-    assert (np.abs(np.log(found.gain_nm_a / result.gain_nm_a)) < 3.0 * result.gain_deviation).all()
-
-
-def test_a_run_with_another_payload_than_said_is_named(four, weighed, pinocchio_arm, nominal):
-    lied = [replace(run, mounting="") if run.recording.source.path.name == "weighed3.mcap" else run for run in four]
-    found = calibrated(lied, weighed, pinocchio_arm, nominal)
-    ((name, reason),) = found.left_out
-    assert name == "weighed3.mcap"
-    assert re.search(r"it carries 4\.(19|2)", reason), reason
-    assert "not nothing" in reason
-
-
-@pytest.mark.long
-def test_a_payload_that_was_remounted_and_one_in_grams_are_distinguished_from_others(
-    runs, four, weighed, pinocchio_arm, other, nominal
-):
-    turned_arm = type(pinocchio_arm)()
-    half_turn = np.diag([-1.0, -1.0, 1.0, 1.0])
-    turned_arm.payload = pinocchio_arm.payload.transformed(half_turn)
-    again = turned_arm.run(turned_arm.trajectory(3, period_s=10.0), True, seed=7, load_friction=LOAD_FRICTION)
-    grams = next(run for run in runs if run.recording.source.path.name == "other3.mcap")
-    more = [*four, MountedRun(named(again, "again"), "weighed"), grams]
-    found = calibrated(more, {**weighed, "other": WeighedPayload(2500.0)}, pinocchio_arm, nominal)
-    reasons = dict(found.left_out)
-    x, y, _ = pinocchio_arm.payload.center_of_mass_m
-    (apart_mm,) = re.findall(r"with the centre of mass (\d+) mm from where", reasons["again.mcap"])
-    assert int(apart_mm) == pytest.approx(2e3 * np.hypot(x, y), abs=1.0)
-    assert re.search(r"carries 2\.[45]\d* kg, not 2500 kg: mass_kg was entered in grams", reasons["other3.mcap"])
-
-
-@pytest.mark.long
-def test_a_payload_in_its_place_is_not_called_remounted(four, weighed, pinocchio_arm, nominal, monkeypatch):
-    """Only a change of 12 % of the mass leads to this message here, so this is taken for the same mass."""
-    monkeypatch.setattr(Contradiction, "same_mass", 0.2)
-    more = list(four)
-    theta = pinocchio_arm.payload.theta
-    inertia = np.where(np.arange(10) < 4, 0.0, np.where(np.arange(10) < 7, 0.4, 0.0))
-    for name, changed_theta in (("heavy", 1.12 * theta), ("wide", theta + inertia)):
-        arm = type(pinocchio_arm)()
-        arm.payload = InertialParameters(changed_theta)
-        run = arm.run(arm.trajectory(4, period_s=10.0), True, seed=8, load_friction=LOAD_FRICTION)
-        more.append(MountedRun(named(run, name), "weighed"))
-    reasons = dict(calibrated(more, weighed, pinocchio_arm, nominal).left_out)
-    assert "carries 4.70" in reasons["heavy.mcap"]
-    assert "not 4.200 kg as in the other runs of 'weighed'" in reasons["heavy.mcap"]
-    assert "the inertia of its payload differs from that in the other runs of 'weighed'" in reasons["wide.mcap"]
-
-
-def test_a_run_is_not_left_out_where_too_little_would_remain(four, weighed, pinocchio_arm, nominal):
-    """What remains of a short pair fits whatever it is, so that any other run seems to contradict it."""
-    runs = [replace(run, recording=run.recording.rows(slice(0, 500))) for run in four[:2]]
-    current = runs[1].recording.current_a.copy()
-    current[:, 1] += 3.0 * np.std(current[:, 1]) * (np.arange(500) // 30 % 5 == 2)
-    assert calibrated(changed(runs, 1, current_a=current), weighed, pinocchio_arm, nominal).left_out == ()
-
-
-@pytest.mark.long
-def test_a_sign_that_is_flipped_is_named(runs, weighed, pinocchio_arm, nominal):
-    found = calibrated(changed(runs, 0, **scaled(runs[0], 1, -1.0)), weighed, pinocchio_arm, nominal)
-    ((name, reason),) = found.left_out
-    assert name == "empty3.mcap"
-    assert "joint 2" in reason
-    assert "flipped" in reason
 
 
 def test_a_wrong_mass_is_named_with_how_far_it_is_off(runs, pinocchio_arm, other, nominal):
@@ -520,16 +312,6 @@ def test_progress_ends_where_it_said(steps):
     assert steps[-1][0] == steps[-1][1]
 
 
-def test_another_arm_is_refused(result, pinocchio_arm):
-    chain = pinocchio_arm.chain
-    result.require_arm(chain, pinocchio_arm.transmission.coupling)
-    hung = Chain(chain.placement, chain.axis, chain.flange, -chain.gravity_m_s2)
-    with pytest.raises(ModelError, match="mounted differently"):
-        result.require_arm(hung, pinocchio_arm.transmission.coupling)
-    with pytest.raises(ModelError, match="different motor coupling"):
-        result.require_arm(chain, np.eye(6))
-
-
 def LeaningArm(gravity):  # noqa: N802 - stands for a class
     """The Pinocchio arm of `conftest` with tilted gravity."""
     from tests.unit.conftest import PinocchioArm
@@ -543,49 +325,3 @@ def LeaningArm(gravity):  # noqa: N802 - stands for a class
     arm = Leaning()
     arm.gravity = gravity
     return arm
-
-
-def test_a_run_by_itself_shows_other_gains_and_friction_beside_an_unknown_payload(result, pinocchio_arm, nominal):
-    """Joint 2 with 4 % more torque per ampere than calibrated, joint 4 with 50 % more friction."""
-    arm = type(pinocchio_arm)()
-    arm.payload = InertialParameters.from_center_of_mass(3.3, [0.08, 0.02, 0.10], 0.03 * np.eye(3))
-    found = arm.run(arm.trajectory(6, period_s=10.0), True, seed=71, load_friction=LOAD_FRICTION, with_phase=False)
-    speed = np.gradient(found.position_rad, found.time_s, axis=0)[:, 3]
-    more = 0.5 * result.friction_nm[3]
-    current = found.current_a.copy()
-    current[:, 1] /= 1.04
-    current[:, 3] += more * np.tanh(speed / 0.02) / pinocchio_arm.transmission.gain_nm_a[3]
-
-    def health(run, mounting=None):
-        return run_health(run, result, arm.chain, nominal, mounting=mounting)
-
-    before, after = health(found), health(replace(found, current_a=current))
-    for one in (before, after):
-        assert float(one.carried.split()[0]) == pytest.approx(3.3, abs=0.1)
-        spread = np.hypot(one.gain_noise, one.gain_doubt)
-        assert (np.abs(one.gain_change - np.array([0.0, 0.04 * (one is after), 0, 0, 0, 0])) < 4.0 * spread).all()
-    assert after.gain_change[1] == pytest.approx(0.04, abs=0.01)
-    change = after.friction_nm - before.friction_nm
-    assert change[3] == pytest.approx(more, rel=0.15)
-    assert (np.abs(np.delete(change, 3)) < 5.0 * np.delete(after.friction_noise_nm, 3)).all()
-    assert (before.residual < 2.5).all()
-    # Stated as empty, its payload remains in the residual.
-    assert health(found, mounting="").residual.max() > 3.0
-    assert health(found, mounting="").carried == "nothing"
-    with pytest.raises(RecordingError, match="it contains joint torque, but the arm was calibrated with motor current"):
-        health(replace(found, current_a=None, torque_nm=found.current_a))
-
-
-def test_a_joint_that_stands_still_in_a_run_has_no_health(result, runs, pinocchio_arm, nominal):
-    run = runs[0].recording
-    position = run.position_rad.copy()
-    position[:, 0] = position[0, 0]
-    one = replace(run, position_rad=position)
-    still = run_health(one, result, pinocchio_arm.chain, nominal, mounting="")
-    assert np.isnan(still.gain_change[0])
-    assert np.isnan(still.friction_nm[0])
-    assert np.isnan(still.residual[0])
-    assert np.isfinite(still.gain_change[1:]).all()
-    frozen = replace(run, position_rad=np.tile(position[0], (len(position), 1)) + 1e-9 * run.position_rad)
-    with pytest.raises(RecordingError, match="no joint moves"):
-        run_health(frozen, result, pinocchio_arm.chain, nominal)
