@@ -1,8 +1,5 @@
 """A first robot file: it contains the data of a URDF, a bus, a description and answers, and lists what is missing."""
 
-import re
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,75 +9,17 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.new_robot.arm_draft import draft_of_urdf
 from armload_controller.new_robot.arm_interview import interviewed
-from armload_controller.new_robot.draft_text import draft_file
-from armload_controller.new_robot.drive_drafts import BusDraft, drives_found, nodes_described
+from armload_controller.new_robot.drive_drafts import nodes_described
 from armload_controller.new_robot.payload_draft import tool_sphere
 from armload_controller.new_robot.workspace_draft import workspace_of_urdf
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.eds_parser import parse_description
-from armload_drivers.simulation.drives.drive_eds import drive_eds
 from armload_identification.model.chain import pose_from_xyz_rpy, rpy_rad
 from armload_identification.model.dynamics import ArmDynamics
 from tests.drive_descriptions import eds, maker_drive
+from tests.five_joints import NAMES, URDF, joint
 from tests.urdf_simulation import PinocchioArm
-
-NAMES = ("j1", "j2", "j3", "j4", "j5")
-BALL = '<collision><geometry><sphere radius="{}"/></geometry></collision>'
-BOX = '<collision><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.08 0.08"/></geometry></collision>'
-
-
-def _link(name, mass, shape=""):
-    return (
-        f'<link name="{name}"><inertial><origin xyz="0.1 0 0.02" rpy="0.3 0 0.2"/><mass value="{mass}"/>'
-        f'<inertia ixx="0.02" iyy="0.03" izz="0.025" ixy="0.001" ixz="0" iyz="0"/></inertial>{shape}</link>'
-    )
-
-
-def _joint(name, kind, parent, child, xyz, rpy="0 0 0", limit='lower="-2" upper="2.5" velocity="2" effort="80"'):
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><axis xyz="0 0 1"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/><limit {limit}/><dynamics damping="0.5" friction="1.5"/></joint>'
-    )
-
-
-URDF = "".join(
-    [
-        '<robot name="five">',
-        _link("base", 9, BALL.format(0.1)),
-        _link("l1", 5, BALL.format(0.08)),
-        _link("l2", 4, BOX),
-        _link("l3", 3, BOX),
-        _link("l4", 1, BALL.format(0.05)),
-        _link("l5", 0.5),
-        _link("hand", 0.7, BALL.format(0.04)),
-        _link("finger", 0.1),
-        _joint("j1", "revolute", "base", "l1", "0 0 0.25"),
-        _joint("j2", "revolute", "l1", "l2", "0 0.1 0", "1.5708 0 0"),
-        _joint("j3", "revolute", "l2", "l3", "0.4 0 0"),
-        _joint("j4", "revolute", "l3", "l4", "0.42 0 0", "0 1.5708 0"),
-        _joint("j5", "revolute", "l4", "l5", "0 0 0.1"),
-        _joint("wrist", "fixed", "l5", "hand", "0 0 0.06", "0 0.4 0"),
-        _joint("squeeze", "prismatic", "hand", "finger", "0 0 0.05"),
-        "</robot>",
-    ]
-)
-
-
-@pytest.fixture
-def drafted(tmp_path):
-    """Writes the URDF and the file drafted from it."""
-
-    def drafted(text=URDF, payload_kg=2.0, bus=None):
-        (tmp_path / "five.urdf").write_text(text)
-        arm = read_urdf_arm(tmp_path / "five.urdf", flange="hand")
-        draft = draft_of_urdf(arm)
-        workspace = workspace_of_urdf(arm, draft, tool_sphere(arm.n, payload_kg))
-        file = draft_file(draft, payload_kg, replace(workspace, urdf="five.urdf"), bus)
-        (tmp_path / "five.toml").write_text(file.text)
-        return arm, file, tmp_path / "five.toml"
-
-    return drafted
 
 
 def test_the_file_is_the_arm(drafted):
@@ -143,7 +82,7 @@ def test_what_is_next_to_the_base_is_not_kept_above_the_floor_and_this_is_listed
 
 
 def test_the_floor_is_at_the_root_of_an_arm_that_begins_above_it(tmp_path):
-    stand = '<link name="ground"/>' + _joint("stand", "fixed", "ground", "base", "0 0 0.7")
+    stand = '<link name="ground"/>' + joint("stand", "fixed", "ground", "base", "0 0 0.7")
     (tmp_path / "five.urdf").write_text(URDF.replace('<robot name="five">', f'<robot name="five">{stand}'))
     arm = read_urdf_arm(tmp_path / "five.urdf", "base", "hand")
     workspace = workspace_of_urdf(arm, draft_of_urdf(arm), tool_sphere(arm.n, 1.0))
@@ -201,35 +140,6 @@ def node(node_id, drive=True):
     return FoundNode(node_id, kind, "", Identity(0x2DC, 7), (1, 7, 8), ("master_lost",) if drive else ())
 
 
-def test_drives_that_answer_are_taken_in_the_order_of_their_nodes(drafted):
-    drives = drives_found([node(3), node(9, drive=False), *map(node, (1, 5, 4, 2))], 5, None)
-    _, file, path = drafted(bus=BusDraft(drives, "socketcan", "can1", 500_000, None, "as they answered"))
-    text = path.read_text()
-    assert re.findall(r"^node_id = (\d)$", text, re.MULTILINE) == list("12345")
-    assert text.count("identity = { vendor_id = 0x000002DC, product_code = 0x00000007 }") == 5
-    assert text.count('mode = "csp"') == 5
-    assert '# accept_missing = ["master_lost"]' in text
-    assert "joints[2].drive.has_brake" in file.holes
-    with pytest.raises(ConfigurationError, match=r"joints\[1\]\.drive\.\w+ is 'FILL IN'"):
-        load_robot(str(path))
-    with pytest.raises(ConfigurationError, match=r"--scan is '2 CiA 402 drives \(nodes 1, 3\)': one per joint, 5"):
-        drives_found([node(3), node(1)], 5, None)
-
-
-def test_a_description_gives_objects_and_identity_and_with_the_holes_filled_the_file_is_taken(drafted, arm_settings):
-    settings = arm_settings()
-    described = parse_description(drive_eds(settings.drives[0], settings.cycle_s).encode(), "own.eds")
-    drives = nodes_described(described, 5)
-    assert [drive.node_id for drive in drives] == [1, 2, 3, 4, 5]
-    assert drives[0].identity == Identity(described.vendor_id, described.product_code)
-    _, file, path = drafted(bus=BusDraft(drives, "socketcan", "can0", 1_000_000, None, "from own.eds"))
-    filled = path.read_text().replace('has_brake = "FILL IN"', "has_brake = true")
-    path.write_text(re.sub(r'max_torque_permille = "FILL IN"', "max_torque_permille = 1000", filled))
-    robot = load_robot(str(path))
-    assert [drive.node_id for drive in robot.drives.settings.drives] == [1, 2, 3, 4, 5]
-    assert {place.split(".")[-1] for place in file.holes} <= {"has_brake", "max_torque_permille"}
-
-
 @pytest.mark.parametrize(
     ("without", "modes", "mode"),
     [((), "0x40", "ip"), ((), "0", "csp"), ([0x60B2, 0x60C2], "", "ip"), ([0x60B2, 0x60C1, 0x60C2], "", None)],
@@ -238,21 +148,6 @@ def test_of_a_description_without_a_value_of_6502_the_objects_decide(without, mo
     text = eds(maker_drive(without, {"6502": {"DefaultValue": modes}}), vendor=7)
     (drive,) = nodes_described(parse_description(text.encode(), "own.eds"), 1)
     assert drive.mode == mode
-
-
-def test_what_a_description_says_about_sizes_and_a_vendor_alone_is_written(drafted):
-    changes = {"60B2": {"DataType": "4"}, "6077": {"DataType": "4"}}
-    drives = nodes_described(parse_description(eds(maker_drive(changes=changes), vendor=7).encode(), "own.eds"), 5)
-    _, _, path = drafted(bus=BusDraft(drives, "socketcan", "can0", 1_000_000, None, "from own.eds"))
-    text = path.read_text()
-    for line in ("torque_offset_bits = 32", "effort_bits = 32", "identity = { vendor_id = 0x00000007 }"):
-        assert text.count(line) == 5
-
-
-def test_a_shipped_profile_of_the_vendor_is_a_comment(drafted):
-    drives = nodes_described(parse_description(eds(maker_drive(), vendor=0xFB).encode(), "own.eds"), 5)
-    _, _, path = drafted(bus=BusDraft(drives, "socketcan", "can0", 1_000_000, None, "from own.eds"))
-    assert path.read_text().count('\n# profile = "maxon_epos4" is for maxon EPOS4; other products') == 5
 
 
 def answers(*lines):
