@@ -1,4 +1,6 @@
-"""`[kinematics]` and `[transmission]` of a robot file, each convention against transforms that are written down here."""
+"""`[kinematics]` and `[transmission]` of a robot file, each convention against transforms written down here."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,8 +64,6 @@ ORIGIN = "    { xyz_m = [0.0, 0.0, 0.1], rpy_rad = [0.0, 0.5, 0.0], axis = [0.0,
 def origins(edited, more=""):
     begin, end = "rows = [\n", "]\nflange"
     path = edited("[robot]", "[robot]")
-    from pathlib import Path
-
     text = Path(path).read_text()
     first = text.index(begin)
     last = text.index(end, first)
