@@ -49,7 +49,7 @@ from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
-from armload_identification.verdict.recording_checks.usable_runs import require_usable
+from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 HALVES: Final = 1.25
 """Factor on the standard deviations of a calibration: what no term describes differs between motions. Halves of the
@@ -159,8 +159,8 @@ class _Calibration:
         """The signals of a run; None, with the reason recorded, if it cannot be used."""
         path = recording.source.path
         try:
-            require_usable([recording], self._chain.n, self._transmission)
-            signals = run_signals(recording, self._transmission)
+            (run,) = usable_runs([recording], self._chain.n, self._transmission)
+            signals = run_signals(run, self._transmission.coupling)
             if not signals.has_rows:
                 raise RecordingError(
                     f"{path}: no third of a second is without a gap of more than 0.1 s: record it at 20 Hz or more"

@@ -43,7 +43,7 @@ from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
-from armload_identification.verdict.recording_checks.usable_runs import require_usable
+from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,11 +122,11 @@ def run_health(
         EstimationError: a run in which no joint moves long enough.
     """
     calibration.require_arm(chain, transmission.coupling)
-    require_usable([recording], chain.n, transmission, calibration.effort)
     with threadpool_limits(1):
         if calibration.effort is Effort.CURRENT:
             transmission = replace(transmission, gain_nm_a=calibration.nominal)
-        fit = _RunFit(run_signals(recording, transmission), calibration, chain, mounting)
+        (run,) = usable_runs([recording], chain.n, transmission, calibration.effort)
+        fit = _RunFit(run_signals(run, transmission.coupling), calibration, chain, mounting)
         return fit.health(recording.source.path.name, recorded or run_start_text(recording))
 
 

@@ -30,8 +30,7 @@ from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, ONE
 from armload_identification.model.chain import Chain
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.motion import motion_of
-from armload_identification.verdict.recording_checks.usable_runs import require_usable
+from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 ASSUMED: Final = 0.01
 """Standard deviation where a calibration has fewer than three sessions."""
@@ -146,8 +145,7 @@ class SessionGains:
         """The logarithm of the factor from a run and the prior, and its standard deviation."""
         known, level = calibration.known_arm(chain), calibration.level(chain)
         gains = calibration.transmission(transmission)
-        require_usable([run], chain.n, gains, known.effort)
-        motion = motion_of(run, gains)
+        motion = usable_runs([run], chain.n, gains, known.effort)[0].motion
         found, information, prior = self.log_factor, 0.0, self.deviation**-2.0
         for _ in range(_STEPS):
             now = motion.with_torque_times(np.exp(found) * np.eye(chain.n))

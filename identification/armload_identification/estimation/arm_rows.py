@@ -25,9 +25,8 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import PARAMETERS, body_regressor, payload_regressor
-from armload_identification.recording.recording import Recording
-from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.motion import Motion, motion_of
+from armload_identification.signals.motion import Motion
+from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.reversals import REVERSAL, TURN_OVER, moving_weights
 from armload_identification.signals.row_window import HALF_S, RowWindow
 
@@ -157,28 +156,25 @@ class ArmRows:
         return replace(self, weight=self.weight * factor)
 
 
-def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
-    """Motion and effort of one run.
+def run_signals(run: Run, coupling: FloatArray) -> RunSignals:
+    """Motion and effort of one run: its average period if it has whole ones, else the part in which the arm moves.
 
     Args:
-        transmission: Nominal gains, and coupling.
-
-    Returns:
-        The average period of a run with whole periods, else the part in which the arm moves.
+        coupling: (n, n) C of the motors.
 
     Raises:
-        RecordingError: too short, or without torque.
+        RecordingError: too short.
     """
-    motion = motion_of(recording, transmission)
+    motion = run.motion
     length_s = len(motion.time_s) * motion.interval_s
     if not motion.periodic and length_s < Rows.shortest_s:
         raise RecordingError(
-            f"{recording.source.path}: {length_s:.1f} s of motion, expected {Rows.shortest_s:g} s or more. Record a "
-            "whole excitation."
+            f"{run.recording.source.path}: {length_s:.1f} s of motion, expected {Rows.shortest_s:g} s or more. Record "
+            "a whole excitation."
         )
-    signals = RunSignals.of_motion(motion, transmission.coupling)
+    signals = RunSignals.of_motion(motion, coupling)
     usable = signals.usable & (motion.interval_s <= Rows.hole_s)
-    return replace(signals, usable=usable, from_torque=recording.torque_nm is not None)
+    return replace(signals, usable=usable, from_torque=run.from_torque)
 
 
 def _without_holes(valid: NDArray[np.bool_], interval_s: float) -> NDArray[np.bool_]:

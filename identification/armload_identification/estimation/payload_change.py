@@ -14,7 +14,7 @@ knowledge of the arm, and s is s minus its mean over the periods, phase by phase
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -27,13 +27,52 @@ from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.terms import Joint, Scope, Term
-from armload_identification.signals.motion import PeriodDeviation
+from armload_identification.recording.reduction.phase_advance import SETTLING_S, periodic_phase
+from armload_identification.signals.motion import Motion
+from armload_identification.signals.recorded_run import Run
 
 CHANGING: Final = 4
 """Mass and first moments: a changed inertia about the centre of mass is hardly visible."""
 _TIMES: Final = 40
 """Times at which a change is tried: the statistic of one between two of them is at most a few percent less."""
 _RIDGE: Final = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodDeviation:
+    """A run minus its own average period: what differs between its periods.
+
+    Attributes:
+        motion: The run over time; its torque is that minus the average of its phase, valid within the whole periods.
+        since_s: (K,) phase since the start of the first period, over all periods.
+        period_s: Phase of one period.
+        periods: Number of whole periods.
+    """
+
+    motion: Motion
+    since_s: FloatArray
+    period_s: float
+    periods: int
+
+    @classmethod
+    def of(cls, run: Run) -> PeriodDeviation:
+        """The deviation of a run of several whole periods.
+
+        Raises:
+            RecordingError: as of its motion.
+        """
+        average, over_time, moving = run.motion, run.over_time, run.moving_part.recording
+        phase, trajectory = periodic_phase(run.recording)
+        at_s = np.interp(over_time.time_s + over_time.began_s, moving.time_s, phase)
+        samples = len(average.time_s)
+        place = at_s / trajectory.period_s * samples % samples
+        usual = np.column_stack(
+            [np.interp(place, np.arange(samples + 1), np.append(column, column[0])) for column in average.raw_nm.T]
+        )
+        since_s, periods = at_s - phase[0], average.periods
+        inside = (since_s >= SETTLING_S) & (since_s < periods * trajectory.period_s)
+        motion = replace(over_time, raw_nm=over_time.raw_nm - usual, valid=over_time.valid & inside)
+        return cls(motion, since_s, trajectory.period_s, periods)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,18 +108,18 @@ def change_in(found: Posterior, edge_s: float) -> PayloadChange | None:
     return _greatest(found, rows, rows.time_s, edge_s, lambda at_s: (rows.time_s >= at_s).astype(np.float64), slow)
 
 
-def change_between_periods(run: PeriodDeviation, arm: PayloadProblem, edge_s: float) -> PayloadChange | None:
+def change_between_periods(whole: Run, arm: PayloadProblem, edge_s: float) -> PayloadChange | None:
     """The most likely change in a run of several periods, which may be empty.
 
     Args:
-        run: What differs between its periods.
+        whole: The run.
         arm: The problem of its payload, for coupling and speeds.
         edge_s: As of `change_in`.
 
     Returns:
         The change; None if the run is too short.
     """
-    chain, coupling = arm.chain, arm.problem.coupling
+    run, chain, coupling = PeriodDeviation.of(whole), arm.chain, arm.problem.coupling
     signals = RunSignals.of_motion(run.motion, coupling)
     rows = arm_rows(signals, chain, coupling, arm.base, arm.peak_rad_s, loaded=True)
     elapsed_s = np.interp(rows.time_s, run.motion.time_s, run.since_s)

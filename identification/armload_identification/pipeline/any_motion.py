@@ -28,10 +28,11 @@ from armload_identification.pipeline.identification_result import (
 from armload_identification.pipeline.operator_notes import notes_on
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.motion import Motion, motion_over_time
+from armload_identification.signals.motion import Motion
+from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.recording_checks.motion_quality import MotionQuality
 from armload_identification.verdict.recording_checks.nothing_mounted import refuse_nothing
-from armload_identification.verdict.recording_checks.usable_runs import require_usable
+from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 SHORTEST_WINDOW_S: Final = 2.0
 
@@ -58,25 +59,23 @@ class SingleRun:
     """A run of any motion on a calibrated arm, or a part of it.
 
     Attributes:
-        motion: Its motion and torque.
-        problem: The payload in it.
-        recording: The whole run.
+        run: The whole run.
+        motion: Motion and torque of it or of a part.
+        problem: The payload in that.
         transmission: Calibrated gains, and coupling.
         arm: The calibrated empty arm.
     """
 
+    run: Run
     motion: Motion
     problem: PayloadProblem
-    recording: Recording
     transmission: Transmission
     arm: KnownArm
 
     @classmethod
-    def of(
-        cls, motion: Motion, recording: Recording, chain: Chain, transmission: Transmission, arm: KnownArm
-    ) -> SingleRun:
+    def of(cls, run: Run, motion: Motion, chain: Chain, transmission: Transmission, arm: KnownArm) -> SingleRun:
         """The entire run."""
-        return cls(motion, single_problem(motion, chain, transmission.coupling, arm), recording, transmission, arm)
+        return cls(run, motion, single_problem(motion, chain, transmission.coupling, arm), transmission, arm)
 
     def between(self, start_s: float, end_s: float) -> SingleRun:
         """The part from one time since the first sample up to, not including, another."""
@@ -91,7 +90,7 @@ class SingleRun:
                 NothingMounted if it proves that there is no payload.
         """
         motion, transmission, arm = self.motion, self.transmission, self.arm
-        name = str(self.recording.source.path)
+        name = str(self.run.recording.source.path)
         quality = MotionQuality.of(motion, arm.body)
         quality.require_enough(name)
         posterior = solve(self.problem.knowing(prior), rough=True)
@@ -109,8 +108,9 @@ class SingleRun:
         plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
         signal = single_signal(plain, motion, transmission)
         friction_nm = added_friction(plain, signal)
-        result = completed(plain, None, signal, friction_nm, transmission, self.recording)
-        return result.with_notes(*notes_on(result, (self.recording,), transmission, arm))
+        gains = transmission.gains(from_torque=self.run.from_torque)
+        result = completed(plain, None, signal, friction_nm, gains, self.run)
+        return result.with_notes(*notes_on(result, gains, arm))
 
 
 def identify_windows(
@@ -134,15 +134,15 @@ def identify_windows(
     Raises:
         RecordingError: a recording that does not fit the arm, is invalid, or is shorter than a window.
     """
-    require_usable([loaded], chain.n, transmission, arm.effort)
+    (whole,) = usable_runs([loaded], chain.n, transmission, arm.effort)
     if loaded.average is not None:
         raise RecordingError(
             f"{loaded.source.path}: a run of this length along an excitation is reduced to its average period while it "
             "is read, which has no windows. Select a part of it."
         )
     with threadpool_limits(1):
-        motion = motion_over_time(loaded, transmission)
-        run = SingleRun.of(motion, loaded, chain, transmission, arm)
+        motion = whole.over_time
+        run = SingleRun.of(whole, motion, chain, transmission, arm)
         windows = []
         lasts_s = float(motion.time_s[-1]) + motion.interval_s
         for number in range(int(lasts_s / every_s)):

@@ -10,15 +10,12 @@ from armload_identification.estimation.payload_estimate import PayloadEstimate
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.phase_advance import interruptions
-from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.motion import Motion, PeriodDeviation
+from armload_identification.signals.motion import Motion
+from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.decision_levels import PayloadChangeLevels
 
 
-def change_notes(
-    found: Identification, loaded: Recording, unloaded: Recording | None, transmission: Transmission
-) -> list[str]:
+def change_notes(found: Identification, loaded: Run, unloaded: Run | None) -> list[str]:
     """A note on each run during which the payload changed.
 
     A run that was reduced to its average period while it was read, or that was interrupted within its periods, is not
@@ -26,8 +23,8 @@ def change_notes(
 
     Args:
         found: The payload, assumed constant.
+        loaded: The loaded run.
         unloaded: The unloaded run, if there is one.
-        transmission: Gains and coupling.
     """
     signal = found.signal
     runs = {"loaded": (loaded, signal.loaded, found.plain.theta)}
@@ -35,19 +32,19 @@ def change_notes(
         runs["unloaded"] = unloaded, signal.unloaded, np.zeros_like(found.plain.theta)
     notes = []
     for name, (run, motion, theta) in runs.items():
-        change = _change(run, motion, found.plain, transmission)
+        change = _change(run, motion, found.plain)
         if change is not None and change.statistic > PayloadChangeLevels.statistic:
-            notes.append(_note(name, run, motion, theta, change))
+            notes.append(_note(name, run.recording, motion, theta, change))
     return notes
 
 
-def _change(run: Recording, motion: Motion, plain: PayloadEstimate, transmission: Transmission) -> PayloadChange | None:
+def _change(run: Run, motion: Motion, plain: PayloadEstimate) -> PayloadChange | None:
     """The most likely change during a run."""
     if motion.periods == 1:
         return change_in(plain.posterior, PayloadChangeLevels.edge_s)
-    if run.average is not None or interruptions(run):
+    if run.recording.average is not None or motion.interruptions:
         return None
-    return change_between_periods(PeriodDeviation.of(run, transmission), plain.arm, PayloadChangeLevels.edge_s)
+    return change_between_periods(run, plain.arm, PayloadChangeLevels.edge_s)
 
 
 def _note(name: str, run: Recording, motion: Motion, theta: FloatArray, found: PayloadChange) -> str:

@@ -13,16 +13,16 @@ from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_estimate import PayloadEstimate
 from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
-from armload_identification.estimation.servo_sag import on_one_motion
 from armload_identification.estimation.uncertainty import Uncertainty, quantify
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import payload_regressor
-from armload_identification.recording.recording import Recording, RecordingSource
-from armload_identification.signals.joint_torque import Transmission
+from armload_identification.recording.recording import RecordingSource
+from armload_identification.signals.joint_torque import Gains, Transmission
 from armload_identification.signals.load_signal import LoadSignal, without_body
 from armload_identification.signals.motion import Motion
+from armload_identification.signals.recorded_run import Run
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ def pair_signal(plain: PayloadEstimate, signal: LoadSignal, transmission: Transm
     """The signal of a pair on the loaded run's motion, with the estimated gains and delay."""
     body = plain.body(1)
     signal = signal.with_torque_times(transmission.changed_by(-plain.posterior.value(GAIN)))
-    return on_one_motion(signal.with_delay(body.torque_delay_s), plain.arm.chain, body)
+    return signal.with_delay(body.torque_delay_s).on_one_motion(plain.arm.chain, body)
 
 
 def single_signal(plain: PayloadEstimate, motion: Motion, transmission: Transmission) -> LoadSignal:
@@ -102,8 +102,8 @@ def completed(
     gains: GainFit | None,
     signal: LoadSignal,
     friction_nm: FloatArray,
-    transmission: Transmission,
-    *runs: Recording,
+    used: Gains,
+    *runs: Run,
 ) -> Identification:
     """Complete an estimate with its physically possible body and intervals.
 
@@ -111,16 +111,14 @@ def completed(
         gains: Gains that were fitted with the payload.
         signal: The signal on the loaded run's motion, with the estimated gains.
         friction_nm: (K, n) friction of the loaded run beyond that of the arm that was subtracted (`added_friction`).
-        transmission: The gains that the recordings' torques were computed with.
-        runs: The loaded and, if there is one, the unloaded recording.
+        used: The gains that the runs' torques were computed with.
+        runs: The loaded and, if there is one, the unloaded run.
     """
     physical = make_physical(plain)
     regressor = payload_regressor(plain.arm.chain, *signal.states)
     payload_nm = regressor @ plain.theta
     predicted_nm = regressor @ physical.parameters.theta + friction_nm
-    used = transmission.gains(from_torque=runs[0].torque_nm is not None).value
-    if gains is not None:
-        used = used * np.exp(gains.log_gain)
+    value = used.value if gains is None else used.value * np.exp(gains.log_gain)
     slope = derived(physical.parameters)[1][:4]
     velocity = signal.unloaded.states.velocity_rad_s
     return Identification(
@@ -128,7 +126,7 @@ def completed(
         gains=gains,
         physical=physical,
         uncertainty=quantify(plain, physical.parameters),
-        mass_center=plain.mass_center(slope, physical.parameters.mass_kg, used),
+        mass_center=plain.mass_center(slope, physical.parameters.mass_kg, value),
         signal=signal,
         friction_nm=friction_nm,
         predicted_nm=predicted_nm,
@@ -136,7 +134,7 @@ def completed(
         struck=_struck(plain, signal),
         residual_rms_nm=signal.raw_residual_rms(predicted_nm),
         arm_friction=ArmFriction.of(plain.body(plain.runs - 1), velocity),
-        sources=tuple(run.source for run in runs),
+        sources=tuple(run.recording.source for run in runs),
     )
 
 

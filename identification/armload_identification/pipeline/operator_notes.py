@@ -14,12 +14,10 @@ from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_estimate import PayloadEstimate, gear_asymmetry
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.pipeline.identification_result import Identification
-from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.phase_advance import interruptions
-from armload_identification.signals.joint_torque import Transmission
+from armload_identification.recording.recording import RecordingSource
+from armload_identification.signals.joint_torque import Gains
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import ABOVE_BAND
-from armload_identification.signals.reversals import reversal_weights
 from armload_identification.signals.signal_constants import SamePath, Smoothing
 from armload_identification.verdict.decision_levels import ArmFit, PayloadFit, Timing
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
@@ -30,26 +28,24 @@ _CHECKED_BY: Final = "Several runs with a weighed payload show it: `armload cali
 
 def notes_on(
     found: Identification,
-    runs: Sequence[Recording],
-    transmission: Transmission,
+    gains: Gains,
     arm: KnownArm | None,
     body: BodyFit | None = None,
 ) -> list[str]:
     """Notes on recordings, gains, signal and result.
 
     Args:
-        runs: The loaded and, if there is one, the unloaded recording.
-        transmission: Gains and which of them are calibrated.
+        gains: The gains that the runs' torques were computed with.
         arm: The calibrated arm, or None.
         body: The body fitted to the unloaded run, or None.
     """
     return [
         *_on_arm(found.signal, body),
         *misfit_notes(found),
-        *_on_recordings(runs),
-        *_on_interruptions(runs, found.signal),
-        *_on_times(runs[0], found),
-        *_on_nominal_gains(runs[0], transmission, found.plain),
+        *_on_recordings(found.sources),
+        *_on_interruptions(found.signal),
+        *_on_times(found),
+        *_on_nominal_gains(gains, found.plain),
         *_on_contradictions(found.gains),
         *_on_signal(found.signal, found.struck),
         *_on_result(found),
@@ -58,11 +54,10 @@ def notes_on(
     ]
 
 
-def _on_recordings(runs: Sequence[Recording]) -> list[str]:
+def _on_recordings(sources: Sequence[RecordingSource]) -> list[str]:
     """Rows and joints that were left out, and truncated files."""
     notes = []
-    for name, run in zip(("loaded", "unloaded"), runs, strict=False):
-        source = run.source
+    for name, source in zip(("loaded", "unloaded"), sources, strict=False):
         if source.rows_dropped:
             listed = ", ".join(f"{count} {reason}" for reason, count in source.reasons.items())
             notes.append(f"{name} recording: {source.rows_dropped} of {source.rows_read} rows dropped ({listed}).")
@@ -75,13 +70,12 @@ def _on_recordings(runs: Sequence[Recording]) -> list[str]:
     return notes
 
 
-def _on_interruptions(runs: Sequence[Recording], signal: LoadSignal) -> list[str]:
+def _on_interruptions(signal: LoadSignal) -> list[str]:
     """Runs that were interrupted within their periods."""
     notes = []
-    for name, run, periods in zip(("loaded", "unloaded"), runs, signal.periods, strict=False):
-        count = interruptions(run)
-        if count:
-            often, least = (f"{number} times" if number > 1 else "once" for number in (count, periods))
+    for name, run in (("loaded", signal.loaded), ("unloaded", signal.unloaded)):
+        if run.periods and run.interruptions:  # a prediction has no periods
+            often, least = (f"{count} times" if count > 1 else "once" for count in (run.interruptions, run.periods))
             notes.append(
                 f"{name} recording: the run was continued, paused or slowed down {often} within its periods. What was "
                 f"measured at full speed was used: every part of the period at least {least}."
@@ -89,16 +83,15 @@ def _on_interruptions(runs: Sequence[Recording], signal: LoadSignal) -> list[str
     return notes
 
 
-def _on_times(loaded: Recording, found: Identification) -> list[str]:
+def _on_times(found: Identification) -> list[str]:
     """A clock that is not that of the excitation, and torque that is not of the time of its position."""
     notes, signal = [], found.signal
-    if signal.periodic and loaded.excitation is not None:
-        took_s, stated_s = len(signal.time_s) * signal.interval_s, loaded.excitation.trajectory.period_s
-        if SamePath.period_share < abs(took_s / stated_s - 1.0) < Timing.other_speed_share:
-            notes.append(
-                f"A period took {took_s:.4g} s by the time stamps, {stated_s:.4g} s by the excitation: if the clock is "
-                "wrong, so are accelerations and what follows from them. Check the time stamps."
-            )
+    took_s, rate = len(signal.time_s) * signal.interval_s, signal.loaded.rate
+    if SamePath.period_share < abs(rate - 1.0) < Timing.other_speed_share:
+        notes.append(
+            f"A period took {took_s:.4g} s by the time stamps, {took_s / rate:.4g} s by the excitation: if the clock "
+            "is wrong, so are accelerations and what follows from them. Check the time stamps."
+        )
     delay_s = found.plain.posterior.delay_s
     if abs(delay_s) > Timing.late_s:
         notes.append(
@@ -109,13 +102,12 @@ def _on_times(loaded: Recording, found: Identification) -> list[str]:
     return notes
 
 
-def _on_nominal_gains(loaded: Recording, transmission: Transmission, plain: PayloadEstimate) -> list[str]:
+def _on_nominal_gains(gains: Gains, plain: PayloadEstimate) -> list[str]:
     """Gains that were not calibrated: nothing weighed shows their scale."""
-    if transmission.calibrated.all():
+    if gains.calibrated.all():
         return []
-    gains = transmission.gains(from_torque=loaded.torque_nm is not None)
     if gains.fitted:
-        what = "Drive gains are nominal" if loaded.torque_nm is None else "The torque is as reported"
+        what = "The torque is as reported" if gains.from_torque else "Drive gains are nominal"
         each = 100.0 * NORMAL_HALF_WIDTH * float(np.sqrt(np.diag(gains.own_covariance).max()))
         all_together = 100.0 * NORMAL_HALF_WIDTH * gains.common_deviation
         lost = float(plain.load_friction.max())
@@ -130,10 +122,10 @@ def _on_nominal_gains(loaded: Recording, transmission: Transmission, plain: Payl
             f"{all_together:.0f} % on all together{of_gears}. "
             "A weighed payload verifies the scale: `armload calibrate`."
         ]
-    if loaded.torque_nm is not None:
+    if gains.from_torque:
         return []
     return [
-        f"Nominal drive gains are used for {numbered_joints(~transmission.calibrated)}: the calibration could not "
+        f"Nominal drive gains are used for {numbered_joints(~gains.calibrated)}: the calibration could not "
         "determine them."
     ]
 
@@ -275,7 +267,7 @@ def misfit_notes(found: Identification) -> list[str]:
     """Joints whose torque difference is not explained by a payload, or all of them together."""
     # At rest and at reversals static friction can take any value.
     signal, noise_nm = found.signal, found.plain.noise_nm
-    moving = reversal_weights(signal.states.position_rad, signal.states.velocity_rad_s)[signal.valid]
+    moving = signal.loaded.reversal_weight[signal.valid]
     torque, left = (moving * values[signal.valid] for values in (signal.torque_nm, found.residual_nm))
     measured = np.mean((torque / noise_nm) ** 2)
     misfit = np.mean((left / noise_nm) ** 2)

@@ -34,10 +34,10 @@ from armload_identification.pipeline.prior_contradictions import identified_know
 from armload_identification.recording.recording import Recording, hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal, slow_round_signal
-from armload_identification.signals.motion import motion_of
+from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.recording_checks.column_mistakes import RunColumns
 from armload_identification.verdict.recording_checks.contradictions import FittedPair, refuse_contradictions
-from armload_identification.verdict.recording_checks.usable_runs import require_usable
+from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 
 def identify(
@@ -76,37 +76,28 @@ def identify(
         raise ModelError(f"{transmission.gain_nm_a.size} gains for {chain.n} joints; expected one per joint")
     # One thread: with matrices of a few dozen columns threads only wait for each other, for minutes on a busy machine.
     with threadpool_limits(1):
-        identified = _by_prior(loaded, unloaded, chain, transmission, arm)
+        recordings = (loaded,) if unloaded is None else (loaded, unloaded)
+        run, *others = usable_runs(recordings, chain.n, transmission, None if arm is None else arm.effort)
+        if others:
+            identified = _by_difference(run, others[0], chain, transmission, arm)
+        elif arm is not None:
+            identified = SingleRun.of(run, run.motion, chain, transmission, arm).identified
+        else:
+            raise EstimationError(
+                "no unloaded recording was given, and the arm's own torque, which is many times the payload's, is "
+                "unknown. Record the same excitation without the payload and give that file as `unloaded=`, or "
+                "calibrate the arm once with `armload calibrate` and give that file as `calibration=`."
+            )
         found = identified(None) if known is None else identified_knowing(known, identified)
-        return found.with_notes(*change_notes(found, loaded, unloaded, transmission))
-
-
-def _by_prior(
-    loaded: Recording,
-    unloaded: Recording | None,
-    chain: Chain,
-    transmission: Transmission,
-    arm: KnownArm | None,
-) -> Callable[[Prior | None], Identification]:
-    """`identify` as a function of the prior; what does not depend on it is computed once."""
-    runs = (loaded,) if unloaded is None else (loaded, unloaded)
-    require_usable(runs, chain.n, transmission, None if arm is None else arm.effort)
-    if unloaded is not None:
-        return _by_difference(loaded, unloaded, chain, transmission, arm)
-    if arm is None:
-        raise EstimationError(
-            "no unloaded recording was given, and the arm's own torque, which is many times the payload's, is "
-            "unknown. Record the same excitation without the payload and give that file as `unloaded=`, or "
-            "calibrate the arm once with `armload calibrate` and give that file as `calibration=`."
-        )
-    return SingleRun.of(motion_of(loaded, transmission), loaded, chain, transmission, arm).identified
+        return found.with_notes(*change_notes(found, run, others[0] if others else None))
 
 
 def _by_difference(
-    loaded: Recording, unloaded: Recording, chain: Chain, transmission: Transmission, arm: KnownArm | None
+    loaded: Run, unloaded: Run, chain: Chain, transmission: Transmission, arm: KnownArm | None
 ) -> Callable[[Prior | None], Identification]:
-    """The payload of a pair as a function of the prior."""
-    signal = load_signal(loaded, unloaded, transmission)
+    """The payload of a pair as a function of the prior; what does not depend on it is computed once."""
+    signal = load_signal(loaded, unloaded)
+    slow = slow_round_signal(loaded, unloaded) if signal.periodic else None
     fit: BodyFit | None = None
     if arm is None:
         fit = fit_body([signal.empty_arm], chain, transmission.coupling)
@@ -116,8 +107,7 @@ def _by_difference(
     columns = RunColumns(signal, (loaded, unloaded), chain, transmission.coupling)
     if not columns.look_right(fit):
         columns.require_right()
-    gains = transmission.gains(from_torque=loaded.torque_nm is not None)
-    slow = slow_round_signal(loaded, unloaded, transmission) if signal.periodic else None
+    gains = transmission.gains(from_torque=loaded.from_torque)
     problem = pair_problem(signal, chain, transmission.coupling, arm, slow)
     errors = gains.errors if arm is None else arm.errors
 
@@ -135,10 +125,10 @@ def _by_difference(
         plain = plain.doubting(*(drift.allowed * state.torque[0].predicted_nm[None] for state in posterior.groups))
         if arm is not None:
             plain = plain.doubting(model_doubts(posterior, arm))
-        result = completed(plain, fitted, adjusted, added_nm, transmission, loaded, unloaded)
+        result = completed(plain, fitted, adjusted, added_nm, gains, loaded, unloaded)
         if misfit_notes(result):
             columns.require_right()
-        return result.with_notes(*drift.notes(), *notes_on(result, (loaded, unloaded), transmission, arm, fit))
+        return result.with_notes(*drift.notes(), *notes_on(result, gains, arm, fit))
 
     return identified
 

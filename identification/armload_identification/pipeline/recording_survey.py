@@ -13,6 +13,7 @@ from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phase_advance import interruptions, measured_periods
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal
+from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.repetition import repeated_after
 from armload_identification.verdict.recording_checks.effort_mismatch import (
     EFFORT_NAMES,
@@ -117,9 +118,8 @@ def pair_mismatch(loaded: Recording, unloaded: Recording) -> str | None:
         loaded: Run with the payload.
         unloaded: Run without it.
     """
-    nothing = Transmission(np.ones(loaded.n), np.eye(loaded.n))
     try:
-        load_signal(loaded, unloaded, nothing)
+        load_signal(*(Run.of(run, Transmission(np.ones(run.n), np.eye(run.n))) for run in (loaded, unloaded)))
         require_same_effort(loaded, unloaded)
     except IdentificationError as problem:
         return str(problem)

@@ -106,7 +106,7 @@ class Transmission:
         common = ReportedTorque.common_deviation if from_torque else NominalGain.common_deviation
         if self.scale_deviation is not None:
             common = self.scale_deviation
-        return Gains(value, self.covariance, common if nominal else 0.0, fitted=nominal)
+        return Gains(value, self.covariance, common if nominal else 0.0, self.calibrated, from_torque, fitted=nominal)
 
     def held_at(self, gain: FloatArray, covariance: FloatArray) -> Transmission:
         """The same axes with other gains, of currents or of reported torque, which are held fixed in a fit.
@@ -191,6 +191,8 @@ class Gains:
         own_covariance: (n, n) of their logarithms.
         common_deviation: Standard deviation of an error that all have in common in addition; only a weighed mass shows
             it.
+        calibrated: (n,) True for those that were calibrated with a known load.
+        from_torque: Whether they are those of reported torque.
         fitted: Whether a pair of runs fits them within this covariance. Calibrated gains are known from more than one
             pair.
     """
@@ -198,6 +200,8 @@ class Gains:
     value: FloatArray
     own_covariance: FloatArray
     common_deviation: float
+    calibrated: NDArray[np.bool_]
+    from_torque: bool
     fitted: bool
 
     @property
@@ -252,3 +256,13 @@ def joint_torque(recording: Recording, transmission: Transmission) -> FloatArray
             "Check the mapping of 6077 or 6078, or the column map."
         )
     return transmission.joint_torque(effort) if recording.torque_nm is None else transmission.reported_torque(effort)
+
+
+def sample_scatter(recording: Recording, transmission: Transmission) -> FloatArray | None:
+    """(n,) standard deviation of one raw torque sample between the periods, of a run averaged while it was read."""
+    covariance = None if recording.average is None else recording.average.effort_covariance
+    if covariance is None:
+        return None
+    if recording.torque_nm is None:
+        covariance = transmission.torque_covariance(covariance)
+    return np.sqrt(np.diag(covariance))

@@ -18,22 +18,15 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import RecordingError
+from armload_identification.model.body_model import BodyModel, smooth_sign
+from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.place_in_period import phases_per_period, whole_periods
-from armload_identification.signals.alignment import time_shift
-from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.motion import (
-    ABOVE_BAND,
-    SCATTER,
-    Grid,
-    Motion,
-    TimedRun,
-    average_period,
-    before_periods,
-    require_motion,
-)
+from armload_identification.signals.filters import low_pass, low_pass_cutoff
+from armload_identification.signals.motion import ABOVE_BAND, SCATTER, Motion
+from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.signal_constants import RunAlignment, SamePath
+from armload_identification.signals.timed_run import Grid, TimedRun, time_shift
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,30 +133,50 @@ class LoadSignal:
         """The same torque with the motion to which it belongs, for torques reported `delay_s` after the positions."""
         return replace(self, loaded=self.loaded.with_delay(delay_s), unloaded=self.unloaded.with_delay(delay_s))
 
+    def on_one_motion(self, chain: Chain, body: BodyModel) -> LoadSignal:
+        """The pair as if the unloaded run had followed the loaded one's motion, with links and rotors of a body.
 
-def load_signal(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal:
+        A servo sags under load: loaded and unloaded positions are up to 0.4 mrad apart, so that the torque of links and
+        rotors differs by
+
+            (1 + mu s sgn tau_links) (tau_links(q_loaded) - tau_links(q_unloaded))
+                + C^-T diag(I_r) C^-1 (ddq_loaded - ddq_unloaded).
+
+        Without this correction the mass of 2 kg on a simulated arm of seven joints is 0.08 % off, more than the noise
+        of a minute. Friction that changes sign at a reversal is not corrected, as samples there have little weight.
+        """
+        here, there = (body.link_torque(chain, *states) for states in (self.states, self.unloaded.states))
+        velocity = self.states.velocity_rad_s
+        direction = smooth_sign(velocity, body.reversal_speed_rad_s)
+        apart = self.states.acceleration_rad_s2 - self.unloaded.states.acceleration_rad_s2
+        sag_nm = (1.0 + body.load_friction * direction * np.sign(here)) * (here - there) + apart @ body.rotor_mass_kg_m2
+        if not self.periodic:
+            sag_nm = low_pass(sag_nm, self.interval_s, low_pass_cutoff(velocity, self.interval_s))
+        own = self.unloaded
+        moved = replace(own, states=self.states, raw_nm=own.raw_nm + sag_nm, torque_nm=own.torque_nm + sag_nm)
+        return replace(self, unloaded=moved)
+
+
+def load_signal(loaded: Run, unloaded: Run) -> LoadSignal:
     """Difference of a loaded and an unloaded run of the same motion.
 
     Raises:
-        RecordingError: runs without motion, of different trajectories or speeds, or of different arms.
+        RecordingError: runs of different trajectories or speeds, or of different arms.
     """
-    if loaded.n != unloaded.n:
+    one, two = loaded.recording, unloaded.recording
+    if one.n != two.n:
         raise RecordingError(
-            f"{loaded.source.path} has {loaded.n} joints, {unloaded.source.path} has {unloaded.n}. Use two runs of the "
-            "same arm."
+            f"{one.source.path} has {one.n} joints, {two.source.path} has {two.n}. Use two runs of the same arm."
         )
-    for run in (loaded, unloaded):
-        require_motion(run)
-    if whole_periods(loaded) and whole_periods(unloaded):
-        return _by_phase(loaded, unloaded, transmission)
-    return _by_position(loaded, unloaded, transmission)
+    _require_same_excitation(one, two)
+    return _by_phase(loaded, unloaded) if loaded.periods and unloaded.periods else _by_position(loaded, unloaded)
 
 
-def slow_round_signal(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal | None:
+def slow_round_signal(loaded: Run, unloaded: Run) -> LoadSignal | None:
     """The same of what two runs recorded before their periods, the slow round; None if it is not the same motion."""
-    before = [before_periods(run) for run in (loaded, unloaded)]
+    before = [run.before_periods for run in (loaded, unloaded)]
     try:
-        return _by_position(before[0], before[1], transmission) if all(run.size for run in before) else None
+        return _by_position(before[0], before[1]) if all(run.recording.size for run in before) else None
     except RecordingError:
         return None
 
@@ -184,33 +197,31 @@ def without_body(motion: Motion, body_nm: FloatArray) -> LoadSignal:
     return LoadSignal(motion, predicted, mismatch_rad=nothing, shift_s=0.0)
 
 
-def _by_phase(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal:
+def _by_phase(loaded: Run, unloaded: Run) -> LoadSignal:
     """The difference of two average periods, phase by phase."""
-    _require_same_excitation(loaded, unloaded)
-    phases = phases_per_period(loaded)
-    one, two = (average_period(run, transmission, phases) for run in (loaded, unloaded))
+    phases = loaded.phases
+    one, two = loaded.motion, unloaded.average_period(phases)
     if abs(one.interval_s / two.interval_s - 1.0) > SamePath.period_share:
         raise RecordingError(
-            f"one period took {phases * one.interval_s:.4g} s in {loaded.source.path} and "
-            f"{phases * two.interval_s:.4g} s in {unloaded.source.path}. Record both runs at the same speed "
+            f"one period took {phases * one.interval_s:.4g} s in {loaded.recording.source.path} and "
+            f"{phases * two.interval_s:.4g} s in {unloaded.recording.source.path}. Record both runs at the same speed "
             "and with the same clock."
         )
-    return LoadSignal(one, two, _require_same_path(loaded, unloaded, one, two), shift_s=0.0)
+    return LoadSignal(one, two, _require_same_path(loaded.recording, unloaded.recording, one, two), shift_s=0.0)
 
 
-def _by_position(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal:
+def _by_position(loaded: Run, unloaded: Run) -> LoadSignal:
     """The difference of two runs aligned by position, at the loaded run's times."""
-    _require_same_excitation(loaded, unloaded)
-    one, two = (TimedRun.of(run, transmission) for run in (loaded, unloaded))
-    shift_s = _shift_by_phase(one.run, two.run)
+    one, two = loaded.timed, unloaded.timed
+    shift_s = _shift_by_phase(one.recording, two.recording)
     if shift_s is None:
         shift_s = time_shift(one.path, two.path)
     grid = one.moving_grid(max(0.0, -shift_s), min(one.path.duration_s, two.path.duration_s - shift_s))
     begin_s, end_s = _common_part(one, two, grid, shift_s)
     grid = one.moving_grid(begin_s, end_s)
     motions = one.sampled(grid), two.sampled(grid.later(shift_s))
-    mismatch = _require_same_path(loaded, unloaded, *motions)
-    return LoadSignal(*motions, mismatch, shift_s + float(two.run.time_s[0] - one.run.time_s[0]))
+    mismatch = _require_same_path(loaded.recording, unloaded.recording, *motions)
+    return LoadSignal(*motions, mismatch, shift_s + float(two.recording.time_s[0] - one.recording.time_s[0]))
 
 
 def _shift_by_phase(one: Recording, two: Recording) -> float | None:

@@ -1,6 +1,6 @@
 """A periodic run folded onto one period: average, scatter, and the motion as a Fourier series.
 
-`recording.reduction.place_in_period` determines the position of the rows in a period. A recording that was reduced to
+`recording.reduction.phase_advance` determines the position of the rows in a period. A recording that was reduced to
 its average period while it was read is processed in the same way, as a single period.
 """
 
@@ -15,8 +15,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.period_average import ON_GRID
-from armload_identification.recording.reduction.phase_advance import PhaseAdvance
-from armload_identification.recording.reduction.place_in_period import SETTLING_S, periodic_phase
+from armload_identification.recording.reduction.phase_advance import SETTLING_S, PhaseAdvance, periodic_phase
 from armload_identification.signals.signal_constants import PeriodSeries, SplineFit
 
 
@@ -33,6 +32,8 @@ class PeriodicRun:
         scatter_nm: (n,) standard deviation of ONE raw sample between periods; None for one period.
         motion: Measured position as a Fourier series in time, whose derivatives are analytic.
         position_fit_rad: (n,) RMS of the averaged measured position about that series.
+        rate: Measured seconds per second of phase.
+        interruptions: How often the run was paused or slowed down within its periods.
     """
 
     period_s: float
@@ -42,6 +43,8 @@ class PeriodicRun:
     scatter_nm: FloatArray | None
     motion: FourierTrajectory
     position_fit_rad: FloatArray
+    rate: float
+    interruptions: int
 
 
 def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRun:
@@ -86,6 +89,8 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
         scatter_nm=_scatter(table[:, :, :n], mean[:, :n], count),
         motion=motion,
         position_fit_rad=misfit,
+        rate=advance.rate,
+        interruptions=advance.interruptions,
     )
 
 

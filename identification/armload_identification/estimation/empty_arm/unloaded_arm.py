@@ -38,7 +38,7 @@ from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.signals.motion import Motion
-from armload_identification.signals.reversals import reversal_speed, reversal_weights
+from armload_identification.signals.reversals import reversal_speed
 
 _OFFSET: Final = "offset"
 
@@ -77,9 +77,7 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
     )
     slowest = reversal_speed(np.vstack([run.states.velocity_rad_s for run in runs]))
     model = identified_body(found, base, slowest, np.stack([np.zeros(n), np.zeros(n), found.value(_OFFSET)]))
-    moving = np.vstack(
-        [reversal_weights(run.states.position_rad, run.states.velocity_rad_s)[run.valid] for run in runs]
-    )
+    moving = np.vstack([run.reversal_weight[run.valid] for run in runs])
     left = [
         (run.torque_nm - model.torque(chain, *run.with_delay(model.torque_delay_s).states))[run.valid] for run in runs
     ]

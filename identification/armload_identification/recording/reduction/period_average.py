@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import PeriodAverage, Recording, RecordingSource, recording_of
-from armload_identification.recording.reduction.phase_advance import PhaseAdvance
-from armload_identification.recording.reduction.place_in_period import (
+from armload_identification.recording.reduction.phase_advance import (
     SETTLING_S,
+    PhaseAdvance,
     phases_of,
     shortest_period,
 )

@@ -37,9 +37,9 @@ from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS, body_regressor, rotor_columns
-from armload_identification.recording.recording import Recording
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import Motion
+from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.reversals import reversal_speed, reversal_weights
 from armload_identification.verdict.decision_levels import ArmFit
 from armload_identification.verdict.joint_words import named_joints
@@ -82,12 +82,10 @@ class _Exchange:
 class RunColumns:
     """The columns of a pair of runs; what they contain is searched once."""
 
-    def __init__(
-        self, signal: LoadSignal, runs: tuple[Recording, Recording], chain: Chain, coupling: FloatArray
-    ) -> None:
+    def __init__(self, signal: LoadSignal, runs: tuple[Run, Run], chain: Chain, coupling: FloatArray) -> None:
         """Take the torque difference of a loaded and an unloaded run; `coupling` is (n, n) C of the motors."""
         self._signal, self._chain, self._coupling = signal, chain, coupling
-        self._paths = tuple(str(run.source.path) for run in runs)
+        self._paths = tuple(str(run.recording.source.path) for run in runs)
 
     def look_right(self, arm: BodyFit | None) -> bool:
         """Whether there is no cause to search for mistakes; `arm` is None if it was calibrated."""

@@ -19,7 +19,7 @@ from armload_identification.estimation.residual_spectrum import ResidualSpectrum
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, student_half_width
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.signals.load_signal import LoadSignal
-from armload_identification.signals.reversals import reversal_speed, reversal_weights
+from armload_identification.signals.reversals import reversal_speed
 from armload_identification.verdict.decision_levels import FalseAlarms, JointScaleLevels
 
 
@@ -51,7 +51,7 @@ class JointScales:
 def joint_scales(signal: LoadSignal, predicted_nm: FloatArray, friction_nm: FloatArray) -> JointScales:
     """The scale of every joint, by the payload's (K, n) torque and the friction that it adds, (K, n), in N m."""
     n = predicted_nm.shape[1]
-    weight = reversal_weights(signal.states.position_rad, signal.states.velocity_rad_s) * signal.valid[:, None]
+    weight = signal.loaded.reversal_weight * signal.valid[:, None]
     direction = smooth_sign(signal.states.velocity_rad_s, reversal_speed(signal.states.velocity_rad_s))
     target = signal.torque_nm - friction_nm
     scale, half_width = np.full(n, np.nan), np.full(n, np.inf)

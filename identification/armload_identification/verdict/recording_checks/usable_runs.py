@@ -13,52 +13,60 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording, check_joints
-from armload_identification.recording.reduction.place_in_period import whole_periods
 from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
-from armload_identification.signals.joint_torque import Transmission, joint_torque, reported_effort
+from armload_identification.signals.joint_torque import Transmission, reported_effort
+from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.decision_levels import Correlations, RunLevels
 from armload_identification.verdict.joint_words import numbered_joints
 from armload_identification.verdict.recording_checks.effort_mismatch import require_effort, require_same_effort
 
 
-def require_usable(runs: Sequence[Recording], n: int, transmission: Transmission, effort: Effort | None = None) -> None:
-    """Raise for recordings that cannot be used.
+def usable_runs(
+    recordings: Sequence[Recording], n: int, transmission: Transmission, effort: Effort | None = None
+) -> list[Run]:
+    """The runs of recordings; raises for recordings that cannot be used.
 
     Args:
-        runs: A run, or a loaded and an unloaded one.
+        recordings: One, or a loaded and an unloaded one.
         n: Number of joints of the arm.
         transmission: Gains, and coupling.
         effort: The quantity that the arm was calibrated with; None if it was not calibrated.
 
     Raises:
         RecordingError: another arm's recording, or one with another quantity than the calibration's; two runs that are
-            mixed up; a velocity that is not the position's, or a torque column that is constant, stuck for a part of
-            the run, saturated, or of the wrong sign.
+            mixed up; no motion; a velocity that is not the position's, or a torque column that is constant, stuck for a
+            part of the run, saturated, or of the wrong sign.
     """
+    given = _Given(tuple(recordings), n, effort)
+    for of_recordings in RECORDING_CHECKS:
+        of_recordings(given)
+    runs = [Run.of(recording, transmission) for recording in recordings]
     for run in runs:
-        check_joints(run, n)
-        if effort is not None:
-            require_effort(run, effort)
-    if len(runs) == 2:
-        for check in PAIR_CHECKS:
-            check(runs[0], runs[1])
-    for run in runs:
-        require_sound(run, transmission)
-
-
-def require_sound(run: Recording, transmission: Transmission) -> None:
-    """Raise for a run of which one of `RUN_CHECKS` finds a column wrong."""
-    seen = _Run(run, joint_torque(run, transmission))
-    for check in RUN_CHECKS:
-        check(seen)
+        seen = _Seen(run)
+        for check in RUN_CHECKS:
+            check(seen)
+    return runs
 
 
 @dataclass(frozen=True, eq=False)
-class _Run:
-    """A run as its checks see it, with (N, n) joint torque."""
+class _Given:
+    """Recordings as given, for an arm of n joints that was calibrated with a quantity, if it was."""
 
-    recording: Recording
-    torque_nm: FloatArray
+    recordings: tuple[Recording, ...]
+    n: int
+    effort: Effort | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A run as its checks see it."""
+
+    run: Run
+
+    @property
+    def recording(self) -> Recording:
+        """Its rows."""
+        return self.run.recording
 
     @cached_property
     def moves(self) -> NDArray[np.bool_]:
@@ -68,28 +76,45 @@ class _Run:
     @cached_property
     def repeats(self) -> RepeatedValues:
         """How long the effort stays the same."""
-        run = self.recording
-        return repeated_values(reported_effort(run), run.position_rad) if run.repeats is None else run.repeats
+        rows = self.recording
+        return repeated_values(reported_effort(rows), rows.position_rad) if rows.repeats is None else rows.repeats
 
 
-def _refuse_the_same_file(loaded: Recording, unloaded: Recording) -> None:
-    if loaded.source.sha256 == unloaded.source.sha256:
-        raise RecordingError(
-            f"{loaded.source.path} and {unloaded.source.path} are the same recording. "
-            "Give one run with and one run without the payload."
-        )
+def _refuse_another_arm(given: _Given) -> None:
+    for recording in given.recordings:
+        check_joints(recording, given.n)
 
 
-def _refuse_exchanged_labels(loaded: Recording, unloaded: Recording) -> None:
-    labels = (loaded.source.run().get("load"), unloaded.source.run().get("load"))
-    if labels[0] == "unloaded" != labels[1] or labels[1] == "loaded":
-        raise RecordingError(
-            f"{loaded.source.path} was recorded as '{labels[0]}' and {unloaded.source.path} as '{labels[1]}'. "
-            "Exchange the two files."
-        )
+def _refuse_another_quantity(given: _Given) -> None:
+    """Raise for a quantity other than the calibration's, or two different ones."""
+    for recording in given.recordings:
+        if given.effort is not None:
+            require_effort(recording, given.effort)
+    if len(given.recordings) == 2:
+        require_same_effort(*given.recordings)
 
 
-def _refuse_long_means(seen: _Run) -> None:
+def _refuse_the_same_file(given: _Given) -> None:
+    first, *others = (recording.source for recording in given.recordings)
+    for other in others:
+        if first.sha256 == other.sha256:
+            raise RecordingError(
+                f"{first.path} and {other.path} are the same recording. Give one run with and one run without the "
+                "payload."
+            )
+
+
+def _refuse_exchanged_labels(given: _Given) -> None:
+    first, *others = (recording.source for recording in given.recordings)
+    for other in others:
+        labels = (first.run().get("load"), other.run().get("load"))
+        if labels[0] == "unloaded" != labels[1] or labels[1] == "loaded":
+            raise RecordingError(
+                f"{first.path} was recorded as '{labels[0]}' and {other.path} as '{labels[1]}'. Exchange the two files."
+            )
+
+
+def _refuse_long_means(seen: _Seen) -> None:
     """Raise for a run so long that its means attenuate the motion: at f, by (pi f T)^2 / 6 of the amplitude."""
     run = seen.recording
     if run.repeats is None or run.average is not None:
@@ -107,7 +132,7 @@ def _refuse_long_means(seen: _Run) -> None:
         )
 
 
-def _refuse_velocity(seen: _Run) -> None:
+def _refuse_velocity(seen: _Seen) -> None:
     """Raise for a velocity that is not the derivative of the position, or is so in degrees."""
     run = seen.recording
     if run.velocity_rad_s is None or run.average is not None:
@@ -134,7 +159,7 @@ def _refuse_velocity(seen: _Run) -> None:
             )
 
 
-def _refuse_velocity_as_effort(seen: _Run) -> None:
+def _refuse_velocity_as_effort(seen: _Seen) -> None:
     """Raise for a current or torque that is the derivative of the position on every joint."""
     if seen.recording.average is None:
         change, expected, size = _changes(seen.recording, reported_effort(seen.recording))
@@ -160,7 +185,7 @@ def _changes(run: Recording, rate: FloatArray) -> tuple[FloatArray, FloatArray, 
     return change, expected, np.sqrt(np.sum(change**2, axis=0) * np.sum(expected**2, axis=0))
 
 
-def _refuse_constant(seen: _Run) -> None:
+def _refuse_constant(seen: _Seen) -> None:
     """Raise for a joint that moves while its torque does not change at all."""
     measured = reported_effort(seen.recording)
     still = np.flatnonzero(seen.moves & (np.ptp(measured, axis=0) == 0.0))
@@ -171,7 +196,7 @@ def _refuse_constant(seen: _Run) -> None:
         )
 
 
-def _refuse_saturation(seen: _Run) -> None:
+def _refuse_saturation(seen: _Seen) -> None:
     """Raise for a run in which a moving joint's torque stays at its greatest value, longer than at any other."""
     run, repeats = seen.recording, seen.repeats
     by_chance = np.maximum(RunLevels.saturated_repeats, RunLevels.saturated_over_others * repeats.elsewhere)
@@ -184,7 +209,7 @@ def _refuse_saturation(seen: _Run) -> None:
         )
 
 
-def _refuse_stuck(seen: _Run) -> None:
+def _refuse_stuck(seen: _Seen) -> None:
     """Raise for a run in which a joint moves back and forth while its torque stays the same: friction would change."""
     run, repeats = seen.recording, seen.repeats
     range_rad = np.ptp(run.position_rad, axis=0)
@@ -200,13 +225,13 @@ def _refuse_stuck(seen: _Run) -> None:
         )
 
 
-def _refuse_fed_energy(seen: _Run) -> None:
+def _refuse_fed_energy(seen: _Seen) -> None:
     """Raise for motors that absorb energy over a run that ends where it began: friction dissipates it.
 
     Only their sum counts: a single joint can receive any amount of energy from the others over a cycle.
     """
-    run, rows = seen.recording, _closed_part(seen.recording)
-    torque, step = seen.torque_nm[rows], np.diff(run.position_rad[rows], axis=0)
+    run, rows = seen.recording, _closed_part(seen.run)
+    torque, step = seen.run.torque_nm[rows], np.diff(run.position_rad[rows], axis=0)
     work = 0.5 * (torque[1:] + torque[:-1]) * step
     if seen.moves.any() and work.sum() < RunLevels.fed_energy * np.abs(work).sum():
         raise RecordingError(
@@ -216,18 +241,24 @@ def _refuse_fed_energy(seen: _Run) -> None:
         )
 
 
-def _closed_part(run: Recording) -> NDArray[np.intp]:
+def _closed_part(run: Run) -> NDArray[np.intp]:
     """Rows of a closed motion: whole periods, else the entire run; none if it does not end where it began."""
-    if run.phase_s is not None and run.excitation is not None:
-        inside = np.flatnonzero(np.isfinite(run.phase_s))
-        length_s = whole_periods(run) * run.excitation.trajectory.period_s
-        return inside[run.phase_s[inside] <= run.phase_s[inside[:1]] + length_s] if length_s else inside[:0]
-    if (np.abs(run.position_rad[-1] - run.position_rad[0]) < RunLevels.evident_travel_rad).all():
-        return np.arange(run.time_s.size)
+    rows = run.recording
+    if rows.phase_s is not None and rows.excitation is not None:
+        inside = np.flatnonzero(np.isfinite(rows.phase_s))
+        length_s = run.periods * rows.excitation.trajectory.period_s
+        return inside[rows.phase_s[inside] <= rows.phase_s[inside[:1]] + length_s] if length_s else inside[:0]
+    if (np.abs(rows.position_rad[-1] - rows.position_rad[0]) < RunLevels.evident_travel_rad).all():
+        return np.arange(rows.time_s.size)
     return np.empty(0, dtype=np.intp)
 
 
-PAIR_CHECKS = (_refuse_the_same_file, _refuse_exchanged_labels, require_same_effort)
+RECORDING_CHECKS = (
+    _refuse_another_arm,
+    _refuse_the_same_file,
+    _refuse_exchanged_labels,
+    _refuse_another_quantity,
+)
 RUN_CHECKS = (
     _refuse_long_means,
     _refuse_velocity,

@@ -16,6 +16,7 @@ from armload_identification.pipeline.payload_identification import identify
 from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal
+from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.agreement import KnownMassCenter, Outcome, compare_known
 from armload_identification.verdict.tolerance import Tolerance
 from benchmarks.arms.sagging_panda import PAYLOAD, Effects, SaggingPanda, chain, nominal_transmission
@@ -133,7 +134,9 @@ def test_two_gains_of_which_either_explains_the_runs_are_both_listed(pinocchio_a
     gain_nm_a = arm.transmission.gain_nm_a * np.where(np.arange(6) == axes[0], 1.12, 1.0)
     transmission = Transmission(gain_nm_a, arm.transmission.coupling)
     pair = [arm.run(arm.trajectory(), load, seed=51 + load, noise=0.3) for load in (True, False)]
-    problem = pair_problem(load_signal(*pair, transmission), arm.chain, transmission.coupling, None)
+    problem = pair_problem(
+        load_signal(*(Run.of(run, transmission) for run in pair)), arm.chain, transmission.coupling, None
+    )
     (group,) = problem.problem.groups
     both = np.isin(np.arange(6), axes)
     runs = tuple(replace(run, rows=run.rows.weighted(both)) for run in group.runs)

@@ -21,13 +21,14 @@ from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.solve import solve
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.motion import motion_over_time
+from armload_identification.signals.recorded_run import Run
 
 pytestmark = pytest.mark.pure
 
 
 @pytest.fixture(scope="module")
 def signal(pair, pinocchio_arm):
-    return load_signal(*pair, pinocchio_arm.transmission)
+    return load_signal(*(Run.of(run, pinocchio_arm.transmission) for run in pair))
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +157,7 @@ def test_a_recorder_whose_torque_is_later_than_in_the_calibration_does_not_chang
 
 def test_a_pair_on_a_calibrated_arm_has_friction_of_the_day_and_of_each_run(pair, pinocchio_arm, known):
     chain, transmission, arm = known
-    signal = load_signal(*pair, transmission)
+    signal = load_signal(*(Run.of(run, transmission) for run in pair))
     problem = pair_problem(signal, chain, transmission.coupling, arm)
     names = [term.name for term in problem.problem.terms]
     assert SESSION_FRICTION in names

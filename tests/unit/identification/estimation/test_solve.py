@@ -33,6 +33,7 @@ from armload_identification.estimation.uncertainty import student_half_width
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.signals.load_signal import load_signal
+from armload_identification.signals.recorded_run import Run
 
 pytestmark = pytest.mark.pure
 
@@ -44,7 +45,7 @@ def rows(pinocchio_arm):
     runs = [
         arm.run(arm.trajectory(3, period_s=10.0), load, seed=5 + load, load_friction=0.06) for load in (True, False)
     ]
-    signal = load_signal(*runs, arm.transmission)
+    signal = load_signal(*(Run.of(run, arm.transmission) for run in runs))
     coupling = arm.transmission.coupling
     base = base_links(base_columns(arm.chain, coupling), 6)
     signals = [RunSignals.of_motion(run, coupling) for run in (signal.loaded, signal.unloaded)]

@@ -10,6 +10,7 @@ import pytest
 from armload_identification.pipeline.operator_notes import misfit_notes, notes_on
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import ABOVE_BAND
+from armload_identification.signals.reversals import reversal_weights
 
 pytestmark = pytest.mark.pure
 
@@ -28,7 +29,7 @@ def moving(joints):
     return SimpleNamespace(position_rad=np.cumsum(0.1 * speed, axis=0), velocity_rad_s=speed)
 
 
-def signal(**changes):
+def signal(interruptions=(0, 0), rate=1.0, moves=ALL, **changes):
     """A pair without any fault: 10 N m of payload, 0.1 N m of noise, three periods each."""
     torque = 10.0 * np.tile([[1.0], [-1.0]], (SAMPLES // 2, JOINTS))
     base = {
@@ -39,12 +40,22 @@ def signal(**changes):
         "periodic": True,
         "periods": (3, 3),
         "noise_source": "the scatter of periods",
-        "unloaded": SimpleNamespace(moves=ALL),
         "time_s": 0.1 * np.arange(SAMPLES),
         "interval_s": 0.1,
         "states": moving(ALL),
     }
-    return with_changes(base, changes)
+    found = with_changes(base, changes)
+    found.loaded, found.unloaded = (
+        SimpleNamespace(
+            periods=periods,
+            interruptions=count,
+            rate=rate,
+            moves=moves,
+            reversal_weight=reversal_weights(found.states.position_rad, found.states.velocity_rad_s),
+        )
+        for periods, count in zip(found.periods, interruptions, strict=True)
+    )
+    return found
 
 
 def found_of(share=0.01, **changes):
@@ -56,6 +67,7 @@ def found_of(share=0.01, **changes):
         "plain": plain,
         "signal": signal(),
         "gains": gains(),
+        "sources": (source(), source()),
         "residual_nm": signal().torque_nm * np.asarray(share),
         "struck": np.zeros(SAMPLES, dtype=bool),
         "physical": SimpleNamespace(changed=False, plain_margin=1.0),
@@ -64,14 +76,9 @@ def found_of(share=0.01, **changes):
     return with_changes(base, changes)
 
 
-def recording(by_torque=False, interruptions=0, excitation=None, **changes):
-    source = {"rows_read": 100, "rows_dropped": 0, "reasons": {}, "truncated": False, "ignored_joints": ()}
-    return SimpleNamespace(
-        source=with_changes(source, changes),
-        torque_nm=signal().torque_nm if by_torque else None,
-        average=SimpleNamespace(interruptions=interruptions),
-        excitation=excitation,
-    )
+def source(**changes):
+    base = {"rows_read": 100, "rows_dropped": 0, "reasons": {}, "truncated": False, "ignored_joints": ()}
+    return with_changes(base, changes)
 
 
 def gains(**changes):
@@ -89,10 +96,10 @@ def gains(**changes):
 
 def notes(**changes):
     """The notes on a pair in which only `changes` are not as they should be."""
-    runs = changes.pop("runs", (recording(), recording()))
     transmission = changes.pop("transmission", Transmission(np.ones(JOINTS), np.eye(JOINTS), ALL))
+    used = transmission.gains(from_torque=changes.pop("by_torque", False))
     fitted = changes.pop("body", None)
-    return notes_on(found_of(**changes), runs, transmission, None, fitted)
+    return notes_on(found_of(**changes), used, None, fitted)
 
 
 def test_nothing_is_said_of_a_good_pair():
@@ -105,20 +112,19 @@ def only(found):
 
 
 def test_rows_that_were_left_out_are_counted_for_the_run_they_are_of():
-    odd = recording(rows_dropped=7, reasons={"not finite": 4, "position jumps": 3})
-    note = only(notes(runs=(recording(), odd)))
+    odd = source(rows_dropped=7, reasons={"not finite": 4, "position jumps": 3})
+    note = only(notes(sources=(source(), odd)))
     assert note.startswith("unloaded recording: 7 of 100")
     assert "4 not finite, 3 position jumps" in note
-    assert only(notes(runs=(recording(truncated=True), recording()))).startswith("loaded recording")
-    assert "gripper" in only(notes(runs=(recording(ignored_joints=("gripper",)),)))
+    assert only(notes(sources=(source(truncated=True), source()))).startswith("loaded recording")
+    assert "gripper" in only(notes(sources=(source(ignored_joints=("gripper",)),)))
 
 
 @pytest.mark.parametrize(
     ("period_s", "noted"), [(4.0, False), (4.004, False), (3.98, True), (4.08, True), (4.4, False), (8.0, False)]
 )
 def test_a_clock_that_is_not_the_excitations_is_noted_but_not_another_speed(period_s, noted):
-    stated = SimpleNamespace(trajectory=SimpleNamespace(period_s=period_s))
-    found = notes(runs=(recording(excitation=stated), recording(excitation=stated)))
+    found = notes(signal=signal(rate=4.0 / period_s))
     assert [f"4 s by the time stamps, {period_s:.4g} s by the excitation" in note for note in found] == [True] * noted
 
 
@@ -130,8 +136,7 @@ def test_torque_that_is_late_or_early_by_more_than_a_drive_causes_is_noted(delay
 
 
 def test_pauses_are_told_with_how_often_every_part_was_measured_at_full_speed():
-    runs = (recording(interruptions=1), recording(interruptions=4))
-    loaded, unloaded = notes(runs=runs, signal=signal(periods=(2, 1)))
+    loaded, unloaded = notes(signal=signal(periods=(2, 1), interruptions=(1, 4)))
     assert loaded.startswith("loaded")
     assert "slowed down once" in loaded
     assert "at least 2 times" in loaded
@@ -151,8 +156,7 @@ def test_pauses_are_told_with_how_often_every_part_was_measured_at_full_speed():
 )
 def test_a_scale_that_nothing_verifies_is_named(calibrated, by_torque, said):
     transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), calibrated, np.array([0.02, 0.06, 0.01]))
-    runs = (recording(by_torque=by_torque), recording(by_torque=by_torque))
-    found = notes(runs=runs, transmission=transmission)
+    found = notes(by_torque=by_torque, transmission=transmission)
     assert len(found) == bool(said)
     assert all(word in found[0] for word in said)
 
@@ -258,7 +262,7 @@ def test_joints_whose_own_torque_is_not_explained_are_named_if_they_move_and_are
     assert notes(body=body()) == []
     odd = body(residual_rms_nm=np.array([1.0, 9.0, 9.0]))
     assert "joints 2 and 3" in only(notes(body=odd))
-    resting = signal(unloaded=SimpleNamespace(moves=np.array([True, False, True])))
+    resting = signal(moves=np.array([True, False, True]))
     assert "joint 3" in only(notes(body=odd, signal=resting))
     quiet = signal(averaged_noise_nm=np.array([0.1, 0.1, 3.0]))
     assert "joint 2" in only(notes(body=odd, signal=quiet))
@@ -309,9 +313,9 @@ def test_friction_far_outside_that_of_the_calibration_is_named():
 
     def noted(**changes):
         found = found_of(plain=with_changes(plain, changes), gains=None)
-        transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), ALL)
+        used = Transmission(np.ones(JOINTS), np.eye(JOINTS), ALL).gains(from_torque=False)
         arm = SimpleNamespace(drift=drift, noise_nm=np.ones(JOINTS))
-        return notes_on(found, (recording(), recording()), transmission, arm)
+        return notes_on(found, used, arm)
 
     assert "friction of joint 2 " in only(noted())
     assert noted(runs=1) == []

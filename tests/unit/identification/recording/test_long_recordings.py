@@ -27,8 +27,9 @@ from armload_identification.recording.reduction.time_average import TimeAverager
 from armload_identification.recording.row_block import RowBlock, joined
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT, MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
 from armload_identification.signals.load_signal import load_signal
-from armload_identification.signals.motion import ABOVE_BAND, SCATTER, motion_of
-from armload_identification.verdict.recording_checks.usable_runs import require_sound
+from armload_identification.signals.motion import ABOVE_BAND, SCATTER
+from armload_identification.signals.recorded_run import Run
+from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 pytestmark = pytest.mark.pure
 
@@ -108,13 +109,13 @@ def test_the_average_period_of_a_long_run_is_that_of_all_its_rows(runs, pinocchi
     assert reduced.average.periods == 6
     assert reduced.size == 499
     assert reduced.source == whole.source
-    motions = [motion_of(run, pinocchio_arm.transmission) for run in (reduced, whole)]
+    motions = [Run.of(run, pinocchio_arm.transmission).motion for run in (reduced, whole)]
     assert_same(*motions)
-    signals = [load_signal(*pair, pinocchio_arm.transmission) for pair in pairs[::-1]]
+    signals = [load_signal(*(Run.of(run, pinocchio_arm.transmission) for run in pair)) for pair in pairs[::-1]]
     np.testing.assert_allclose(signals[0].torque_nm, signals[1].torque_nm, atol=1e-9)
     np.testing.assert_allclose(signals[0].mismatch_rad, signals[1].mismatch_rad, rtol=1e-6)
     # A long run with a short one.
-    mixed = load_signal(reduced, pairs[0][1], pinocchio_arm.transmission)
+    mixed = load_signal(Run.of(reduced, pinocchio_arm.transmission), Run.of(pairs[0][1], pinocchio_arm.transmission))
     np.testing.assert_allclose(mixed.torque_nm, signals[1].torque_nm, atol=1e-9)
 
 
@@ -128,7 +129,8 @@ def test_phases_off_any_grid_are_interpolated_in_a_long_run_too(pinocchio_arm, t
     odd = replace(run, time_s=phase / 0.7313, position_rad=position, phase_s=phase, current_a=current)
     path = write_mcap(tmp_path / "odd.mcap", odd)
     whole, reduced = (
-        motion_of(read_recording(path, short_rows=rows), pinocchio_arm.transmission) for rows in (EVERYTHING, NOTHING)
+        Run.of(read_recording(path, short_rows=rows), pinocchio_arm.transmission).motion
+        for rows in (EVERYTHING, NOTHING)
     )
     assert reduced.periods == whole.periods == 3
     inner = reduced.valid & whole.valid
@@ -156,7 +158,7 @@ def test_pauses_cost_a_long_run_what_they_cost_a_short_one(runs, pinocchio_arm, 
         whole, reduced = (read_recording(path, short_rows=limit) for limit in (EVERYTHING, NOTHING))
         assert reduced.average.periods == periods
         assert (interruptions(whole), interruptions(reduced)) == (len(rows), len(rows))
-        motions = [motion_of(run, pinocchio_arm.transmission) for run in (reduced, whole)]
+        motions = [Run.of(run, pinocchio_arm.transmission).motion for run in (reduced, whole)]
         assert_same(*motions, motion_atol=1e-9 if odd == 0.0 else 1e-6)
 
 
@@ -186,7 +188,10 @@ def test_means_over_10_ms_give_the_difference_of_two_long_runs(pinocchio_arm, tm
     paths = [write_csv(tmp_path / f"{number}.csv", run) for number, run in enumerate(runs)]
     whole, reduced = (
         load_signal(
-            *(read_recording(path, COLUMNS, short_rows=short_rows) for path in paths), pinocchio_arm.transmission
+            *(
+                Run.of(run, pinocchio_arm.transmission)
+                for run in (read_recording(path, COLUMNS, short_rows=short_rows) for path in paths)
+            )
         )
         for short_rows in (EVERYTHING, NOTHING)
     )
@@ -264,7 +269,7 @@ def test_means_that_are_too_long_for_the_motion_are_refused(pinocchio_arm):
     with pytest.raises(
         RecordingError, match=r"0\.8 h .* means over 100 ms, .* 2 %.* with `between_s=`, such as its first 600 s"
     ):
-        require_sound(run, pinocchio_arm.transmission)
+        usable_runs([run], 6, pinocchio_arm.transmission)
 
 
 def test_a_saturated_joint_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_path):
@@ -278,9 +283,9 @@ def test_a_saturated_joint_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_p
     path = write_mcap(tmp_path / "clipped.mcap", replace(run, current_a=current))
     for short_rows in (EVERYTHING, NOTHING):
         with pytest.raises(RecordingError, match="joint 2 stays at its maximum"):
-            require_sound(read_recording(path, short_rows=short_rows), pinocchio_arm.transmission)
-    require_sound(
-        read_recording(write_mcap(tmp_path / "clean.mcap", run), short_rows=NOTHING), pinocchio_arm.transmission
+            usable_runs([read_recording(path, short_rows=short_rows)], 6, pinocchio_arm.transmission)
+    usable_runs(
+        [read_recording(write_mcap(tmp_path / "clean.mcap", run), short_rows=NOTHING)], 6, pinocchio_arm.transmission
     )
 
 
@@ -293,7 +298,7 @@ def test_a_stuck_current_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_pat
     path = write_mcap(tmp_path / "stuck.mcap", replace(run, current_a=current))
     for short_rows in (EVERYTHING, NOTHING):
         with pytest.raises(RecordingError, match=rf"stuck.mcap: joint 5 moves back and forth .* for {half} samples"):
-            require_sound(read_recording(path, short_rows=short_rows), pinocchio_arm.transmission)
+            usable_runs([read_recording(path, short_rows=short_rows)], 6, pinocchio_arm.transmission)
 
 
 def test_repetitions_are_counted_across_blocks():
@@ -379,7 +384,6 @@ from armload_identification.recording import file_reading
 from armload_identification.recording.row_block import RowBlock
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.motion import motion_of
 
 period = 4000
 trajectory = FourierTrajectory(0.25, np.zeros(6), np.full((6, 2), 0.2), np.full((6, 2), 0.1))
@@ -409,7 +413,7 @@ def peak(rows, periodic):
     file_reading.reader_of = lambda path, options: Endless(rows, periodic)
     run = file_reading.read_recording(Path("made"))
     if periodic:
-        motion = motion_of(run, Transmission(np.ones(6), np.eye(6)))
+        motion = Run.of(run, Transmission(np.ones(6), np.eye(6))).motion
         assert motion.periods == rows // period, motion.periods
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
@@ -468,8 +472,8 @@ def test_from_arrays_is_cleaned_and_hashed(pair, pinocchio_arm):
     periodic = Recording.from_arrays(
         run.time_s, position, current_a=run.current_a, phase_s=run.phase_s, excitation=run.excitation
     )
-    whole = motion_of(recording_of(run, run.excitation, run.source), pinocchio_arm.transmission)
-    assert_same(motion_of(periodic, pinocchio_arm.transmission), whole, 0.0)
+    whole = Run.of(recording_of(run, run.excitation, run.source), pinocchio_arm.transmission).motion
+    assert_same(Run.of(periodic, pinocchio_arm.transmission).motion, whole, 0.0)
 
 
 @pytest.mark.parametrize(

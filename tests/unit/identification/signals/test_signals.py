@@ -10,14 +10,15 @@ from scipy.signal import butter, sosfiltfilt
 
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.place_in_period import phases_per_period, whole_periods
-from armload_identification.signals.alignment import fit_motion, time_shift
+from armload_identification.recording.reduction.phase_advance import phases_per_period, whole_periods
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, gain_shares, joint_torque
 from armload_identification.signals.load_signal import load_signal
-from armload_identification.signals.motion import ABOVE_BAND, SCATTER, TimedRun, motion_of
+from armload_identification.signals.motion import ABOVE_BAND, SCATTER
 from armload_identification.signals.periods import fold
+from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.signal_constants import LowPass
+from armload_identification.signals.timed_run import fit_motion, time_shift
 
 pytestmark = pytest.mark.pure
 
@@ -275,7 +276,7 @@ def test_the_grid_of_a_long_run_stays_at_its_samples(pinocchio_arm):
     time_s = 1_700_000_000.0 + 0.0075 * np.arange(20_000)
     state = pinocchio_arm.trajectory(period_s=10.0).evaluate(time_s - time_s[0])
     run = Recording.from_arrays(time_s, state.position_rad, torque_nm=state.position_rad)
-    grid = TimedRun.of(run, pinocchio_arm.transmission).moving_grid(0.0, float(time_s[-1] - time_s[0]))
+    grid = Run.of(run, pinocchio_arm.transmission).timed.moving_grid(0.0, float(time_s[-1] - time_s[0]))
     place = grid.elapsed_s / 0.0075
     assert np.abs(place - np.round(place)).max() < 1e-4
 
@@ -293,7 +294,7 @@ def test_the_time_between_two_runs_is_found_from_positions(pinocchio_arm, late_s
 
 
 def test_the_difference_of_runs_is_the_payloads_torque(pair, pinocchio_arm):
-    signal = load_signal(*pair, pinocchio_arm.transmission)
+    signal = load_signal(*(Run.of(run, pinocchio_arm.transmission) for run in pair))
     payload = pinocchio_arm.torque(*signal.states, pinocchio_arm.payload) - pinocchio_arm.torque(*signal.states)
     assert signal.periodic
     assert signal.periods == (3, 3)
@@ -309,7 +310,7 @@ def test_the_difference_of_runs_is_the_payloads_torque(pair, pinocchio_arm):
 
 def test_a_residual_of_single_samples_holds_the_noise_that_averaging_removed(pair, pinocchio_arm):
     """Of P periods the average keeps 1 / P of the noise's variance; what a prediction misses is added to the rest."""
-    signal = load_signal(*pair, pinocchio_arm.transmission)
+    signal = load_signal(*(Run.of(run, pinocchio_arm.transmission) for run in pair))
     assert signal.periods[0] == signal.periods[1] > 1
     removed = signal.noise_nm**2 * (1.0 - 1.0 / signal.periods[0])
     for missed_nm in (0.0, 0.2):
@@ -330,7 +331,7 @@ def test_without_a_period_the_runs_are_laid_over_each_other(pinocchio_arm):
         position_rad=loaded.position_rad[keep],
         current_a=loaded.current_a[keep],
     )
-    signal = load_signal(loaded, unloaded, pinocchio_arm.transmission)
+    signal = load_signal(Run.of(loaded, pinocchio_arm.transmission), Run.of(unloaded, pinocchio_arm.transmission))
     payload = pinocchio_arm.torque(*signal.states, pinocchio_arm.payload) - pinocchio_arm.torque(*signal.states)
     assert not signal.periodic
     assert signal.noise_source == ABOVE_BAND
@@ -346,7 +347,7 @@ def test_both_runs_go_through_the_same_filter(pinocchio_arm, with_phase):
     """Filters are linear: with equal filters, the difference of filtered runs is the filtered difference."""
     trajectory = pinocchio_arm.trajectory()
     runs = [pinocchio_arm.run(trajectory, load, seed=61 + load, periods=2, with_phase=with_phase) for load in (1, 0)]
-    signal = load_signal(*runs, pinocchio_arm.transmission)
+    signal = load_signal(*(Run.of(run, pinocchio_arm.transmission) for run in runs))
     if with_phase:
         filtered = smooth(signal.raw_nm)
     else:
@@ -358,7 +359,7 @@ def test_both_runs_go_through_the_same_filter(pinocchio_arm, with_phase):
 def test_stamps_with_jitter_leave_no_gap_where_the_motion_is_as_fast_as_the_samples_allow(pinocchio_arm):
     run = pinocchio_arm.run(pinocchio_arm.trajectory(), True, seed=63, cycle_s=0.1, with_phase=False)
     jitter_s = 0.005 * np.random.default_rng(63).uniform(-1.0, 1.0, run.size)
-    motion = motion_of(replace(run, time_s=run.time_s + jitter_s), pinocchio_arm.transmission)
+    motion = Run.of(replace(run, time_s=run.time_s + jitter_s), pinocchio_arm.transmission).motion
     cutoff_hz = low_pass_cutoff(motion.states.velocity_rad_s, motion.interval_s)
     assert cutoff_hz == pytest.approx(LowPass.highest_of_rate / motion.interval_s)
     assert motion.valid.all()
@@ -372,7 +373,7 @@ def test_where_one_run_has_one_period_its_noise_is_that_above_the_band(pinocchio
         pinocchio_arm.run(trajectory, load, seed=71 + load, periods=count)
         for load, count in zip((True, False), periods, strict=True)
     ]
-    signal = load_signal(*runs, pinocchio_arm.transmission)
+    signal = load_signal(*(Run.of(run, pinocchio_arm.transmission) for run in runs))
     assert signal.periods == periods
     assert signal.noise_source == ABOVE_BAND
     np.testing.assert_allclose(signal.noise_nm, np.sqrt(2.0) * pinocchio_arm.noise_nm, rtol=0.2)
@@ -385,23 +386,23 @@ def test_runs_that_do_not_belong_together_are_refused(pair, pinocchio_arm):
     transmission = pinocchio_arm.transmission
     other = pinocchio_arm.run(pinocchio_arm.trajectory(seed=5), False, seed=1)
     with pytest.raises(RecordingError, match="different excitations"):
-        load_signal(loaded, other, transmission)
+        load_signal(Run.of(loaded, transmission), Run.of(other, transmission))
     free = [replace(run, phase_s=None, excitation=None) for run in (loaded, other)]
     with pytest.raises(RecordingError, match=r"not of the same trajectory: .*joint \d differs by .* rad RMS"):
-        load_signal(*free, transmission)
+        load_signal(*(Run.of(run, transmission) for run in free))
     for rate in (1.1, 1.003):
         slow = pinocchio_arm.run(pinocchio_arm.trajectory(), False, seed=1, rate=rate)
         with pytest.raises(RecordingError, match="same speed and with the same clock"):
-            load_signal(loaded, slow, transmission)
+            load_signal(Run.of(loaded, transmission), Run.of(slow, transmission))
     swapped = replace(unloaded, position_rad=unloaded.position_rad[:, [1, 0, 2, 3, 4, 5]])
     with pytest.raises(RecordingError, match="order of the joints"):
-        load_signal(loaded, swapped, transmission)
+        load_signal(Run.of(loaded, transmission), Run.of(swapped, transmission))
     still = replace(unloaded, position_rad=np.zeros_like(unloaded.position_rad))
     with pytest.raises(RecordingError, match="no joint moves"):
-        load_signal(loaded, still, transmission)
+        load_signal(Run.of(loaded, transmission), Run.of(still, transmission))
     small = replace(unloaded, position_rad=unloaded.position_rad[:, :3], current_a=unloaded.current_a[:, :3])
     with pytest.raises(RecordingError, match=r"6 joints.* has 3"):
-        load_signal(loaded, small, transmission)
+        load_signal(Run.of(loaded, transmission), Run.of(small, Transmission(np.ones(3), np.eye(3))))
 
 
 def test_the_start_of_a_run_is_not_in_its_average_period(pinocchio_arm):
@@ -410,7 +411,7 @@ def test_the_start_of_a_run_is_not_in_its_average_period(pinocchio_arm):
     elapsed = run.phase_s - run.phase_s[0]
     lag = 3e-3 * np.exp(-elapsed / 0.04) * (elapsed < 0.29)
     late = replace(run, position_rad=run.position_rad - lag[:, None], current_a=run.current_a + 1e3 * lag[:, None])
-    expected, found = (motion_of(either, pinocchio_arm.transmission) for either in (run, late))
+    expected, found = (Run.of(either, pinocchio_arm.transmission).motion for either in (run, late))
     np.testing.assert_array_equal(found.states.acceleration_rad_s2, expected.states.acceleration_rad_s2)
     np.testing.assert_array_equal(found.raw_nm, expected.raw_nm)
     assert found.valid.all()

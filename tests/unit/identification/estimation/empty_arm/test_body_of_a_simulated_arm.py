@@ -5,7 +5,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_identification.estimation.empty_arm.unloaded_arm import fit_body
-from armload_identification.signals.motion import motion_of
+from armload_identification.signals.recorded_run import Run
 from benchmarks.arms.setups import Twin, shipped_motion, twin_spec
 from benchmarks.arms.simulated_recordings import DriveScales, record
 from benchmarks.arms.steady_state import steady_period
@@ -24,7 +24,7 @@ def test_neither_reversals_nor_ripple_are_taken_for_a_delay_or_for_rotors(name, 
     scales = DriveScales.of(motion.streaming.arm, robot.limits.torque_noise_nm, robot.n)
     run = record(period, scales, 1, np.random.default_rng(7), np.zeros(robot.n), noise_scale=0.01)
     transmission = robot.drives.transmission
-    fit = fit_body([motion_of(run, transmission)], robot.chain, transmission.coupling)
+    fit = fit_body([Run.of(run, transmission).motion], robot.chain, transmission.coupling)
     true = [(joint.rotor_inertia_kg_m2, joint.load_friction) for joint in plant.joints[1:3]]
     assert fit.model.torque_delay_s == pytest.approx(1e-3, abs=6e-4)
     np.testing.assert_allclose(fit.model.rotor_inertia_kg_m2[1:3], [rotor for rotor, _ in true], rtol=0.3)

@@ -12,7 +12,8 @@ from armload_identification.estimation.empty_arm.unloaded_arm import fit_body
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import body_regressor, rotor_columns
-from armload_identification.signals.motion import SCATTER, Motion, motion_of
+from armload_identification.signals.motion import SCATTER, Motion
+from armload_identification.signals.recorded_run import Run
 
 pytestmark = pytest.mark.pure
 
@@ -26,7 +27,7 @@ def runs(pinocchio_arm):
 
 @pytest.fixture(scope="module")
 def body(pinocchio_arm, runs):
-    motions = [motion_of(run, pinocchio_arm.transmission) for run in runs]
+    motions = [Run.of(run, pinocchio_arm.transmission).motion for run in runs]
     return fit_body(motions, pinocchio_arm.chain, pinocchio_arm.transmission.coupling)
 
 
@@ -139,7 +140,7 @@ def test_load_dependent_friction_shows_the_rotors_that_no_link_torque_can(pinocc
 def test_an_unused_trajectory_is_predicted(pinocchio_arm, body):
     arm = pinocchio_arm
     fresh = arm.run(arm.trajectory(8), False, seed=77, load_friction=0.05, noise=0.0)
-    motion = motion_of(fresh, arm.transmission).with_delay(body.model.torque_delay_s)
+    motion = Run.of(fresh, arm.transmission).motion.with_delay(body.model.torque_delay_s)
     measured = motion.torque_nm[motion.valid]
 
     def left(model):

@@ -25,7 +25,7 @@ from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_format import RUN_ATTACHMENT, SCHEMA_NAME, TOPIC
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.motion import motion_of
+from armload_identification.signals.recorded_run import Run
 
 pytestmark = pytest.mark.pure
 
@@ -260,7 +260,7 @@ def test_a_log_with_hardly_any_rows_in_its_time_asks_for_no_memory():
     position = np.column_stack([np.sin(time_s), np.cos(time_s)])
     run = Recording.from_arrays(time_s, position, torque_nm=position)
     with pytest.raises(RecordingError, match="41 rows, mostly 2e-05 s apart, in 50 s: most of the motion is missing"):
-        motion_of(run, Transmission(np.ones(2), np.eye(2)))
+        _ = Run.of(run, Transmission(np.ones(2), np.eye(2))).motion
 
 
 def test_no_time_between_rows_is_no_time():

@@ -11,7 +11,7 @@ from armload_identification.excitation.fourier import Excitation, FourierTraject
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.recording import RecordingSource
 from armload_identification.recording.reduction.period_average import PeriodAverager
-from armload_identification.recording.reduction.place_in_period import SETTLING_S
+from armload_identification.recording.reduction.phase_advance import SETTLING_S
 from armload_identification.recording.reduction.reduction import WrongReduction
 from armload_identification.recording.row_block import RowBlock
 

@@ -15,6 +15,7 @@ from armload_identification.identification_errors import EstimationError, Record
 from armload_identification.model.joint_states import JointStates
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.load_signal import load_signal
+from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.recording_checks.column_mistakes import (
     RunColumns,
     exchanged_columns,
@@ -22,14 +23,14 @@ from armload_identification.verdict.recording_checks.column_mistakes import (
 )
 from armload_identification.verdict.recording_checks.contradictions import CONTRADICTIONS, FittedPair, check_scales
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
-from armload_identification.verdict.recording_checks.usable_runs import require_sound
+from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 pytestmark = pytest.mark.pure
 
 
 @pytest.fixture(scope="module")
 def signal(pair, pinocchio_arm):
-    return load_signal(*pair, pinocchio_arm.transmission)
+    return load_signal(*(Run.of(run, pinocchio_arm.transmission) for run in pair))
 
 
 def flipped(run, joints):
@@ -96,7 +97,8 @@ def test_no_exchange_is_found_in_good_runs(signal, pinocchio_arm):
 
 
 def test_good_runs_are_not_searched(signal, pair, pinocchio_arm):
-    assert RunColumns(signal, pair, pinocchio_arm.chain, pinocchio_arm.transmission.coupling).look_right(None)
+    runs = tuple(Run.of(run, pinocchio_arm.transmission) for run in pair)
+    assert RunColumns(signal, runs, pinocchio_arm.chain, pinocchio_arm.transmission.coupling).look_right(None)
 
 
 @pytest.mark.parametrize(
@@ -167,7 +169,7 @@ def test_a_share_of_a_reported_torque_is_fitted_as_a_gain_and_named(pair, pinocc
 def test_a_joint_is_judged_by_others_only_if_they_imply_its_torque(pair, pinocchio_arm):
     """Not against friction that hides it, nor by torques that are mostly noise."""
     runs = [scaled(run, [5], 1e-3) for run in pair]
-    small = load_signal(*runs, pinocchio_arm.transmission)
+    small = load_signal(*(Run.of(run, pinocchio_arm.transmission) for run in runs))
     noise = 200.0 * np.random.default_rng(7).normal(size=small.torque_nm.shape) * (np.arange(6) < 5)
     run = small.loaded
     noisy = replace(small, loaded=replace(run, torque_nm=run.torque_nm + noise, raw_nm=run.raw_nm + noise))
@@ -226,13 +228,15 @@ def test_a_velocity_that_is_not_the_derivative_of_the_position_is_refused(pair, 
         name: getattr(noisy, name)[gap] for name in ("time_s", "position_rad", "velocity_rad_s", "current_a", "phase_s")
     }
     for good in (noisy, replace(noisy, **parts), replace(run, velocity_rad_s=np.zeros_like(velocity))):
-        require_sound(good, pinocchio_arm.transmission)
+        usable_runs([good], 6, pinocchio_arm.transmission)
     with pytest.raises(RecordingError, match=r"velocity of joints 1 to 6 is not the derivative"):
-        require_sound(replace(run, position_rad=velocity, velocity_rad_s=run.position_rad), pinocchio_arm.transmission)
+        usable_runs(
+            [replace(run, position_rad=velocity, velocity_rad_s=run.position_rad)], 6, pinocchio_arm.transmission
+        )
     with pytest.raises(RecordingError, match=r"velocity of joints 1 and 2 is not the derivative"):
-        require_sound(replace(run, velocity_rad_s=velocity[:, [1, 0, 2, 3, 4, 5]]), pinocchio_arm.transmission)
+        usable_runs([replace(run, velocity_rad_s=velocity[:, [1, 0, 2, 3, 4, 5]])], 6, pinocchio_arm.transmission)
     with pytest.raises(RecordingError, match="these columns are velocities"):
-        require_sound(replace(run, current_a=measured), pinocchio_arm.transmission)
+        usable_runs([replace(run, current_a=measured)], 6, pinocchio_arm.transmission)
 
 
 @pytest.mark.parametrize(("what", "times"), [("positions", "57.3"), ("velocities", "0.0175")])
@@ -243,7 +247,7 @@ def test_a_single_joint_in_degrees_is_named(pair, pinocchio_arm, what, times):
     run = replace(run, velocity_rad_s=velocity * (degrees if what == "velocities" else 1.0))
     run = replace(run, position_rad=run.position_rad * (degrees if what == "positions" else 1.0))
     with pytest.raises(RecordingError, match=rf"joint 5 moves {times} times as fast .* Its {what} look like degrees"):
-        require_sound(run, pinocchio_arm.transmission)
+        usable_runs([run], 6, pinocchio_arm.transmission)
 
 
 def test_an_exchange_that_does_not_explain_the_run_is_not_named(signal, pinocchio_arm):

@@ -17,7 +17,7 @@ from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.reduction.repeated_values import repeated_values
-from armload_identification.verdict.recording_checks.usable_runs import require_sound, require_usable
+from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 pytestmark = pytest.mark.pure
 
@@ -68,12 +68,12 @@ def test_torque_of_one_run_and_current_of_the_other_are_not_subtracted(pinocchio
         ),
     ):
         with pytest.raises(RecordingError, match=content):
-            require_usable(runs, 6, pinocchio_arm.transmission)
+            usable_runs(runs, 6, pinocchio_arm.transmission)
         assert content in pair_mismatch(*runs)
-    require_usable((both[0], torque[1]), 6, pinocchio_arm.transmission)
+    usable_runs((both[0], torque[1]), 6, pinocchio_arm.transmission)
     assert pair_mismatch(both[0], torque[1]) is None
     with pytest.raises(RecordingError, match=r"unloaded\.mcap: neither motor current nor joint torque"):
-        require_usable((torque[0], replace(current[1], current_a=None)), 6, pinocchio_arm.transmission)
+        usable_runs((torque[0], replace(current[1], current_a=None)), 6, pinocchio_arm.transmission)
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_a_coarse_signal_that_often_repeats_its_values_is_neither_saturated_nor_
     coarse = replace(run, current_a=step * np.round(run.current_a / step))
     repeats = repeated_values(coarse.current_a, coarse.position_rad)
     assert (repeats.at_bound >= 7).any()
-    require_sound(coarse, pinocchio_arm.transmission)
+    usable_runs([coarse], 6, pinocchio_arm.transmission)
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ def test_friction_is_asked_of_all_joints_together(pinocchio_arm):
         friction = np.tanh(motion[1] / 0.01) * 4.0 + 5.0 * motion[1]
         torque = pinocchio_arm.torque(*motion, pinocchio_arm.payload) - friction
         frictionless = replace(run, position_rad=motion[0], current_a=None, torque_nm=torque)
-        require_sound(frictionless, pinocchio_arm.transmission)
+        usable_runs([frictionless], 6, pinocchio_arm.transmission)
         work = torque[:-1] * np.diff(motion[0], axis=0)
         gaining += bool((work.sum(axis=0) < -0.3 * np.abs(work).sum(axis=0)).any())
     assert gaining >= 5

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from armload_identification.estimation.empty_arm.unloaded_arm import fit_body
-from armload_identification.estimation.servo_sag import on_one_motion
 from armload_identification.model.joint_states import JointStates
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.filters import low_pass, low_pass_cutoff
 from armload_identification.signals.load_signal import load_signal
+from armload_identification.signals.recorded_run import Run
 from benchmarks.arms.sagging_panda import PAYLOAD, SAG_RAD, Effects, SaggingPanda, chain, nominal_transmission
 
 QUIET = 0.02
@@ -26,7 +26,7 @@ def sagging():
 
 
 def test_the_runs_are_as_far_apart_as_a_servo_lets_them(sagging):
-    signal = load_signal(*sagging, nominal_transmission(exact=True))
+    signal = load_signal(*(Run.of(run, nominal_transmission(exact=True)) for run in sagging))
     apart = np.abs(signal.states.position_rad - signal.unloaded.states.position_rad).max(axis=0)
     np.testing.assert_allclose(apart, SAG_RAD, rtol=0.1)
 
@@ -40,9 +40,9 @@ def test_what_the_arm_does_elsewhere_is_not_taken_for_payload(sagging):
 
 def test_a_stiff_servo_needs_next_to_none_of_it():
     stiff = SaggingPanda(Effects(noise=QUIET, sag_rad=0.0)).pair(1, with_phase=True)
-    signal = load_signal(*stiff, nominal_transmission(exact=True))
+    signal = load_signal(*(Run.of(run, nominal_transmission(exact=True)) for run in stiff))
     body = fit_body([signal.empty_arm], chain(), np.eye(7)).model
-    moved = on_one_motion(signal, chain(), body)
+    moved = signal.on_one_motion(chain(), body)
     change = np.sqrt(np.mean((moved.torque_nm - signal.torque_nm) ** 2, axis=0))
     assert (change < 1e-3 * np.sqrt(np.mean(signal.torque_nm**2, axis=0)) + 5e-4).all()
     np.testing.assert_array_equal(moved.unloaded.states.position_rad, signal.states.position_rad)
@@ -61,7 +61,7 @@ def linear_body(stiffness_nm_rad, rotor_kg_m2, load_friction):
 @pytest.mark.parametrize("periodic", [True, False])
 def test_the_correction_is_that_of_links_their_friction_and_rotors(sagging, periodic):
     """(1 + mu s sgn tau) (tau(q_loaded) - tau(q_unloaded)) + (ddq_loaded - ddq_unloaded) M, on both torques."""
-    whole = load_signal(*sagging, nominal_transmission(exact=True))
+    whole = load_signal(*(Run.of(run, nominal_transmission(exact=True)) for run in sagging))
     rng = np.random.default_rng(2)
     loaded, unloaded = (JointStates(*rng.normal(size=(3, 200, 2))) for _ in range(2))
     torque = rng.normal(size=(2, 200, 2))
@@ -72,7 +72,7 @@ def test_the_correction_is_that_of_links_their_friction_and_rotors(sagging, peri
     )
     stiffness, rotors = rng.normal(size=(2, 2, 2))
     friction = np.array([0.0, 0.3])
-    found = on_one_motion(signal, chain(), linear_body(stiffness, rotors, friction)).unloaded
+    found = signal.on_one_motion(chain(), linear_body(stiffness, rotors, friction)).unloaded
     here, there = loaded.position_rad @ stiffness, unloaded.position_rad @ stiffness
     more = 1.0 + friction * np.sign(loaded.velocity_rad_s) * np.sign(here)
     expected = more * (here - there) + (loaded.acceleration_rad_s2 - unloaded.acceleration_rad_s2) @ rotors

@@ -1,0 +1,161 @@
+"""A run: a recording with its joint torque, and the motion that follows from it, each computed once.
+
+A run that contains whole periods of a known excitation becomes its average period. For any other run the position is a
+spline, and the torque is interpolated to a grid and low-passed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.identification_errors import RecordingError
+from armload_identification.model.joint_states import JointStates
+from armload_identification.recording.recording import Recording
+from armload_identification.recording.reduction.phase_advance import phases_per_period, whole_periods
+from armload_identification.signals.filters import smooth, smoothing_loss, white_noise
+from armload_identification.signals.joint_torque import Transmission, joint_torque, sample_scatter
+from armload_identification.signals.motion import ABOVE_BAND, SCATTER, Motion
+from armload_identification.signals.periods import fold
+from armload_identification.signals.reversals import moving_joints
+from armload_identification.signals.signal_constants import RunAlignment, Standstill
+from armload_identification.signals.timed_run import TimedRun, fit_motion
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A recording of a moving arm, with its torque.
+
+    Attributes:
+        recording: The rows.
+        torque_nm: (N, n) measured joint torque.
+        scatter_nm: (n,) standard deviation of one raw sample of it between the periods of a recording that was averaged
+            while it was read; None for any other.
+    """
+
+    recording: Recording
+    torque_nm: FloatArray
+    scatter_nm: FloatArray | None
+
+    @classmethod
+    def of(cls, recording: Recording, transmission: Transmission) -> Run:
+        """The run with the torque that its currents, or reported torques, mean.
+
+        Raises:
+            RecordingError: no torque, a constant one, or no joint moves.
+        """
+        run = cls(recording, joint_torque(recording, transmission), sample_scatter(recording, transmission))
+        if not moving_joints(recording.position_rad).any():
+            raise RecordingError(
+                f"{recording.source.path}: no joint moves more than {Standstill.travel_rad} rad, so nothing can be "
+                "identified. Record a run along an excitation, and check the position columns."
+            )
+        return run
+
+    @property
+    def from_torque(self) -> bool:
+        """Whether the drives reported torque instead of current."""
+        return self.recording.torque_nm is not None
+
+    @cached_property
+    def periods(self) -> int:
+        """Number of whole periods of a known excitation; 0 without one."""
+        return whole_periods(self.recording)
+
+    @cached_property
+    def phases(self) -> int:
+        """Number of samples in a period, of a run that contains whole ones."""
+        return phases_per_period(self.recording)
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Average period of a run with whole periods, else the part in which the arm moves.
+
+        Raises:
+            RecordingError: too short, or a phase that did not advance uniformly.
+        """
+        return self.average_period(self.phases) if self.periods else self.over_time
+
+    @cached_property
+    def over_time(self) -> Motion:
+        """From the first movement to the last, periodic or not.
+
+        Raises:
+            RecordingError: too short.
+        """
+        return self.timed.sampled(self.timed.moving_grid(0.0, self.timed.path.duration_s))
+
+    @cached_property
+    def timed(self) -> TimedRun:
+        """The run as a function of time; approach and return are excluded if its phase marks them.
+
+        Raises:
+            RecordingError: too short for a spline.
+        """
+        part = self.moving_part
+        rows = part.recording
+        return TimedRun(rows, fit_motion(rows.time_s, rows.position_rad), part.torque_nm)
+
+    def average_period(self, phases: int) -> Motion:
+        """The average period at K equidistant phases; its motion passes through the same filter as its torque.
+
+        Raises:
+            RecordingError: no whole period, or a phase that did not advance uniformly.
+        """
+        folded = fold(self.recording, self.torque_nm, phases)
+        periods, scatter, interruptions = folded.periods, folded.scatter_nm, folded.interruptions
+        average = self.recording.average
+        if average is not None:
+            periods, scatter, interruptions = average.periods, self.scatter_nm, average.interruptions
+        smoothed = smooth(folded.torque_nm)
+        noise = white_noise(self.torque_nm) if scatter is None else scatter
+        return Motion(
+            time_s=np.arange(phases) / phases * folded.period_s,
+            periodic=True,
+            states=JointStates(*map(smooth, folded.motion.period(phases)[:3])),
+            raw_nm=folded.torque_nm,
+            torque_nm=smoothed,
+            valid=folded.valid,
+            noise_nm=noise,
+            averaged_noise_nm=noise / np.sqrt(periods),
+            noise_source=ABOVE_BAND if scatter is None else SCATTER,
+            smoothing_loss=smoothing_loss(folded.torque_nm, smoothed),
+            periods=periods,
+            position_fit_rad=folded.position_fit_rad,
+            began_s=float(self.moving_part.recording.time_s[0]),
+            rate=folded.rate,
+            interruptions=interruptions,
+        )
+
+    @cached_property
+    def before_periods(self) -> Run:
+        """The longest part without an interruption before the first phase, the slow round; no rows if there is none."""
+        rows = self.recording
+        inside = np.isfinite(np.zeros(rows.size) if rows.phase_s is None else rows.phase_s)
+        first = int(np.argmax(inside)) if inside.any() else rows.size
+        edges = [0, *(np.flatnonzero(np.diff(rows.time_s[:first]) > RunAlignment.shortest_s) + 1), first]
+        longest = int(np.argmax(np.diff(edges)))
+        part = self._part(slice(edges[longest], edges[longest + 1]))
+        return replace(part, recording=replace(part.recording, phase_s=None, excitation=None))
+
+    @cached_property
+    def moving_part(self) -> Run:
+        """Without approach and return if the phase marks them, the slow round of a run without periods, else all."""
+        rows = self.recording
+        if rows.phase_s is None:
+            return self
+        if np.count_nonzero(np.isfinite(rows.phase_s)) >= 2:
+            return self._part(np.isfinite(rows.phase_s))
+        if rows.source.truncated:
+            raise RecordingError(
+                f"{rows.source.path}: the recording ends before the periods of its excitation start: the file is "
+                "truncated. Record it again."
+            )
+        return self.before_periods
+
+    def _part(self, rows: slice | NDArray[np.bool_]) -> Run:
+        return replace(self, recording=self.recording.rows(rows), torque_nm=self.torque_nm[rows])
