@@ -255,9 +255,9 @@ def _closed_part(run: Run) -> NDArray[np.intp]:
 
 RECORDING_CHECKS = (
     _refuse_another_arm,
+    _refuse_another_quantity,
     _refuse_the_same_file,
     _refuse_exchanged_labels,
-    _refuse_another_quantity,
 )
 RUN_CHECKS = (
     _refuse_long_means,

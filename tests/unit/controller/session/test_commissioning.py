@@ -26,7 +26,7 @@ from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reduction.phase_advance import even_advance, interruptions, measured_periods
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.motion import motion_over_time
+from armload_identification.signals.recorded_run import Run
 
 CYCLE_S = 0.02
 SWING = np.full((6, 1), 0.05)
@@ -230,7 +230,7 @@ def test_slow_rounds_alone_are_complete_recordings_without_periods(half, tmp_pat
     assert commissioning.missing_roles(tmp_path, SessionLoad.UNLOADED) == ()
     run = read_recording(tmp_path / "unloaded_identification.mcap")
     assert not np.isfinite(run.phase_s).any()
-    moving = motion_over_time(run, Transmission(np.ones(6), np.eye(6)))
+    moving = Run.of(run, Transmission(np.ones(6), np.eye(6))).over_time
     assert moving.time_s[-1] > 4.0
 
 

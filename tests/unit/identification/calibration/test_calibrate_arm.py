@@ -20,6 +20,7 @@ from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.reading_options import Effort
+from armload_identification.signals.recorded_run import Run
 from tests.mounted_runs import LOAD_FRICTION, WRONG, calibrated, named
 
 pytestmark = pytest.mark.pure
@@ -139,7 +140,7 @@ def test_a_body_from_one_motion_says_how_little_it_knows_of_others(runs, pinocch
     named = {int(joint): int(share) / 100.0 for joint, share in re.findall(r"(\d) \((\d+) %\)", text)}
     assert len(named) >= 2
     # Its residual on the other motion is as stated, without the friction at reversals and the noise.
-    other = run_signals(runs[3].recording, found.transmission(nominal))
+    other = run_signals(Run.of(runs[3].recording, found.transmission(nominal)), nominal.coupling)
     moving = other.usable[:, None] & (np.abs(other.states.velocity_rad_s) > 0.1)
     left = np.where(moving, other.effort_nm - found.body.torque(found.level(pinocchio_arm.chain), *other.states), 0.0)
     share = np.sqrt(np.sum(left**2, axis=0) / np.sum(np.where(moving, other.effort_nm, 0.0) ** 2, axis=0))

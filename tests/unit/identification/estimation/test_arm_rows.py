@@ -9,6 +9,7 @@ import pytest
 
 from armload_identification.estimation.arm_rows import arm_rows, run_signals
 from armload_identification.model.payload import InertialParameters
+from armload_identification.signals.recorded_run import Run
 from tests.unit.conftest import LINK_KG
 
 pytestmark = pytest.mark.pure
@@ -31,12 +32,16 @@ def links():
     return np.concatenate([body.theta for body in bodies])
 
 
+def signals_of(run, arm):
+    return run_signals(Run.of(run, arm.transmission), arm.transmission.coupling)
+
+
 def without_phase(run):
     return replace(run, phase_s=None, excitation=None)
 
 
 def rows_of(arm, run):
-    signals = run_signals(run, arm.transmission)
+    signals = signals_of(run, arm)
     base = np.ones(60, dtype=bool)
     return arm_rows(signals, arm.chain, arm.transmission.coupling, base, signals.peak_rad_s, loaded=True)
 
@@ -62,9 +67,9 @@ def test_the_mean_torque_of_a_fast_motion_is_explained(pinocchio_arm, fast, link
 def test_phases_without_a_sample_are_no_holes(pinocchio_arm, fast):
     """A third of the samples lost: a few phases of the period have none, and the rows about them remain."""
     kept = np.random.default_rng(3).uniform(size=fast.size) < 0.65
-    whole, thinned = (run_signals(run, pinocchio_arm.transmission) for run in (fast, fast.rows(kept)))
+    whole, thinned = (signals_of(run, pinocchio_arm) for run in (fast, fast.rows(kept)))
     assert thinned.usable.mean() > 0.99
-    hole = run_signals(fast.rows(fast.phase_s % 3.0 > 0.3), pinocchio_arm.transmission)
+    hole = signals_of(fast.rows(fast.phase_s % 3.0 > 0.3), pinocchio_arm)
     assert 0.85 < hole.usable.mean() < 0.95
     np.testing.assert_allclose(thinned.peak_rad_s, whole.peak_rad_s, rtol=0.01)
 
@@ -73,7 +78,7 @@ def test_the_ends_of_a_run_do_not_make_a_joint_move(pinocchio_arm, fast):
     """Joint 6 is held; at either end the row's window would be filled up with one and the same sample."""
     noise = 2e-5 * np.random.default_rng(3).normal(size=fast.size)
     held = without_phase(replace(fast, position_rad=np.column_stack([fast.position_rad[:, :5], noise])))
-    assert run_signals(held, pinocchio_arm.transmission).peak_rad_s[5] < 5e-4
+    assert signals_of(held, pinocchio_arm).peak_rad_s[5] < 5e-4
 
 
 def test_a_delay_of_the_torque_is_seen_through_the_window(pinocchio_arm, fast, links):
@@ -88,7 +93,7 @@ def test_a_delay_of_the_torque_is_seen_through_the_window(pinocchio_arm, fast, l
 
 def test_a_run_with_gaps_throughout_has_no_rows(pinocchio_arm, fast):
     gaps = without_phase(fast.rows(slice(None, None, 12)))
-    assert not run_signals(gaps, pinocchio_arm.transmission).has_rows
+    assert not signals_of(gaps, pinocchio_arm).has_rows
     rows = rows_of(pinocchio_arm, gaps)
     assert rows.links.shape == (0, 6, 60)
     assert rows.payload_rate.shape == (0, 6, 10)
@@ -98,11 +103,11 @@ def test_noise_of_a_fast_recording_is_averaged_and_not_aliased(pinocchio_arm):
     """At 100 Hz a tone of 99 Hz looks like one of 1 Hz; white noise on a row is a third of that at 100 Hz."""
     trajectory = pinocchio_arm.trajectory(5, period_s=4.0, harmonics=2)
     run = without_phase(pinocchio_arm.run(trajectory, False, seed=1, periods=1, cycle_s=1e-3, noise=0.0))
-    clean = run_signals(run, pinocchio_arm.transmission)
+    clean = signals_of(run, pinocchio_arm)
     tone = np.sin(2.0 * np.pi * 99.0 * run.time_s)[:, None] * np.ones(6)
     white = np.random.default_rng(2).normal(size=tone.shape)
     for noise, most in ((tone, 0.02), (white, 0.1)):
         noisy = replace(run, current_a=run.current_a + noise / pinocchio_arm.transmission.gain_nm_a)
-        signals = run_signals(noisy, pinocchio_arm.transmission)
+        signals = signals_of(noisy, pinocchio_arm)
         shift = signals.row_window().mean(signals.effort_nm - clean.effort_nm)
         assert (np.sqrt(np.mean(shift**2, axis=0)) < most).all()

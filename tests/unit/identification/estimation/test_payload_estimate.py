@@ -15,7 +15,7 @@ from armload_identification.estimation.problem import Noise
 from armload_identification.estimation.solve import solve
 from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import payload_regressor
-from armload_identification.signals.motion import motion_over_time
+from armload_identification.signals.recorded_run import Run
 from tests.payload_rows import payload_of
 
 pytestmark = pytest.mark.pure
@@ -183,7 +183,7 @@ def test_errors_of_a_calibration_move_the_payload_as_shifted_values_do(pinocchio
     level, arm = calibration.level(chain), calibration.known_arm(chain)
     transmission = calibration.transmission(pinocchio_arm.transmission)
     run = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), True, seed=8, with_phase=False)
-    problem = single_problem(motion_over_time(run, transmission), level, transmission.coupling, arm)
+    problem = single_problem(Run.of(run, transmission).over_time, level, transmission.coupling, arm)
     given = Noise.given(arm.noise_nm, np.ones(6))
     problem = replace(problem, problem=replace(problem.problem, noise=given))
     before = solve(problem.problem, rough=True)

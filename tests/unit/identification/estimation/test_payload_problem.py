@@ -20,7 +20,6 @@ from armload_identification.estimation.payload_problem import HELD, pair_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.solve import solve
 from armload_identification.signals.load_signal import load_signal
-from armload_identification.signals.motion import motion_over_time
 from armload_identification.signals.recorded_run import Run
 
 pytestmark = pytest.mark.pure
@@ -47,7 +46,7 @@ def alone(pinocchio_arm, known):
     """Of one run of another motion than the calibration's."""
     chain, transmission, arm = known
     run = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), True, seed=8, with_phase=False)
-    return single_problem(motion_over_time(run, transmission), chain, transmission.coupling, arm)
+    return single_problem(Run.of(run, transmission).over_time, chain, transmission.coupling, arm)
 
 
 def payload(found):
@@ -146,7 +145,7 @@ def test_a_recorder_whose_torque_is_later_than_in_the_calibration_does_not_chang
     chain, transmission, arm = known
     run = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), True, seed=8, with_phase=False)
     late = replace(run, current_a=np.roll(run.current_a, 2, axis=0))  # by 20 ms
-    problem = single_problem(motion_over_time(late, transmission), chain, transmission.coupling, arm)
+    problem = single_problem(Run.of(late, transmission).over_time, chain, transmission.coupling, arm)
     found = solve(problem.problem, rough=True)
     value, deviation = payload(found)
     body = identified_body(found, problem.base, problem.peak_rad_s, np.zeros((3, chain.n)))
