@@ -7,12 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.estimation.payload_change import CHANGING, change_between_periods, change_in
+from armload_identification.estimation.payload_change import (
+    CHANGING,
+    PeriodDeviation,
+    change_between_periods,
+    change_in,
+)
 from armload_identification.estimation.payload_problem import pair_problem, single_problem
 from armload_identification.estimation.solve import solve
 from armload_identification.model.payload import InertialParameters
 from armload_identification.signals.load_signal import load_signal
-from armload_identification.signals.motion import PeriodDeviation, motion_over_time
+from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.decision_levels import PayloadChangeLevels
 
 pytestmark = pytest.mark.pure
@@ -47,7 +52,7 @@ def single(pinocchio_arm, heavier, calibration):
 
     def single(at_s=None):
         run = before if at_s is None else joined(before, after, at_s)
-        problem = single_problem(motion_over_time(run, transmission), chain, transmission.coupling, arm)
+        problem = single_problem(Run.of(run, transmission).over_time, chain, transmission.coupling, arm)
         return solve(problem.problem)
 
     return single
@@ -84,13 +89,15 @@ def periodic(pinocchio_arm, heavier, pair):
     transmission = pinocchio_arm.transmission
     trajectory = pinocchio_arm.trajectory()
     before, after = (each.run(trajectory, True, seed=11) for each in (pinocchio_arm, heavier))
-    arm = pair_problem(load_signal(*pair, transmission), pinocchio_arm.chain, transmission.coupling, None)
+    arm = pair_problem(
+        load_signal(*(Run.of(run, transmission) for run in pair)), pinocchio_arm.chain, transmission.coupling, None
+    )
 
     def periodic(at_s=None):
         run = before if at_s is None else joined(before, after, at_s)
-        return change_between_periods(PeriodDeviation.of(run, transmission), arm, 1.0)
+        return change_between_periods(Run.of(run, transmission), arm, 1.0)
 
-    return periodic, float(np.ptp(before.time_s)), PeriodDeviation.of(before, transmission)
+    return periodic, float(np.ptp(before.time_s)), PeriodDeviation.of(Run.of(before, transmission))
 
 
 def test_periods_that_are_alike_show_none(periodic):

@@ -23,7 +23,7 @@ from armload_identification.estimation.problem import Group, Noise, Problem, Run
 from armload_identification.estimation.residual_spectrum import FREEST
 from armload_identification.estimation.solve import solve
 from armload_identification.model.base_parameters import base_columns
-from armload_identification.signals.motion import motion_over_time
+from armload_identification.signals.recorded_run import Run
 
 pytestmark = pytest.mark.pure
 
@@ -36,7 +36,7 @@ def found(pinocchio_arm) -> Posterior:
     arm, coupling = pinocchio_arm, pinocchio_arm.transmission.coupling
     base = base_links(base_columns(arm.chain, coupling), 6)
     runs = [arm.run(arm.trajectory(3, period_s=10.0), load, seed=5 + load, periods=1) for load in (True, False)]
-    signals = [RunSignals.of_motion(motion_over_time(run, arm.transmission), coupling) for run in runs]
+    signals = [RunSignals.of_motion(Run.of(run, arm.transmission).over_time, coupling) for run in runs]
     peak = np.max([run.peak_rad_s for run in signals], axis=0)
     pair = [
         arm_rows(run, arm.chain, coupling, base, peak, loaded=load)

@@ -13,6 +13,7 @@ from armload_identification.estimation.run_drift import RunDrift
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, ONE_SIDED
 from armload_identification.signals.load_signal import load_signal
+from armload_identification.signals.recorded_run import Run
 
 pytestmark = pytest.mark.pure
 
@@ -30,7 +31,9 @@ def test_torque_of_the_loaded_run_times_a_factor_is_found_as_the_gains_inverse(p
     """Also a large one, of which the other unknowns take up a part at first."""
     chain, transmission, arm = known
     loaded, unloaded = pair
-    signal = load_signal(replace(loaded, current_a=factor * loaded.current_a), unloaded, transmission)
+    signal = load_signal(
+        Run.of(replace(loaded, current_a=factor * loaded.current_a), transmission), Run.of(unloaded, transmission)
+    )
     posterior = solve(pair_problem(signal, chain, transmission.coupling, arm).problem)
     drift = RunDrift.of(posterior, arm)
     assert drift.log_factor == pytest.approx(-np.log(factor), abs=4.0 * drift.deviation + 1e-4)
