@@ -1,0 +1,129 @@
+"""The report of a calibration: the numbers of its tables, with a calibration whose numbers are chosen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_identification.identification_errors import ReportError
+from armload_identification.numerals import NO_BREAK
+from armload_identification.recording.reading_options import Effort
+from armload_identification.report import calibration_report as module
+from armload_identification.report.calibration_report import render_calibration_report
+
+NAMES = ("a", "b", "c", "d", "e", "f")
+
+
+@pytest.fixture
+def chosen(calibration):
+    """Gains 2 % above nominal, known to 1 % (one standard deviation)."""
+    return replace(
+        calibration,
+        effort=Effort.CURRENT,
+        nominal=np.full(6, 10.0),
+        gain_nm_a=np.full(6, 10.2),
+        noise_nm=np.full(6, 0.5),
+        level_nm=np.full(6, 50.0),
+        body=replace(calibration.body, load_friction=np.full(6, 0.03), torque_delay_s=0.002),
+        covariance=0.01**2 * np.eye(len(calibration.covariance)),
+        tilt_rad=np.radians([3.0, 4.0]),
+    )
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """What is given to the page, and to its figures."""
+    figures = []
+    monkeypatch.setattr(module, "rendered", lambda template, **content: content)
+    monkeypatch.setattr(module, "gains_figure", lambda *values: figures.append(values) or "")
+    monkeypatch.setattr(module, "drift_figure", lambda *values: figures.append(values) or "")
+
+    def shown(calibration):
+        figures.clear()
+        return render_calibration_report(calibration, "an arm", NAMES), figures
+
+    return shown
+
+
+def plain(text):
+    return text.replace(NO_BREAK, " ").replace("\u2212", "-")
+
+
+def test_a_joint_has_its_gain_with_change_and_interval_friction_and_what_is_unexplained(chosen, shown):
+    page, ((change, width, determined, title), *_) = shown(chosen)
+    joint = {key: plain(value) if isinstance(value, str) else value for key, value in page["joints"][1].items()}
+    assert (joint["number"], joint["name"], joint["determined"]) == (2, "b", True)
+    assert (joint["nominal"], joint["gain"], joint["width"], joint["change"]) == (
+        "10.00",
+        "10.20",
+        "± 1.96 %",
+        "+2.00 %",
+    )
+    assert joint["load"] == "0.030 ± 0.020"
+    assert joint["unexplained"] == "1.0 %"
+    assert float(joint["speed"]) == pytest.approx(chosen.middle_speed_rad_s[1], abs=0.01)
+    assert joint["friction"].startswith(
+        f"{chosen.friction_nm[1]:.3f} ± {1.959964 * chosen.friction_deviation_nm[1]:.3f}"
+    )
+    np.testing.assert_allclose(change, 0.02)
+    np.testing.assert_allclose(width, 0.02 * 10.2 / 10.0, rtol=0.03)
+    assert determined == [True] * 6
+    assert "6 joints" in title
+
+
+def test_delay_and_tilt_have_their_intervals(chosen, shown):
+    page, _ = shown(chosen)
+    assert plain(page["delay"]) == "2.0 ± 19.6 ms"
+    assert page["tilt"] == "tilted by 5.00 ± 1.12°"
+    level, _ = shown(replace(chosen, tilt_rad=np.radians([0.3, 0.4])))
+    assert level["tilt"] == "level within 1.12°"
+
+
+def test_payloads_have_mass_and_centre_or_none(chosen, shown):
+    payload = replace(
+        chosen.payloads[0], mounting="box", weighed_kg=np.nan, theta=np.array([4.0, 0.4, -0.2, 0.0, *np.zeros(6)])
+    )
+    payload = replace(payload, deviation=np.full(10, 0.01))
+    nothing = replace(payload, theta=np.zeros(10), weighed_kg=2.5)
+    page, _ = shown(replace(chosen, payloads=(payload, nothing)))
+    (name, weighed, mass, center), (_, known, _, none) = page["payloads"]
+    assert (name, weighed, plain(mass), plain(center)) == ("box", "not weighed", "4.000 ± 0.020", "100.0, -50.0, 0.0")
+    assert known == "2.5"
+    assert "100" not in none
+
+
+def test_friction_is_drawn_by_day_if_all_runs_state_theirs(chosen, shown):
+    runs = [
+        replace(chosen.runs[0], recorded=day, friction_changes=np.full((3, 6), change))
+        for day, change in (("2026-03-02T10:00", 0.1), ("2026-03-05T09:00", -0.2), ("2026-03-02T11:00", 0.3))
+    ]
+    _, (_, first, *_) = shown(replace(chosen, runs=tuple(runs)))
+    places, labels, change, usual, joint, title = first
+    assert (list(places), labels, joint) == ([0.0, 3.0, 0.0], ["02 Mar", "05 Mar", "02 Mar"], 0)
+    speed = chosen.middle_speed_rad_s[0]
+    np.testing.assert_allclose(change, np.array([0.1, -0.2, 0.3]) * (1.0 + speed))
+    assert usual == pytest.approx(chosen.usual_change_nm[0])
+    assert "joint 1 (a)" in title
+    for recorded in (("2026-03-02", ""), ("2026-03-02", "2026-03-02"), ("yesterday", "2026-03-02")):
+        runs = tuple(replace(chosen.runs[0], recorded=day) for day in recorded)
+        _, (_, first, *_) = shown(replace(chosen, runs=runs))
+        assert (list(first[0]), first[1]) == ([1.0, 2.0], ["1", "2"])
+
+
+def test_a_runs_residual_is_relative_to_that_of_all(chosen, shown):
+    run = replace(chosen.runs[0], residual_rms_nm=np.full(6, 0.75))
+    page, _ = shown(replace(chosen, runs=(run,)))
+    ((_, ratio),) = page["runs"]
+    np.testing.assert_allclose(ratio, 1.5)
+    assert page["gain_unit"] == "N m/A"
+    torque, _ = shown(replace(chosen, effort=Effort.TORQUE))
+    assert torque["gain_unit"] == "N m/(N m)"
+    assert "newton metre" in torque["gain_meaning"]
+
+
+def test_names_fit_the_joints_and_the_page_is_whole(chosen):
+    with pytest.raises(ReportError, match="5 joint names for 6 joints"):
+        render_calibration_report(chosen, "an arm", NAMES[:5])
+    page = render_calibration_report(chosen, "an arm <b>", NAMES)
+    assert page.count("<svg") >= 7
+    assert "an arm &lt;b&gt;" in page
