@@ -275,34 +275,6 @@ def test_a_cycle_that_does_not_fit_the_bus_is_refused(armload, tmp_path):
     assert not (tmp_path / "x").exists()
 
 
-@pytest.mark.parametrize("text", ["can0", ":can0", "socketcan:"])
-@pytest.mark.parametrize("command", ["commission er50 --bus", "drives check er50 --bus", "drives scan"])
-def test_an_address_of_a_bus_has_two_parts(armload, command, text):
-    result = armload(*command.split(), text)
-    assert result.exit_code == 2
-    assert "expected INTERFACE:CHANNEL, such as socketcan:can0" in result.output
-
-
-def test_a_check_that_finds_something_names_the_shipped_profiles_of_the_vendor(armload, tmp_path):
-    text = (resources.files("armload_configs") / "er50.toml").read_text("utf-8")
-    text = re.sub(r"^(node_id = .*)$", r"\1\nidentity = { vendor_id = 0xFB }", text, flags=re.MULTILINE)
-    path = tmp_path / "arm.toml"
-    path.write_text(re.sub(r"(?ms)^\[excitation\].*?(?=^\[)", "", text))
-    for named, told in (("", 1), ('profile = "maxon_epos4"\n', 0)):
-        path.write_text(path.read_text().replace("[joints.drive]\n", f"[joints.drive]\n{named}"))
-        result = armload("drives", "check", str(path))
-        assert result.exit_code == 1
-        assert result.output.count('profile = "maxon_epos4" is for maxon EPOS4') == told
-    assert "profile" not in armload("drives", "check", "er50").output
-
-
-def test_a_check_fits_100_columns_also_in_a_file(armload):
-    """One of prbt's remarks is longer."""
-    lines = armload("drives", "check", "prbt", columns=0).output.splitlines()
-    assert any("event timer" in line for line in lines)
-    assert max(map(len, lines)) <= 100
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -1,26 +1,14 @@
-"""The folder of a commissioning: recordings can be taken up later, and only one commissioning works in it at a time."""
+"""`armload commission`: recordings that are taken up later, and arguments that are checked before the arm is opened."""
 
 import os
 import shutil
-import subprocess
-import sys
 
 import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError
 from armload_controller.session.commissioning import read_pair
-from armload_controller.session.folder_claim import claimed
 from armload_identification.identification_errors import EstimationError
-
-HOLDER = """
-import sys, time
-from pathlib import Path
-from armload_controller.session.folder_claim import claimed
-with claimed(Path(sys.argv[1])):
-    print("claimed", flush=True)
-    time.sleep(600)
-"""
 
 
 @pytest.fixture
@@ -61,26 +49,6 @@ def test_recordings_that_do_not_belong_together_are_not_taken_up(recorded):
     os.link(recorded / "loaded_validation.mcap", recorded / "loaded_identification.mcap")
     with pytest.raises(CommissioningError, match=r"the identification runs .* followed different excitations"):
         read_pair(robot, recorded, "identification")
-
-
-def test_a_folder_in_which_another_commissioning_is_at_work_is_left_alone(armload, recorded):
-    with claimed(recorded):
-        result = armload("commission", "er50", "--output", recorded)
-    assert isinstance(result.exception, CommissioningError)
-    assert f"another commissioning is using {recorded}" in str(result.exception)
-    assert not (recorded / "payload.toml").exists()
-
-
-def test_a_claim_ends_with_its_process_even_by_kill_minus_nine(tmp_path):
-    holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(tmp_path)], stdout=subprocess.PIPE, text=True)
-    with holder:
-        assert holder.stdout.readline() == "claimed\n"
-        with pytest.raises(CommissioningError, match="is using"), claimed(tmp_path):
-            pass
-        holder.kill()
-    with claimed(tmp_path):
-        pass
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
