@@ -2,12 +2,13 @@
 
     python -m benchmarks.mutants [--seed 1] [--count 60] [--jobs 2] [FILE ...]
 
-A mutant is one change at a point drawn uniformly from drivers, controller and identification, or from the files given:
-a comparison or condition negated, a bound of integers made inclusive or exclusive, `and` for `or`, + for -, * for /, a
-sign or `not` dropped, a number or an index changed, True for False, None returned. Annotations, texts, and `strict=`,
-`slots=` and `stacklevel=` are left out. A file's own tests are its package's `test_<file>.py`, and the tests in the
-mirror of its room (`tests/unit/<package>/<room>`) that import it by name. A mutant survives if these pass, or if there
-are none; a time-out kills. All tests must pass beforehand. The exit status is 1 if less than 80 % are killed.
+A mutant is one change at a point drawn uniformly from drivers, controller and identification, or from the files
+given: a comparison or condition negated, a bound of integers made inclusive or exclusive, `and` for `or`, + for -, *
+for /, a sign or `not` dropped, a number or an index changed, True for False, None returned. Left out are annotations,
+texts, `strict=`, `stacklevel=`, and what makes a class a value (`frozen=`, `eq=`, `slots=`), which `test_values.py`
+requires of all. A file's own tests are its package's `test_<file>.py`, and the tests in the mirror of its room
+(`tests/unit/<package>/<room>`) that import it by name. A mutant survives if these pass, or if there are none; a time-
+out kills. All tests must pass beforehand. The exit status is 1 if less than 80 % are killed.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ OPPOSITE: dict[type[ast.AST], type[ast.AST]] = {a: b for pair in PAIRS for a, b 
     ast.Pow: ast.Mult,
 }
 TOUCHING = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt}
-WITHOUT_EFFECT = {"strict", "slots", "stacklevel"}
+LEFT_OUT = {"strict", "stacklevel", "frozen", "eq", "slots"}
 
 
 Node = ast.expr | ast.stmt
@@ -89,7 +90,7 @@ def points(node: ast.AST) -> Iterator[tuple[Node, str]]:
     yield from mutations(node)
     for name, value in ast.iter_fields(node):
         for child in value if isinstance(value, list) else [value]:
-            left_out = isinstance(child, ast.keyword) and child.arg in WITHOUT_EFFECT
+            left_out = isinstance(child, ast.keyword) and child.arg in LEFT_OUT
             if isinstance(child, ast.AST) and name not in {"annotation", "returns"} and not left_out:
                 yield from points(child)
 

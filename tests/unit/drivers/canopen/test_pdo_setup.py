@@ -190,8 +190,9 @@ def test_a_mapping_that_is_right_need_not_be_writable_and_another_is_named(part)
     fixed(drive, part, drive.dictionary.values[part.key])
     map_pdo(drive.sdo, LAYOUT, ADVICE)
     other = replace(LAYOUT, entries=(od.STATUSWORD, od.TORQUE_ACTUAL))
-    with pytest.raises(ServoError, match=r"the mapping is fixed to .*; required are 6041:0, 6077:0"):
+    with pytest.raises(ServoError, match=r"the mapping is fixed to .*; required are 6041:0, 6077:0") as raised:
         map_pdo(drive.sdo, other, ADVICE)
+    assert "tpdo2: " in str(raised.value), "the advice is given the PDOs of this direction"
 
 
 def test_pdos_beyond_the_usual_ones_and_behind_a_hole_are_switched_off_too():

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from armload_identification.pipeline import recording_survey
 from armload_identification.pipeline.recording_survey import pair_mismatch, survey
 from armload_identification.recording.recording import Recording
 
@@ -94,3 +97,23 @@ def test_a_pair_is_of_one_motion_and_one_quantity():
     run = recording(motion)
     assert pair_mismatch(run, run) is None
     assert pair_mismatch(run, recording(motion, current_a=motion)) is not None
+
+
+def interrupted(monkeypatch, count, periods):
+    """The survey of a run that was interrupted so often, of which so many whole periods were measured."""
+    monkeypatch.setattr(recording_survey, "interruptions", lambda run: count)
+    monkeypatch.setattr(recording_survey, "_period_of", lambda run, moving_s: (2.0, periods))
+    return survey(recording(swing()))
+
+
+@pytest.mark.parametrize(("count", "periods", "told"), [(0, 0, False), (0, 3, False), (2, 1, False), (2, 0, True)])
+def test_a_part_that_was_never_measured_at_full_speed_is_missing(monkeypatch, count, periods, told):
+    found = interrupted(monkeypatch, count, periods)
+    assert found.interruptions == count
+    assert any("a part of the period at full speed" in text for text in found.missing) is told
+
+
+def test_a_file_that_was_cut_short_lacks_its_end():
+    whole = recording(swing())
+    cut = replace(whole, source=replace(whole.source, truncated=True))
+    assert survey(cut).missing == ("its end: the file is truncated",)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
+from armload_identification.report import watch_report
 from armload_identification.report.watch_report import WatchedJoint, WatchHistory, watch_svg, write_watch_report
 
 
@@ -79,3 +80,12 @@ def test_names_stay_names_on_a_page_and_in_its_figure(tmp_path):
     assert not {"\x1b", "\x00", "\u202e", "\u2028", "\ufffe"} & set(pages[1])
     figure = watch_svg(plain, HOSTILE.replace("<i>", ""), HOSTILE)
     assert {"script", "i"}.isdisjoint(tag for tag, *_ in parts_of(figure)[0])
+
+
+@pytest.mark.parametrize(("share", "told"), [(2.9, False), (3.1, True), (-2.9, False), (-3.1, True)])
+def test_friction_far_from_what_is_usual_is_told(tmp_path, monkeypatch, share, told):
+    given = {}
+    monkeypatch.setattr(watch_report, "rendered", lambda template, **content: given.update(content) or "")
+    joint = WatchedJoint("wrist", 12.0, share * 0.4, 0.4, 0)
+    write_watch_report(tmp_path / "shift.html", replace(history_of([1.0], [0.1], [True]), joints=(joint,)))
+    assert given["far"] == ([joint] if told else [])
