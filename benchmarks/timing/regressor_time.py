@@ -40,7 +40,6 @@ def run() -> None:
     print(f"Regressor of the payload, {SAMPLES} samples of {chain.n} joints, er50; median of {rounds}")
     _batch(chain, model, q, dq, ddq)
     print(f"\nInformation matrix of the payload, {SAMPLES} samples of {chain.n} joints, er50; median of {rounds}")
-    _information(chain, q, dq, ddq)
     print(f"\nFeed-forward, one sample of {chain.n} joints; median of {SINGLE_ROUNDS} x {SINGLE_CALLS} calls")
     _single(chain, payload, model, q[0], dq[0], ddq[0])
 
@@ -80,27 +79,6 @@ def _batch(chain: Chain, model: pin.Model, q: np.ndarray, dq: np.ndarray, ddq: n
         for peer in (torque_regressor, body_regressor)
     )
     print(f"  greatest difference between them: {worst:.1e}")
-
-
-def _information(chain: Chain, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> None:
-    weight, information = np.ones(chain.n), np.empty((10, 10))
-
-    def ours(variant: str) -> None:
-        kernels.use_variant(variant)
-        kernels.information_into(chain.packed, weight, q, dq, ddq, information)
-
-    def product() -> np.ndarray:
-        phi = payload_regressor(chain, q, dq, ddq).reshape(-1, 10)
-        return phi.T @ phi
-
-    candidates: dict[str, Callable[[], object]] = {
-        **{f"armload information_into, {variant}": partial(ours, variant) for variant in reversed(kernels.variants())},
-        "armload payload_regressor and a product": product,
-    }
-    times_s = _times(candidates, BATCH_ROUNDS, BATCH_CALLS)
-    _print(candidates, times_s, times_s[-1], 1e3, "ms")
-    worst = np.abs(information - product()).max() / np.abs(information).max()
-    print(f"  greatest difference between them, as a share of the greatest: {worst:.1e}")
 
 
 def _single(

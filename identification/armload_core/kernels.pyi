@@ -48,22 +48,10 @@ def arm_torque_slope_into(
 ) -> None:
     """Derivative of the sum of weight (N, n) times torque by q, dq and ddq, into zeroed slope (3, N, n)."""
 
-def information_into(
-    packed: FloatArray, weight: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray, /
+def regressor_slope_into(
+    packed: FloatArray, bodies: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray, slope: FloatArray, /
 ) -> None:
-    """M = sum of Phi^T diag(weight) Phi of the flange's regressor, into out (10, 10); weight (n,)."""
-
-def information_slope_into(
-    packed: FloatArray,
-    weight: FloatArray,
-    gain: FloatArray,
-    q: FloatArray,
-    dq: FloatArray,
-    ddq: FloatArray,
-    slope: FloatArray,
-    /,
-) -> None:
-    """Derivative of tr(gain M) by q, dq and ddq into slope (3, N, n); gain (10, 10) symmetric and constant."""
+    """Derivative of the sum of regressor times bodies (N, n, 10) by q, dq and ddq, into slope (3, N, n)."""
 
 def clearances_into(
     packed: FloatArray,

@@ -1,11 +1,14 @@
 """How well a motion determines a payload: the information matrix, and the criteria derived from it.
 
-    M = sum_t Phi_t^T W Phi_t
+    M = sum_t R_t^T W R_t,        R = Phi - F (F^T F)^-1 F^T Phi for each joint,        F_t = [sign(dq), dq, 1]
 
 A-optimal: the trace of the covariance of the parameters' errors, each relative to a scale, with W the inverse
 covariance of the joints' torque noise; for one expected payload, or its mean or its greatest value over a set.
-D-optimal: the volume of the errors' ellipsoid. Condition number: cond(Phi) = sqrt(cond(M)) with W = 1 (Chen 2016).
-By itself the condition number is a poor criterion, because it depends on neither the noise nor the payload.
+D-optimal: the volume of the errors' ellipsoid. R is the part of the regressor that cannot be a change of the joint's
+friction or offset between two runs, which the identification does not know either: without it three joints are best
+moved with one harmonic, which leaves a coordinate of the centre of mass four times as uncertain.
+Condition number: cond(Phi) = sqrt(cond(M)) with W = 1 and R = Phi (Chen 2016). By itself it is a poor criterion,
+because it depends on neither the noise nor the payload.
 
 Directions of the parameter space that no motion of the arm can identify (few joints, an axis along gravity) are
 excluded from all criteria: they would make every motion equally bad.
@@ -31,6 +34,12 @@ NOISE_RATE_HZ = 100.0
 
 SHARPNESS = 50
 """Exponent of the smooth maximum of several costs."""
+
+_TURNS_RAD_S = 0.05
+"""Speed within which friction changes its direction, as of the joints of large arms."""
+
+_STANDS = 1e-6
+"""Square of the speed in rad/s, and of a mean, that counts as none."""
 
 _RANK_TOLERANCE = 1e-8
 _PROBE_STATES = 200
@@ -63,8 +72,8 @@ class Criterion:
         A-optimal: sum of the squared relative standard deviations after one period sampled at NOISE_RATE_HZ.
         D-optimal: geometric mean of the squared relative standard deviations along the ellipsoid's axes.
         """
-        reduced = [self._reduced(basis, q, dq, ddq, period_s) for basis in self.bases]
-        values = [np.asarray(np.linalg.eigvalsh(matrix), dtype=np.float64) for matrix in reduced]
+        information = self._rows(q, dq, ddq, period_s).information
+        values = [np.asarray(np.linalg.eigvalsh(basis.T @ information @ basis)) for basis in self.bases]
         if not all(_determines_everything(value) for value in values):
             return np.inf
         costs = [self._cost(value) for value in values]
@@ -83,11 +92,11 @@ class Criterion:
         Returns:
             The cost, and (3, N, n) its derivative by q, dq and ddq.
         """
-        q, dq, ddq = (np.ascontiguousarray(a) for a in (q, dq, ddq))
         slope = np.zeros((3, *q.shape))
+        rows = self._rows(q, dq, ddq, period_s)
         costs, gains = [], []
         for basis in self.bases:
-            value, vector = np.linalg.eigh(self._reduced(basis, q, dq, ddq, period_s))
+            value, vector = np.linalg.eigh(basis.T @ rows.information @ basis)
             if not _determines_everything(value):
                 return np.inf, slope
             cost, by_value = self._smooth_cost(np.asarray(value, dtype=np.float64))
@@ -97,22 +106,27 @@ class Criterion:
             total, shares = _smooth_greatest(np.array(costs), SHARPNESS)
         else:
             total, shares = float(np.mean(costs)), np.full(len(costs), 1.0 / len(costs))
-        gain = np.ascontiguousarray(sum(share * part for share, part in zip(shares, gains, strict=True)))
-        kernels.information_slope_into(self.chain.packed, self._weight(period_s, len(q)), gain, q, dq, ddq, slope)
+        by_phi = 2.0 * rows.weighted @ sum(share * part for share, part in zip(shares, gains, strict=True))
+        q, dq, ddq = (np.ascontiguousarray(a) for a in (q, dq, ddq))
+        kernels.regressor_slope_into(self.chain.packed, by_phi.transpose(1, 0, 2).copy(), q, dq, ddq, slope)
+        # dM at a constant share of friction, which is the best one
+        slope[1] -= np.sum(by_phi @ rows.share.transpose(0, 2, 1) * rows.friction_slope, axis=2).T
         return total, slope
 
-    def _weight(self, period_s: float, samples: int) -> FloatArray:
-        """(n,) weight of one sample, such that all together weigh as much as a period sampled at NOISE_RATE_HZ."""
-        return np.asarray(self.row_weight * (period_s * NOISE_RATE_HZ / samples))
-
-    def _reduced(
-        self, basis: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray, period_s: float
-    ) -> FloatArray:
-        """(r, r) information about x."""
-        information = np.empty((10, 10))
-        q, dq, ddq = (np.ascontiguousarray(a) for a in (q, dq, ddq))
-        kernels.information_into(self.chain.packed, self._weight(period_s, len(q)), q, dq, ddq, information)
-        return np.asarray(basis.T @ information @ basis)
+    def _rows(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, period_s: float) -> _Rows:
+        """The regressor of N samples that weigh as much as a period sampled at NOISE_RATE_HZ."""
+        phi = payload_regressor(self.chain, q, dq, ddq).transpose(1, 0, 2)
+        speed = dq.T
+        smooth, one, none = np.sqrt(speed**2 + _TURNS_RAD_S**2), np.ones_like(speed), np.zeros_like(speed)
+        friction = np.stack([speed / smooth, speed, one], axis=2)
+        friction_slope = np.stack([_TURNS_RAD_S**2 / smooth**3, one, none], axis=2)
+        if self.name == "condition-number":
+            friction[:] = 0.0
+        columns = friction.transpose(0, 2, 1)
+        share = np.asarray(np.linalg.solve(columns @ friction + _STANDS * len(dq) * np.eye(3), columns @ phi))
+        weight = self.row_weight * (period_s * NOISE_RATE_HZ / len(q))
+        weighted = weight[:, None, None] * (phi - friction @ share)
+        return _Rows(np.tensordot(weighted, phi, axes=((0, 1), (0, 1))), weighted, share, friction_slope)
 
     def _cost(self, value: FloatArray) -> float:
         """The criterion from the eigenvalues (r,) of one information matrix."""
@@ -130,6 +144,23 @@ class Criterion:
             mean = float(np.exp(-np.mean(np.log(value))))
             return mean, -mean / (len(value) * value)
         return float(np.sum(1.0 / value)), -1.0 / value**2
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Rows:
+    """What N samples show.
+
+    Attributes:
+        information: (10, 10) M.
+        weighted: (n, N, 10) W R.
+        share: (n, 3, 10) of the regressor in the three columns of friction.
+        friction_slope: (n, N, 3) derivative of these columns by the speed.
+    """
+
+    information: FloatArray
+    weighted: FloatArray
+    share: FloatArray
+    friction_slope: FloatArray
 
 
 def named_criterion(

@@ -49,13 +49,9 @@ typedef struct {
     void (*arm_torque_slope)(const double *packed, int n, const double *links, const double *weight, ptrdiff_t samples,
                              const double *q, const double *dq, const double *ddq, double *slope);
 
-    /* M = sum_t Phi_t^T diag(weight) Phi_t of the flange's regressor into out (10, 10). */
-    void (*information)(const double *packed, int n, const double *weight, ptrdiff_t samples, const double *q,
-                        const double *dq, const double *ddq, double *out);
-
-    /* Derivative of tr(gain M) by q, dq, ddq into slope (3, samples, n); gain (10, 10) symmetric and constant. */
-    void (*information_slope)(const double *packed, int n, const double *weight, const double *gain, ptrdiff_t samples,
-                              const double *q, const double *dq, const double *ddq, double *slope);
+    /* Derivative of sum_ti Phi_ti^T body_ti by q, dq, ddq into slope (3, samples, n); bodies (samples, n, 10). */
+    void (*regressor_slope)(const double *packed, int n, const double *bodies, ptrdiff_t samples, const double *q,
+                            const double *dq, const double *ddq, double *slope);
 
     /* All clearances into out (samples, K). Returns 0, or -1 if memory for the spheres' centres cannot be allocated. */
     int (*clearances)(const double *packed, int n, const obstacles *around, ptrdiff_t samples, const double *q,

@@ -6,7 +6,7 @@
 #include "batch.h"
 #include "vectorised/regressor.h"
 #include "vectorised/arm_torque.h"
-#include "vectorised/information.h"
+#include "vectorised/regressor_slope.h"
 #include "vectorised/clearance.h"
 #include "vectorised/payload_torque.h"
 
@@ -29,8 +29,7 @@ ENTRY void sines_cosines(ptrdiff_t count, const double *angle, double *sine, dou
         .body_regressor = body_regressor,                                                                              \
         .arm_torque = arm_torque,                                                                                      \
         .arm_torque_slope = arm_torque_slope,                                                                          \
-        .information = information,                                                                                    \
-        .information_slope = information_slope,                                                                        \
+        .regressor_slope = regressor_slope,                                                                            \
         .clearances = clearances,                                                                                      \
         .clearance_slope = clearance_slope,                                                                            \
         .payload_torque = payload_torque,                                                                              \

@@ -120,35 +120,14 @@ static PyObject *arm_torque_slope_into(PyObject *module, PyObject *const *args, 
     Py_RETURN_NONE;
 }
 
-PyDoc_STRVAR(information_doc, "information_into(packed, weight, q, dq, ddq, out, /)\n--\n\n"
-                              "Sum of Phi^T diag(weight) Phi of the flange's regressor.");
+PyDoc_STRVAR(regressor_slope_doc, "regressor_slope_into(packed, bodies, q, dq, ddq, slope, /)\n--\n\n"
+                                  "Derivative of the sum of all products of regressor and bodies by q, dq, ddq.");
 
-static PyObject *information_into(PyObject *module, PyObject *const *args, Py_ssize_t given)
+static PyObject *regressor_slope_into(PyObject *module, PyObject *const *args, Py_ssize_t given)
 {
-    enum { ARM, WEIGHT, Q, DQ, DDQ, OUT, COUNT };
-    static const operand wanted[COUNT] = {
-        CHAIN, {"weight", 'd', 0, 1, {JOINTS}}, STATES, {"out", 'd', 1, 2, {BODY_PARAMETERS, BODY_PARAMETERS}}};
-    Py_buffer views[COUNT];
-    sizes size;
-    (void)module;
-    if (open_arrays(args, given, wanted, COUNT, views, &size) < 0) {
-        return NULL;
-    }
-    Py_BEGIN_ALLOW_THREADS batch->information(views[ARM].buf, size.joints, views[WEIGHT].buf, size.samples,
-                                              views[Q].buf, views[DQ].buf, views[DDQ].buf, views[OUT].buf);
-    Py_END_ALLOW_THREADS close_arrays(views, COUNT);
-    Py_RETURN_NONE;
-}
-
-PyDoc_STRVAR(information_slope_doc, "information_slope_into(packed, weight, gain, q, dq, ddq, slope, /)\n--\n\n"
-                                    "Derivative of tr(gain M) by q, dq, ddq.");
-
-static PyObject *information_slope_into(PyObject *module, PyObject *const *args, Py_ssize_t given)
-{
-    enum { ARM, WEIGHT, GAIN, Q, DQ, DDQ, SLOPE, COUNT };
+    enum { ARM, BODIES, Q, DQ, DDQ, SLOPE, COUNT };
     static const operand wanted[COUNT] = {CHAIN,
-                                          {"weight", 'd', 0, 1, {JOINTS}},
-                                          {"gain", 'd', 0, 2, {BODY_PARAMETERS, BODY_PARAMETERS}},
+                                          {"bodies", 'd', 0, 3, {SAMPLES, JOINTS, BODY_PARAMETERS}},
                                           STATES,
                                           {"slope", 'd', 1, 3, {3, SAMPLES, JOINTS}}};
     Py_buffer views[COUNT];
@@ -157,9 +136,8 @@ static PyObject *information_slope_into(PyObject *module, PyObject *const *args,
     if (open_arrays(args, given, wanted, COUNT, views, &size) < 0) {
         return NULL;
     }
-    Py_BEGIN_ALLOW_THREADS batch->information_slope(views[ARM].buf, size.joints, views[WEIGHT].buf, views[GAIN].buf,
-                                                    size.samples, views[Q].buf, views[DQ].buf, views[DDQ].buf,
-                                                    views[SLOPE].buf);
+    Py_BEGIN_ALLOW_THREADS batch->regressor_slope(views[ARM].buf, size.joints, views[BODIES].buf, size.samples,
+                                                  views[Q].buf, views[DQ].buf, views[DDQ].buf, views[SLOPE].buf);
     Py_END_ALLOW_THREADS close_arrays(views, COUNT);
     Py_RETURN_NONE;
 }
@@ -352,8 +330,7 @@ static PyMethodDef FUNCTIONS[] = {
     {"payload_torque_into", FASTCALL(payload_torque_into), METH_FASTCALL, payload_torque_doc},
     {"arm_torque_into", FASTCALL(arm_torque_into), METH_FASTCALL, arm_torque_doc},
     {"arm_torque_slope_into", FASTCALL(arm_torque_slope_into), METH_FASTCALL, arm_torque_slope_doc},
-    {"information_into", FASTCALL(information_into), METH_FASTCALL, information_doc},
-    {"information_slope_into", FASTCALL(information_slope_into), METH_FASTCALL, information_slope_doc},
+    {"regressor_slope_into", FASTCALL(regressor_slope_into), METH_FASTCALL, regressor_slope_doc},
     {"clearances_into", FASTCALL(clearances_into), METH_FASTCALL, clearances_doc},
     {"clearance_slope_into", FASTCALL(clearance_slope_into), METH_FASTCALL, clearance_slope_doc},
     {"sine_cosine_into", FASTCALL(sine_cosine_into), METH_FASTCALL, sine_cosine_doc},

@@ -126,30 +126,20 @@ def test_every_number_of_samples_gives_what_one_at_a_time_does(samples, any_arm,
         np.testing.assert_array_equal(slope[:, t], arm.slope(weight[t : t + 1], *motion[:, t : t + 1])[:, 0])
 
 
-def information(chain, weight, motion):
-    out = np.full((10, 10), np.nan)
-    kernels.information_into(chain.packed, weight, *motion, out)
-    return out
-
-
 @pytest.mark.parametrize("n", [1, 6, 16])
 @pytest.mark.parametrize("samples", [1, 2, 3, 4, 5, 9])
-def test_information_is_the_regressors_sum_and_its_slope_the_difference(n, samples, any_arm):
+def test_the_slope_of_the_regressor_is_the_difference(n, samples, any_arm):
     rng = np.random.default_rng(n)
     chain, _ = any_arm(rng, n)
-    weight, motion = rng.uniform(0.5, 2.0, n), states(n, samples, n)
-    phi = payload_regressor(chain, *motion)
-    close(information(chain, weight, motion), np.einsum("tia,i,tib->ab", phi, weight, phi))
-    gain = rng.normal(size=(10, 10))
-    gain += gain.T
+    bodies, motion = rng.normal(size=(samples, n, 10)), states(n, samples, n)
     slope = np.full_like(motion, np.nan)
-    kernels.information_slope_into(chain.packed, weight, gain, *motion, slope)
+    kernels.regressor_slope_into(chain.packed, bodies, *motion, slope)
     step = 1e-5
     for order in range(3):
         direction = np.zeros_like(motion)
         direction[order] = rng.normal(size=(samples, n))
-        ahead, behind = (np.sum(gain * information(chain, weight, motion + s * direction)) for s in (step, -step))
-        scale = np.abs(gain * information(chain, weight, motion)).sum()
+        ahead, behind = (np.sum(bodies * payload_regressor(chain, *(motion + s * direction))) for s in (step, -step))
+        scale = np.abs(bodies * payload_regressor(chain, *motion)).sum()
         assert np.sum(slope * direction) == pytest.approx((ahead - behind) / (2 * step), rel=1e-6, abs=1e-8 * scale)
 
 
@@ -296,7 +286,7 @@ class TestRefusals:
             kernels.payload_regressor_into(*(given | change).values())
 
     def test_another_number_of_arrays(self):
-        for function in (kernels.payload_regressor_into, kernels.information_into, kernels.clearances_into):
+        for function in (kernels.payload_regressor_into, kernels.regressor_slope_into, kernels.clearances_into):
             with pytest.raises(TypeError, match="expected"):
                 function()
 

@@ -98,11 +98,15 @@ def test_the_history_falls(result):
 
 
 def relative_deviation(trajectory: FourierTrajectory) -> np.ndarray:
-    """Standard deviation over value of every parameter, one period at 100 Hz, by QR."""
+    """Standard deviation over value of every parameter beside changes of friction, one period at 100 Hz, by QR."""
     state = trajectory.evaluate(np.arange(2000) * 0.01)
     phi = payload_regressor(ARM, state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2)
-    inverse = np.linalg.inv(np.linalg.qr((phi / NOISE_NM[:, None]).reshape(-1, 10))[1])
-    return np.sqrt(np.sum(inverse**2, axis=1)) / np.abs(PAYLOAD.theta)
+    unknown = np.zeros((*state.position_rad.shape, ARM.n, 3))
+    for joint, speed in enumerate(state.velocity_rad_s.T):
+        unknown[:, joint, joint] = np.column_stack([speed / np.hypot(speed, 0.05), speed, np.ones(speed.size)])
+    rows = np.concatenate([phi, unknown.reshape(*state.position_rad.shape, -1)], axis=2) / NOISE_NM[:, None]
+    inverse = np.linalg.inv(np.linalg.qr(rows.reshape(-1, rows.shape[2]))[1])
+    return np.sqrt(np.sum(inverse[:10] ** 2, axis=1)) / np.abs(PAYLOAD.theta)
 
 
 def test_a_optimal_halves_what_the_condition_number_leaves_uncertain(results):
@@ -211,12 +215,12 @@ class Crowded:
     envelope = Envelope(joints, TorqueLimits.from_body(ARM, body, PAYLOAD, torque_nm), workspace)
 
     def designed(
-        self, executor: Executor | None = None, base_frequency_hz=0.1, harmonics=2, restarts=1
+        self, executor: Executor | None = None, base_frequency_hz=0.1, harmonics=2, seed=3, restarts=1
     ) -> DesignResult:
         return optimal_excitation(
             criterion_of("a-optimal"),
             self.envelope,
-            SearchSettings(harmonics=harmonics, base_frequency_hz=base_frequency_hz, seed=3, restarts=restarts),
+            SearchSettings(harmonics, base_frequency_hz, seed, restarts),
             executor=executor,
         )
 
@@ -267,11 +271,11 @@ def test_the_limits_are_used_to_the_full(crowded):
 
 @pytest.fixture(scope="module")
 def one_after_the_other() -> DesignResult:
-    return Crowded().designed(harmonics=1, restarts=2)
+    return Crowded().designed(harmonics=1, seed=7, restarts=2)
 
 
 def test_the_best_start_wins(one_after_the_other):
-    """Here the second one; the first ends outside the limits."""
+    """Here the second one."""
     costs = one_after_the_other.restart_costs
     assert one_after_the_other.cost == costs[1] < costs[0]
 
@@ -294,7 +298,7 @@ def test_whoever_runs_the_starts_the_result_is_the_same(one_after_the_other, kin
         "processes": lambda: ProcessPoolExecutor(2, mp_context=get_context("spawn")),
     }
     with pools[kind]() as executor:
-        again = Crowded().designed(executor, harmonics=1, restarts=2)
+        again = Crowded().designed(executor, harmonics=1, seed=7, restarts=2)
     assert np.array_equal(again.trajectory.sin_rad, one_after_the_other.trajectory.sin_rad)
     assert np.array_equal(again.trajectory.offset_rad, one_after_the_other.trajectory.offset_rad)
     assert np.array_equal(again.restart_costs, one_after_the_other.restart_costs)

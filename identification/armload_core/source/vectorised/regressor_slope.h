@@ -1,79 +1,42 @@
-/* The information matrix of a motion and its derivative with respect to the motion.
+/* The derivative of a payload's regressor with respect to the motion.
 
-   The derivative is computed in reverse mode, one backward pass per group; differences of the regressor took seven
-   times as long. */
+   It is computed in reverse mode, one backward pass per group; differences of the regressor took seven times as
+   long. */
 
-#ifndef ARMLOAD_INFORMATION_H
-#define ARMLOAD_INFORMATION_H
+#ifndef ARMLOAD_REGRESSOR_SLOPE_H
+#define ARMLOAD_REGRESSOR_SLOPE_H
 
 #include <stddef.h>
-#include <string.h>
 
-#include "body_columns.h"
 #include "chain.h"
 #include "frames.h"
 #include "geometry.h"
 #include "lanes.h"
-
-ENTRY void information(const double *packed, int n, const double *weight, ptrdiff_t samples, const double *q,
-                       const double *dq, const double *ddq, double *out)
-{
-    lanes sums[BODY_PARAMETERS][BODY_PARAMETERS];
-    memset(sums, 0, sizeof sums);
-    for (ptrdiff_t t = 0; t < samples; t += LANES) {
-        const group g = group_at(t, samples);
-        frame frames[MOST_JOINTS];
-        motion m;
-        lanes rows[MOST_JOINTS][BODY_PARAMETERS];
-        lanes counts = all(1.0);
-        for (int l = g.used; l < LANES; l++) {
-            counts[l] = 0.0;
-        }
-        gather_motion(&g, n, n, q, dq, ddq, &m);
-        forward_pass(packed, n, &m, frames);
-        flange_columns(packed, n, frames, rows);
-        for (int i = 0; i < n; i++) {
-            for (int k = 0; k < BODY_PARAMETERS; k++) {
-                const lanes left = counts * weight[i] * rows[i][k];
-                for (int j = 0; j <= k; j++) {
-                    sums[k][j] += left * rows[i][j];
-                }
-            }
-        }
-    }
-    for (int k = 0; k < BODY_PARAMETERS; k++) {
-        for (int j = 0; j <= k; j++) {
-            out[BODY_PARAMETERS * k + j] = out[BODY_PARAMETERS * j + k] = total(sums[k][j]);
-        }
-    }
-}
 
 /* Twist or wrench of a body: angular and linear part. */
 typedef struct {
     vec3 angular, linear;
 } screw;
 
-/* tr(gain dM) = sum_i <a_i, dPhi_i> with a_i = 2 W_i Phi_i gain: the change of the torque at joint i for a body with
-   the ten parameters a_i. With the joint screws S_i = (z_i, v_i) in flange coordinates,
+/* sum_i <a_i, dPhi_i>: the change of the torque at joint i for a body with the ten parameters a_i, one for each sample.
+   With the joint screws S_i = (z_i, v_i) in flange coordinates,
 
        V = sum_i S_i dq_i,    dV = sum_i S_i ddq_i + sum_{i<j} (S_i x S_j) dq_i dq_j,    dS_i/dq_j = S_i x S_j, i < j,
 
    differentiated in reverse mode; by_x is the derivative with respect to x (Griewank, Walther, Evaluating Derivatives,
    2008). */
-ENTRY void information_slope(const double *packed, int n, const double *weight, const double *gain, ptrdiff_t samples,
-                             const double *q, const double *dq, const double *ddq, double *slope)
+ENTRY void regressor_slope(const double *packed, int n, const double *bodies, ptrdiff_t samples, const double *q,
+                           const double *dq, const double *ddq, double *slope)
 {
     const double *flange = flange_of(packed, n);
     for (ptrdiff_t t = 0; t < samples; t += LANES) {
         const group g = group_at(t, samples);
         frame frames[MOST_JOINTS];
         motion m;
-        lanes rows[MOST_JOINTS][BODY_PARAMETERS];
         screw joint[MOST_JOINTS], ahead[MOST_JOINTS] /* sum of S_j dq_j over j > i */, by_joint[MOST_JOINTS];
         lanes by_q[MOST_JOINTS], by_dq[MOST_JOINTS], by_ddq[MOST_JOINTS];
         gather_motion(&g, n, n, q, dq, ddq, &m);
         forward_pass(packed, n, &m, frames);
-        flange_columns(packed, n, frames, rows);
 
         /* joint screws, and the resulting twist (w, u) and acceleration (dw, a), in flange coordinates */
         const frame *last = frames + n - 1;
@@ -101,11 +64,7 @@ ENTRY void information_slope(const double *packed, int n, const double *weight, 
         for (int i = 0; i < n; i++) {
             lanes body[BODY_PARAMETERS];
             for (int c = 0; c < BODY_PARAMETERS; c++) {
-                body[c] = all(0.0);
-                for (int k = 0; k < BODY_PARAMETERS; k++) {
-                    body[c] += rows[i][k] * gain[BODY_PARAMETERS * k + c];
-                }
-                body[c] *= 2.0 * weight[i];
+                body[c] = gathered(&g, bodies, (ptrdiff_t)n * BODY_PARAMETERS, BODY_PARAMETERS * i + c);
             }
             const lanes mass = body[0], *inertia = body + 4;
             const vec3 first = {body[1], body[2], body[3]};
