@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
-from armload_identification.contact.contact_levels import AHEAD_S, BIN_S, BINS, HOLE_S, SLOW, STEP_S, STOPPING
+from armload_identification.contact.contact_levels import BIN_S, BINS, HOLE_S, SLOW, STEP_S, STOPPING
 from armload_identification.estimation.empty_arm.known_arm_rows import MOVING, payload_scale
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
@@ -145,9 +145,8 @@ class RowMaker:
         friction = direction * steady + body.viscous_nm_s_rad * dq + body.offset_nm
         own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * self._spread.ravel()
         changes = own[:, None, :] * np.tile(np.eye(n), 3)
-        soon = dq + AHEAD_S * ddq
-        speed = np.where(dq * soon < 0.0, 0.0, np.minimum(np.abs(dq), np.abs(soon)))
-        slow = 1.0 - np.tanh(speed / (SLOW * body.reversal_speed_rad_s))
+        slowest = np.maximum(np.abs(dq) - span[:, None] * np.abs(ddq), 0.0)
+        slow = 1.0 - np.tanh(slowest / (SLOW * body.reversal_speed_rad_s))
         return ForceRows(
             time_s=middle,
             position_rad=q,

@@ -1,6 +1,6 @@
 """Whether something acts on the arm that payload and friction of the last minute do not explain.
 
-    z = mean over a window of (e - H x), minus what the bounded friction of joints that stop may be
+    z = mean over a window of (e - H x), minus the mean of what the bounded friction of joints that stop may be
     S = H P H' + noise + what joints that stop, and a changing acceleration, make uncertain
     z' S^-1 z > bound
 
@@ -13,12 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.contact.arm_memory import RememberedState
 from armload_identification.contact.contact_levels import (
-    AHEAD_S,
     BOUNDED,
     COLOUR_S,
     JERK,
@@ -93,35 +91,27 @@ def acting(
         known: What is known of payload and friction.
         inertia_kg_m2: (n,) inertia about each joint.
     """
-    first = int(np.searchsorted(rows.time_s, rows.time_s[since] - WINDOWS_S[-1] - AHEAD_S))
+    first = int(np.searchsorted(rows.time_s, rows.time_s[since] - WINDOWS_S[-1]))
     rows, since = rows.part(slice(first, None)), since - first
     count, n = rows.size - since, rows.residual_nm.shape[1]
     best, joints = np.zeros(count), np.zeros((count, n))
-    left = rows.residual_nm - rows.columns @ known.value
-    sums = np.concatenate([np.zeros((1, n)), np.cumsum(left, axis=0)])
-    columns = np.concatenate([np.zeros((1, *rows.columns.shape[1:])), np.cumsum(rows.columns, axis=0)])
+    stacked = np.concatenate([rows.columns, np.stack([rows.residual_nm, rows.doubt_nm], axis=2)], axis=2)
+    sums = np.concatenate([np.zeros((1, *stacked.shape[1:])), np.cumsum(stacked, axis=0)])
     ends = np.arange(since, rows.size) + 1
     for window_s, sigmas in zip(WINDOWS_S, TAIL_SIGMAS, strict=True):
         starts = np.searchsorted(rows.time_s, rows.time_s[ends - 1] - window_s, side="right")
-        earlier = np.searchsorted(rows.time_s, rows.time_s[ends - 1] - window_s - AHEAD_S, side="right")
-        number = (ends - starts)[:, None]
-        z = (sums[ends] - sums[starts]) / number
-        H = (columns[ends] - columns[starts]) / number[:, :, None]
-        doubt = _greatest(rows.doubt_nm, earlier, ends)
-        changed = _greatest(rows.acceleration_rad_s2, starts, ends) + _greatest(-rows.acceleration_rad_s2, starts, ends)
-        jerk = JERK * inertia_kg_m2 * np.maximum(changed - QUIET_RAD_S2, 0.0)
+        number = ends - starts
+        mean = (sums[ends] - sums[starts]) / number[:, None, None]
+        H, doubt = mean[:, :, :-2], mean[:, :, -1]
+        z = mean[:, :, -2] - H @ known.value
         z = np.sign(z) * np.maximum(np.abs(z) - BOUNDED * doubt, 0.0)
+        changed = np.array([np.ptp(rows.acceleration_rad_s2[a:b], axis=0) for a, b in zip(starts, ends, strict=True)])
+        jerk = JERK * inertia_kg_m2 * np.maximum(changed - QUIET_RAD_S2, 0.0)
         own = noise.of_mean(window_s) + (UNBOUNDED * doubt) ** 2 + jerk**2
         S = H @ known.covariance @ np.swapaxes(H, 1, 2) + own[:, :, None] * np.eye(n)
         statistic = np.einsum("ki,ki->k", z, np.linalg.solve(S, z[:, :, None])[:, :, 0])
-        filled = number[:, 0] * 0.02 >= LEAST_FILLED * window_s
-        ratio = np.where(filled, statistic / bound(sigmas, n), 0.0)
+        ratio = np.where(number * 0.02 >= LEAST_FILLED * window_s, statistic / bound(sigmas, n), 0.0)
         better = ratio > best
         best = np.where(better, ratio, best)
         joints[better] = (z / np.sqrt(np.diagonal(S, axis1=1, axis2=2)))[better]
     return Test(best, joints)
-
-
-def _greatest(values: FloatArray, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> FloatArray:
-    """(K, n) greatest of each part of (N, n) values."""
-    return np.array([values[a:b].max(axis=0) for a, b in zip(starts, ends, strict=True)])

@@ -1,35 +1,48 @@
-"""Rows of a calibrated arm: torque is seen with the delay and width with which acceleration is."""
+"""Rows of a calibrated arm: torque is seen as acceleration is, and a joint is uncertain while a row sees it stop."""
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from armload_identification.contact.contact_levels import BINS, STOPPING
 from armload_identification.contact.force_rows import RowMaker
 from armload_identification.pipeline.estimator_constants import estimator_constants
 
-STEP_S, SPEED_RAD_S = 0.01, 0.5
+SPEED_RAD_S, SAMPLES = 0.5, 100
 
 
-def test_an_abrupt_stop_leaves_no_residual(moved):
+def stopped(moved, step_s, **friction):
+    """Rows of a joint that stops within two samples, the time of the stop, and the joint's torque."""
     calibration, chain, transmission = moved.watched_arm
-    nothing = np.zeros(chain.n)
-    body = replace(
-        calibration.body, coulomb_nm=nothing, viscous_nm_s_rad=nothing, root_nm=nothing, load_friction=nothing,
-        torque_delay_s=0.0,
-    )  # fmt: skip
+    nothing = dict.fromkeys(("coulomb_nm", "viscous_nm_s_rad", "root_nm", "load_friction"), np.zeros(chain.n))
+    body = replace(calibration.body, torque_delay_s=0.0, **(nothing | friction))
     calibration = replace(calibration, body=body)
-    # a joint stops within two samples
-    speed = np.where(np.arange(100) < 50, SPEED_RAD_S, 0.0)
-    speed[50] = 0.5 * SPEED_RAD_S
-    position = np.tile(moved.position[0], (100, 1))
-    position[:, 0] += np.cumsum(speed) * STEP_S
+    middle = SAMPLES // 2
+    speed = np.where(np.arange(SAMPLES) < middle, SPEED_RAD_S, 0.0)
+    speed[middle] = 0.5 * SPEED_RAD_S
+    position = np.tile(moved.position[0], (SAMPLES, 1))
+    position[:, 0] += np.cumsum(speed) * step_s
     velocity, acceleration = np.zeros_like(position), np.zeros_like(position)
-    velocity[:, 0], acceleration[:-1, 0] = speed, np.diff(speed) / STEP_S
+    velocity[:, 0], acceleration[:-1, 0] = speed, np.diff(speed) / step_s
     torque = body.torque(calibration.level(chain), position, velocity, acceleration)
     from_effort = estimator_constants(calibration, chain, transmission).from_effort
     rows = RowMaker(calibration, chain, from_effort).take(
-        STEP_S * np.arange(100), position, torque @ np.linalg.inv(from_effort), np.zeros(10)
+        step_s * np.arange(SAMPLES), position, torque @ np.linalg.inv(from_effort), np.zeros(10)
     )
-    inertial = np.ptp(torque[:, 0])
+    return rows, step_s * middle, torque[:, 0]
+
+
+def test_an_abrupt_stop_leaves_no_residual(moved):
+    rows, _, torque = stopped(moved, 0.01)
+    inertial = np.ptp(torque)
     assert inertial > 1.0
     assert np.abs(rows.residual_nm[:, 0]).max() < 0.03 * inertial
+
+
+@pytest.mark.parametrize("step_s", [0.01, 0.02])
+def test_a_joint_is_uncertain_from_when_a_row_sees_it_stop(moved, step_s):
+    rows, stop_s, _ = stopped(moved, step_s, coulomb_nm=np.ones(moved.arm.chain.n))
+    doubt, half_s = rows.doubt_nm[:, 0] / STOPPING, 0.5 * BINS * step_s
+    assert doubt[rows.time_s < stop_s - half_s].max() < 1e-6
+    assert doubt[rows.time_s > stop_s - 0.25 * half_s].min() > 0.9
