@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.contact.contact_levels import CHECKPOINT_S, MEMORY_S, OLD_S
+from armload_identification.contact.contact_levels import CHECKPOINT_S, MEMORY_S, OLD_S, PART_ROWS
 from armload_identification.contact.force_rows import PAYLOAD, ForceRows
 
 
@@ -51,32 +51,21 @@ class ArmMemory:
         Args:
             density: (n,) spectral density of the residual, (N m)^2 s.
         """
-        start = 0
-        while start < rows.size:
-            first = float(rows.time_s[start])
-            due_s = first if not self._known else self._known[-1].time_s + CHECKPOINT_S
-            end = max(int(np.searchsorted(rows.time_s, due_s, side="right")), start + 1)
-            self._add_part(rows.part(slice(start, end)), density)
-            if float(rows.time_s[end - 1]) >= due_s:
-                self._checkpoint(float(rows.time_s[end - 1]))
-            start = end
-
-    def _add_part(self, rows: ForceRows, density: FloatArray) -> None:
-        time_s = rows.time_s
-        before = time_s[0] if self._last_s is None else self._last_s
-        steps = np.clip(np.diff(time_s, prepend=before), 0.0, 0.1)
-        self._last_s = float(time_s[-1])
-        fade = float(np.exp(-(self._last_s - before) / MEMORY_S))
-        weight = rows.weight**2 / density * steps[:, None]
-        tall = rows.columns.reshape(-1, rows.columns.shape[2])
-        weighted = tall * weight.reshape(-1, 1)
-        self._information = fade * self._information + weighted.T @ tall
-        self._right = fade * self._right + weighted.T @ rows.residual_nm.ravel()
-
-    def _checkpoint(self, time_s: float) -> None:
-        covariance: FloatArray = np.asarray(np.linalg.inv(self._prior + self._information), dtype=float)
-        self._known.append(RememberedState(time_s, covariance @ self._right, covariance))
-        del self._known[:-16]
+        # in parts, as what is learnt fades, and what was known is kept
+        for start in range(0, rows.size, PART_ROWS):
+            part = slice(start, start + PART_ROWS)
+            time_s, tall = rows.time_s[part], rows.columns[part].reshape(-1, rows.columns.shape[2])
+            before = time_s[0] if self._last_s is None else self._last_s
+            steps = np.clip(np.diff(time_s, prepend=before), 0.0, 0.1)
+            self._last_s = float(time_s[-1])
+            fade = float(np.exp(-(self._last_s - before) / MEMORY_S))
+            weighted = tall * (rows.weight[part] ** 2 / density * steps[:, None]).reshape(-1, 1)
+            self._information = fade * self._information + weighted.T @ tall
+            self._right = fade * self._right + weighted.T @ rows.residual_nm[part].ravel()
+            if not self._known or self._last_s - self._known[-1].time_s >= CHECKPOINT_S:
+                covariance: FloatArray = np.asarray(np.linalg.inv(self._prior + self._information), dtype=float)
+                self._known.append(RememberedState(self._last_s, covariance @ self._right, covariance))
+                del self._known[:-16]
 
     def before(self, time_s: float) -> RememberedState | None:
         """What was known `OLD_S` before a time; None if nothing was."""

@@ -146,10 +146,8 @@ class ForceWatch:
         return self._decide(self._base, float(rows.time_s[-1]))
 
     def suspect(self) -> list[ForceEvent]:
-        """Something else says that the payload has changed: look at it as after a notice."""
-        if self.state is not Force.FREE or not self._rows.size:
-            return []
-        return self._begin(float(self._rows.time_s[-1]), np.zeros_like(self._joints))
+        """Something else says, while nothing acts, that the payload has changed: look at it as after a notice."""
+        return self._begin(float(self._rows.time_s[-1]), np.zeros_like(self._joints)) if self._rows.size else []
 
     def _learn(self, rows: ForceRows, predicted: RememberedState | None) -> None:
         """Use rows in which nothing acts."""
@@ -199,7 +197,7 @@ class ForceWatch:
         events = []
         if self._looks and now_s - self._noticed_s >= self._looks[0]:
             due_s = self._looks.pop(0)
-            found = assess(self._rows, base, self._noise, self._maker.chain, self._maker.scale, self._noticed_s)
+            found = assess(self._rows, base, self._noise, self._maker.chain, self._noticed_s)
             self._push_end_s = found.push_s[1]
             events += self._judge(found, now_s, due_s, last=not self._looks)
         if self.state is Force.PUSHED and now_s - self._evident_s >= OVER_S:

@@ -85,15 +85,12 @@ def _fits(columns: FloatArray, inverse: FloatArray, residual: FloatArray, shares
     return _Fits(top + float(np.log(np.mean(np.exp(logarithm - top)))), best, b[best], covariance[best])
 
 
-def assess(
-    rows: ForceRows, known: RememberedState, noise: ResidualNoise, chain: Chain, scale: FloatArray, noticed_s: float
-) -> Assessment:
+def assess(rows: ForceRows, known: RememberedState, noise: ResidualNoise, chain: Chain, noticed_s: float) -> Assessment:
     """Compare the explanations.
 
     Args:
         rows: Rows from before the earliest onset until now.
         known: What was known of payload and friction before.
-        scale: (10,) units of the payload's parameters.
         noticed_s: Time of the notice.
     """
     means = _means(rows.part(rows.time_s >= noticed_s - BACK_S))
@@ -107,12 +104,9 @@ def assess(
     within = (np.arange(count) >= start[:, None]) & (np.arange(count) < end[:, None])
     pushes = _fits(np.swapaxes(jacobians, 1, 2) * _FORCE, inverse, residual, within.astype(float))
     first, last = int(start[pushes.best]), int(end[pushes.best])
-    mass_kg, spread_kg = (
-        float(PAYLOAD_SIZE * scale[0] * value) for value in (payloads.b[0], np.sqrt(payloads.covariance[0, 0]))
-    )
-    odds = payloads.logarithm + FAVOUR - pushes.logarithm
-    if known.value[0] * scale[0] + mass_kg + 3.0 * spread_kg + INEXACT * abs(mass_kg) < 0.0:
-        odds = -np.inf
+    change, spread = PAYLOAD_SIZE * payloads.b[0], PAYLOAD_SIZE * np.sqrt(payloads.covariance[0, 0])
+    negative = known.value[0] + change + 3.0 * spread + INEXACT * abs(change) < 0.0
+    odds = -np.inf if negative else payloads.logarithm + FAVOUR - pushes.logarithm
     return Assessment(
         odds=odds,
         evidence=payloads.logarithm,
@@ -139,9 +133,15 @@ def payload_evidence(rows: ForceRows, known: RememberedState, noise: ResidualNoi
 
 
 def _residual_of(means: ForceRows, known: RememberedState, noise: ResidualNoise) -> tuple[FloatArray, FloatArray]:
-    """(K n,) residuals that are not known, and (K n, K n) N^-1."""
-    inverse: FloatArray = np.asarray(np.linalg.inv(_covariance(means, known, noise)), dtype=float)
-    return (means.residual_nm - means.columns @ known.value).ravel(), inverse
+    """(K n,) residuals that are not known, and (K n, K n) N^-1: noise with its memory, and what was not known."""
+    count, n = means.residual_nm.shape
+    tall = means.columns.reshape(count * n, -1)
+    whole = (tall @ known.covariance @ tall.T).reshape(count, n, count, n)
+    together = np.exp(-np.abs(means.time_s[:, None] - means.time_s) / COLOUR_S)
+    for j in range(n):
+        whole[:, j, :, j] += noise.coloured_nm2[j] * together + np.diag(noise.white_nm2[j] + means.doubt_nm[:, j] ** 2)
+    inverse: FloatArray = np.asarray(np.linalg.inv(whole.reshape(count * n, count * n)), dtype=float)
+    return means.residual_nm.ravel() - tall @ known.value, inverse
 
 
 def _payloads(
@@ -182,14 +182,3 @@ def _means(rows: ForceRows) -> ForceRows:
     # a row's window still holds the stop or start of 40 ms ago: the newest mean may be of a single such row
     doubt[1:] = np.maximum(doubt[1:], doubt[:-1])
     return replace(means, time_s=rows.time_s[starts], doubt_nm=doubt)
-
-
-def _covariance(means: ForceRows, known: RememberedState, noise: ResidualNoise) -> FloatArray:
-    """(K n, K n) of the residuals: noise of each joint with its memory, and what was not known."""
-    count, n = means.residual_nm.shape
-    tall = means.columns.reshape(count * n, -1)
-    whole = (tall @ known.covariance @ tall.T).reshape(count, n, count, n)
-    together = np.exp(-np.abs(means.time_s[:, None] - means.time_s) / COLOUR_S)
-    for j in range(n):
-        whole[:, j, :, j] += noise.coloured_nm2[j] * together + np.diag(noise.white_nm2[j] + means.doubt_nm[:, j] ** 2)
-    return whole.reshape(count * n, count * n)
