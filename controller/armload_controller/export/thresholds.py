@@ -29,7 +29,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.contact_levels import JERK, STOPPING
 from armload_identification.model.regressor import payload_torque
-from armload_identification.signals.row_window import HALF_S
+from armload_identification.signals.signal_constants import RowMean
 
 _BEYOND: Final = 1e-4
 _FEW_RUNS: Final = 0.2
@@ -53,7 +53,9 @@ def export_thresholds(subject: ExportSubject) -> dict[str, str]:
             "--calibration FILE of `armload calibrate`",
         )
     body = calibration.body
-    noise_nm = _sigmas(calibration) * calibration.known_arm(subject.chain).noise_nm * np.sqrt(2.0 * HALF_S / _SAMPLE_S)
+    noise_nm = (
+        _sigmas(calibration) * calibration.known_arm(subject.chain).noise_nm * np.sqrt(2.0 * RowMean.half_s / _SAMPLE_S)
+    )
     holding_nm, inertia_kg_m2 = _greatest(subject)
     friction_nm = STOPPING * (body.coulomb_nm + body.load_friction * holding_nm)
     abrupt_nm = JERK * inertia_kg_m2 * subject.limits.acceleration_max_rad_s2

@@ -136,8 +136,7 @@ class _Solver:
         whole[self._shared_free] = step
         for state, part in zip(self._groups, eliminated, strict=True):
             whole[state.own] = part.own_step - part.follow @ step
-        weights = self._row_weights()
-        before, cost = self._x, self._cost(weights)
+        before, cost = self._x, self._cost()
         size = float(np.sqrt(max(step @ information @ step, 0.0)))
         if not step.size:
             size = float(np.sqrt(sum(part.own_step @ part.own_gradient for part in eliminated)))
@@ -145,7 +144,7 @@ class _Solver:
         while True:
             self._x = before + share * whole
             self._update()
-            if share < Solver.shortest_step or self._cost(weights) <= cost:
+            if share < Solver.shortest_step or self._cost() <= cost:
                 return share * size
             share *= 0.5
 
@@ -248,25 +247,22 @@ class _Solver:
         gradient = (self._known_target - self._known_precision @ self._x[: self._shared])[place]
         return information, gradient + precision * (self._mean - self._x)[place]
 
-    def _cost(self, weights: Sequence[FloatArray]) -> float:
-        """Weighted squares of the residuals and of deviations from the prior."""
+    def _cost(self) -> float:
+        """Squares of the residuals, with the weights of the present step, and of deviations from the prior."""
         left = sum(
             float(np.sum((state.residual_nm * weight) ** 2))
-            for state, weight in zip(self._groups, weights, strict=True)
+            for state, weight in zip(self._groups, self._weights, strict=True)
         )
         prior = np.sum(((self._x - self._mean)[self._free] / self._deviation[self._free]) ** 2)
         shared = self._x[: self._shared]
         return left + float(prior + shared @ self._known_precision @ shared - 2.0 * self._known_target @ shared)
 
-    def _row_weights(self) -> list[FloatArray]:
-        """Of all groups, (g, N, n)."""
-        robust = self._problem.noise.robust
-        return [state.row_weights(self._noise, self._correlation, robust=robust) for state in self._groups]
-
     def _eliminated(self) -> tuple[Eliminated, ...]:
-        """The normal equations of all groups."""
+        """The normal equations of all groups, with the weights of their rows at the present unknowns."""
+        robust = self._problem.noise.robust
+        self._weights = [state.row_weights(self._noise, self._correlation, robust=robust) for state in self._groups]
         parts = []
-        for state, weight in zip(self._groups, self._row_weights(), strict=True):
+        for state, weight in zip(self._groups, self._weights, strict=True):
             precision = self._deviation[state.own] ** -2.0
             pull = (self._mean - self._x)[state.own] / self._deviation[state.own] ** 2
             parts.append(state.eliminated(weight, precision, pull))

@@ -14,7 +14,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.row_window import HALF_S
+from armload_identification.signals.signal_constants import RowMean
 
 FLOOR_KG: Final = 0.010
 FLOOR_SHARE: Final = 0.001
@@ -23,7 +23,7 @@ ROW_S: Final = 0.05
 """Time between rows of the estimator."""
 _WINDOW_S: Final = 0.24
 """Window of a row, as in the kernel."""
-_WHITE_S: Final = 1.4 * HALF_S
+_WHITE_S: Final = 1.4 * RowMean.half_s
 """Integrated autocorrelation of white noise in the calibration's rows."""
 
 
@@ -71,7 +71,7 @@ def estimator_constants(
     colour = np.maximum(arm.correlation_s / ROW_S, 1.0)
     # The part of the residual that is white noise is larger in a shorter window than in the calibration's rows.
     white = _WHITE_S / np.maximum(arm.correlation_s, _WHITE_S)
-    larger = 1.0 + (2.0 * HALF_S / _WINDOW_S - 1.0) * white
+    larger = 1.0 + (2.0 * RowMean.half_s / _WINDOW_S - 1.0) * white
     parameter = np.zeros((kernels.ESTIMATOR_PARAMETERS, n))
     rows = {
         kernels.ESTIMATOR_COULOMB: body.coulomb_nm,

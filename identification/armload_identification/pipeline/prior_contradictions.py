@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
-from armload_identification.estimation.truncated_normal import contradicted, truncated_moments
+from armload_identification.estimation.prior_knowledge import KnownPayload, Prior, contradicted, truncated_moments
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.pipeline.identification_result import Identification

@@ -455,7 +455,7 @@ class Repetition:
 
 
 class RowMean:
-    """Means over a window, the rows of a run of any motion (`row_window`)."""
+    """Means over a window, the rows of a run of any motion (`arm_rows`)."""
 
     half_s: Final = 0.16
     """[s] Half the length of the window.

@@ -16,7 +16,7 @@ from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_estimate import PayloadEstimate
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
-from armload_identification.identification_errors import EstimationError, NoPayloadMass, RecordingError
+from armload_identification.identification_errors import EstimationError, NoPayloadMass, NothingMounted, RecordingError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import DETERMINED_SHARE
 from armload_identification.model.regressor import payload_regressor
@@ -81,13 +81,18 @@ def refuse_contradictions(fit: FittedPair, columns: RunColumns) -> None:
         RecordingError: columns are exchanged or of the wrong sign.
         EstimationError: one of `CONTRADICTIONS`.
     """
-    refuse_nothing(fit.plain, fit.regressor, fit.signal.unloaded.torque_nm)
     try:
         for check in CONTRADICTIONS:
             check(fit)
+    except NothingMounted:
+        raise
     except EstimationError:
         columns.require_right()
         raise
+
+
+def _refuse_nothing(fit: FittedPair) -> None:
+    refuse_nothing(fit.plain, fit.regressor, fit.signal.unloaded.torque_nm)
 
 
 def _refuse_impossible_gain(fit: FittedPair) -> None:
@@ -273,6 +278,7 @@ def _contradiction_error(joints: NDArray[np.bool_], *, above: bool = False) -> E
 
 
 CONTRADICTIONS = (
+    _refuse_nothing,
     _refuse_impossible_gain,
     _refuse_contradicting_joint,
     _refuse_no_mass,

@@ -12,7 +12,7 @@ from armload_controller.control_errors import ExportError
 from armload_controller.export.thresholds import export_thresholds
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque
-from armload_identification.signals.row_window import HALF_S
+from armload_identification.signals.signal_constants import RowMean
 
 
 def thresholds_of(subject):
@@ -57,7 +57,7 @@ def test_noise_that_differs_between_runs_is_known_less(calibrated):
     alike = noise(1.0, 1.0 + 1e-4, 1.0 - 1e-4)
     assert noise(1.0, 1.15, 0.85) > 1.2 * alike
     assert noise(1.0) > 1.2 * alike
-    sigma = arm.known_arm(calibrated.chain).noise_nm[0] * np.sqrt(2.0 * HALF_S / 0.02)
+    sigma = arm.known_arm(calibrated.chain).noise_nm[0] * np.sqrt(2.0 * RowMean.half_s / 0.02)
     assert alike / sigma == pytest.approx(norm.isf(0.5e-4), rel=1e-3)
 
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.signals.row_window import HALF_S, RowWindow
+from armload_identification.estimation.arm_rows import RowWindow
+from armload_identification.signals.signal_constants import RowMean
 
 pytestmark = pytest.mark.pure
 
@@ -28,8 +29,8 @@ def test_a_row_is_the_mean_about_its_middle(window):
     np.testing.assert_allclose(rows[:, 1], 3.0 * middle_s)
     # Signals faster than the window vanish.
     assert np.abs(rows[:, 2]).max() < 0.01
-    assert middle_s[0] >= HALF_S - INTERVAL_S
-    assert middle_s[-1] <= time_s[-1] - HALF_S + INTERVAL_S
+    assert middle_s[0] >= RowMean.half_s - INTERVAL_S
+    assert middle_s[-1] <= time_s[-1] - RowMean.half_s + INTERVAL_S
 
 
 def test_rows_about_a_hole_and_at_the_ends_do_not_count(window):
@@ -37,7 +38,7 @@ def test_rows_about_a_hole_and_at_the_ends_do_not_count(window):
     np.testing.assert_array_equal(window.usable(valid), window.whole)
     valid[100] = False
     away = np.abs(window.middle - 100) * INTERVAL_S
-    np.testing.assert_array_equal(window.usable(valid), window.whole & (away >= HALF_S))
+    np.testing.assert_array_equal(window.usable(valid), window.whole & (away >= RowMean.half_s))
 
 
 def test_a_joint_that_turns_within_the_window_does_not_count(window):
@@ -47,7 +48,7 @@ def test_a_joint_that_turns_within_the_window_does_not_count(window):
     np.testing.assert_allclose(onward[window.whole, 0], 1.0)
     np.testing.assert_array_equal(onward[:, 2], 0.0)
     assert onward[np.argmin(np.abs(window.middle - 100)), 1] == 0.0
-    np.testing.assert_allclose(onward[np.abs(window.middle - 100) * INTERVAL_S > HALF_S, 1], 1.0)
+    np.testing.assert_allclose(onward[np.abs(window.middle - 100) * INTERVAL_S > RowMean.half_s, 1], 1.0)
 
 
 def test_samples_further_apart_than_the_window_are_rows_themselves():
