@@ -119,7 +119,7 @@ def passed(checkout: Path, tests: list[str]) -> bool:
     """Whether tests pass in a copy of the checkout, whose packages come before the installed ones."""
     path = os.pathsep.join(str(checkout / package) for package in (*PACKAGES, "configs"))
     environment = os.environ | {"PYTHONPATH": path, "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
-    command = ["nice", "-n", "3", sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    command = ["nice", "-n", "1", sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
     try:
         run = subprocess.run(
             command, cwd=checkout, env=environment, capture_output=True, timeout=TIME_LIMIT_S, check=False
