@@ -164,31 +164,6 @@ def test_a_master_that_is_heard_is_what_is_wrong(line):
     assert "NMT" in drive.what
 
 
-@pytest.mark.parametrize(
-    ("state", "commands", "speed_rad_s", "has_brake", "what"),
-    [
-        (QUICK_STOP, "", 0.0, True, ""),
-        (State.FAULT_REACTION_ACTIVE, "", -0.0, True, ""),
-        (QUICK_STOP, "", 0.9 * STANDSTILL_RAD_S, True, ""),
-        (QUICK_STOP, "", 2.0 * STANDSTILL_RAD_S, True, "moves at 0.010 rad/s"),
-        (QUICK_STOP, "", 0.0, False, "no brake and falls without torque"),
-        (ENABLED, "", 0.0, True, "may be moving it"),
-        (QUICK_STOP, "another node sends NMT", 0.0, True, "and another node sends NMT"),
-        (ENABLED, "another node sends NMT", 0.0, True, "and another node sends NMT"),
-    ],
-)
-def test_torque_is_removed_only_from_an_abandoned_axis_at_rest_with_a_brake(
-    arm_settings, state, commands, speed_rad_s, has_brake, what
-):
-    setup = Setup(replace(arm_settings().drives[1], has_brake=has_brake))
-    drive = judged(setup, state, commands, speed_rad_s * COUNTS_PER_RAD)
-    assert drive.abandoned is (not what)
-    assert what in drive.what
-    refusal = drive.refusal()
-    assert (refusal.node_id, refusal.joint) == (3, "joint_3")
-    assert drive.remedy in str(refusal)
-
-
 # The reset -------------------------------------------------------------------------------------------------------
 
 
