@@ -8,6 +8,7 @@ from benchmarks.accuracy import (
     adapting,
     calibrated_arms,
     coverage,
+    interval_coverage,
     measured_motion,
     modified_recordings,
     operating_curve,
@@ -41,9 +42,9 @@ def main() -> int:
         other_payloads.run(tally, pool, Twin.NORMATIVE, census)
         other_payloads.run(tally, pool, Twin.HARSH, census)
         workpieces.run(tally, pool)
-        coverage.run_first(tally, pool)
         coverage.run(tally, pool, census)
         operating_curve.run(tally, pool, census)
+        interval_coverage.run(tally, pool)
     tally.heading("6. Physically possible, and honest")
     census.judge(tally)
     return tally.finish()

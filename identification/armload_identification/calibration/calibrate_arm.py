@@ -33,6 +33,7 @@ from armload_identification.estimation.arm_terms import (
     arm_terms,
     effort_level,
 )
+from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.identified_body import identified_body
 from armload_identification.estimation.posterior import Posterior
@@ -300,15 +301,19 @@ class _Calibration:
         # The gain is the nominal one divided by h, so that the sign of its logarithm's error is opposite.
         turn = np.ones(arm.size)
         turn[arm.places[GAIN]] = -1.0
-        deviation = HALVES * np.sqrt(np.diag(fit.covariance))
+        body = identified_body(fit, self._base, slowest, np.zeros((CHANGES, n)))
+        elastic_nm = elastic_torque(fit, self._chain, body)
+        elastic = np.sum([fit.response(torque, index)[0] for index, torque in enumerate(elastic_nm)], axis=0)
+        spread = fit.covariance + elastic @ elastic.T
+        deviation = HALVES * np.sqrt(np.diag(spread))
         return ArmCalibration(
             robot=robot,
             effort=effort,
             gain_nm_a=nominal * np.exp(-fit.value(GAIN)),
             nominal=nominal,
-            body=identified_body(fit, self._base, slowest, np.zeros((CHANGES, n))),
+            body=body,
             tilt_rad=fit.value(TILT),
-            covariance=HALVES**2 * fit.covariance[: arm.size, : arm.size] * turn[:, None] * turn,
+            covariance=HALVES**2 * spread[: arm.size, : arm.size] * turn[:, None] * turn,
             drift=fit.change_deviation.reshape(CHANGES, n),
             noise_nm=fit.residual_nm[0],
             correlation_s=fit.correlation[0]

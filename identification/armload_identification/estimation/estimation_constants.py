@@ -423,6 +423,17 @@ class Payloads:
     """
 
 
+class Elasticity:
+    """Gears that give way (`elastic_joints`)."""
+
+    lag_rad: Final = 0.002
+    """[rad] Standard deviation of a joint's lag under its RMS torque.
+
+    Origin: prior: gears of robots give way by 1 to 3 mrad under their rated torque.
+    Factor of two: either way: nothing.
+    """
+
+
 class Drift:
     """Gains that drift between the two runs of a pair (`run_drift`)."""
 

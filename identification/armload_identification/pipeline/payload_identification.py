@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit, fit_body
 from armload_identification.estimation.gain_errors import GainFit, fit_gains
@@ -124,7 +125,7 @@ def _by_difference(
         drift = RunDrift.of(posterior, arm)
         plain = plain.doubting(*(drift.allowed * state.torque[0].predicted_nm[None] for state in posterior.groups))
         if arm is not None:
-            plain = plain.doubting(model_doubts(posterior, arm))
+            plain = plain.doubting(model_doubts(posterior, arm)).doubting(*elastic_torque(posterior, chain, body))
         result = completed(plain, fitted, adjusted, added_nm, gains, loaded, unloaded)
         if misfit_notes(result):
             columns.require_right()
