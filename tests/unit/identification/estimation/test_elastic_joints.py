@@ -13,6 +13,7 @@ from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.payload_problem import pair_problem
 from armload_identification.estimation.solve import solve
 from armload_identification.signals.load_signal import load_signal
+from armload_identification.signals.recorded_run import Run
 
 COMPLIANCE = np.array([0.0, 4e-5, 6e-5, 0.0, 0.0, 0.0])
 
@@ -26,7 +27,8 @@ def payloads(calibration, pinocchio_arm, pair):
     elastic = [sagging(run, pinocchio_arm, load) for run, load in zip(pair, loads, strict=True)]
     found = []
     for runs in (pair, elastic):
-        problem = pair_problem(load_signal(*runs, transmission), chain, transmission.coupling, arm).problem
+        signal = load_signal(*(Run.of(run, transmission) for run in runs))
+        problem = pair_problem(signal, chain, transmission.coupling, arm).problem
         posterior = solve(problem)
         (torque_nm,) = elastic_torque(posterior, chain, arm.body)
         errors = posterior.response(torque_nm)[0][problem.place(PAYLOAD, PAYLOAD)]
