@@ -23,7 +23,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
-from armload_drivers.simulation.plant_spec import PlantJoint, PlantSpec, PlantVariant, RigidBody, ScheduledPayload
+from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody
 
 TIME_STEP_S = 0.001
 """Period of the servo loops and step of the integration."""
@@ -93,7 +93,7 @@ def _clock_read_s() -> float:
 
 
 def build_model(spec: PlantSpec) -> PlantModel:
-    """Check a specification and compile it.
+    """Compile a specification.
 
     Args:
         spec: The arm.
@@ -102,9 +102,8 @@ def build_model(spec: PlantSpec) -> PlantModel:
         The model, at rest at `spec.start_position_rad`; elastic joints are already deflected by their load.
 
     Raises:
-        SimulationError: MuJoCo is missing, or such an arm is impossible; names joint, value and remedy.
+        SimulationError: MuJoCo is missing, or refuses such an arm; names the link.
     """
-    _check(spec)
     mujoco = load_mujoco()
     rotors = np.array([joint.rotor_inertia_kg_m2 for joint in spec.joints])
     to_axis: FloatArray = np.linalg.inv(spec.coupling).astype(np.float64)
@@ -235,106 +234,3 @@ def _fill(body: Any, content: RigidBody) -> None:
     body.mass = content.mass_kg
     body.ipos = content.center_of_mass_m
     body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
-
-
-def _check(spec: PlantSpec) -> None:
-    """Refuse an impossible arm."""
-    n = len(spec.joints)
-    if n == 0:
-        raise SimulationError("the arm has no joints")
-    vectors = {
-        "gravity_m_s2": (spec.gravity_m_s2, (3,)),
-        "flange": (spec.flange, (4, 4)),
-        "coupling": (spec.coupling, (n, n)),
-        "start_position_rad": (spec.start_position_rad, (n,)),
-    }
-    if spec.torque_gain_error is not None:
-        vectors["torque_gain_error"] = (spec.torque_gain_error, (n,))
-    if spec.torque_gain_drift_per_s is not None:
-        vectors["torque_gain_drift_per_s"] = (spec.torque_gain_drift_per_s, (n,))
-    for name, (value, shape) in vectors.items():
-        _check_array(name, value, shape)
-    _check_pose("flange", spec.flange)
-    if abs(np.linalg.det(spec.coupling)) < 1e-6:
-        raise SimulationError("coupling has no inverse: every motor must move a different joint")
-    if not spec.friction_scale >= 0.0:
-        raise SimulationError(f"friction_scale is {spec.friction_scale}; it must not be negative")
-    for joint in spec.joints:
-        _check_joint(joint)
-    for name, body in (("payload", spec.payload), ("rated_payload", spec.rated_payload)):
-        if body is not None:
-            _check_body(name, body)
-    _check_changes(spec.changes)
-
-
-def _check_changes(changes: tuple[ScheduledPayload, ...]) -> None:
-    """Refuse changes of the payload that are out of order, and impossible bodies."""
-    before_s = 0.0
-    for change in changes:
-        if not before_s < change.time_s < math.inf:
-            raise SimulationError(
-                f"the payload changes at {change.time_s} s, after {before_s} s; times must be above zero and increasing"
-            )
-        before_s = change.time_s
-        if change.payload is not None:
-            _check_body(f"payload from {change.time_s} s on", change.payload)
-
-
-def _check_joint(joint: PlantJoint) -> None:
-    """Refuse an impossible joint."""
-    _check_array(f"{joint.name}: axis", joint.axis, (3,))
-    if abs(float(np.linalg.norm(joint.axis)) - 1.0) > 1e-6:
-        raise SimulationError(f"{joint.name}: axis has length {np.linalg.norm(joint.axis):.6g}; it must be 1")
-    _check_pose(f"{joint.name}: placement", joint.placement)
-    _check_body(f"{joint.name}: link", joint.link)
-    for name in ("stribeck_velocity_rad_s", "rotor_inertia_kg_m2", "gear_ratio", "max_torque_nm"):
-        if not 0.0 < getattr(joint, name) < math.inf:
-            raise SimulationError(f"{joint.name}: {name} is {getattr(joint, name)}; it must be positive")
-    for name in (
-        "coulomb_nm",
-        "viscous_nm_s_rad",
-        "stribeck_nm",
-        "load_friction",
-        "torque_ripple_nm",
-        "ripple_per_motor_turn",
-        "torque_noise_nm",
-    ):
-        if not 0.0 <= getattr(joint, name) < math.inf:
-            raise SimulationError(f"{joint.name}: {name} is {getattr(joint, name)}; it must not be negative")
-    if joint.load_friction >= 1.0:
-        raise SimulationError(f"{joint.name}: load_friction is {joint.load_friction}; it must be below 1")
-
-
-def _check_body(name: str, body: RigidBody) -> None:
-    """Refuse a body that no mass distribution can have."""
-    _check_array(f"{name}: center_of_mass_m", body.center_of_mass_m, (3,))
-    _check_array(f"{name}: inertia_kg_m2", body.inertia_kg_m2, (3, 3))
-    if not 0.0 < body.mass_kg < math.inf:
-        raise SimulationError(f"{name}: mass_kg is {body.mass_kg}; it must be positive")
-    if not np.allclose(body.inertia_kg_m2, body.inertia_kg_m2.T, rtol=1e-9, atol=1e-12):
-        raise SimulationError(f"{name}: inertia_kg_m2 is not symmetric")
-    moments = np.linalg.eigvalsh(body.inertia_kg_m2)
-    slack = 1e-9 * max(abs(moments[2]), 1e-9)
-    if moments[0] < -slack or moments[0] + moments[1] < moments[2] - slack:
-        raise SimulationError(
-            f"{name}: inertia_kg_m2 has the principal moments {np.array2string(moments, precision=4)}; none "
-            "may be negative or larger than the sum of the other two. Is it about the centre of mass, with "
-            "tensor elements (I_xy = -integral(x y dm))?"
-        )
-
-
-def _check_pose(name: str, pose: FloatArray) -> None:
-    """Refuse a matrix that is not a rigid displacement."""
-    _check_array(name, pose, (4, 4))
-    rotation = pose[:3, :3]
-    rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) and np.linalg.det(rotation) > 0.0
-    if not rigid or not np.allclose(pose[3], [0.0, 0.0, 0.0, 1.0]):
-        raise SimulationError(f"{name} is not a rotation with a translation")
-
-
-def _check_array(name: str, value: FloatArray, shape: tuple[int, ...]) -> None:
-    """Refuse a wrong shape, and numbers that are not finite."""
-    if value.shape != shape:
-        raise SimulationError(f"{name} has shape {value.shape}; it must be {shape}")
-    if not np.all(np.isfinite(value)):
-        raise SimulationError(f"{name} contains a number that is not finite")
