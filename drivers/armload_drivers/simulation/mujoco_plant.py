@@ -23,7 +23,7 @@ from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
 from armload_drivers.simulation import servo_loops
 from armload_drivers.simulation.mujoco_model import TIME_STEP_S, PlantModel, build_model
-from armload_drivers.simulation.plant_interface import EncoderFault
+from armload_drivers.simulation.plant_interface import AxisSample, EncoderFault
 from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody
 
 NOISE_CYCLE_S = 0.01
@@ -34,31 +34,26 @@ STEP_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class PlantSample:
-    """Measurements of the drives at one instant, and true values; the fields after the time are a measurement's rows.
+class PlantSample(AxisSample):
+    """Measurements of the drives at one instant, and true values; the fields before the time are a measurement's rows.
+
+    Encoders are on the motor side of elastic gears (see `ArmPlant.fail_encoder`). The drives' current sensors report
+    the nominal torque plus noise: ripple and gain error arise in the motor, and only the servo's reaction to them is
+    visible.
 
     Attributes:
-        time_s: The plant's time.
-        axis_position_rad: (n,) encoder positions, on the motor side of elastic gears; see `ArmPlant.fail_encoder`.
-        axis_velocity_rad_s: (n,) their velocities.
-        axis_demand_rad: (n,) setpoints of the position loops at this instant.
-        axis_torque_nm: (n,) torque reported by the drives' current sensors: the nominal torque plus noise. Ripple and
-            gain error arise in the motor; only the servo's reaction to them is visible.
         joint_position_rad: (n,) true positions, on the link side of elastic gears.
         joint_velocity_rad_s: (n,) true velocities.
         joint_torque_nm: (n,) true torque of the motors at the joints, including ripple and gain error.
         link_torque_nm: (n,) true torque that moves and carries links and payload, without rotors and friction.
+        time_s: The plant's time.
     """
 
-    time_s: float
-    axis_position_rad: FloatArray
-    axis_velocity_rad_s: FloatArray
-    axis_demand_rad: FloatArray
-    axis_torque_nm: FloatArray
     joint_position_rad: FloatArray
     joint_velocity_rad_s: FloatArray
     joint_torque_nm: FloatArray
     link_torque_nm: FloatArray
+    time_s: float
 
 
 class ArmPlant:
@@ -334,7 +329,7 @@ class ArmPlant:
         self._servos.measure(self._step, rows)
         noise = self._noise_nm * (math.sqrt(NOISE_CYCLE_S / cycle_s) * self._random.standard_normal(self.n))
         rows[kernels.SERVO_AXIS_TORQUE] += noise
-        return PlantSample(self.time_s, *rows)
+        return PlantSample(*rows, time_s=self.time_s)
 
     def _ramp(self, axis: int, position_rad: float, over_s: float, *, slowing: bool = False) -> None:
         """Start a ramp of an axis's setpoint to a position."""

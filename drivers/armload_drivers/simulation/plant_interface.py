@@ -14,24 +14,21 @@ import numpy as np
 from armload_core.arrays import FloatArray
 
 
-class AxisSample(Protocol):
-    """Measurements of drives at one instant."""
+@dataclass(frozen=True, slots=True)
+class AxisSample:
+    """Measurements of drives at one instant.
 
-    @property
-    def axis_position_rad(self) -> FloatArray:
-        """(n,) axis positions."""
+    Attributes:
+        axis_position_rad: (n,) positions, as the encoders have them.
+        axis_velocity_rad_s: (n,) their velocities.
+        axis_demand_rad: (n,) setpoints of the position loops.
+        axis_torque_nm: (n,) torques.
+    """
 
-    @property
-    def axis_velocity_rad_s(self) -> FloatArray:
-        """(n,) axis velocities."""
-
-    @property
-    def axis_demand_rad(self) -> FloatArray:
-        """(n,) setpoints of the position loops at this instant."""
-
-    @property
-    def axis_torque_nm(self) -> FloatArray:
-        """(n,) axis torques."""
+    axis_position_rad: FloatArray
+    axis_velocity_rad_s: FloatArray
+    axis_demand_rad: FloatArray
+    axis_torque_nm: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,16 +95,6 @@ class PlantAxis(NamedTuple):
 
     plant: Plant
     axis: int
-
-
-@dataclass(frozen=True, slots=True)
-class IdealSample:
-    """Sample of an ideal plant; see `AxisSample`."""
-
-    axis_position_rad: FloatArray
-    axis_velocity_rad_s: FloatArray
-    axis_demand_rad: FloatArray
-    axis_torque_nm: FloatArray
 
 
 class IdealPlant:
@@ -220,7 +207,7 @@ class IdealPlant:
         share *= 1.0 + self._slowing[axis] * (1.0 - share)
         return float(self._start[axis] + share * (self._finish[axis] - self._start[axis]))
 
-    def sample(self, cycle_s: float) -> IdealSample:
+    def sample(self, cycle_s: float) -> AxisSample:
         """Present measurements of the drives; without noise, so `cycle_s` has no effect."""
         share = self._share()
         position = self._position(share)
@@ -231,4 +218,4 @@ class IdealPlant:
             drifted = fault.jump_rad + fault.drift_rad_s * (self.time_s - since_s)
             seen[axis] += (fault.scale - 1.0) * (position[axis] - at_rad) + drifted
             speed[axis] = fault.scale * velocity[axis] + fault.drift_rad_s
-        return IdealSample(seen, speed, position, torque)
+        return AxisSample(seen, speed, position, torque)
