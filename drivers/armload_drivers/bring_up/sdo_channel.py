@@ -68,8 +68,13 @@ class SdoChannel(ABC):
 
     def read_if_there(self, entry: Entry) -> int | None:
         """As `read`, but None if the node does not have the object."""
+        data = self._data_if_there(entry)
+        return None if data is None else self._integer(entry, data)
+
+    def _data_if_there(self, entry: Entry) -> bytes | None:
+        """Content of an object; None if the node does not have it."""
         try:
-            return self.read(entry)
+            return self._transfer(entry, None)
         except SdoRefused as refusal:
             if refusal.abort_code in _MISSING:
                 return None
@@ -78,32 +83,27 @@ class SdoChannel(ABC):
     def bits_if_there(self, entry: Entry) -> int | None:
         """Size of an object in bits as sent by the node; None if it does not have it. Raises as `read`."""
         try:
-            return 8 * len(self._transfer(entry, None))
+            data = self._data_if_there(entry)
         except SdoRefused as refusal:
-            if refusal.abort_code in _MISSING:
-                return None
             if refusal.abort_code == _WRITE_ONLY:
                 return entry.type.bits
             raise
+        return None if data is None else 8 * len(data)
 
     def has(self, entry: Entry) -> bool:
         """Whether the node has an object, even if it cannot be read."""
         try:
-            self.read(entry)
-        except SdoRefused as refusal:
-            return refusal.abort_code not in _MISSING
-        return True
+            return self._data_if_there(entry) is not None
+        except SdoRefused:
+            return True
 
     def read_real_if_there(self, entry: Entry) -> float | None:
         """Value of an integer or floating-point object; None if the node does not have it."""
         if not entry.type.is_real:
             return self.read_if_there(entry)
-        try:
-            data = self._transfer(entry, None)
-        except SdoRefused as refusal:
-            if refusal.abort_code in _MISSING:
-                return None
-            raise
+        data = self._data_if_there(entry)
+        if data is None:
+            return None
         if len(data) != entry.type.bits // 8:
             raise self.failure(f"reading {entry}: {len(data)} bytes are not a REAL32", "See the drive's manual")
         (value,) = struct.unpack("<f", data)
@@ -118,14 +118,10 @@ class SdoChannel(ABC):
         found = self._take()
         return None if found is None else self._integer(entry, found)
 
-    def read_text(self, entry: Entry) -> str:
-        """Value of a string object; invalid bytes are replaced. Raises as `read`."""
-        return self._transfer(entry, None).decode("utf-8", errors="replace").rstrip("\0")
-
     def read_text_if_there(self, entry: Entry) -> str:
-        """As `read_text`, but empty if the node refuses the request."""
+        """Value of a string object, invalid bytes replaced; empty if the node refuses the request. Raises as `read`."""
         try:
-            return self.read_text(entry)
+            return self._transfer(entry, None).decode("utf-8", errors="replace").rstrip("\0")
         except SdoRefused:
             return ""
 
@@ -160,7 +156,7 @@ class SdoChannel(ABC):
             except ServoTimeout:
                 return False
             except SdoRefused:
-                return True
+                pass
         return True
 
     @contextmanager

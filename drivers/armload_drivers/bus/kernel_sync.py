@@ -170,18 +170,7 @@ class BcmSync:
     ) -> None:
         self._producer = producer
         self._clock, self._stamp_clock = clock, stamp_clock
-        self._cycle_s = self._asked_s = 0.0
-        self._counter = 0
-        self._credit_left = 0
-        self._used_s: float | None = None
-        self._last_s: float | None = None
-        self._rhythm: deque[float] = deque(maxlen=_RHYTHM)
-        self._heard = 0
-        self._cycles = 0
-        self._came_in = False
-        self._reported = False
-        self._waiting = False
-        self._on_sync: Callable[[], None] = _nothing
+        self._forget(0.0, 0)
 
     def now_s(self) -> float:
         """Time on the monotonic clock."""
@@ -189,14 +178,19 @@ class BcmSync:
 
     def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
         """Subscribe to SYNC; the first `next` starts it."""
+        self._forget(cycle_s, counter)
+        link.subscribe(SYNC_DEFAULT_COB_ID, lambda _: self._take_sync(link))
+
+    def _forget(self, cycle_s: float, counter: int) -> None:
+        """As before the first SYNC."""
         self._cycle_s = self._asked_s = cycle_s
-        self._counter = counter
-        self._credit_left = 0
-        self._used_s = self._last_s = None
-        self._rhythm.clear()
+        self._counter, self._credit_left = counter, 0
+        self._used_s: float | None = None
+        self._last_s: float | None = None
+        self._rhythm: deque[float] = deque(maxlen=_RHYTHM)
         self._heard = self._cycles = 0
         self._came_in = self._reported = self._waiting = False
-        link.subscribe(SYNC_DEFAULT_COB_ID, lambda _: self._take_sync(link))
+        self._on_sync: Callable[[], None] = _nothing
 
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
         """Renew the kernel's credit and wait for the next SYNC.

@@ -49,7 +49,7 @@ def test_reading_and_writing():
     bus = Bus()
     sdo = channel(bus)
     assert sdo.read(od.DEVICE_TYPE) == 0x20192
-    assert sdo.read_text(od.DEVICE_NAME) == "a drive with a long name"
+    assert sdo.read_text_if_there(od.DEVICE_NAME) == "a drive with a long name"
     sdo.write(od.TARGET_POSITION, -7)
     assert sdo.read(od.TARGET_POSITION) == -7
     assert bus.requests[-2] == struct.pack("<BHBi", 0x23, 0x607A, 0, -7)
@@ -212,7 +212,7 @@ def test_a_real_object():
         channel(Bus(answers=lambda request: [short])).read_real_if_there(REAL)
 
 
-@pytest.mark.parametrize("read", ["read_if_there", "bits_if_there", "read_text"])
+@pytest.mark.parametrize("read", ["read_if_there", "bits_if_there"])
 def test_only_a_missing_object_is_none(read):
     with pytest.raises(SdoRefused, match="0x08000022"):
         getattr(refusing(0x0800_0022), read)(od.TARGET_POSITION)
