@@ -28,9 +28,9 @@ from can.interfaces.socketcan.socketcan import SocketcanBus
 from armload_controller.config.robot import load_robot
 from armload_drivers.bus.sync_sources import TimerSync
 from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.deadline_clock import DeadlineClock
 from armload_drivers.ethercat.ethercat_line import EthercatLine
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
-from armload_drivers.ethercat.frame_clock import DeadlineClock
 from armload_drivers.servos import JointCommand, JointServos
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant

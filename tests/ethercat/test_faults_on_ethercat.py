@@ -505,7 +505,7 @@ run_master(float(sys.argv[1]))
 
 def run_master(watchdog_s):
     """A master in real time that moves until it is stopped; prints a line when it moves, and its end."""
-    from armload_drivers.ethercat.frame_clock import DeadlineClock
+    from armload_drivers.deadline_clock import DeadlineClock
     from tests.conftest import small_arm
 
     small = small_arm(cycle_s=0.01, feedback=EffortFeedback.TORQUE, rated_current_a=None)

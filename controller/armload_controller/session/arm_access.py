@@ -35,11 +35,11 @@ from armload_drivers.canopen.canopen_inspection import find_nodes
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
 from armload_drivers.cia402.eds_parser import DeviceDescription
+from armload_drivers.deadline_clock import DeadlineClock
 from armload_drivers.driver_errors import BusError
 from armload_drivers.ethercat.ethercat_inspection import find_drives
 from armload_drivers.ethercat.ethercat_line import open_line
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
-from armload_drivers.ethercat.frame_clock import DeadlineClock
 from armload_drivers.servos import JointServos
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives

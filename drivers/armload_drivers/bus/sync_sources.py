@@ -12,7 +12,6 @@ the caller hangs, is stopped or dies.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator
 from itertools import cycle
@@ -23,6 +22,7 @@ import can
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
 from armload_drivers.cia402.timeouts import FEEDBACK_SHARE
+from armload_drivers.deadline_clock import DeadlineClock
 
 Clock = Callable[[], float]
 """Returns a monotonic time in seconds."""
@@ -101,8 +101,6 @@ class TimerSync:
 
     def __init__(self, clock: Clock = time.monotonic) -> None:
         self._clock = clock
-        self._cycle_s = 0.0
-        self._due_s = 0.0
         self._messages = sync_messages()
 
     def now_s(self) -> float:
@@ -111,18 +109,13 @@ class TimerSync:
 
     def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
         """Set the first deadline."""
-        self._cycle_s = cycle_s
-        self._due_s = self._clock() + cycle_s
+        self._cycle_s, self._deadlines = cycle_s, DeadlineClock(self._clock, link.pump)
+        self._deadlines.begin(cycle_s)
         self._messages = sync_messages(counter)
 
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
         """Pump the bus until the deadline and send SYNC; missed deadlines are skipped."""
-        late_s = self._clock() - self._due_s
-        skipped = 0 if late_s <= 0.0 else math.floor(late_s / self._cycle_s) + 1
-        self._due_s += skipped * self._cycle_s
-        while (left_s := self._due_s - self._clock()) > 0.0:
-            link.pump(left_s)
-        self._due_s += self._cycle_s
+        _, skipped = self._deadlines.next()
         link.drain()
         on_sync()
         time_s = self._clock()

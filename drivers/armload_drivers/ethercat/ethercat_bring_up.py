@@ -18,13 +18,13 @@ from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.deadline_clock import DeadlineClock
 from armload_drivers.driver_errors import BusError, ServoError, ServoFault, TransitionError, WrongDevice
 from armload_drivers.ethercat.coe_sdo import CoeSdo
 from armload_drivers.ethercat.ethercat_cycle import EthercatCycle
 from armload_drivers.ethercat.ethercat_drive import EthercatDrive
 from armload_drivers.ethercat.ethercat_line import EthercatLine, LineState, open_line
 from armload_drivers.ethercat.ethercat_setup import EthercatSetup
-from armload_drivers.ethercat.frame_clock import DeadlineClock, FrameClock
 
 WATCH_S = 0.25
 """For how long a drive that carries torque is watched, for the speed of its axis."""
@@ -44,7 +44,7 @@ class EthercatBringUp(ArmBringUp):
     """
 
     def __init__(
-        self, arm: ArmSettings, line: EthercatLine, clock: FrameClock | None = None, timeouts: Timeouts | None = None
+        self, arm: ArmSettings, line: EthercatLine, clock: DeadlineClock | None = None, timeouts: Timeouts | None = None
     ) -> None:
         self._line, self._clock, self.timeouts = line, clock or DeadlineClock(), timeouts or Timeouts()
         channels = [CoeSdo(d.node_id, d.joint, line, line.worker, self.timeouts.sdo_s) for d in arm.drives]

@@ -22,10 +22,10 @@ from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cyclic.arm_cycle import ArmCycle
 from armload_drivers.cyclic.cyclic_drive import CyclicDrive
+from armload_drivers.deadline_clock import DeadlineClock
 from armload_drivers.driver_errors import BusError, DriverError, FramesLost, LinkDown, ServoTimeout, WorkingCounterWrong
 from armload_drivers.ethercat.ethercat_drive import EthercatDrive
 from armload_drivers.ethercat.ethercat_line import EthercatLine, LineState, MailboxAbort, MailboxSilence, state_of
-from armload_drivers.ethercat.frame_clock import FrameClock
 from armload_drivers.ethercat.network_interface import FrameMonitor, is_running
 from armload_drivers.servos import JointFeedback
 
@@ -72,7 +72,7 @@ class EthercatCycle(ArmCycle[EthercatDrive]):
         units: ArmUnits,
         *,
         line: EthercatLine,
-        clock: FrameClock,
+        clock: DeadlineClock,
         worker: Executor,
     ) -> None:
         super().__init__(arm, nodes, units)

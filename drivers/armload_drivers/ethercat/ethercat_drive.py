@@ -8,10 +8,10 @@ from armload_drivers.cia402.axis_course import AxisCourse
 from armload_drivers.cia402.process_data.process_image import feedback_entries, setpoint_entries
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cyclic.cyclic_drive import CyclicDrive
+from armload_drivers.deadline_clock import DeadlineClock
 from armload_drivers.driver_errors import DriveHung, DriveLeftOp, LoopLost, ServoError, ServoTimeout
 from armload_drivers.ethercat.coe_sdo import CoeSdo
 from armload_drivers.ethercat.ethercat_line import STATE_ERROR, EthercatLine, LineState, state_of
-from armload_drivers.ethercat.frame_clock import FrameClock
 from armload_drivers.ethercat.pdo_assignment import FramePart
 
 _ENABLED = State.OPERATION_ENABLED
@@ -40,7 +40,7 @@ class EthercatDrive(CyclicDrive):
     """
 
     def __init__(
-        self, drive: DriveSettings, line: EthercatLine, sdo: CoeSdo, clock: FrameClock, arm: ArmSettings
+        self, drive: DriveSettings, line: EthercatLine, sdo: CoeSdo, clock: DeadlineClock, arm: ArmSettings
     ) -> None:
         super().__init__(drive, clock.now_s, arm)
         self.place = drive.node_id - 1

@@ -13,10 +13,10 @@ from __future__ import annotations
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.cyclic.cyclic_servos import CyclicServos, Phase
+from armload_drivers.deadline_clock import DeadlineClock
 from armload_drivers.ethercat.ethercat_bring_up import EthercatBringUp
 from armload_drivers.ethercat.ethercat_cycle import EthercatCycle
 from armload_drivers.ethercat.ethercat_line import EthercatLine
-from armload_drivers.ethercat.frame_clock import FrameClock
 
 
 class EthercatServos(CyclicServos):
@@ -28,7 +28,7 @@ class EthercatServos(CyclicServos):
     """
 
     def __init__(
-        self, arm: ArmSettings, line: EthercatLine, clock: FrameClock, timeouts: Timeouts | None = None
+        self, arm: ArmSettings, line: EthercatLine, clock: DeadlineClock, timeouts: Timeouts | None = None
     ) -> None:
         limits = timeouts or Timeouts()
         self._bring_up = EthercatBringUp(arm, line, clock, limits)

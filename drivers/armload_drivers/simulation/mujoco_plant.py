@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class PlantSample(AxisSample):
     joint_velocity_rad_s: FloatArray
     joint_torque_nm: FloatArray
     link_torque_nm: FloatArray
-    time_s: float
+    time_s: float = field(kw_only=True)
 
 
 class ArmPlant:

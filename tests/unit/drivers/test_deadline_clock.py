@@ -2,7 +2,7 @@
 
 import pytest
 
-from armload_drivers.ethercat.frame_clock import DeadlineClock
+from armload_drivers.deadline_clock import DeadlineClock
 
 
 class Time:
