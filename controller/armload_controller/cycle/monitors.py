@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from armload_controller.control_errors import ControlError
 from armload_controller.cycle.plugins import CycleStep
+from armload_controller.motion.expected_torque import ExpectedTorque
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointFeedback
@@ -149,15 +149,6 @@ class FollowingMonitor:
         self._last_s = feedback.time_s
 
 
-class TorqueBounds(Protocol):
-    """Predicts the range of torque of a motion."""
-
-    def bounds_nm(
-        self, position_rad: FloatArray, velocity_rad_s: FloatArray, acceleration_rad_s2: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """(n,) least and greatest joint torques in N m."""
-
-
 class TorqueWindow:
     """Checks measured torque against a model, or without one against the joint's greatest torque.
 
@@ -179,7 +170,7 @@ class TorqueWindow:
         transmission: Transmission,
         torque_max_nm: FloatArray,
         cycle_s: float,
-        model: TorqueBounds | None,
+        model: ExpectedTorque | None,
     ) -> None:
         self._joint_names = joint_names
         self._transmission = transmission

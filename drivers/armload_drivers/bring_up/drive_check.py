@@ -14,9 +14,8 @@ from enum import Enum
 
 from armload_drivers.bring_up.arm_bring_up import ArmBringUp
 from armload_drivers.bring_up.description_check import description_gaps
-from armload_drivers.bring_up.drive_bring_up import DriveSetup, Step, arm_with, is_simulation, stated
+from armload_drivers.bring_up.drive_bring_up import DriveReport, DriveSetup, Step, arm_with, is_simulation, stated
 from armload_drivers.cia402.arm_settings import ArmSettings, Identity
-from armload_drivers.cia402.drive_safety import SafetyFinding
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.driver_errors import ServoError, WrongDevice
@@ -51,31 +50,16 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True)
-class DriveSafety:
-    """Safety properties of one drive.
-
-    Attributes:
-        joint: Name of the joint.
-        node_id: Node id.
-        findings: One per property.
-    """
-
-    joint: str
-    node_id: int
-    findings: tuple[SafetyFinding, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class ArmCheck:
     """Result of a trial bring-up.
 
     Attributes:
         steps: Every step on every drive, joint by joint.
-        safety: Safety properties of each drive that was examined.
+        reports: Findings on each drive, its safety properties among them, if these were examined.
     """
 
     steps: tuple[Check, ...]
-    safety: tuple[DriveSafety, ...] = ()
+    reports: tuple[DriveReport, ...] = ()
 
 
 def check(bring_up: ArmBringUp) -> ArmCheck:
@@ -105,7 +89,6 @@ def check(bring_up: ArmBringUp) -> ArmCheck:
         rows += [_row(setup, "safety", Verdict.NOT_DONE, what) for setup in setups]
         return ArmCheck((*_by_joint(rows, arm), *strangers))
     units = ArmUnits(arm_with(arm, setups), [setup.report().polarity for setup in setups])
-    safety = []
     for setup in setups:
         try:
             setup.secure(units)
@@ -113,11 +96,11 @@ def check(bring_up: ArmBringUp) -> ArmCheck:
             rows.append(_row(setup, "safety", Verdict.WRONG, str(error)))
         else:
             rows.append(_row(setup, "safety", Verdict.OK, ""))
-        report = setup.report()
-        safety.append(DriveSafety(report.joint, report.node_id, report.safety))
+    reports = tuple(setup.report() for setup in setups)
+    for setup, report in zip(setups, reports, strict=True):
         if report.missing:
             rows.append(_row(setup, "objects", Verdict.MISSING, "; ".join(report.missing)))
-    return ArmCheck((*_by_joint(rows, arm), *strangers), tuple(safety))
+    return ArmCheck((*_by_joint(rows, arm), *strangers), reports)
 
 
 def _strangers(bring_up: ArmBringUp) -> list[Check]:

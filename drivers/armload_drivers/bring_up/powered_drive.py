@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup
@@ -30,6 +31,30 @@ class PoweredDrive:
         """The error that refuses to continue with this drive."""
         settings = self.setup.settings
         return ServoError(settings.node_id, settings.joint, "looking for torque", self.what, self.remedy)
+
+
+def powered_drives(
+    setups: Sequence[DriveSetup], watch_s: float, wait: Callable[[float], object], commands: Callable[[], str]
+) -> list[PoweredDrive]:
+    """Drives that carry torque; if there are any, their axes are watched for a while. Only reads.
+
+    Args:
+        setups: Drives of the arm that answer.
+        watch_s: How long the axes are watched.
+        wait: Waits for a time in s.
+        commands: What another master was heard to command until now, as text; empty if nothing.
+
+    Raises:
+        ServoError: a drive does not report its state, position or scale.
+        BusError: the bus failed.
+    """
+    powered = {setup: state for setup in setups if (state := setup.read_powered_state()) is not None}
+    if not powered:
+        return []
+    before = {setup: setup.read_position() for setup in powered}
+    wait(watch_s)
+    speed = {setup: abs(setup.read_position() - before[setup]) / watch_s for setup in powered}
+    return [judged(setup, state, commands(), speed[setup]) for setup, state in powered.items()]
 
 
 def judged(setup: DriveSetup, state: State, commands: str, speed_counts_s: float) -> PoweredDrive:

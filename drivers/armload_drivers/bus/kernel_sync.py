@@ -29,7 +29,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.sync_sources import Clock, SyncTick, sync_data
@@ -67,22 +66,6 @@ _OLDEST_PERIODS = CREDIT + 1
 """Greatest age of a frame when it is read, since SYNC would have stopped; bounds the error of a clock step."""
 
 
-class SyncProducer(Protocol):
-    """Sends SYNC periodically, a limited number of times."""
-
-    def start(self, period_s: float, counter: int, credit: int) -> None:
-        """Send one SYNC now, then one per period, `credit` in total."""
-
-    def renew(self, period_s: float, credit: int) -> None:
-        """Set the credit without restarting the timer; the new period applies after the next SYNC."""
-
-    def count(self) -> int | None:
-        """Number of SYNCs sent since the first `start` after a `stop`; None if unknown."""
-
-    def stop(self) -> None:
-        """Send no more. Idempotent."""
-
-
 class BroadcastManager:
     """SYNC by the kernel's broadcast manager.
 
@@ -116,7 +99,7 @@ class BroadcastManager:
         self._setup(_SETTIMER, period_s, credit)
 
     def count(self) -> int | None:
-        """Number of SYNCs that the kernel has sent for this socket; None if it does not report it."""
+        """SYNCs that the kernel has sent since the first `start` after a `stop`; None if it does not report them."""
         if self._socket is None:
             return None
         try:
@@ -127,7 +110,7 @@ class BroadcastManager:
         return None if counted is None else int(counted[1])
 
     def stop(self) -> None:
-        """Stop SYNC: the kernel removes the task with its socket."""
+        """Stop SYNC: the kernel removes the task with its socket. Idempotent."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -155,7 +138,7 @@ class BcmSync:
     """SYNC from the kernel, with a credit renewed by the cycle.
 
     Args:
-        producer: Usually a `BroadcastManager`.
+        producer: Sends SYNC a limited number of times.
         clock: Monotonic clock; SYNCs are stamped on it.
         stamp_clock: Clock of the frames' stamps. It may step: stamps are used only for the age of frames.
     """
@@ -164,7 +147,7 @@ class BcmSync:
 
     def __init__(
         self,
-        producer: SyncProducer,
+        producer: BroadcastManager,
         clock: Clock = time.monotonic,
         stamp_clock: Clock = time.time,
     ) -> None:

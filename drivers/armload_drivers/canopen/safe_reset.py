@@ -16,6 +16,7 @@ Rules of this file:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup
@@ -57,19 +58,9 @@ def answering_drives(setups: Sequence[CanopenSetup], arm: ArmSettings, link: Bus
     silent = [setup for setup in setups if setup not in answering]
     if not silent:
         return answering
-    operational: list[CanopenSetup] = []
-
-    def listen(setup: CanopenSetup) -> None:
-        def take(data: bytearray) -> None:
-            if data and data[0] & 0x7F == NmtState.OPERATIONAL.value:
-                operational.append(setup)
-
-        link.subscribe(od.HEARTBEAT_BASE + setup.settings.node_id, take)
-
     with link.subscribed_meanwhile():
         foreign = ForeignTraffic(arm, link, sync_is_ours=False)
-        for setup in silent:
-            listen(setup)
+        operational = _heard(silent, NmtState.OPERATIONAL, link)
         link.pump_for(HEARTBEAT_TOLERANCE * arm.heartbeat_s)
     answering += [setup for setup in silent if setup.identify_before_reset()]
     for setup in setups:
@@ -95,19 +86,13 @@ def powered_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLink
         ServoError: a drive does not report its state, position or scale.
         BusError: the bus failed.
     """
-    from armload_drivers.bring_up.powered_drive import judged
+    from armload_drivers.bring_up import powered_drive
 
-    powered = {setup: state for setup in setups if (state := setup.read_powered_state()) is not None}
-    if not powered:
-        return []
     with link.subscribed_meanwhile():
         foreign = ForeignTraffic(arm, link, sync_is_ours=False)
-        before = {setup: setup.read_position() for setup in powered}
         # A drive whose master's heartbeat (1016) is missing for this long regards it as ended.
         listened_s = HEARTBEAT_TOLERANCE * arm.heartbeat_s
-        link.pump_for(listened_s)
-        speed = {setup: abs(setup.read_position() - before[setup]) / listened_s for setup in powered}
-    return [judged(setup, state, foreign.commands, speed[setup]) for setup, state in powered.items()]
+        return powered_drive.powered_drives(setups, listened_s, link.pump_for, lambda: foreign.commands)
 
 
 def reset_drives(
@@ -130,18 +115,22 @@ def reset_drives(
     for drive in powered:
         if not drive.abandoned:
             raise drive.refusal()
-    silent = list(setups)
-
-    def listen(setup: DriveSetup) -> None:
-        def take(data: bytearray) -> None:
-            if data and data[0] == NmtState.BOOT_UP.value and setup in silent:
-                silent.remove(setup)
-
-        link.subscribe(od.HEARTBEAT_BASE + setup.settings.node_id, take)
-
     with link.subscribed_meanwhile():
+        booted = _heard(setups, NmtState.BOOT_UP, link)
         for setup in setups:
-            listen(setup)
             link.command(NmtCommand.RESET_NODE, setup.settings.node_id)
-        link.pump_until(lambda: not silent, boot_s)
-    return silent
+        link.pump_until(lambda: len(booted) == len(setups), boot_s)
+    return [setup for setup in setups if setup not in booted]
+
+
+def _heard(setups: Sequence[DriveSetup], state: NmtState, link: BusLink) -> set[DriveSetup]:
+    """Drives whose heartbeat reports an NMT state from now on: filled while the bus is pumped."""
+    heard: set[DriveSetup] = set()
+
+    def take(setup: DriveSetup, data: bytearray) -> None:
+        if data and data[0] & 0x7F == state.value:
+            heard.add(setup)
+
+    for setup in setups:
+        link.subscribe(od.HEARTBEAT_BASE + setup.settings.node_id, partial(take, setup))
+    return heard

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 from armload_drivers.bring_up.arm_bring_up import ArmBringUp
 from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_with
-from armload_drivers.bring_up.powered_drive import PoweredDrive, judged
+from armload_drivers.bring_up.powered_drive import PoweredDrive, powered_drives
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
@@ -81,13 +81,7 @@ class EthercatBringUp(ArmBringUp):
 
     def powered_drives(self, setups: Sequence[DriveSetup]) -> list[PoweredDrive]:
         """In PREOP only something else than a master on the line can have enabled a drive, such as its maker's tool."""
-        powered = {setup: state for setup in setups if (state := setup.read_powered_state()) is not None}
-        if not powered:
-            return []
-        before = {setup: setup.read_position() for setup in powered}
-        time.sleep(WATCH_S)
-        speed = {setup: abs(setup.read_position() - before[setup]) / WATCH_S for setup in powered}
-        return [judged(setup, state, "", speed[setup]) for setup, state in powered.items()]
+        return powered_drives(setups, WATCH_S, time.sleep, lambda: "")
 
     def restart(self, setups: Sequence[DriveSetup]) -> list[DriveSetup]:
         """`find` has restarted them; drives that are not in PREOP are returned."""

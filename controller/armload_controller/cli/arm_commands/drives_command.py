@@ -97,8 +97,8 @@ def check_command(
         found = check(bring_up)
     rows = found.steps
     screen.table(check_table(rows))
-    if found.safety:
-        screen.table(safety_table(found.safety))
+    if found.reports:
+        screen.table(safety_table(found.reports))
     wrong = sum(row.verdict in {Verdict.WRONG, Verdict.NOT_DONE} for row in rows)
     missing = sum(row.verdict is Verdict.MISSING for row in rows)
     left = [f"{count} {what}" for count, what in ((wrong, "wrong or not done"), (missing, "missing")) if count]

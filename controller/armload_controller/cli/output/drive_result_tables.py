@@ -9,7 +9,8 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from armload_controller.session.brake_test import BrakeFinding
-from armload_drivers.bring_up.drive_check import Check, DriveSafety, Verdict
+from armload_drivers.bring_up.drive_bring_up import DriveReport
+from armload_drivers.bring_up.drive_check import Check, Verdict
 from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
 from armload_drivers.cia402.drive_safety import SafetyFinding
 from armload_drivers.cia402.emergency import describe
@@ -58,13 +59,13 @@ def check_table(rows: Sequence[Check]) -> Table:
     return table
 
 
-def safety_table(drives: Sequence[DriveSafety]) -> Table:
+def safety_table(drives: Sequence[DriveReport]) -> Table:
     """One row per property and how it is provided, or the consequence of its absence and the remedy; these first."""
     table = Table(*_folded("joint (node)", "the drive ...", "", "by"), title="safety properties of the drives")
     found = [
         ((finding.of.value.title, *_safety_cells(finding)), f"{drive.joint} ({drive.node_id})")
         for drive in drives
-        for finding in drive.findings
+        for finding in drive.safety
     ]
     order = ["missing", "accepted", "ok"]
     for (title, verdict, what), joints in _together(found, lambda cells: order.index(cells[1])):

@@ -56,10 +56,10 @@ def checks_document(robot: str, found: ArmCheck, tried: Sequence[BrakeFinding] =
                     "lost": finding.of.value.lost,
                     "remedy": finding.of.value.remedy,
                 }
-                for finding in drive.findings
+                for finding in drive.safety
             ],
         }
-        for drive in found.safety
+        for drive in found.reports
     ]
     brakes = [asdict(finding) | {"holds": finding.holds} for finding in tried]
     return json_document("checks", {"robot": robot, "checks": checks, "safety": safety, "brakes": brakes})

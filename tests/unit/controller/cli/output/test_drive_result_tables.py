@@ -6,7 +6,8 @@ from rich.console import Console
 
 from armload_controller.cli.console_text import fitted
 from armload_controller.cli.output.drive_result_tables import check_table, found_table, safety_table
-from armload_drivers.bring_up.drive_check import Check, DriveSafety, Verdict
+from armload_drivers.bring_up.drive_bring_up import DriveReport
+from armload_drivers.bring_up.drive_check import Check, Verdict
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.drive_safety import Safety, SafetyFinding
@@ -22,6 +23,10 @@ def rows(text):
     return [[cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines() if line.startswith("│")]
 
 
+def report(number, findings):
+    return DriveReport(f"joint_{number}", number, "", Identity(None, None), 0, (), findings, 402)
+
+
 def test_a_property_is_given_or_what_a_person_must_do_is_said():
     torque, lost = Safety.TORQUE_LIMIT.value, Safety.MASTER_LOST.value
     obstacles = (("6007 ...", "no 6007"), ("1029 ...", "no 1029:1"))
@@ -30,15 +35,15 @@ def test_a_property_is_given_or_what_a_person_must_do_is_said():
         SafetyFinding(Safety.MASTER_LOST, None, False, obstacles),
         SafetyFinding(Safety.MASTER_LOST, None, True, obstacles),
     )
-    missing, accepted, given = rows(shown(safety_table([DriveSafety("joint_2", 5, findings)])))
-    assert given == ["joint_2 (5)", torque.title, "ok", f"{torque.ways[1].text}: {torque.ways[1].verified}"]
+    missing, accepted, given = rows(shown(safety_table([report(5, findings)])))
+    assert given == ["joint_5 (5)", torque.title, "ok", f"{torque.ways[1].text}: {torque.ways[1].verified}"]
     reason = f"no 6007; no 1029:1. Consequence: {lost.lost}. {lost.remedy}"
     assert missing[2:] == ["missing", f'{reason}. Then name "master_lost" in accept_missing']
     assert accepted[2:] == ["accepted", reason]
 
 
 def test_what_is_not_ok_is_first_and_equal_results_are_one_row_within_100_columns():
-    drives = [DriveSafety(f"joint_{i}", i, (SafetyFinding(Safety.MASTER_LOST, None, i == 2, ()),)) for i in (1, 2, 3)]
+    drives = [report(i, (SafetyFinding(Safety.MASTER_LOST, None, i == 2, ()),)) for i in (1, 2, 3)]
     assert [row[0] for row in rows(shown(safety_table(drives)))] == ["joint_1 (1), joint_3 (3)", "joint_2 (2)"]
     steps = [Check(f"joint_{i}", i, step, Verdict.OK, "") for i in (1, 2) for step in ("answers", "modes")]
     steps += [
