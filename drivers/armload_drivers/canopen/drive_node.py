@@ -61,13 +61,13 @@ class DriveNode(CyclicDrive):
             self.offset_message = can.Message(
                 arbitration_id=image.offset.cob_id, data=bytes(image.offset.length), is_extended_id=False
             )
-            self._pack_offset = image.offset.pack_into
+            self._pack_offset = image.offset.pack
         self.arrived = 0
         self.expected = sum(layout.direction is PdoDirection.TRANSMIT for layout in image.layouts)
         self.booted = False
         self.wrong_frames = 0
         self.heartbeat_limit_s = HEARTBEAT_TOLERANCE * arm.heartbeat_s
-        self._pack = image.rpdo.pack_into
+        self._pack = image.rpdo.pack
         self._unpack = image.tpdo.unpack
         self._length = image.tpdo.length
         self._with_offset = drive.torque_offset and image.offset is None
@@ -167,14 +167,14 @@ class DriveNode(CyclicDrive):
         """RPDO of this cycle."""
         word = self.controlword(now_s)
         if self._with_offset:
-            self._pack(self.message.data, 0, word, self.target_counts, self.offset_permille)
+            self.message.data[:] = self._pack(word, self.target_counts, self.offset_permille)
         else:
-            self._pack(self.message.data, 0, word, self.target_counts)
+            self.message.data[:] = self._pack(word, self.target_counts)
         return self.message
 
     def prepare_offset(self, message: can.Message) -> can.Message:
         """The second RPDO of this cycle, with the torque offset."""
-        self._pack_offset(message.data, 0, self.offset_permille)
+        message.data[:] = self._pack_offset(self.offset_permille)
         return message
 
     def expect(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from armload_drivers.cia402 import emergency
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
 from armload_drivers.cia402.axis_course import AxisCourse
+from armload_drivers.cia402.process_data.frame_part import FramePart
 from armload_drivers.cia402.process_data.process_image import feedback_entries, setpoint_entries
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cyclic.cyclic_drive import CyclicDrive
@@ -12,7 +13,6 @@ from armload_drivers.deadline_clock import DeadlineClock
 from armload_drivers.driver_errors import DriveHung, DriveLeftOp, LoopLost, ServoError, ServoTimeout
 from armload_drivers.ethercat.coe_sdo import CoeSdo
 from armload_drivers.ethercat.ethercat_line import STATE_ERROR, EthercatLine, LineState, state_of
-from armload_drivers.ethercat.pdo_assignment import FramePart
 
 _ENABLED = State.OPERATION_ENABLED
 _OP = LineState.OP.value

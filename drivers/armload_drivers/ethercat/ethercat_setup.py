@@ -7,12 +7,13 @@ from armload_drivers.bring_up.drive_objects import set_interpolation
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, Identity
 from armload_drivers.cia402.object_dictionary import PdoDirection
+from armload_drivers.cia402.process_data.frame_part import FramePart
 from armload_drivers.cia402.process_data.process_image import feedback_entries, setpoint_entries
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import ServoTimeout
 from armload_drivers.ethercat.coe_sdo import CoeSdo
 from armload_drivers.ethercat.ethercat_line import EthercatLine
-from armload_drivers.ethercat.pdo_assignment import FramePart, assign
+from armload_drivers.ethercat.pdo_assignment import assign
 
 
 class EthercatSetup(DriveSetup):

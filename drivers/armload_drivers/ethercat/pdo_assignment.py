@@ -9,71 +9,13 @@ References:
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-
 from armload_drivers.bring_up.sdo_channel import SdoChannel
 from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
+from armload_drivers.cia402.process_data.frame_part import FramePart, frame_part
 from armload_drivers.driver_errors import SdoRefused
 
 _ASSIGNMENTS = {PdoDirection.RECEIVE: 0x1C12, PdoDirection.TRANSMIT: 0x1C13}
 """Objects that assign PDOs to the sync managers of outputs and inputs."""
-
-
-@dataclass(frozen=True, slots=True)
-class FramePart:
-    """The bytes of one drive in one direction.
-
-    Attributes:
-        length: Their number.
-        offsets: Offset of each object that is needed.
-        others: Other objects with offset and number of bytes.
-    """
-
-    length: int
-    offsets: dict[Entry, int]
-    others: tuple[tuple[Entry, int], ...]
-
-    def packer(self, entries: Sequence[Entry], constants: bytes) -> Callable[..., bytes]:
-        """All bytes, as a function of the values of some objects; the rest is that of `constants`."""
-        if self._in_order(entries) and not any(constants):
-            return self._form(entries).pack
-        data = bytearray(constants)
-        fields = [(struct.Struct("<" + entry.type.code).pack_into, self.offsets[entry]) for entry in entries]
-
-        def packed(*values: int) -> bytes:
-            for (pack_into, offset), value in zip(fields, values, strict=True):
-                pack_into(data, offset, value)
-            return bytes(data)
-
-        return packed
-
-    def unpacker(self, entries: Sequence[Entry]) -> Callable[[bytes], tuple[int, ...]]:
-        """The values of some objects, as a function of all bytes."""
-        if self._in_order(entries):
-            return self._form(entries).unpack
-        ordered = sorted(entries, key=self.offsets.__getitem__)
-        unpack, places = self._form(ordered).unpack, [ordered.index(entry) for entry in entries]
-
-        def unpacked(data: bytes) -> tuple[int, ...]:
-            values = unpack(data)
-            return tuple(values[place] for place in places)
-
-        return unpacked
-
-    def _in_order(self, entries: Sequence[Entry]) -> bool:
-        """Whether the objects follow one another as they are given."""
-        offsets = [self.offsets[entry] for entry in entries]
-        return offsets == sorted(offsets)
-
-    def _form(self, entries: Sequence[Entry]) -> struct.Struct:
-        """Format of objects in the order of their offsets; what is between them is skipped, or 0."""
-        codes, at = "<", 0
-        for entry in entries:
-            codes += f"{self.offsets[entry] - at}x{entry.type.code}"
-            at = self.offsets[entry] + entry.type.bits // 8
-        return struct.Struct(f"{codes}{self.length - at}x")
 
 
 def assign(sdo: SdoChannel, direction: PdoDirection, entries: list[Entry]) -> tuple[FramePart, dict[Entry, int]]:
@@ -99,7 +41,7 @@ def assign(sdo: SdoChannel, direction: PdoDirection, entries: list[Entry]) -> tu
             _assign(sdo, direction, before)
     now = _assigned(sdo, direction)
     mapped = _mapped(sdo, now)
-    part = _part(mapped, entries)
+    part = frame_part(mapped, entries)
     lacking = [entry for entry in entries if entry not in part.offsets]
     if lacking:
         there = ", ".join(f"{word >> 16:04X}:{word >> 8 & 0xFF}" for word in mapped)
@@ -154,23 +96,3 @@ def _assign(sdo: SdoChannel, direction: PdoDirection, pdos: list[int]) -> None:
     except SdoRefused:
         if _assigned(sdo, direction) != pdos:
             raise
-
-
-def _part(mapped: list[int], entries: list[Entry]) -> FramePart:
-    """Where objects are in a mapping."""
-    wanted = {entry.mapping: entry for entry in entries}
-    offsets: dict[Entry, int] = {}
-    others: list[tuple[Entry, int]] = []
-    bit = 0
-    for word in mapped:
-        index, subindex, bits = word >> 16, word >> 8 & 0xFF, word & 0xFF
-        if bit % 8 == 0:
-            if word in wanted and wanted[word] not in offsets:
-                offsets[wanted[word]] = bit // 8
-            elif index and bits in _SIZES:
-                others.append((Entry(index, subindex, "also mapped", _SIZES[bits]), bit // 8))
-        bit += bits
-    return FramePart((bit + 7) // 8, offsets, tuple(others))
-
-
-_SIZES = {8: DataType.U8, 16: DataType.U16, 32: DataType.U32}

@@ -16,7 +16,6 @@ for which the value is known. 6060 gets the mode; the rest is 0, which drives di
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +23,7 @@ from typing import Any
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback, FixedPdo, OperationMode
 from armload_drivers.cia402.object_dictionary import Access, Entry, Mappable, PdoDirection
+from armload_drivers.cia402.process_data.frame_part import FramePart, frame_part
 
 MAX_PDO_BITS = 64
 _BYTE_BITS = 8
@@ -66,50 +66,26 @@ class PdoLayout:
     @property
     def length(self) -> int:
         """Bytes of data."""
-        return self._format.size
+        return self._part.length
 
     @property
-    def pack_into(self) -> Callable[..., None]:
-        """Write the values of `entries`: a function of the frame's data, an offset, and the values."""
-        pack, places, mode = self._format.pack_into, self._places, self.mode
-        if places == [*range(len(places))]:
-            return pack
-        return lambda data, at, *values: pack(data, at, *(mode if n is None else values[n] for n in places))
+    def pack(self) -> Callable[..., bytes]:
+        """All bytes, as a function of the values of `entries`; 6060 has the mode, and the rest is 0."""
+        constants = bytearray(self.length)
+        for entry, offset in self._part.others:
+            if entry.mapping == od.MODE.mapping:
+                constants[offset] = self.mode
+        return self._part.packer(self.entries, bytes(constants))
 
     @property
     def unpack(self) -> Callable[[bytes | bytearray], tuple[Any, ...]]:
-        """The values of `entries`: a function of the frame's data."""
-        unpack, places = self._format.unpack, self._places
-        if places == [*range(len(places))]:
-            return unpack
-        order = [places.index(n) for n in range(len(self.entries))]
-
-        def ordered(data: bytes | bytearray) -> tuple[Any, ...]:
-            values = unpack(data)
-            return tuple(values[n] for n in order)
-
-        return ordered
+        """The values of `entries`, as a function of all bytes."""
+        return self._part.unpacker(self.entries)
 
     @property
-    def _places(self) -> list[int | None]:
-        """For each value in the frame the number of its entry; None for the mode."""
-        number = {entry.mapping: n for n, entry in enumerate(self.entries)}
-        return [number.get(word) for word in self.mapping if word in number or self._is_mode(word)]
-
-    @property
-    def _format(self) -> struct.Struct:
-        """Little-endian layout of the frame's data; what is not exchanged is skipped, or sent as 0."""
-        code = {entry.mapping: entry.type.code for entry in self.entries}
-        skipped = ((word & 0xFF) // _BYTE_BITS for word in self.mapping)
-        codes = [
-            code.get(word) or (od.MODE.type.code if self._is_mode(word) else f"{size}x")
-            for word, size in zip(self.mapping, skipped, strict=True)
-        ]
-        return struct.Struct("<" + "".join(codes))
-
-    def _is_mode(self, word: int) -> bool:
-        """Whether this part of the frame is 6060."""
-        return self.direction is PdoDirection.RECEIVE and word == od.MODE.mapping
+    def _part(self) -> FramePart:
+        """Where the objects are."""
+        return frame_part(self.mapping, self.entries)
 
 
 @dataclass(frozen=True, slots=True)

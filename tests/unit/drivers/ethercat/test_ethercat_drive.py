@@ -6,10 +6,10 @@ import pytest
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.axis_course import AxisCourse
+from armload_drivers.cia402.process_data.frame_part import FramePart
 from armload_drivers.cia402.process_data.process_image import effort_entry, target_entry
 from armload_drivers.driver_errors import DriveHung
 from armload_drivers.ethercat.ethercat_drive import HUNG_REQUESTS, HUNG_S, EthercatDrive
-from armload_drivers.ethercat.pdo_assignment import FramePart
 
 CYCLE_S = 0.01
 

@@ -46,9 +46,7 @@ def test_the_image_in_csp_with_current():
 
 
 def test_setpoints_as_they_are_on_the_wire():
-    frame = bytearray(8)
-    drive_image(DRIVE).rpdo.pack_into(frame, 0, 0x000F, -2, -300)
-    assert frame == bytes.fromhex("0f00 feffffff d4fe")
+    assert drive_image(DRIVE).rpdo.pack(0x000F, -2, -300) == bytes.fromhex("0f00 feffffff d4fe")
 
 
 def test_feedback_as_it_is_on_the_wire():
@@ -134,14 +132,12 @@ def test_a_fixed_mapping_is_used_in_its_order_and_with_what_else_it_carries():
     assert [layout.number for layout in image.layouts] == [2, 1, 3, 1]
     assert [layout.cob_id for layout in image.layouts] == [0x405, 0x305, 0x485, 0x285]
     assert [layout.length for layout in image.layouts] == [8, 6, 7, 4]
-    setpoint, offset = bytearray(b"\xff" * 8), bytearray(b"\xff" * 6)
-    image.rpdo.pack_into(setpoint, 0, 0x000F, -2)
-    image.offset.pack_into(offset, 0, -300)
+    setpoint, offset = image.rpdo.pack(0x000F, -2), image.offset.pack(-300)
     assert setpoint == bytes.fromhex("feffffff 08 00 0f00"), "6060 gets the mode, padding 0"
     assert offset == bytes.fromhex("00000000 d4fe"), "the target of another mode is 0"
     assert image.tpdo.unpack(bytes.fromhex("08 00000080 3712")) == (0x1237, -(2**31))
     assert image.effort.unpack(bytes.fromhex("0100 ff7f")) == (32767,)
-    assert image.rpdo.unpack(bytes(setpoint)) == (0x000F, -2)
+    assert image.rpdo.unpack(setpoint) == (0x000F, -2)
 
 
 @pytest.mark.parametrize(
@@ -167,9 +163,7 @@ def test_a_setpoint_of_another_mode_or_an_offset_is_sent_as_0(word):
     """6042 is the target of the velocity mode, 60FF of the profile velocity mode, 6071 of the torque modes."""
     fixed = (FIXED[0], replace(FIXED[1], mapping=(word, 0x60B20010)), *FIXED[2:])
     image = drive_image(replace(DRIVE, fixed_pdos=fixed))
-    sent = bytearray(b"\xff" * image.layouts[1].length)
-    image.offset.pack_into(sent, 0, -300)
-    assert sent == bytes((word & 0xFF) // 8) + bytes.fromhex("d4fe")
+    assert image.offset.pack(-300) == bytes((word & 0xFF) // 8) + bytes.fromhex("d4fe")
 
 
 def test_a_temperature_is_read_by_sdo_and_no_pdo_carries_it():
