@@ -10,8 +10,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import FilePath
+from armload_controller.config.robot_recordings import MeasuredArm
 from armload_identification.argument_types import wrong_type
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.identification_errors import EstimationError, ModelError

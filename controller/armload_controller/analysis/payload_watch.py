@@ -12,8 +12,8 @@ import numpy as np
 from armload_controller.analysis.arm_in_use import Calibration, arm_in_use
 from armload_controller.analysis.payload_events import PayloadEvent, PayloadEvents
 from armload_controller.analysis.stated_drift import NOTHING_STATED, StatedDrift
-from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import FilePath, arm_of
+from armload_controller.config.robot_recordings import MeasuredArm
 from armload_core.arrays import FloatArray
 from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.argument_types import path_of, require_type

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
 from armload_controller.analysis.arm_in_use import Calibration, arm_in_use
-from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import FilePath, arm_of, recording_of, several_runs
+from armload_controller.config.robot_recordings import MeasuredArm
 from armload_controller.config.robot_runs import UNLOADED, listed_runs
 from armload_controller.control_errors import CommissioningError
 from armload_identification.calibration.run_health import RunHealth, run_health

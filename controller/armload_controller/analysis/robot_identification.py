@@ -14,7 +14,6 @@ from os import PathLike
 
 from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
 from armload_controller.analysis.stated_drift import NOTHING_STATED, StatedDrift
-from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import (
     FilePath,
     PayloadSource,
@@ -23,7 +22,7 @@ from armload_controller.config.objects_or_paths import (
     payload_from,
     recording_of,
 )
-from armload_controller.config.robot_recordings import RecordingChoice, chosen_joints, read_of
+from armload_controller.config.robot_recordings import MeasuredArm, RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
 from armload_identification.argument_types import path_of, require_type, wrong_type
 from armload_identification.calibration.session_gains import SessionGains

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from armload_controller.analysis.arm_in_use import ArmInUse
-from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import RunSource, recording_of
+from armload_controller.config.robot_recordings import MeasuredArm
 from armload_identification.calibration.session_gains import LARGEST, SessionGains
 from armload_identification.identification_errors import EstimationError
 

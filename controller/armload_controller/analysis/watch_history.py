@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from armload_controller.analysis.payload_watch import SHOWN_S, PayloadWatch, WatchedMoment, drift_note
-from armload_controller.config.measured_arm import MeasuredArm
+from armload_controller.config.robot_recordings import MeasuredArm
 from armload_identification.report.watch_report import WatchedEvent, WatchedJoint, WatchHistory, write_watch_report
 
 _MARKED_EVENTS: Final = frozenset({"grasped", "dropped", "changed tool"})

@@ -20,8 +20,8 @@ from armload_controller.cli.options import (
 
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
-    from armload_controller.config.measured_arm import MeasuredArm
     from armload_controller.config.robot import Robot
+    from armload_controller.config.robot_recordings import MeasuredArm
     from armload_controller.session.run_session import ServosFactory
 
 

@@ -128,7 +128,7 @@ class UrdfArm(DescribedArm):
         return Transmission(np.ones(self.n), np.eye(self.n))
 
     def own(self, recording: Recording) -> Recording:
-        """A recording with this arm's joints; see `MeasuredArm.own`. Effort is joint torque."""
+        """A recording with this arm's joints; see `Robot.own`. Effort is joint torque."""
         if recording.torque_nm is None:
             raise RecordingError(
                 f"{recording.source.path}: no joint torque, only motor currents, and a URDF has no torque constants. "

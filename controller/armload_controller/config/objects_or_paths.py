@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from armload_controller.config.chain_from_urdf import UrdfArm, read_urdf_arm
-from armload_controller.config.measured_arm import MeasuredArm
-from armload_controller.config.robot_recordings import read_of
+from armload_controller.config.robot_recordings import MeasuredArm, read_of
 from armload_controller.config.urdf_tree import is_urdf
 from armload_identification.argument_types import wrong_type
 from armload_identification.files.payload_file import read_payload

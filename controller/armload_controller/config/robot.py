@@ -134,7 +134,15 @@ class Robot(RobotSource):
         return self.drives.transmission
 
     def own(self, recording: Recording) -> Recording:
-        """A recording with this arm's joints; see `MeasuredArm.own`."""
+        """A recording with this arm's joints, base first.
+
+        Args:
+            recording: Any recording; joints that it names are matched by name, others by their order.
+
+        Raises:
+            CommissioningError: the recording states another arm.
+            RecordingError: the recording has other joints, or no torque usable for this arm.
+        """
         from armload_identification.recording.joint_names import JointNames
         from armload_identification.recording.recording import check_joints
         from armload_identification.verdict.recording_checks.impossible_magnitudes import require_possible

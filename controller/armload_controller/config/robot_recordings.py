@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
-from armload_controller.config.measured_arm import MeasuredArm
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.formats.frame_reader import DataFrame
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from armload_controller.config.chain_from_urdf import UrdfArm
+    from armload_controller.config.robot import Robot
+
+MeasuredArm: TypeAlias = "Robot | UrdfArm"
+"""What identification and validation need, without anything that moves an arm."""
 
 
 @dataclass(frozen=True)

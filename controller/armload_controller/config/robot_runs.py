@@ -6,8 +6,8 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.objects_or_paths import FilePath, recording_of
+from armload_controller.config.robot_recordings import MeasuredArm
 from armload_controller.control_errors import CommissioningError
 from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun, WeighedPayload
 from armload_identification.files.payload_file import read_payload

@@ -18,8 +18,8 @@ from armload_identification.model.payload import SMALLEST_MARGIN, InertialParame
 from armload_identification.model.regressor import feedforward_model
 
 if TYPE_CHECKING:
-    from armload_controller.config.measured_arm import MeasuredArm
     from armload_controller.config.objects_or_paths import PayloadSource
+    from armload_controller.config.robot_recordings import MeasuredArm
 
 NOTHING = InertialParameters(np.zeros(10))
 """The empty flange."""
