@@ -52,23 +52,13 @@ OF_AN_ARM: Final = frozenset({ExportFormat.URDF, ExportFormat.MJCF})
 Exporter = Callable[["ExportSubject"], Mapping[str, str | bytes]]
 """Returns contents by file name, texts in ASCII, without writing files."""
 
-_HOMES: Final = {
-    ExportFormat.C: ("c99", "export_c"),
-    ExportFormat.FMU: ("fmi.fmu", "export_fmu"),
-    ExportFormat.FMU2: ("fmi.fmu2", "export_fmu2"),
-    ExportFormat.HAL: ("hal", "export_hal"),
-    ExportFormat.URDF: ("urdf", "export_urdf"),
-    ExportFormat.MJCF: ("mjcf", "export_mjcf"),
-    ExportFormat.ROS2: ("ros2", "export_ros2"),
-    ExportFormat.KUKA: ("load_data.kuka", "export_kuka"),
-    ExportFormat.ABB: ("load_data.abb", "export_abb"),
-    ExportFormat.UR: ("load_data.ur", "export_ur"),
-    ExportFormat.FRANKA: ("load_data.franka", "export_franka"),
-    ExportFormat.FANUC: ("load_data.fanuc", "export_fanuc"),
-    ExportFormat.YASKAWA: ("load_data.yaskawa", "export_yaskawa"),
-    ExportFormat.THRESHOLDS: ("thresholds", "export_thresholds"),
+_MODULES: Final = {
+    ExportFormat.C: "c99",
+    ExportFormat.FMU: "fmi.fmu",
+    ExportFormat.FMU2: "fmi.fmu2",
+    **{maker: f"load_data.{maker}" for maker in LOAD_DATA},
 }
-"""Module in this room, and its function, for each format."""
+"""Module in this room of each format whose module is not named like the format; its function is `export_FORMAT`."""
 
 
 def format_names() -> tuple[str, ...]:
@@ -82,9 +72,9 @@ def exporter(export_format: str) -> Exporter:
     Raises:
         ExportError: no such format, or the package's function fails.
     """
-    if export_format in _HOMES:
-        module, function = _HOMES[ExportFormat(export_format)]
-        own: Exporter = getattr(import_module(f"armload_controller.export.{module}"), function)
+    if export_format in set(ExportFormat):
+        module = _MODULES.get(ExportFormat(export_format), export_format)
+        own: Exporter = getattr(import_module(f"armload_controller.export.{module}"), f"export_{export_format}")
         return own
     found = extension(ExtensionGroup.EXPORTS, export_format, tuple(ExportFormat))
     if found is None or not callable(found[0]):

@@ -27,6 +27,14 @@ MOMENTS = TENSOR_ELEMENTS[:3]
 _TIE_BREAK = 1e-12
 """Share of the trace by which moments differ that a tensor leaves equal: far above rounding, far below any use."""
 
+QUARTER_TURNS = tuple(
+    turn
+    for order in itertools.permutations(np.eye(3))
+    for signs in itertools.product((1.0, -1.0), repeat=3)
+    if np.linalg.det(turn := np.array(order).T * np.array(signs)) > 0.0
+)
+"""The 24 rotations by quarter turns about the axes: all right-handed orders and signs of three axes."""
+
 
 class InertiaSource(Enum):
     """Source of the written inertia."""
@@ -114,20 +122,11 @@ def principal_inertia(tensor_kg_m2: FloatArray) -> PrincipalInertia:
         tensor_kg_m2: (3, 3) symmetric.
     """
     _, axes = np.linalg.eigh(tensor_kg_m2 + _TIE_BREAK * np.trace(tensor_kg_m2) * np.diag([0.0, 1.0, 2.0]))
-    turned = [axes @ renaming for renaming in _signed_permutations()]
-    rotation = max((r for r in turned if np.linalg.det(r) > 0.0), key=np.trace)
+    right_handed = axes * np.sign(np.linalg.det(axes))
+    rotation = max((right_handed @ turn for turn in QUARTER_TURNS), key=np.trace)
     return PrincipalInertia(np.diag(rotation.T @ tensor_kg_m2 @ rotation), rotation)
 
 
 def _undetermined(payload: PayloadResult, elements: tuple[str, ...]) -> tuple[str, ...]:
     """The elements that the data do not determine."""
     return tuple(name for name in elements if not payload.determined[PARAMETER_NAMES.index(name)])
-
-
-def _signed_permutations() -> list[FloatArray]:
-    """All 48 signed permutations of three axes."""
-    return [
-        np.eye(3)[:, list(order)] * np.array(signs)
-        for order in itertools.permutations(range(3))
-        for signs in itertools.product((1.0, -1.0), repeat=3)
-    ]

@@ -27,6 +27,7 @@ from typing import Protocol
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ConfigurationError, ControlError
 from armload_controller.cycle.plugins import CycleStep, PluginFailed
+from armload_identification.extensions import package_of
 from armload_identification.storage.strict_toml import BadValue, Table, validated
 
 GROUP = "armload.plugins"
@@ -131,7 +132,7 @@ def plugins_of(robot: Robot) -> Iterator[tuple[FilePlugin, ...]]:
             close = getattr(watcher, "close", None)
             if close is not None:
                 closing.callback(close)
-            plugins.append(FilePlugin(name, watcher, _package(entry)))
+            plugins.append(FilePlugin(name, watcher, package_of(entry)))
         yield tuple(plugins)
 
 
@@ -142,11 +143,11 @@ def _entry_point(robot: Robot, name: str) -> EntryPoint:
     if len(found) == 1:
         return found[0]
     if found:
-        packages = " and ".join(sorted(_package(entry) for entry in found))
+        packages = " and ".join(sorted(package_of(entry) for entry in found))
         raise robot.refused(_table_key(name), {}, f"{packages} both provide a plug-in with this name: uninstall one")
     close = difflib.get_close_matches(name, {entry.name for entry in entries}, n=1)
     meant = f" Did you mean {close[0]}?" if close else ""
-    names = ", ".join(sorted(f"{entry.name} ({_package(entry)})" for entry in entries)) or "none"
+    names = ", ".join(sorted(f"{entry.name} ({package_of(entry)})" for entry in entries)) or "none"
     missing = f"no plug-in with this name is installed.{meant} Installed are: {names}"
     remedy = "Install its package in armload's environment, or remove the table"
     raise robot.refused(_table_key(name), {}, f"{missing}. {remedy}")
@@ -154,7 +155,7 @@ def _entry_point(robot: Robot, name: str) -> EntryPoint:
 
 def _created(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, object]) -> Watcher:
     """The plug-in of an entry point."""
-    key, whose = _table_key(name), f"{entry.value} of {_package(entry)}"
+    key, whose = _table_key(name), f"{entry.value} of {package_of(entry)}"
     try:
         table = entry.load()
     except Exception as problem:
@@ -179,8 +180,3 @@ def _created(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, 
 def _table_key(name: str) -> str:
     """Key of a plug-in's table in the robot's file."""
     return f"plugins.{name}"
-
-
-def _package(entry: EntryPoint) -> str:
-    """Name and version of the package that an entry point belongs to."""
-    return "a package without a name" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"

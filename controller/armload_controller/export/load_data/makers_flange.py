@@ -10,13 +10,13 @@ direction, and whether the origin is on it follow from the kinematics. The direc
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
 
 from armload_controller.control_errors import ExportError
 from armload_controller.export.exported_payload import ExportSubject
+from armload_controller.export.inertia import QUARTER_TURNS
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy, rpy_rad
 from armload_identification.model.payload import PayloadResult, symmetric_tensor, tensor_elements
@@ -27,12 +27,6 @@ PLACE_TOLERANCE_M = 1e-3
 """Distances below this decide nothing: of the flange from the axis, and from the wrist along the axis."""
 _ROUNDED = 1e-4
 """Rotations this close to quarter turns are quarter turns whose angles were typed with four digits or more."""
-_QUARTER_TURNS = tuple(
-    np.eye(3)[:, list(order)] * np.array(signs)
-    for order in itertools.permutations(range(3))
-    for signs in itertools.product((1.0, -1.0), repeat=3)
-    if np.linalg.det(np.eye(3)[:, list(order)] * np.array(signs)) > 0.0
-)
 _OUT = np.array([0.0, 0.0, 1.0])
 
 
@@ -105,7 +99,7 @@ def _require_makers(subject: ExportSubject, rotation: FloatArray) -> None:
     turned = (
         "" if subject.flange_rpy_rad is None else f", turned by `flange_rpy_rad=` {angles_text(subject.flange_rpy_rad)}"
     )
-    choices = [turn for turn in _QUARTER_TURNS if _is_out(turn.T @ own, known)]
+    choices = [turn for turn in QUARTER_TURNS if _is_out(turn.T @ own, known)]
     listed = "; ".join(f"{angles_text(rpy_rad(turn))} (x along {_axis_name(turn[:, 0])})" for turn in choices)
     remedy = (
         f"its choices here: {listed}. Which one is the controller's x: see the fixed joint from this frame to tool0 in "
