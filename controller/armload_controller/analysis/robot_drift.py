@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
 from armload_controller.analysis.arm_in_use import Calibration, arm_in_use
-from armload_controller.config.objects_or_paths import FilePath, arm_of, recording_of, several_runs
+from armload_controller.config.objects_or_paths import FilePath, arm_of, several_runs
 from armload_controller.config.robot_recordings import MeasuredArm
-from armload_controller.config.robot_runs import UNLOADED, listed_runs
-from armload_controller.control_errors import CommissioningError
+from armload_controller.config.robot_runs import UNLOADED, listed_runs, of_usable
 from armload_identification.calibration.run_health import RunHealth, run_health
-from armload_identification.identification_errors import EstimationError, IdentificationError
+from armload_identification.files.run_table import TableRow
+from armload_identification.identification_errors import EstimationError
 from armload_identification.pipeline.arm_drift import arm_drift
 from armload_identification.recording.recording import Recording
 from armload_identification.results.arm_history import ArmHistory
@@ -47,20 +47,13 @@ def drift(
     used = arm_in_use(arm, calibration)
     known, _ = used.calibrated("comparing runs requires the arm's calibration")
     rows, from_table = listed_runs(several_runs(runs))
-    health: list[RunHealth] = []
-    left_out: list[tuple[str, str]] = []
-    for done, (given, row) in enumerate(rows, 1):
-        name = row.recording.name
-        try:
-            run = recording_of(arm, given, "runs")
-            unloaded = run.source.run().get("load") == UNLOADED
-            mounting = row.mounting if from_table else "" if unloaded else None
-            model = (known, arm.chain, arm.transmission)
-            health.append(run_health(run, *model, mounting=mounting, recorded=row.recorded))
-        except (IdentificationError, CommissioningError) as problem:
-            left_out.append((name, str(problem).removeprefix(f"{row.recording}: ")))
-        if progress is not None:
-            progress(done, len(rows))
+
+    def judged(run: Recording, row: TableRow) -> RunHealth:
+        unloaded = run.source.run().get("load") == UNLOADED
+        mounting = row.mounting if from_table else "" if unloaded else None
+        return run_health(run, known, arm.chain, arm.transmission, mounting=mounting, recorded=row.recorded)
+
+    health, left_out = of_usable(arm, rows, judged, progress)
     if not health:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out)
         raise EstimationError(f"no recording can be used ({reasons})")
@@ -71,6 +64,6 @@ def drift(
         calibration=known,
         calibration_name=next(iter(used.calibration_sha256)),
         drift=arm_drift(known, health),
-        left_out=tuple(left_out),
+        left_out=left_out,
         armload_version=version("armload"),
     )

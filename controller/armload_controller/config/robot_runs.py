@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from armload_controller.config.objects_or_paths import FilePath, recording_of
 from armload_controller.config.robot_recordings import MeasuredArm
@@ -17,6 +18,8 @@ from armload_identification.recording.recording import Recording
 
 _RECORDING_COLUMN = b"recording"
 _LOADED, UNLOADED = "loaded", "unloaded"
+
+T = TypeVar("T")
 
 
 def is_run_table(path: Path) -> bool:
@@ -68,19 +71,37 @@ def read_runs(
         FileError: a payload file cannot be used.
     """
     listed, from_table = listed_runs(given)
-    rows = [row for _, row in listed]
-    runs, left_out = [], []
+
+    def mounted(recording: Recording, row: TableRow) -> MountedRun:
+        return MountedRun(recording, row.mounting if from_table else _mounting_of(recording), row.recorded)
+
+    runs, left_out = of_usable(robot, listed, mounted, progress)
+    weighed = _weighed([row for _, row in listed]) if from_table else _weighed_as_recorded(runs)
+    return ArmRuns(tuple(runs), weighed, left_out)
+
+
+def of_usable(
+    robot: MeasuredArm,
+    listed: Sequence[tuple[Recording | FilePath, TableRow]],
+    made: Callable[[Recording, TableRow], T],
+    progress: Callable[[int, int], None] | None,
+) -> tuple[list[T], tuple[tuple[str, str], ...]]:
+    """What is made of each listed recording, and name and reason of each that cannot be used.
+
+    Args:
+        listed: Recordings with their rows.
+        made: Makes it; may refuse a recording.
+        progress: Called with the number of recordings read and their total.
+    """
+    found, left_out = [], []
     for done, (run, row) in enumerate(listed, 1):
         try:
-            recording = recording_of(robot, run, "runs")
-            mounting = row.mounting if from_table else _mounting_of(recording)
-            runs.append(MountedRun(recording, mounting, row.recorded))
+            found.append(made(recording_of(robot, run, "runs"), row))
         except (IdentificationError, CommissioningError) as problem:
             left_out.append((row.recording.name, str(problem).removeprefix(f"{row.recording}: ")))
         if progress is not None:
-            progress(done, len(rows))
-    weighed = _weighed(rows) if from_table else _weighed_as_recorded(runs)
-    return ArmRuns(tuple(runs), weighed, tuple(left_out))
+            progress(done, len(listed))
+    return found, tuple(left_out)
 
 
 def runs_of_commissioning(recordings: Sequence[Recording], mass_kg: float | None) -> ArmRuns:

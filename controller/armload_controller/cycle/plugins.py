@@ -131,13 +131,14 @@ class PluginHost:
         stopwatch: Monotonic clock that calls are timed with, in s.
 
     Attributes:
+        timings: Time that each plug-in has taken so far, including detached ones.
         calling: Name of the plug-in called last.
         failed: Name of the plug-in whose call ended in an error; empty if none.
     """
 
     def __init__(self, plugins: Sequence[CyclePlugin], n: int, cycle_s: float, stopwatch: Callable[[], float]) -> None:
         self._entries = [(plugin, PluginTiming(plugin.name)) for plugin in plugins]
-        self._timings = tuple(timing for _, timing in self._entries)
+        self.timings = tuple(timing for _, timing in self._entries)
         self._torque = np.zeros(n)
         self._cycle_s = cycle_s
         self._budget_s = BUDGET_SHARE * cycle_s
@@ -145,18 +146,13 @@ class PluginHost:
         self.calling = ""
         self.failed = ""
 
-    @property
-    def timings(self) -> tuple[PluginTiming, ...]:
-        """Time that each plug-in has taken so far, including detached ones."""
-        return self._timings
-
     def detach(self, name: str) -> None:
         """Stop calling a plug-in."""
         self._entries = [entry for entry in self._entries if entry[0].name != name]
 
     def slowest(self) -> PluginTiming | None:
         """The plug-in with the longest last call, if longer than a cycle; otherwise None."""
-        late = [timing for timing in self._timings if timing.last_s > self._cycle_s]
+        late = [timing for timing in self.timings if timing.last_s > self._cycle_s]
         return max(late, key=lambda timing: timing.last_s) if late else None
 
     def call(self, step: CycleStep) -> FloatArray:

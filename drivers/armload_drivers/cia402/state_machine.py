@@ -80,6 +80,10 @@ class Command(Enum):
 
 
 FAULT_RESET_BIT = 0x80
+RESET_EDGES = 3
+"""Greatest number of rising edges of bit 7 in a fault reset."""
+RESET_HOLD_S = 0.1
+"""Least time for which bit 7 stays high, and low in between."""
 """Acts only on its rising edge."""
 
 
@@ -178,21 +182,11 @@ _ENABLED, _STAY_ENABLED = State.OPERATION_ENABLED, _STAY[State.OPERATION_ENABLED
 """That of nearly every cycle: Python 3.11 takes 0.3 us to hash a member of an enumeration."""
 
 
-@dataclass(frozen=True, slots=True)
-class ResetPolicy:
-    """Number and duration of the attempts at a fault reset.
-
-    Attributes:
-        edges: Greatest number of rising edges of bit 7.
-        hold_s: Least time for which bit 7 stays high, and low in between; at least one cycle.
-    """
-
-    edges: int = 3
-    hold_s: float = 0.1
-
-
 class MasterMachine:
     """The master's view of one drive.
+
+    Args:
+        reset_hold_s: Least time for which bit 7 stays high in a fault reset, and low in between; at least one cycle.
 
     Attributes:
         state: Last state reported by the drive; None before the first statusword.
@@ -201,12 +195,12 @@ class MasterMachine:
         since_s: When the present state was first reported.
     """
 
-    def __init__(self, reset: ResetPolicy | None = None) -> None:
+    def __init__(self, reset_hold_s: float = RESET_HOLD_S) -> None:
         self.state: State | None = None
         self.statusword: int | None = None
         self.goal: State | None = None
         self.since_s = 0.0
-        self._reset_policy = reset or ResetPolicy()
+        self._reset_hold_s = reset_hold_s
         self._edges_left = 0
         self._bit_high = False
         self._bit_since_s: float | None = None
@@ -285,7 +279,7 @@ class MasterMachine:
             raise TransitionError(f"only FAULT can be reset, the drive is in {title}", self.statusword)
         self.goal = State.SWITCH_ON_DISABLED
         self._dropping = False
-        self._edges_left = self._reset_policy.edges
+        self._edges_left = RESET_EDGES
         self._bit_high = False
         self._bit_since_s = None
 
@@ -308,11 +302,11 @@ class MasterMachine:
         return _STAY[state] if step is None else step.commands[0].value[1]
 
     def _reset_bit(self, now_s: float) -> int:
-        """Bit 7 for this cycle: first a cycle low, then high, each at least `hold_s`."""
+        """Bit 7 for this cycle: first a cycle low, then high, each at least `reset_hold_s`."""
         if self._bit_since_s is None:
-            self._bit_since_s = now_s - self._reset_policy.hold_s
+            self._bit_since_s = now_s - self._reset_hold_s
             return 0x00
-        if now_s - self._bit_since_s >= self._reset_policy.hold_s:
+        if now_s - self._bit_since_s >= self._reset_hold_s:
             self._bit_since_s = now_s
             if self._bit_high:
                 self._bit_high = False

@@ -15,7 +15,6 @@ from armload_drivers.cia402.state_machine import (
     Command,
     DriveMachine,
     MasterMachine,
-    ResetPolicy,
     State,
     decode,
 )
@@ -175,7 +174,7 @@ def test_a_fault_is_reset_by_name_only_and_on_a_rising_edge():
 
 
 def test_a_fault_that_stays_gets_a_bounded_number_of_edges():
-    master = MasterMachine(ResetPolicy(edges=3, hold_s=0.05))
+    master = MasterMachine(reset_hold_s=0.05)
     master.receive(State.FAULT.bits, 0.0)
     master.request_fault_reset()
     high = []

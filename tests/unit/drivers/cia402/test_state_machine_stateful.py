@@ -10,7 +10,6 @@ from armload_drivers.cia402.state_machine import (
     TRANSITIONS,
     DriveMachine,
     MasterMachine,
-    ResetPolicy,
     State,
     decode,
 )
@@ -36,7 +35,7 @@ class Conversation(RuleBasedStateMachine):
 
     def __init__(self):
         super().__init__()
-        self.master = MasterMachine(ResetPolicy(edges=3, hold_s=2 * CYCLE_S))
+        self.master = MasterMachine(reset_hold_s=2 * CYCLE_S)
         self.drive = DriveMachine()
         self.now_s = 0.0
         self.asked_to_enable = False
