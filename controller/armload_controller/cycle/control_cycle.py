@@ -19,7 +19,7 @@ import numpy as np
 
 from armload_controller.control_errors import ControlError, MotionError
 from armload_controller.cycle.monitors import LateCycle
-from armload_controller.cycle.plugins import CyclePlugin, CycleStep, PluginHost, PluginTiming
+from armload_controller.cycle.plugins import CyclePlugin, CycleStep, PluginHost
 from armload_controller.cycle.stop_decisions import DECISIONS, PathDeviation, StopStep, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import CheckedLeg
@@ -69,11 +69,6 @@ class Cycle:
         self._gate = gate
         self._control = control
         self._host = PluginHost(plugins, servos.n, servos.cycle_s, stopwatch)
-
-    @property
-    def timings(self) -> tuple[PluginTiming, ...]:
-        """Time that each plug-in has taken so far."""
-        return self._host.timings
 
     def standing_rad(self) -> FloatArray:
         """(n,) position of the arm at standstill, without torque.

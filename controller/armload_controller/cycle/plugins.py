@@ -11,7 +11,7 @@ up: see `Cause.LATE`. Torque of plug-ins goes through one `TorqueGate`, never di
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -99,26 +99,17 @@ class PluginTiming:
 
     Attributes:
         name: The plug-in.
-        calls: Number of calls.
-        total_s: Time of all calls.
-        longest_s: Time of the longest call.
         last_s: Time of the last call.
         overruns: Number of consecutive calls over the budget.
     """
 
     name: str
-    calls: int = 0
-    total_s: float = 0.0
-    longest_s: float = 0.0
     last_s: float = 0.0
-    overruns: int = field(default=0, repr=False)
+    overruns: int = 0
 
     def add(self, seconds: float, budget_s: float) -> None:
         """Count one call."""
-        self.calls += 1
-        self.total_s += seconds
         self.last_s = seconds
-        self.longest_s = max(self.longest_s, seconds)
         self.overruns = self.overruns + 1 if seconds > budget_s else 0
 
 
@@ -131,14 +122,13 @@ class PluginHost:
         stopwatch: Monotonic clock that calls are timed with, in s.
 
     Attributes:
-        timings: Time that each plug-in has taken so far, including detached ones.
         calling: Name of the plug-in called last.
         failed: Name of the plug-in whose call ended in an error; empty if none.
     """
 
     def __init__(self, plugins: Sequence[CyclePlugin], n: int, cycle_s: float, stopwatch: Callable[[], float]) -> None:
         self._entries = [(plugin, PluginTiming(plugin.name)) for plugin in plugins]
-        self.timings = tuple(timing for _, timing in self._entries)
+        self._timings = tuple(timing for _, timing in self._entries)
         self._torque = np.zeros(n)
         self._cycle_s = cycle_s
         self._budget_s = BUDGET_SHARE * cycle_s
@@ -152,7 +142,7 @@ class PluginHost:
 
     def slowest(self) -> PluginTiming | None:
         """The plug-in with the longest last call, if longer than a cycle; otherwise None."""
-        late = [timing for timing in self.timings if timing.last_s > self._cycle_s]
+        late = [timing for timing in self._timings if timing.last_s > self._cycle_s]
         return max(late, key=lambda timing: timing.last_s) if late else None
 
     def call(self, step: CycleStep) -> FloatArray:

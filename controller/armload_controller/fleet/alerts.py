@@ -14,6 +14,7 @@ from __future__ import annotations
 import json
 import urllib.error
 import urllib.request
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime
@@ -46,14 +47,10 @@ def metrics_text(review: FleetReview, attention: Attention, now: datetime) -> st
         now: Time of the report, UTC.
     """
     rows: list[tuple[str, str, tuple[float, ...]]] = []
-    known = [finding for finding, _ in attention.acknowledged]
-    for arm in review.arms:
-        counts = (len(attention.of(arm.arm)), sum(finding.arm == arm.arm for finding in known))
-        more = (arm.deviations, arm.runs, arm.without_result, arm.latest.timestamp())
-        rows.append((arm.arm, arm.model, (*counts, *more)))
-    for gone in review.absent:
-        counts = (len(attention.of(gone.arm)), sum(finding.arm == gone.arm for finding in known))
-        rows.append((gone.arm, gone.model, (*counts, 0.0, gone.runs, gone.without_result, gone.latest.timestamp())))
+    known = Counter(finding.arm for finding, _ in attention.acknowledged)
+    for arm in (*review.arms, *review.absent):
+        recordings = (arm.runs, arm.without_result, arm.latest.timestamp())
+        rows.append((arm.arm, arm.model, (len(attention.of(arm.arm)), known[arm.arm], arm.deviations, *recordings)))
     lines = []
     for place, (name, meaning) in enumerate(_METRICS):
         metric = f"armload_arm_{name}"

@@ -540,23 +540,6 @@ def test_a_late_cycle_names_the_plugin_that_blocked(connected_servos, run):
         run(servos, plugins=[Blocking()], stopwatch=watch)
 
 
-def test_timings_tell_what_each_plugin_costs(connected_servos, run):
-    watch = Stopwatch()
-
-    class Busy:
-        name = "busy"
-
-        def on_cycle(self, step):
-            watch.now_s += 0.002
-
-    summary, cycle = run(connected_servos(N, CYCLE_S), plugins=[Busy()], stopwatch=watch)
-    timing = cycle.timings[-1]
-    assert timing.name == "busy"
-    assert timing.calls == summary.cycles + 1
-    assert timing.longest_s == pytest.approx(0.002)
-    assert timing.total_s == pytest.approx(0.002 * timing.calls)
-
-
 def test_added_torque_is_ramped_in_clamped_and_out(connected_servos, run):
     class Greedy:
         name = "greedy"
