@@ -64,7 +64,7 @@ def _lag_torque(rows: ArmRows, chain: Chain, body: BodyModel, theta: FloatArray 
         return links_nm if theta is None else links_nm + payload_torque(chain, theta, *states)
 
     def rate(values: FloatArray) -> FloatArray:
-        return np.asarray(np.gradient(values, rows.time_s, axis=0))
+        return np.gradient(values, rows.time_s, axis=0) if len(values) > 1 else np.zeros_like(values)
 
     states = rows.position_rad, rows.velocity_rad_s, rows.axis_acceleration_rad_s2 @ body.coupling.T
     carried_nm = torque(*states)

@@ -19,16 +19,27 @@ COMPLIANCE = np.array([0.0, 4e-5, 6e-5, 0.0, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
-def payloads(calibration, pinocchio_arm, pair):
-    """Of a rigid and of an elastic arm: the payload, and its errors."""
-    chain, arm = calibration.level(pinocchio_arm.chain), calibration.known_arm(pinocchio_arm.chain)
+def known(calibration, pinocchio_arm):
+    return calibration.level(pinocchio_arm.chain), calibration.known_arm(pinocchio_arm.chain)
+
+
+@pytest.fixture(scope="module")
+def problems(calibration, pinocchio_arm, pair, known):
+    """Of a rigid and of an elastic arm."""
     transmission = calibration.transmission(pinocchio_arm.transmission)
     loads = pinocchio_arm.payload, None
     elastic = [sagging(run, pinocchio_arm, load) for run, load in zip(pair, loads, strict=True)]
+    signals = [load_signal(*(Run.of(run, transmission) for run in runs)) for runs in (pair, elastic)]
+    chain, arm = known
+    return [pair_problem(signal, chain, transmission.coupling, arm) for signal in signals]
+
+
+@pytest.fixture(scope="module")
+def payloads(problems, known):
+    """Of a rigid and of an elastic arm: the payload, and its errors."""
+    chain, arm = known
     found = []
-    for runs in (pair, elastic):
-        signal = load_signal(*(Run.of(run, transmission) for run in runs))
-        problem = pair_problem(signal, chain, transmission.coupling, arm).problem
+    for problem in (each.problem for each in problems):
         posterior = solve(problem)
         (torque_nm,) = elastic_torque(posterior, chain, arm.body)
         errors = posterior.response(torque_nm)[0][problem.place(PAYLOAD, PAYLOAD)]
@@ -57,3 +68,13 @@ def test_rows_that_show_no_lag_leave_less_than_those_that_do(payloads):
     (_, less), (_, more) = payloads
     assert np.all(less[:4] < more[:4])
     assert np.all(less > 0.0)
+
+
+def test_a_single_row_says_nothing_of_rates(problems, known):
+    """As of a slow round that is almost too short."""
+    chain, arm = known
+    time_s = problems[0].problem.groups[0].time_s
+    posterior = solve(problems[0].between(time_s[50], time_s[51]).problem, rough=True)
+    (torque_nm,) = elastic_torque(posterior, chain, arm.body)
+    assert torque_nm.shape == (chain.n, 1, chain.n)
+    assert np.isfinite(torque_nm).all()
