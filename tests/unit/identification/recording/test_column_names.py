@@ -280,3 +280,14 @@ def test_the_arms_joints_come_before_numbers(pattern):
 def test_the_shortest_end_that_no_other_joint_has_is_a_name():
     names = ["t", *(f"{name}.pos" for name in ("pan", "shoulder_lift", "elbow", "wrist1", "wrist2", "wrist-3"))]
     assert columns_by_name(HERE, names, ARM).position == names[1:]
+
+
+def test_a_joint_before_the_arms_first_one_is_a_question_and_another_row_of_numbers_from_0_is_none():
+    arm = [f"joint_{number}" for number in range(1, 4)]
+    positions = [f"{name} position" for name in arm]
+    with pytest.raises(RecordingError, match=r"joint_0 position may be the first joint, or none of joint_1"):
+        columns_by_name(Path("a.csv"), ["t", "joint_0 position", *positions, *(f"{name} torque" for name in arm)], arm)
+    numbered = ["t", *positions, *(f"dq{number}" for number in range(3)), *(f"{name} torque" for name in arm)]
+    found = columns_by_name(Path("a.csv"), numbered, arm)
+    assert (found.position, found.velocity) == (positions, None)
+    assert found.joint_names == tuple(arm)

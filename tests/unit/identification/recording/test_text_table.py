@@ -45,6 +45,11 @@ def test_units_and_levels_above_the_numbers_are_joined_and_titles_are_not(commen
     assert (table.header, table.first_row) == (["t s", "q rad", "tau Nm"], 3)
 
 
+def test_several_titles_above_the_names_are_none_of_them():
+    table = TextTable.of(["A run", "of today", "t,q,tau", "0.1,0.2,3"])
+    assert (table.header, table.first_row) == (["t", "q", "tau"], 3)
+
+
 def test_only_three_lines_are_a_header():
     table = TextTable.of(["w,w", "a,b", "c,d", "e,f", "1,2"])
     assert table.header == ["a c e", "b d f"]

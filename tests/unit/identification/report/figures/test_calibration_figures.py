@@ -1,0 +1,58 @@
+"""The figures of a calibration: gains with intervals in percent, and friction by day between what is usual."""
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from armload_identification.report.figures.calibration_figures import drift_figure, gains_figure
+from armload_identification.report.figures.figure_style import BLUE, VERMILION
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """Calls of the axes by name."""
+    calls = {}
+
+    def note(name):
+        method = getattr(Axes, name)
+
+        def noted(axes, *values, **style):
+            calls.setdefault(name, []).append((*values, style))
+            return method(axes, *values, **style)
+
+        monkeypatch.setattr(Axes, name, noted)
+
+    for name in ("errorbar", "plot", "axhspan", "set_xticks", "set_xlim"):
+        note(name)
+    return calls
+
+
+def test_gains_are_drawn_in_percent_and_those_not_determined_in_another_colour(drawn):
+    svg = gains_figure(np.array([0.02, -0.01]), np.array([0.004, 0.05]), [True, False], "two gains")
+    found = [(joint, middle, width, style["color"]) for joint, middle, width, style in drawn["errorbar"]]
+    assert found == [(1, pytest.approx(2.0), pytest.approx(0.4), BLUE), (2, -1.0, 5.0, VERMILION)]
+    places, labels, _ = drawn["set_xticks"][0]
+    assert (list(places), labels) == ([1, 2], ["joint 1", "joint 2"])
+    assert drawn["set_xlim"][-1][:2] == (0.5, 2.5)
+    assert "two gains" in svg
+    assert "<svg" in svg
+
+
+def test_friction_is_drawn_over_two_usual_deviations_with_a_tick_per_day(drawn):
+    days = np.array([0.0, 0.0, 3.0])
+    svg = drift_figure(days, ["1 Mar", "1 Mar", "4 Mar"], np.array([0.1, 0.2, -0.3]), 0.25, 2, "friction of c")
+    assert drawn["axhspan"][0][:2] == (-0.5, 0.5)
+    x, y, *_ = drawn["plot"][0]
+    np.testing.assert_array_equal([x, y], [days, [0.1, 0.2, -0.3]])
+    places, labels, _ = drawn["set_xticks"][0]
+    assert (list(places), labels) == ([0.0, 3.0], ["1 Mar", "4 Mar"])
+    assert "drift-3" in svg
+
+
+@pytest.mark.parametrize(("count", "ticks"), [(8, 8), (9, 5), (17, 6)])
+def test_of_many_days_only_some_have_a_tick(drawn, count, ticks):
+    days = np.arange(float(count))
+    drift_figure(days, [str(day) for day in range(count)], 0.0 * days, 0.1, 0, "many")
+    places, labels, _ = drawn["set_xticks"][0]
+    assert len(places) == len(labels) == ticks
+    assert [float(label) for label in labels] == list(places)
