@@ -291,3 +291,18 @@ def test_a_joint_before_the_arms_first_one_is_a_question_and_another_row_of_numb
     found = columns_by_name(Path("a.csv"), numbered, arm)
     assert (found.position, found.velocity) == (positions, None)
     assert found.joint_names == tuple(arm)
+
+
+@pytest.mark.parametrize(
+    ("first", "factor"),
+    [
+        (["time", "success_rate"], 1e-3),
+        (["time", "field.header.seq"], 1e-9),
+        (["time"], None),
+        (["time [ms]", "success_rate"], 1e-3),
+    ],
+)
+def test_a_time_without_a_unit_is_in_that_of_the_program_that_the_header_betrays(first, factor):
+    """libfranka counts milliseconds, `rostopic echo -p` nanoseconds."""
+    found = columns_by_name(Path("a.csv"), [*first, "q1", "q2", "tau1", "tau2"])
+    assert found.scale.get("time_s") == factor
