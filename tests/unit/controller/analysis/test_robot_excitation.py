@@ -5,12 +5,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from armload_controller.analysis import robot_excitation as module
 from armload_controller.analysis.robot_excitation import (
     POSITION_MARGIN_RAD,
     RATE_SHARE,
     TORQUE_SHARE,
     DesignedExcitation,
+    DesignSearch,
     UnstreamablePeriod,
+    design,
     design_envelope,
 )
 from armload_controller.analysis.robot_excitation import _frequency as frequency
@@ -116,3 +119,34 @@ def test_the_figures_are_printed_and_written(designed):
     assert designed.speed_m_s == document["speed_m_s"]
     assert designed.slow_round_s > 4.0 * designed.result.trajectory.period_s * (1.0 - 1e-9)
     assert designed.robot_argument == "prbt"
+
+
+@pytest.mark.parametrize(
+    ("options", "measured_s", "driven"),
+    [
+        ({"period_s": 5.0}, 30.0, 6),
+        ({"period_s": 4.0}, 30.0, 8),
+        ({"period_s": 20.0}, 30.0, 3),
+        ({"period_s": 5.0, "periods": 2}, 10.0, 2),
+        ({"period_s": "auto"}, 30.0, 6),
+        ({"period_s": "auto", "periods": 9}, 30.0, 9),
+    ],
+)
+def test_motions_are_compared_over_the_time_of_a_run(monkeypatch, options, measured_s, driven):
+    """The search itself is replaced: its settings, and how many periods are driven."""
+    given = []
+    period_s = options["period_s"] if options["period_s"] != "auto" else 5.0
+
+    def search(objective, envelope, settings, **how):
+        given.append(settings)
+        return SimpleNamespace(trajectory=SimpleNamespace(period_s=period_s))
+
+    monkeypatch.setattr(module, "optimal_excitation", search)
+    found = design("prbt", harmonics=2, search=DesignSearch(seed=7, restarts=1), **options)
+    (settings,) = given
+    assert settings.slow.measured_s == measured_s
+    assert (settings.harmonics, settings.seed, settings.restarts) == (2, 7, 1)
+    assert found.periods == driven
+    assert f"--periods {driven} --criterion a-optimal" in found.options
+    design("prbt", harmonics=2, search=DesignSearch(restarts=1, criterion="condition-number"), **options)
+    assert given[1].slow is None, "a condition number does not fall with the time"

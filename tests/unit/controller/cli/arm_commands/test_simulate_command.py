@@ -1,12 +1,17 @@
 """`armload simulate`: payloads and their times."""
 
+import signal
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from typer import BadParameter
 
+from armload_controller.cli.arm_commands import simulate_command
 from armload_controller.cli.arm_commands.simulate_command import payload_change, payload_changes
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
+from armload_controller.session import arm_access
 from armload_identification.files.payload_file import write_payload
 
 
@@ -42,3 +47,26 @@ def test_one_payload_at_a_time(simulation):
         payload_changes([(10.0, "none"), (10.0, "none")], simulation)
     with pytest.raises(ConfigurationError, match=r"simulation\.payloads"):
         payload_changes([(10.0, "anvil")], simulation)
+
+
+@pytest.mark.parametrize("ended_by", ["the drives", "Ctrl-C"])
+def test_drives_are_served_until_they_end_or_are_ended(armload, monkeypatch, ended_by):
+    looks = []
+
+    class Drives:
+        @property
+        def running(self):
+            return ended_by != "the drives" or len(looks) < 3
+
+    def sleep(time_s):
+        looks.append(time_s)
+        assert len(looks) < 10, "it must end"
+        if ended_by == "Ctrl-C" and len(looks) == 3:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(arm_access, "drives_alone", lambda *given: nullcontext(Drives()))
+    monkeypatch.setattr(simulate_command.time, "sleep", sleep)
+    result = armload("simulate", "er50", "--bus", "socketcan:vcan0")
+    assert result.exit_code == 0, result.output
+    assert len(looks) == 3
+    assert "drives stopped" in result.output
