@@ -2,6 +2,7 @@
 
 from contextlib import nullcontext
 from importlib import resources
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -93,3 +94,18 @@ def test_a_real_arm_is_enabled_with_consent_only(ideal_servos):
         brakes_tried(session)
     assert "brakes stay closed" in asked[0]
     assert servos.log == ["connect"]
+
+
+def test_only_axes_with_a_brake_that_take_added_torque_are_tried(edited, monkeypatch):
+    """Joint 1 has no brake, and joint 2 takes no torque offset."""
+    monkeypatch.setattr(BrakeTest, "findings", lambda test: ())
+    path = Path(edited("has_brake = true", "has_brake = false"))
+    text = path.read_text()
+    second = text.index("[joints.drive]", text.index('name = "joint_2"'))
+    without = text[second:].replace("has_brake = true", "has_brake = true\ntorque_offset = false", 1)
+    path.write_text(text[:second] + without)
+    robot, held = load_robot(path), []
+    brakes_tried(SimpleNamespace(robot=robot, hold=lambda plugins, action, warning: held.extend(plugins)))
+    (test,) = held
+    np.testing.assert_array_equal(test._tried_nm > 0.0, [False, False, True, True, True, True])
+    assert (test._tried_nm < robot.limits.added_torque_max_nm).all()

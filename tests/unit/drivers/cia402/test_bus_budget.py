@@ -1,6 +1,7 @@
 """The bus load compared with the published table of worst cases."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -115,3 +116,18 @@ def test_advice_that_needs_more_of_the_bus_names_the_rate_for_it():
 def test_where_nothing_fits_the_bit_rate_is_named():
     with pytest.raises(BusOverload, match="raise the bit rate"):
         require_room(arm(6, 100, bitrate=10_000, heartbeat_s=0.01))
+
+
+def test_a_refusal_says_how_many_drives_load_the_bus_by_how_much():
+    load = forecast(arm(6, 500))
+    with pytest.raises(BusOverload) as refusal:
+        require_room(arm(6, 500))
+    said = f"6 drives at 500 Hz load the bus by up to {100.0 * load.share:.0f} %"
+    assert str(refusal.value).startswith(said)
+    assert "Or put some of the joints on a second bus" in str(refusal.value)
+    halves = arm(8, 1000)
+    on_two = replace(halves, drives=tuple(replace(drive, bus=drive.node_id % 2) for drive in halves.drives))
+    with pytest.raises(BusOverload) as refusal:
+        require_room(on_two)
+    assert "4 + 4 drives on two buses at 1000 Hz" in str(refusal.value)
+    assert "second bus" not in str(refusal.value)

@@ -81,3 +81,16 @@ def test_the_low_half_of_the_device_type_makes_a_drive(device_type):
 def test_what_is_no_drive_is_named_where_its_profile_is_known():
     assert "encoders" in od.no_drive(0x0022_0196)
     assert "profile 400;" in od.no_drive(0x190)
+
+
+def test_numbers_of_the_communication_profile_are_the_standards():
+    """CiA 301: transmission types, bits of a PDO's COB-ID, and the predefined connection set."""
+    assert (od.PDO_SYNCHRONOUS, od.PDO_SYNCHRONOUS_LAST, od.PDO_EVENT_DRIVEN) == (1, 240, 254)
+    assert (od.PDO_DISABLED, od.PDO_NO_RTR) == (1 << 31, 1 << 30)
+    assert (od.PDO_MAX_ENTRIES, od.PDO_COUNT) == (8, 4), "of a frame of eight bytes, and with identifiers of their own"
+    assert (od.NMT_COB_ID, od.SYNC_DEFAULT_COB_ID, od.EMERGENCY_BASE) == (0x000, 0x080, 0x080)
+    assert (od.SDO_TX_BASE, od.SDO_RX_BASE, od.HEARTBEAT_BASE) == (0x580, 0x600, 0x700)
+    assert od.SYNC_MEANING == 0x4000_0000 | 0x7FF, "that it produces SYNC, and the identifier"
+    assert (od.POLARITY_POSITION, od.POLARITY_TORQUE) == (1 << 7, 1 << 5)
+    assert od.DEVICE_TYPE_SERVO & 0xFFFF == 402
+    assert od.SET_BRAKE == 1
