@@ -29,9 +29,9 @@ from armload_identification.estimation.arm_terms import (
     GAIN,
     PAYLOAD,
     TILT,
-    Layout,
     arm_terms,
     effort_level,
+    places_of,
 )
 from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.estimation_constants import Solver
@@ -213,8 +213,9 @@ class _Calibration:
         """Number of rows of moving joints of some runs, and the least number from which an arm can be fitted."""
         rows = sum(int(np.count_nonzero(run.rows.rows.weight > Solver.moving)) for run in runs)
         payloads = PARAMETERS * len({run.given.mounting for run in runs} - {""})
-        arm = Layout(self._chain.n, int(np.count_nonzero(self._base)))
-        return rows, Calibrating.rows_per_unknown * (arm.size + payloads + CHANGES * arm.n * len(runs))
+        n = self._chain.n
+        arm = places_of(n, int(np.count_nonzero(self._base)))[TILT].stop
+        return rows, Calibrating.rows_per_unknown * (arm + payloads + CHANGES * n * len(runs))
 
     def _refuse_other_mounting(self) -> None:
         """Raise if the runs show another mounting or an inverted joint."""
@@ -294,13 +295,14 @@ class _Calibration:
     def _named(self, fit: Posterior, warnings: list[str], robot: str, provenance: Provenance) -> ArmCalibration:
         """The fit as `ArmCalibration`."""
         n = self._chain.n
-        arm = Layout(n, int(np.count_nonzero(self._base)))
+        places = places_of(n, int(np.count_nonzero(self._base)))
+        arm, gains = places[TILT].stop, places[GAIN]
         slowest = TURN_OVER * np.where(self._peak > Calibrating.unmoved_rad_s, self._peak, 1.0)
         effort = Effort.TORQUE if self._from_torque else Effort.CURRENT
         nominal = np.ones(n) if effort is Effort.TORQUE else self._transmission.gain_nm_a
         # The gain is the nominal one divided by h, so that the sign of its logarithm's error is opposite.
-        turn = np.ones(arm.size)
-        turn[arm.places[GAIN]] = -1.0
+        turn = np.ones(arm)
+        turn[gains] = -1.0
         body = identified_body(fit, self._base, slowest, np.zeros((CHANGES, n)))
         elastic_nm = elastic_torque(fit, self._chain, body)
         elastic = np.sum([fit.response(torque, index)[0] for index, torque in enumerate(elastic_nm)], axis=0)
@@ -313,7 +315,7 @@ class _Calibration:
             nominal=nominal,
             body=body,
             tilt_rad=fit.value(TILT),
-            covariance=HALVES**2 * spread[: arm.size, : arm.size] * turn[:, None] * turn,
+            covariance=HALVES**2 * spread[:arm, :arm] * turn[:, None] * turn,
             drift=fit.change_deviation.reshape(CHANGES, n),
             noise_nm=fit.residual_nm[0],
             correlation_s=fit.correlation[0]
@@ -336,7 +338,7 @@ class _Calibration:
                     residual_rms_nm=fit.deviates(index) * fit.noise_nm[0],
                     off=float(np.sqrt(np.mean((fit.deviates(index) * fit.noise_nm[0] / fit.residual_nm[0]) ** 2))),
                     friction_changes=fit.own_value(FRICTION_CHANGE, index).reshape(CHANGES, n),
-                    influence=np.abs(fit.change_without(index)[arm.places[GAIN]]) / deviation[arm.places[GAIN]],
+                    influence=np.abs(fit.change_without(index)[gains]) / deviation[gains],
                     rows=len(used.rows.rows.time_s),
                     struck=int(np.count_nonzero(fit.groups[index].struck)),
                     **_effort_change(fit, index),

@@ -22,8 +22,8 @@ from armload_identification.estimation.arm_terms import (
     ROTORS,
     TILT,
     VISCOUS,
-    Layout,
     known_arm_terms,
+    places_of,
 )
 from armload_identification.estimation.base_tilt import sideways, tilt_axes
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
@@ -207,7 +207,7 @@ class ArmCalibration:
 
     def _place(self, name: str) -> slice:
         """Indices of a part of the unknowns in the covariance."""
-        return Layout(self.n, int(np.count_nonzero(self.body.base))).places[name]
+        return places_of(self.n, int(np.count_nonzero(self.body.base)))[name]
 
     @property
     def middle_speed_rad_s(self) -> FloatArray:

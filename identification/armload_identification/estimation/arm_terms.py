@@ -16,7 +16,7 @@ in viscous friction and 0.55 % in offset.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -53,29 +53,15 @@ by session; a prior for other arms."""
 _ZERO: Final = 1e-9
 
 
-@dataclass(frozen=True)
-class Layout:
-    """Places of an arm's terms in the covariance of a calibration.
+def places_of(n: int, base: int) -> dict[str, slice]:
+    """Places of the terms of an arm of n joints in the covariance of a calibration; the last one ends it.
 
-    Attributes:
-        n: Number of joints.
+    Args:
         base: Number of base parameters of the links.
     """
-
-    n: int
-    base: int
-    places: dict[str, slice] = field(init=False)
-
-    def __post_init__(self) -> None:
-        sizes = dict.fromkeys(ARM_TERMS, self.n) | {LINKS: self.base, DELAY: 1, TILT: 2}
-        ends = np.cumsum([0, *sizes.values()]).tolist()
-        places = {name: slice(*ends[i : i + 2]) for i, name in enumerate(sizes)}
-        object.__setattr__(self, "places", places)
-
-    @property
-    def size(self) -> int:
-        """Number of all values."""
-        return int(self.places[TILT].stop)
+    sizes = dict.fromkeys(ARM_TERMS, n) | {LINKS: base, DELAY: 1, TILT: 2}
+    ends = np.cumsum([0, *sizes.values()]).tolist()
+    return {name: slice(*ends[i : i + 2]) for i, name in enumerate(sizes)}
 
 
 def _load_friction(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, FloatArray]:

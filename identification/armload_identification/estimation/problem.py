@@ -6,7 +6,7 @@ The unknowns are laid out in one vector: those that several runs share first, th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 EMPTY: Final = ""
 """Mounting of a run without a payload."""
+Owner = str | tuple[int, int]
+"""What has values of a term: the arm (empty), a mounting by its name, or a run by its group's index and its own."""
 ALONE: Final = np.eye(1)
 DIFFERENCE_AND_MEAN: Final = np.array([[1.0, -1.0], [0.5, 0.5]])
 """Rows of two runs of one motion: the first without what both have in common."""
@@ -162,19 +164,22 @@ class Problem:
         return tuple(sorted({run.mounting for group in self.groups for run in group.runs} - {EMPTY}))
 
     @cached_property
-    def _shared(self) -> dict[tuple[str, str], slice]:
-        """Places of the terms that runs share, by name and mounting."""
+    def _places(self) -> dict[tuple[str, Owner], slice]:
+        """Place of each term's values, by its name and what has them: the arm, a mounting, or a run of a group."""
+        runs = [(group, run) for group, whole in enumerate(self.groups) for run in range(len(whole.runs))]
+        owners: dict[Scope, Sequence[Owner]] = {Scope.ARM: [EMPTY], Scope.MOUNTING: self.mountings, Scope.RUN: runs}
         places, start = {}, 0
-        of_mountings = [(term, name) for name in self.mountings for term in self._of(Scope.MOUNTING)]
-        for term, key in [*((term, EMPTY) for term in self._of(Scope.ARM)), *of_mountings]:
-            places[term.name, key] = slice(start, start + term.mean.size)
-            start += term.mean.size
+        for scope, of_scope in owners.items():
+            for owner in of_scope:
+                for term in self._of(scope):
+                    places[term.name, owner] = slice(start, start + term.mean.size)
+                    start += term.mean.size
         return places
 
     @cached_property
     def shared_size(self) -> int:
         """Number of shared unknowns."""
-        return max((place.stop for place in self._shared.values()), default=0)
+        return self.size - sum(len(group.runs) for group in self.groups) * self.own_size
 
     @cached_property
     def own_size(self) -> int:
@@ -194,7 +199,7 @@ class Problem:
     @cached_property
     def size(self) -> int:
         """Number of all unknowns."""
-        return self.shared_size + sum(len(group.runs) for group in self.groups) * self.own_size
+        return max((place.stop for place in self._places.values()), default=0)
 
     def place(self, name: str, mounting: str = EMPTY) -> slice:
         """Place of a shared term.
@@ -202,7 +207,7 @@ class Problem:
         Args:
             mounting: The mounting it refers to; empty for a term of the arm.
         """
-        return self._shared[name, mounting]
+        return self._places[name, mounting]
 
     def own_place(self, name: str, group: int = 0, run: int = 0) -> slice:
         """Place of a run's own term.
@@ -211,12 +216,7 @@ class Problem:
             group: Index of the run's group.
             run: Index of the run in it.
         """
-        start = self.own(group).start + run * self.own_size
-        for term in self._of(Scope.RUN):
-            if term.name == name:
-                break
-            start += term.mean.size
-        return slice(start, start + term.mean.size)
+        return self._places[name, (group, run)]
 
     def acting(self, group: int) -> tuple[Placed, ...]:
         """The terms that act on each run of a group.
@@ -226,11 +226,10 @@ class Problem:
         """
         parts = []
         for number, run in enumerate(self.groups[group].runs):
-            placed = [(term, self.place(term.name)) for term in self._of(Scope.ARM)]
-            if run.mounting:
-                placed += [(term, self.place(term.name, run.mounting)) for term in self._of(Scope.MOUNTING)]
-            placed += [(term, self.own_place(term.name, group, number)) for term in self._of(Scope.RUN)]
-            parts.append(tuple(placed))
+            owners: dict[Scope, Owner] = {Scope.ARM: EMPTY, Scope.MOUNTING: run.mounting, Scope.RUN: (group, number)}
+            acting = [(term, owner) for scope, owner in owners.items() for term in self._of(scope)]
+            placed = [(term, self._places.get((term.name, owner))) for term, owner in acting]
+            parts.append(tuple((term, place) for term, place in placed if place is not None))
         return tuple(parts)
 
     def prior(
@@ -242,7 +241,9 @@ class Problem:
             values: All unknowns, if priors that are shares of other values are to be adapted to them.
             factors: Estimated factors on the standard deviations of pooled terms, by name.
         """
-        now = {} if values is None else {name: values[place] for (name, key), place in self._shared.items() if not key}
+        now = {}
+        if values is not None:
+            now = {name: values[place] for (name, owner), place in self._places.items() if owner == EMPTY}
         mean, deviation = np.zeros(self.size), np.zeros(self.size)
         for term in self.terms:
             spread = term.deviation if term.rescaled is None or values is None else term.rescaled(now)
@@ -267,24 +268,13 @@ class Problem:
         """True for unknowns that are not known exactly."""
         return np.asarray(self.prior()[1] > 0.0)
 
-    def without(self, group: int) -> Problem:
-        """The problem without a group.
-
-        Args:
-            group: Its index.
-        """
-        return replace(self, groups=[other for index, other in enumerate(self.groups) if index != group])
-
     def places(self, term: Term) -> list[slice]:
         """All places of a term.
 
         Args:
             term: One of `terms`.
         """
-        if term.scope is Scope.RUN:
-            runs = [(group, run) for group in range(len(self.groups)) for run in range(len(self.groups[group].runs))]
-            return [self.own_place(term.name, *run) for run in runs]
-        return [place for (name, _), place in self._shared.items() if name == term.name]
+        return [place for (name, _), place in self._places.items() if name == term.name]
 
     def _of(self, scope: Scope) -> list[Term]:
         return [term for term in self.terms if term.scope is scope]

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration, CalibratedPayload, CalibratedRun
-from armload_identification.estimation.arm_terms import Layout
+from armload_identification.estimation.arm_terms import TILT, places_of
 from armload_identification.files.covariance_table import require_covariance
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import CalibrationFileError, ModelError
@@ -147,7 +147,7 @@ class _CalibrationFile(Table):
         for name in ("gains", "friction", "fit"):
             table: Table = getattr(self, name)
             require_shapes(name, table, dict.fromkeys(type(table).model_fields, (n,)))
-        base, size = (n, PARAMETERS), Layout(n, int(np.count_nonzero(self.body.base))).size
+        base, size = (n, PARAMETERS), places_of(n, int(np.count_nonzero(self.body.base)))[TILT].stop
         body = {"links": base, "base": base, "rotor_inertia_kg_m2": (n,), "coupling": (n, n), "tilt_rad": (2,)}
         require_shapes("body", self.body, body)
         require_shapes("uncertainty", self.uncertainty, {"covariance": (size, size)})

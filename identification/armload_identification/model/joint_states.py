@@ -22,14 +22,6 @@ class JointStates(NamedTuple):
     velocity_rad_s: FloatArray
     acceleration_rad_s2: FloatArray
 
-    def every(self, step: int) -> JointStates:
-        """Every `step`-th state.
-
-        Args:
-            step: At least 1; 1 keeps all of them.
-        """
-        return JointStates(*(values[::step] for values in self))
-
     def earlier(self, by_s: float, interval_s: float) -> JointStates:
         """The states a short time earlier, by a Taylor series with the motion's own derivatives.
 

@@ -54,63 +54,49 @@ class Window:
     refusal: str
 
 
-@dataclass(frozen=True, eq=False)
-class SingleRun:
-    """A run of any motion on a calibrated arm, or a part of it.
+def identify_alone(
+    run: Run,
+    motion: Motion,
+    problem: PayloadProblem,
+    transmission: Transmission,
+    arm: KnownArm,
+    prior: Prior | None = None,
+) -> Identification:
+    """The payload in a run of any motion on a calibrated arm, or in a part of it.
 
-    Attributes:
+    Args:
         run: The whole run.
         motion: Motion and torque of it or of a part.
         problem: The payload in that.
         transmission: Calibrated gains, and coupling.
         arm: The calibrated empty arm.
+        prior: What is known of the payload beforehand.
+
+    Raises:
+        EstimationError: a motion that does not determine the payload's mass, naming the missing motion; NothingMounted
+            if it proves that there is no payload.
     """
-
-    run: Run
-    motion: Motion
-    problem: PayloadProblem
-    transmission: Transmission
-    arm: KnownArm
-
-    @classmethod
-    def of(cls, run: Run, motion: Motion, chain: Chain, transmission: Transmission, arm: KnownArm) -> SingleRun:
-        """The entire run."""
-        return cls(run, motion, single_problem(motion, chain, transmission.coupling, arm), transmission, arm)
-
-    def between(self, start_s: float, end_s: float) -> SingleRun:
-        """The part from one time since the first sample up to, not including, another."""
-        motion, problem = self.motion.part(start_s, end_s), self.problem.between(start_s, end_s)
-        return replace(self, motion=motion, problem=problem)
-
-    def identified(self, prior: Prior | None) -> Identification:
-        """The payload, with what is known of it beforehand.
-
-        Raises:
-            EstimationError: a motion that does not determine the payload's mass, naming the missing motion;
-                NothingMounted if it proves that there is no payload.
-        """
-        motion, transmission, arm = self.motion, self.transmission, self.arm
-        name = str(self.run.recording.source.path)
-        quality = MotionQuality.of(motion, arm.body)
-        quality.require_enough(name)
-        posterior = solve(self.problem.knowing(prior), rough=True)
-        plain = estimate_of(posterior, self.problem, prior, arm.errors).doubting(model_doubts(posterior, arm))
-        mass_kg, floor_kg = float(plain.theta[0]), float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.theta[0]))
-        one = np.eye(1, PARAMETERS)
-        random_kg, all_kg = (
-            NORMAL_HALF_WIDTH * float(np.sqrt(found.spread(one)[0][0]))
-            for found in (replace(plain, shifts=np.zeros((0, PARAMETERS))), plain)
-        )
-        regressor = payload_regressor(self.problem.chain, *motion.states)
-        refuse_nothing(plain, regressor, motion.torque_nm, FLOOR_KG, f"{name}: ")
-        if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
-            raise quality.undetermined(name, mass_kg, float(np.hypot(all_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
-        plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
-        signal = single_signal(plain, motion, transmission)
-        friction_nm = added_friction(plain, signal)
-        gains = transmission.gains(from_torque=self.run.from_torque)
-        result = completed(plain, None, signal, friction_nm, gains, self.run)
-        return result.with_notes(*notes_on(result, gains, arm))
+    name = str(run.recording.source.path)
+    quality = MotionQuality.of(motion, arm.body)
+    quality.require_enough(name)
+    posterior = solve(problem.knowing(prior), rough=True)
+    plain = estimate_of(posterior, problem, prior, arm.errors).doubting(model_doubts(posterior, arm))
+    mass_kg, floor_kg = float(plain.theta[0]), float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.theta[0]))
+    one = np.eye(1, PARAMETERS)
+    random_kg, all_kg = (
+        NORMAL_HALF_WIDTH * float(np.sqrt(found.spread(one)[0][0]))
+        for found in (replace(plain, shifts=np.zeros((0, PARAMETERS))), plain)
+    )
+    regressor = payload_regressor(problem.chain, *motion.states)
+    refuse_nothing(plain, regressor, motion.torque_nm, FLOOR_KG, f"{name}: ")
+    if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
+        raise quality.undetermined(name, mass_kg, float(np.hypot(all_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
+    plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
+    signal = single_signal(plain, motion, transmission)
+    friction_nm = added_friction(plain, signal)
+    gains = transmission.gains(from_torque=run.from_torque)
+    result = completed(plain, None, signal, friction_nm, gains, run)
+    return result.with_notes(*notes_on(result, gains, arm))
 
 
 def identify_windows(
@@ -142,13 +128,14 @@ def identify_windows(
         )
     with threadpool_limits(1):
         motion = whole.over_time
-        run = SingleRun.of(whole, motion, chain, transmission, arm)
+        problem = single_problem(motion, chain, transmission.coupling, arm)
         windows = []
         lasts_s = float(motion.time_s[-1]) + motion.interval_s
         for number in range(int(lasts_s / every_s)):
             start_s, end_s = number * every_s, (number + 1) * every_s
+            part = motion.part(start_s, end_s), problem.between(start_s, end_s)
             try:
-                windows.append(Window(start_s, end_s, run.between(start_s, end_s).identified(None), ""))
+                windows.append(Window(start_s, end_s, identify_alone(whole, *part, transmission, arm), ""))
             except EstimationError as refusal:
                 windows.append(Window(start_s, end_s, None, str(refusal).removeprefix(f"{loaded.source.path}: ")))
     if not windows:

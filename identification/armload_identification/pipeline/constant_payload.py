@@ -15,7 +15,7 @@ from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.decision_levels import PayloadChangeLevels
 
 
-def change_notes(found: Identification, loaded: Run, unloaded: Run | None) -> list[str]:
+def change_notes(found: Identification, loaded: Run, unloaded: Run | None = None) -> list[str]:
     """A note on each run during which the payload changed.
 
     A run that was reduced to its average period while it was read, or that was interrupted within its periods, is not

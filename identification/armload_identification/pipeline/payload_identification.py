@@ -6,23 +6,23 @@ recordings -> runs -> rows -> one solve over terms -> possible body -> intervals
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit, fit_body
 from armload_identification.estimation.gain_errors import GainFit, fit_gains
 from armload_identification.estimation.payload_estimate import estimate_of, model_doubts
-from armload_identification.estimation.payload_problem import pair_problem
+from armload_identification.estimation.payload_problem import pair_problem, single_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
 from armload_identification.estimation.run_drift import RunDrift
 from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import FLANGE, PayloadResult, Provenance
-from armload_identification.pipeline.any_motion import SingleRun
+from armload_identification.pipeline.any_motion import identify_alone
 from armload_identification.pipeline.constant_payload import change_notes
 from armload_identification.pipeline.identification_result import (
     Identification,
@@ -78,11 +78,13 @@ def identify(
     # One thread: with matrices of a few dozen columns threads only wait for each other, for minutes on a busy machine.
     with threadpool_limits(1):
         recordings = (loaded,) if unloaded is None else (loaded, unloaded)
-        run, *others = usable_runs(recordings, chain.n, transmission, None if arm is None else arm.effort)
-        if others:
-            identified = _by_difference(run, others[0], chain, transmission, arm)
+        runs = usable_runs(recordings, chain.n, transmission, None if arm is None else arm.effort)
+        if unloaded is not None:
+            identified = _by_difference(runs[0], runs[1], chain, transmission, arm)
         elif arm is not None:
-            identified = SingleRun.of(run, run.motion, chain, transmission, arm).identified
+            motion = runs[0].motion
+            problem = single_problem(motion, chain, transmission.coupling, arm)
+            identified = partial(identify_alone, runs[0], motion, problem, transmission, arm)
         else:
             raise EstimationError(
                 "no unloaded recording was given, and the arm's own torque, which is many times the payload's, is "
@@ -90,7 +92,7 @@ def identify(
                 "calibrate the arm once with `armload calibrate` and give that file as `calibration=`."
             )
         found = identified(None) if known is None else identified_knowing(known, identified)
-        return found.with_notes(*change_notes(found, run, others[0] if others else None))
+        return found.with_notes(*change_notes(found, *runs))
 
 
 def _by_difference(
@@ -99,14 +101,8 @@ def _by_difference(
     """The payload of a pair as a function of the prior; what does not depend on it is computed once."""
     signal = load_signal(loaded, unloaded)
     slow = slow_round_signal(loaded, unloaded) if signal.periodic else None
-    fit: BodyFit | None = None
-    if arm is None:
-        fit = fit_body([signal.empty_arm], chain, transmission.coupling)
-        body = fit.model
-    else:
-        body = arm.body
-    columns = RunColumns(signal, (loaded, unloaded), chain, transmission.coupling)
-    if not columns.look_right(fit):
+    columns = RunColumns(signal, (loaded, unloaded), chain, transmission.coupling, arm)
+    if not columns.look_right:
         columns.require_right()
     gains = transmission.gains(from_torque=loaded.from_torque)
     problem = pair_problem(signal, chain, transmission.coupling, arm, slow)
@@ -121,15 +117,15 @@ def _by_difference(
         plain = estimate_of(posterior, problem, prior, errors, gears=fitted is not None)
         adjusted = pair_signal(plain, signal, transmission)
         added_nm = added_friction(plain, adjusted)
-        refuse_contradictions(FittedPair(plain, fitted, signal, adjusted, added_nm, body), columns)
+        refuse_contradictions(FittedPair(plain, fitted, signal, adjusted, added_nm, columns.body), columns)
         drift = RunDrift.of(posterior, arm)
         plain = plain.doubting(*(drift.allowed * state.torque[0].predicted_nm[None] for state in posterior.groups))
         if arm is not None:
-            plain = plain.doubting(model_doubts(posterior, arm)).doubting(*elastic_torque(posterior, chain, body))
+            plain = plain.doubting(model_doubts(posterior, arm)).doubting(*elastic_torque(posterior, chain, arm.body))
         result = completed(plain, fitted, adjusted, added_nm, gains, loaded, unloaded)
         if misfit_notes(result):
             columns.require_right()
-        return result.with_notes(*drift.notes(), *notes_on(result, gains, arm, fit))
+        return result.with_notes(*drift.notes(), *notes_on(result, gains, arm, columns.arm if arm is None else None))
 
     return identified
 

@@ -83,19 +83,6 @@ class Motion:
         """The same motion with every torque tau replaced by tau M, M (n, n); the noise is not changed."""
         return replace(self, raw_nm=self.raw_nm @ matrix, torque_nm=self.torque_nm @ matrix)
 
-    def every(self, step: int) -> Motion:
-        """Every `step`-th sample."""
-        if step == 1:
-            return self
-        return replace(
-            self,
-            time_s=self.time_s[::step],
-            states=self.states.every(step),
-            raw_nm=self.raw_nm[::step],
-            torque_nm=self.torque_nm[::step],
-            valid=self.valid[::step],
-        )
-
     def part(self, start_s: float, end_s: float) -> Motion:
         """The samples from one time since the first sample up to, not including, another."""
         rows = slice(*np.searchsorted(self.time_s, [start_s, end_s]))

@@ -17,8 +17,9 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phase_advance import phases_per_period, whole_periods
+from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
 from armload_identification.signals.filters import smooth, smoothing_loss, white_noise
-from armload_identification.signals.joint_torque import Transmission, joint_torque, sample_scatter
+from armload_identification.signals.joint_torque import Transmission, joint_torque, reported_effort, sample_scatter
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER, Motion
 from armload_identification.signals.periods import fold
 from armload_identification.signals.reversals import moving_joints
@@ -60,6 +61,12 @@ class Run:
     def from_torque(self) -> bool:
         """Whether the drives reported torque instead of current."""
         return self.recording.torque_nm is not None
+
+    @cached_property
+    def repeats(self) -> RepeatedValues:
+        """How long the effort stays the same."""
+        rows = self.recording
+        return repeated_values(reported_effort(rows), rows.position_rad) if rows.repeats is None else rows.repeats
 
     @cached_property
     def periods(self) -> int:

@@ -31,10 +31,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit, fit_body
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.base_parameters import base_columns
-from armload_identification.model.body_model import smooth_sign
+from armload_identification.model.body_model import BodyModel, smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS, body_regressor, rotor_columns
 from armload_identification.signals.load_signal import LoadSignal
@@ -80,21 +81,40 @@ class _Exchange:
 
 
 class RunColumns:
-    """The columns of a pair of runs; what they contain is searched once."""
+    """The columns of a pair of runs, on the arm that the unloaded one shows; what they contain is searched once."""
 
-    def __init__(self, signal: LoadSignal, runs: tuple[Run, Run], chain: Chain, coupling: FloatArray) -> None:
+    def __init__(
+        self,
+        signal: LoadSignal,
+        runs: tuple[Run, Run],
+        chain: Chain,
+        coupling: FloatArray,
+        known: KnownArm | None,
+    ) -> None:
         """Take the torque difference of a loaded and an unloaded run; `coupling` is (n, n) C of the motors."""
-        self._signal, self._chain, self._coupling = signal, chain, coupling
+        self._signal, self._chain, self._coupling, self._known = signal, chain, coupling, known
         self._paths = tuple(str(run.recording.source.path) for run in runs)
 
-    def look_right(self, arm: BodyFit | None) -> bool:
-        """Whether there is no cause to search for mistakes; `arm` is None if it was calibrated."""
+    @cached_property
+    def arm(self) -> BodyFit:
+        """The arm as the unloaded run shows it."""
+        return fit_body([self._signal.empty_arm], self._chain, self._coupling)
+
+    @property
+    def body(self) -> BodyModel:
+        """Its body, or the calibration's."""
+        return self.arm.model if self._known is None else self._known.body
+
+    @property
+    def look_right(self) -> bool:
+        """Whether there is no cause to search for mistakes."""
         signal = self._signal
         moves = signal.unloaded.moves
         if (moves & (_loaded_over_unloaded(signal) < ArmFit.loaded_over_unloaded)).any():
             return False
-        if arm is None:
+        if self._known is not None:
             return True
+        arm = self.arm
         speed = np.mean(np.abs(signal.unloaded.states.velocity_rad_s), axis=0)
         friction = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed
         loud = moves & (arm.torque_rms_nm > signal.averaged_noise_nm)

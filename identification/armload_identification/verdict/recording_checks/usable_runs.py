@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,6 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording, check_joints
-from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
 from armload_identification.signals.joint_torque import Transmission, reported_effort
 from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.decision_levels import Correlations, RunLevels
@@ -42,9 +40,8 @@ def usable_runs(
         of_recordings(given)
     runs = [Run.of(recording, transmission) for recording in recordings]
     for run in runs:
-        seen = _Seen(run)
         for check in RUN_CHECKS:
-            check(seen)
+            check(run)
     return runs
 
 
@@ -57,27 +54,9 @@ class _Given:
     effort: Effort | None
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """A run as its checks see it."""
-
-    run: Run
-
-    @property
-    def recording(self) -> Recording:
-        """Its rows."""
-        return self.run.recording
-
-    @cached_property
-    def moves(self) -> NDArray[np.bool_]:
-        """(n,) True for joints that evidently move."""
-        return np.asarray(np.ptp(self.recording.position_rad, axis=0) > RunLevels.evident_travel_rad)
-
-    @cached_property
-    def repeats(self) -> RepeatedValues:
-        """How long the effort stays the same."""
-        rows = self.recording
-        return repeated_values(reported_effort(rows), rows.position_rad) if rows.repeats is None else rows.repeats
+def _moves(run: Run) -> NDArray[np.bool_]:
+    """(n,) True for joints that evidently move."""
+    return np.asarray(np.ptp(run.recording.position_rad, axis=0) > RunLevels.evident_travel_rad)
 
 
 def _refuse_another_arm(given: _Given) -> None:
@@ -114,35 +93,35 @@ def _refuse_exchanged_labels(given: _Given) -> None:
             )
 
 
-def _refuse_long_means(seen: _Seen) -> None:
+def _refuse_long_means(run: Run) -> None:
     """Raise for a run so long that its means attenuate the motion: at f, by (pi f T)^2 / 6 of the amplitude."""
-    run = seen.recording
-    if run.repeats is None or run.average is not None:
+    rows = run.recording
+    if rows.repeats is None or rows.average is not None:
         return
-    mean_s = float(np.median(np.diff(run.time_s)))
-    velocity = np.diff(run.position_rad, axis=0) / mean_s
+    mean_s = float(np.median(np.diff(rows.time_s)))
+    velocity = np.diff(rows.position_rad, axis=0) / mean_s
     change = np.mean(np.diff(velocity, axis=0) ** 2)
     lost = float(change / max(float(np.mean(velocity**2)), np.finfo(float).tiny)) / 24.0
     if lost > RunLevels.lost_to_means:
-        hours = (run.time_s[-1] - run.time_s[0]) / 3600.0
+        hours = (rows.time_s[-1] - rows.time_s[0]) / 3600.0
         raise RecordingError(
-            f"{run.source.path}: {hours:.1f} h without a known excitation were reduced to means over "
+            f"{rows.source.path}: {hours:.1f} h without a known excitation were reduced to means over "
             f"{1e3 * mean_s:.0f} ms, which reduces the motion's amplitude by about {100.0 * lost:.0f} %. Select a part "
             "of it with `between_s=`, such as its first 600 s."
         )
 
 
-def _refuse_velocity(seen: _Seen) -> None:
+def _refuse_velocity(run: Run) -> None:
     """Raise for a velocity that is not the derivative of the position, or is so in degrees."""
-    run = seen.recording
-    if run.velocity_rad_s is None or run.average is not None:
+    rows = run.recording
+    if rows.velocity_rad_s is None or rows.average is not None:
         return
-    change, expected, size = _changes(run, np.nan_to_num(run.velocity_rad_s))
-    moves = seen.moves & (size > 0.0)
+    change, expected, size = _changes(rows, np.nan_to_num(rows.velocity_rad_s))
+    moves = _moves(run) & (size > 0.0)
     strange = moves & (np.sum(change * expected, axis=0) < Correlations.derivative * size)
     if strange.any():
         raise RecordingError(
-            f"{run.source.path}: the velocity of {numbered_joints(strange)} is not the derivative "
+            f"{rows.source.path}: the velocity of {numbered_joints(strange)} is not the derivative "
             "of its position. Columns of position and velocity are exchanged, in another joint order, or of "
             "another sign: correct the column map."
         )
@@ -154,19 +133,19 @@ def _refuse_velocity(seen: _Seen) -> None:
         if degrees.any():
             joint = int(np.flatnonzero(degrees)[0])
             raise RecordingError(
-                f"{run.source.path}: joint {joint + 1} moves {times[joint]:.3g} times as fast as its velocity "
+                f"{rows.source.path}: joint {joint + 1} moves {times[joint]:.3g} times as fast as its velocity "
                 f"indicates. Its {what} look like degrees: convert them to radians."
             )
 
 
-def _refuse_velocity_as_effort(seen: _Seen) -> None:
+def _refuse_velocity_as_effort(run: Run) -> None:
     """Raise for a current or torque that is the derivative of the position on every joint."""
-    if seen.recording.average is None:
-        change, expected, size = _changes(seen.recording, reported_effort(seen.recording))
+    if run.recording.average is None:
+        change, expected, size = _changes(run.recording, reported_effort(run.recording))
         follows = np.sum(change * expected, axis=0) > Correlations.velocity * size
-        if seen.moves.sum() > 1 and follows[seen.moves].all():
+        if _moves(run).sum() > 1 and follows[_moves(run)].all():
             raise RecordingError(
-                f"{seen.recording.source.path}: the current or torque of every joint is the derivative of its "
+                f"{run.recording.source.path}: the current or torque of every joint is the derivative of its "
                 "position: these columns are velocities. Correct the column map."
             )
 
@@ -185,59 +164,59 @@ def _changes(run: Recording, rate: FloatArray) -> tuple[FloatArray, FloatArray, 
     return change, expected, np.sqrt(np.sum(change**2, axis=0) * np.sum(expected**2, axis=0))
 
 
-def _refuse_constant(seen: _Seen) -> None:
+def _refuse_constant(run: Run) -> None:
     """Raise for a joint that moves while its torque does not change at all."""
-    measured = reported_effort(seen.recording)
-    still = np.flatnonzero(seen.moves & (np.ptp(measured, axis=0) == 0.0))
+    measured = reported_effort(run.recording)
+    still = np.flatnonzero(_moves(run) & (np.ptp(measured, axis=0) == 0.0))
     if still.size:
         raise RecordingError(
-            f"{seen.recording.source.path}: joint {still[0] + 1} moves, but its current or torque is constant at "
+            f"{run.recording.source.path}: joint {still[0] + 1} moves, but its current or torque is constant at "
             f"{measured[0, still[0]]:g}. Check the mapping of its 6077 or 6078, or the column map."
         )
 
 
-def _refuse_saturation(seen: _Seen) -> None:
+def _refuse_saturation(run: Run) -> None:
     """Raise for a run in which a moving joint's torque stays at its greatest value, longer than at any other."""
-    run, repeats = seen.recording, seen.repeats
+    rows, repeats = run.recording, run.repeats
     by_chance = np.maximum(RunLevels.saturated_repeats, RunLevels.saturated_over_others * repeats.elsewhere)
     stays = repeats.at_bound >= by_chance
-    for joint in np.flatnonzero(seen.moves & stays):
+    for joint in np.flatnonzero(_moves(run) & stays):
         raise RecordingError(
-            f"{run.source.path}: joint {joint + 1} stays at its maximum of {repeats.bound[joint]:.4g} for "
+            f"{rows.source.path}: joint {joint + 1} stays at its maximum of {repeats.bound[joint]:.4g} for "
             f"{repeats.at_bound[joint] + 1:.0f} samples in a row: the drive or the measurement is saturated, so the "
             "true torque is unknown. Record a slower run, or raise the drive's current limit."
         )
 
 
-def _refuse_stuck(seen: _Seen) -> None:
+def _refuse_stuck(run: Run) -> None:
     """Raise for a run in which a joint moves back and forth while its torque stays the same: friction would change."""
-    run, repeats = seen.recording, seen.repeats
-    range_rad = np.ptp(run.position_rad, axis=0)
-    stuck = seen.moves & (
+    rows, repeats = run.recording, run.repeats
+    range_rad = np.ptp(rows.position_rad, axis=0)
+    stuck = _moves(run) & (
         repeats.turned_rad > np.maximum(RunLevels.evident_travel_rad, RunLevels.stuck_share * range_rad)
     )
     for joint in np.flatnonzero(stuck):
         raise RecordingError(
-            f"{run.source.path}: joint {joint + 1} moves back and forth by {repeats.turned_rad[joint]:.2g} rad, but "
+            f"{rows.source.path}: joint {joint + 1} moves back and forth by {repeats.turned_rad[joint]:.2g} rad, but "
             f"its current or torque stays at {repeats.turned_at[joint]:.4g} for {repeats.turned_for[joint]:.0f} "
             "samples in a row: an old value was recorded repeatedly. Record the run again, or select a part without it "
             "with `between_s=`."
         )
 
 
-def _refuse_fed_energy(seen: _Seen) -> None:
+def _refuse_fed_energy(run: Run) -> None:
     """Raise for motors that absorb energy over a run that ends where it began: friction dissipates it.
 
     Only their sum counts: a single joint can receive any amount of energy from the others over a cycle.
     """
-    run, rows = seen.recording, _closed_part(seen.run)
-    torque, step = seen.run.torque_nm[rows], np.diff(run.position_rad[rows], axis=0)
+    rows, closed = run.recording, _closed_part(run)
+    torque, step = run.torque_nm[closed], np.diff(rows.position_rad[closed], axis=0)
     work = 0.5 * (torque[1:] + torque[:-1]) * step
-    if seen.moves.any() and work.sum() < RunLevels.fed_energy * np.abs(work).sum():
+    if _moves(run).any() and work.sum() < RunLevels.fed_energy * np.abs(work).sum():
         raise RecordingError(
-            f"{run.source.path}: the motors of {numbered_joints(seen.moves & (work.sum(axis=0) < 0.0))} absorb energy "
-            "overall, although friction should dissipate it. The sign of the current or torque is flipped: correct it "
-            "in the configuration or the log."
+            f"{rows.source.path}: the motors of {numbered_joints(_moves(run) & (work.sum(axis=0) < 0.0))} absorb "
+            "energy overall, although friction should dissipate it. The sign of the current or torque is flipped: "
+            "correct it in the configuration or the log."
         )
 
 

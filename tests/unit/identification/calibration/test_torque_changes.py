@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.estimation.arm_terms import Layout
+from armload_identification.estimation.arm_terms import TILT, places_of
 from armload_identification.model.joint_states import JointStates
 
 pytestmark = pytest.mark.pure
@@ -38,8 +38,8 @@ def derivatives(calibration, pinocchio_arm):
         return arm.body.torque(arm.level(pinocchio_arm.chain), *states_at(time_s + shift_s))
 
     found = calibration.torque_changes(calibration.level(pinocchio_arm.chain), states_at(time_s), INTERVAL_S, measured)
-    of = Layout(calibration.n, int(calibration.body.base.sum()))
-    assert found.shape == (of.size, 500, 6)
+    of = places_of(calibration.n, int(calibration.body.base.sum()))
+    assert found.shape == (of[TILT].stop, 500, 6)
     return of, found, torque, measured
 
 
@@ -50,7 +50,7 @@ def test_rotors_and_friction(calibration, derivatives, name):
         value = getattr(calibration.body, PARTS[name]) + STEP * (np.arange(6) == joint)
         changed = replace(calibration, body=replace(calibration.body, **{PARTS[name]: value}))
         expected = -(torque(changed) - torque()) / STEP
-        np.testing.assert_allclose(found[of.places[name]][joint], expected, atol=1e-6)
+        np.testing.assert_allclose(found[of[name]][joint], expected, atol=1e-6)
 
 
 def test_links(calibration, derivatives):
@@ -59,7 +59,7 @@ def test_links(calibration, derivatives):
         links = calibration.body.links.copy()
         links.ravel()[place] += STEP
         changed = replace(calibration, body=replace(calibration.body, links=links))
-        np.testing.assert_allclose(found[of.places["links"]][number], -(torque(changed) - torque()) / STEP, atol=1e-6)
+        np.testing.assert_allclose(found[of["links"]][number], -(torque(changed) - torque()) / STEP, atol=1e-6)
 
 
 def test_gains_delay_and_tilt(calibration, derivatives):
@@ -67,11 +67,11 @@ def test_gains_delay_and_tilt(calibration, derivatives):
     coupling = calibration.body.coupling
     for joint in range(6):
         one = (measured @ coupling) * (np.arange(6) == joint)
-        np.testing.assert_allclose(found[of.places["log_h"]][joint], one @ np.linalg.inv(coupling), atol=1e-12)
+        np.testing.assert_allclose(found[of["log_h"]][joint], one @ np.linalg.inv(coupling), atol=1e-12)
     later = (torque(shift_s=STEP) - torque(shift_s=-STEP)) / (2.0 * STEP)
-    rate = found[of.places["delay"]][0]
+    rate = found[of["delay"]][0]
     assert np.sqrt(np.mean((rate - later)[1:-1] ** 2)) < 0.01 * np.sqrt(np.mean(later**2))
     for side in range(2):
         tilted = replace(calibration, tilt_rad=calibration.tilt_rad + STEP * (np.arange(2) == side))
         expected = -(torque(tilted) - torque()) / STEP
-        assert np.abs(found[of.places["tilt"]][side] - expected).max() < 0.02 * np.abs(expected).max()
+        assert np.abs(found[of["tilt"]][side] - expected).max() < 0.02 * np.abs(expected).max()

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armload_identification.estimation.arm_terms import Layout
+from armload_identification.estimation.arm_terms import TILT, places_of
 from armload_identification.files.calibration_file import (
     format_calibration,
     parse_calibration,
@@ -64,25 +64,23 @@ def test_a_wrong_file_is_refused_by_key(text, old, new, said):
 
 
 def test_the_covariance_has_a_row_for_every_unknown_of_the_arm(calibration, text):
-    of = Layout(calibration.n, int(calibration.body.base.sum()))
-    assert calibration.covariance.shape == (of.size, of.size)
+    of = places_of(calibration.n, int(calibration.body.base.sum()))
+    assert calibration.covariance.shape == (of[TILT].stop, of[TILT].stop)
     less = replace(calibration, covariance=calibration.covariance[:-1, :-1])
-    with pytest.raises(CalibrationFileError, match=rf"uncertainty\.covariance .* {of.size}"):
+    with pytest.raises(CalibrationFileError, match=rf"uncertainty\.covariance .* {of[TILT].stop}"):
         parse_calibration(format_calibration(less))
 
 
 def test_deviations_are_found_where_the_layout_puts_them(calibration):
-    of = Layout(calibration.n, int(calibration.body.base.sum()))
-    numbered = replace(calibration, covariance=np.diag(np.arange(of.size) ** 2.0))
+    of = places_of(calibration.n, int(calibration.body.base.sum()))
+    numbered = replace(calibration, covariance=np.diag(np.arange(of[TILT].stop) ** 2.0))
     # The order of existing files.
     parts = ("log_h", "links", "rotors", "load", "coulomb", "viscous", "root", "delay", "tilt")
-    assert [of.places[name].start for name in parts] == [0, *(of.places[name].stop for name in parts[:-1])]
+    assert [of[name].start for name in parts] == [0, *(of[name].stop for name in parts[:-1])]
     for name in parts:
-        np.testing.assert_array_equal(numbered.deviation(name), np.arange(of.size)[of.places[name]])
+        np.testing.assert_array_equal(numbered.deviation(name), np.arange(of[TILT].stop)[of[name]])
     np.testing.assert_array_equal(numbered.gain_deviation, numbered.deviation("log_h"))
-    np.testing.assert_array_equal(
-        numbered.links_covariance, numbered.covariance[of.places["links"], of.places["links"]]
-    )
+    np.testing.assert_array_equal(numbered.links_covariance, numbered.covariance[of["links"], of["links"]])
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):

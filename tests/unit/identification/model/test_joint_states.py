@@ -32,9 +32,3 @@ def test_earlier_states_are_those_of_the_motion(by_s):
 def test_at_the_same_time_they_are_the_same():
     for values, same in zip(states(TIME_S).earlier(0.0, INTERVAL_S), states(TIME_S), strict=True):
         np.testing.assert_array_equal(values, same)
-
-
-def test_every_nth_state():
-    found = states(TIME_S).every(7)
-    np.testing.assert_array_equal(found.velocity_rad_s, states(TIME_S[::7]).velocity_rad_s)
-    assert found.position_rad.shape == found.acceleration_rad_s2.shape == (58, 2)

@@ -98,7 +98,7 @@ def test_no_exchange_is_found_in_good_runs(signal, pinocchio_arm):
 
 def test_good_runs_are_not_searched(signal, pair, pinocchio_arm):
     runs = tuple(Run.of(run, pinocchio_arm.transmission) for run in pair)
-    assert RunColumns(signal, runs, pinocchio_arm.chain, pinocchio_arm.transmission.coupling).look_right(None)
+    assert RunColumns(signal, runs, pinocchio_arm.chain, pinocchio_arm.transmission.coupling, None).look_right
 
 
 @pytest.mark.parametrize(
