@@ -88,7 +88,7 @@ def settings_in(message: str, keys: Sequence[str]) -> dict[str, str]:
 def edited(text: str, message: str) -> tuple[str, tuple[str, ...]]:
     """A robot's file after following a message, at every joint alike, and the keys that were changed."""
     changed = []
-    for table, keys in (("joints.drive", list(DriveTable.model_fields)), ("bus", list(BusTable.model_fields))):
+    for table, keys in (("joints.drive", DriveTable.__struct_fields__), ("bus", BusTable.__struct_fields__)):
         for key, value in settings_in(message, keys).items():
             after = _with_key(text, table, key, value)
             if after != text:

@@ -10,6 +10,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from armload_controller.analysis.robot_identification import identify
 from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_simulation import NO_PAYLOAD
@@ -28,8 +30,8 @@ def _twin(noisy):
     robot = load_robot(ROBOT)
     if noisy:
         return robot
-    joints = [joint.model_copy(update={"torque_noise_nm": 0.0}) for joint in robot.tables.joints]
-    return replace(robot, tables=robot.tables.model_copy(update={"joints": joints}))
+    joints = [msgspec.structs.replace(joint, torque_noise_nm=0.0) for joint in robot.tables.joints]
+    return replace(robot, tables=msgspec.structs.replace(robot.tables, joints=joints))
 
 
 @contextmanager

@@ -7,6 +7,8 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
+
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import CommissioningPlan, read_pair, record_half
@@ -40,7 +42,7 @@ def _record(robot_name: str, load: SessionLoad, directory: str, seed: int) -> No
     robot = load_robot(robot_name)
     short = Excitation(robot.excitations["validation"].trajectory, 1)
     simulation = robot.simulation_table
-    noisy = simulation.model_copy(update={"seed": simulation.seed + len(SessionLoad) * seed})
+    noisy = msgspec.structs.replace(simulation, seed=simulation.seed + len(SessionLoad) * seed)
     robot = replace(robot, excitations=robot.excitations | {"validation": short}).with_tables(simulation=noisy)
     record_half(
         robot, load, lambda which: simulated_arm(robot, which), no_operator(), CommissioningPlan(Path(directory))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from msgspec import Meta
 
 import armload
 
@@ -27,8 +27,8 @@ class TorqueCeilingTable(armload.PluginTable):
     """
 
     joint: str
-    torque_nm: Annotated[float, Field(gt=0)]
-    cycles: Annotated[int, Field(ge=1)]
+    torque_nm: Annotated[float, Meta(gt=0)]
+    cycles: Annotated[int, Meta(ge=1)]
 
     def plugin(self, robot: armload.Robot) -> TorqueCeiling:
         """Make the plug-in for an arm; refuses settings that do not fit the arm."""

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -41,7 +42,7 @@ def test_a_profile_brings_its_makers_drive_into_motion(virtual_arm, shared_data,
     file, own = PROFILES[name]
     described = read_description(shared_data / "eds" / file)
     profile = read_profile(name, Path(), "arm.toml", "profile")
-    table = DriveTable.model_validate({**ARM, **profile.drive.given(), **own})
+    table = msgspec.convert({**ARM, **profile.drive.given(), **own}, DriveTable)
     stated = dict(zip(OF_THE_JOINT, ("joint_1", -3.0, 3.0, 2.0, 5.0, None), strict=True))
     drive = table.settings(stated, None)
     found = described.find(temperature_entry(drive))

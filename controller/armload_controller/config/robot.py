@@ -18,6 +18,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from armload_controller.config.drive_profiles import with_profiles
@@ -330,7 +331,7 @@ class Robot(RobotSource):
                 given |= self.bus.elsewhere(interface, channel)
             except BadValue as error:
                 raise ConfigurationError("command line", "--bus", channel, error.expected) from error
-        values = self.bus.model_dump() | {key: value for key, value in given.items() if value is not None}
+        values = msgspec.to_builtins(self.bus) | {key: value for key, value in given.items() if value is not None}
         bus = validated(values, "command line", BusTable, ConfigurationError, within="bus")
         robot = self.with_tables(bus=bus)
         RobotDrives(replace(robot, file="command line")).require_bus_load()
@@ -352,7 +353,7 @@ class Robot(RobotSource):
                 f"{self.bus.address}; for simulated drives on a bus see `armload simulate --payload`",
             )
         self.simulation.payload(name)
-        return self.with_tables(simulation=self.simulation_table.model_copy(update={"payload": name}))
+        return self.with_tables(simulation=msgspec.structs.replace(self.simulation_table, payload=name))
 
 
 def shipped_robots() -> tuple[str, ...]:
@@ -404,7 +405,8 @@ def load_robot(name_or_path: str | PathLike[str]) -> Robot:
 def _read_excitations(source: RobotSource) -> dict[str, Excitation]:
     """The excitation files that a robot's file names, by role."""
     excitations = {}
-    for role, name in source.tables.excitation or ():
+    named = source.tables.excitation
+    for role, name in msgspec.structs.asdict(named).items() if named is not None else ():
         try:
             excitation = read_excitation(source.folder / name)
         except IdentificationError as error:

@@ -58,10 +58,10 @@ class RobotDrives:
         Raises:
             ConfigurationError: a description cannot be used.
         """
-        from armload_drivers.bring_up.description_file import read_description
-
         found = {}
         for joint, key, name in self._named("description"):
+            from armload_drivers.bring_up.description_file import read_description
+
             try:
                 found[joint] = read_description(self.source.folder / name)
             except DescriptionError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from random import Random
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,8 +98,9 @@ class RobotPayloads:
         tables, chain = self.source.tables, self.source.chain
         rated_kg = tables.robot.rated_payload_kg
         torque_max_nm = np.array([joint.torque_max_nm for joint in tables.joints])
-        ranges = np.array([[joint.position_min_rad, joint.position_max_rad] for joint in tables.joints])
-        q = np.random.default_rng(0).uniform(ranges[:, 0], ranges[:, 1], (_POSES, self.source.n))
+        ranges = [(joint.position_min_rad, joint.position_max_rad) for joint in tables.joints]
+        uniform = Random(0).uniform  # NumPy's generators take as long to load as all of this
+        q = np.array([[uniform(*ends) for ends in ranges] for _ in range(_POSES)])
         still = np.zeros_like(q)
         for key, payload in tables.payloads().items():
             if payload.mass_kg > rated_kg:

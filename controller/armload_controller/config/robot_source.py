@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Self
 
+import msgspec
 import numpy as np
 
 from armload_controller.config.tables.drive_tables import BusTable
@@ -80,7 +81,7 @@ class RobotSource:
         Args:
             tables: Table by its key; checked by the caller.
         """
-        return replace(self, tables=self.tables.model_copy(update=tables))
+        return replace(self, tables=msgspec.structs.replace(self.tables, **tables))
 
     def refused(self, key: str, found: object, expected: str) -> ConfigurationError:
         """An error that names this file.

@@ -18,7 +18,7 @@ failure of the plug-in, and the arm is brought to rest along its path.
 from __future__ import annotations
 
 import difflib
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from importlib.metadata import EntryPoint, entry_points
@@ -45,7 +45,7 @@ class Watcher(Protocol):
         """
 
 
-class PluginTable(Table, ABC):
+class PluginTable(Table):
     """Settings of a plug-in, `[plugins.NAME]` of a robot's file; a package derives its own class, a field per key.
 
     Examples:

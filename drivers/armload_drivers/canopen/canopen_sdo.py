@@ -146,7 +146,8 @@ class CanopenSdo(SdoChannel):
         verb, self._client.timeout_s = "reading" if data is None else "writing", self._limit_s
         try:
             if data is None:
-                return bytes(self._client.upload(entry.index, entry.subindex))
+                with self._client.open(entry.index, entry.subindex, buffering=0) as stream:
+                    return bytes(stream.read())
             self._client.write_expedited(entry, data)
         except SdoAbortedError as error:
             text = SdoAbortedError.CODES.get(error.code, "a code that CiA 301 does not list")

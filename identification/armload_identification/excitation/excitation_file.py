@@ -6,7 +6,8 @@ from decimal import ROUND_FLOOR, Context
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, field_validator, model_validator
+from msgspec import Meta, field
+from msgspec.structs import asdict
 
 from armload_identification.excitation.fourier import CRITERIA, MASS_CRITERION, Excitation, FourierTrajectory
 from armload_identification.excitation.limit_margins import PER_JOINT, LimitMargins
@@ -25,13 +26,13 @@ from armload_identification.storage.strict_toml import (
 )
 
 _SIX_DIGITS_DOWN = Context(prec=6, rounding=ROUND_FLOOR)
-_Count = Annotated[int, Field(ge=1)]
+_Count = Annotated[int, Meta(ge=1)]
 
 
 class _ExcitationTable(Table):
     """The trajectory."""
 
-    base_frequency_hz: Annotated[float, Field(gt=0)]
+    base_frequency_hz: Annotated[float, Meta(gt=0)]
     harmonics: _Count
     periods: _Count
     offset_rad: NumberList
@@ -45,19 +46,16 @@ class _DesignTable(Table):
     criterion: str
     cost: float
     condition_number: float
-    seed: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Meta(ge=0)]
     restarts: _Count
     command: Text
     armload_version: Text
     history: NumberList | None = None
 
-    @field_validator("criterion")
-    @classmethod
-    def _one_that_exists(cls, name: str) -> str:
+    def __post_init__(self) -> None:
         known = (*CRITERIA, MASS_CRITERION)
-        if name not in known:
-            raise BadValue("", name, f"expected one of {', '.join(known)}")
-        return name
+        if self.criterion not in known:
+            raise BadValue("criterion", self.criterion, f"expected one of {', '.join(known)}")
 
 
 class _MarginsTable(Table):
@@ -68,8 +66,8 @@ class _MarginsTable(Table):
     acceleration_rad_s2: NumberList
     jerk_rad_s3: NumberList
     torque_nm: NumberList
-    clearance_m: dict[str, float] = Field(default={})
-    speed_m_s: dict[str, float] = Field(default={})
+    clearance_m: dict[str, float] = field(default_factory=dict)
+    speed_m_s: dict[str, float] = field(default_factory=dict)
 
 
 class _ExcitationFile(Table):
@@ -81,14 +79,12 @@ class _ExcitationFile(Table):
     design: _DesignTable | None = None
     margins: _MarginsTable | None = None
 
-    @model_validator(mode="after")
-    def _one_row_per_joint(self) -> _ExcitationFile:
+    def __post_init__(self) -> None:
         table = self.excitation
         n = len(table.offset_rad)
         require_shapes("excitation", table, dict.fromkeys(("sin_rad", "cos_rad"), (n, table.harmonics)))
         if self.margins is not None:
             require_shapes("margins", self.margins, dict.fromkeys(PER_JOINT, (n,)))
-        return self
 
 
 def read_excitation(path: Path) -> Excitation:
@@ -114,9 +110,9 @@ def parse_excitation(content: str, source: str = "excitation") -> Excitation:
     return Excitation(
         FourierTrajectory(table.base_frequency_hz, table.offset_rad, table.sin_rad, table.cos_rad),
         table.periods,
-        {} if design is None else design.model_dump(exclude={"history"}),
+        {} if design is None else {key: value for key, value in asdict(design).items() if key != "history"},
         () if design is None or design.history is None else tuple(design.history.tolist()),
-        None if margins is None else LimitMargins(**dict(margins)),
+        None if margins is None else LimitMargins(**asdict(margins)),
     )
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from pydantic import Field, model_validator
+from msgspec import field
+from msgspec.structs import asdict
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration, CalibratedPayload, CalibratedRun
@@ -135,18 +136,21 @@ class _CalibrationFile(Table):
     friction: _FrictionTable
     body: _BodyTable
     fit: _FitTable
-    payloads: list[_PayloadTable] = Field(default_factory=list)
+    payloads: list[_PayloadTable] = field(default_factory=list)
     runs: list[_RunTable]
-    left_out: list[_LeftOutTable] = Field(default_factory=list)
+    left_out: list[_LeftOutTable] = field(default_factory=list)
     uncertainty: _UncertaintyTable
     provenance: ProvenanceTable
 
-    @model_validator(mode="after")
-    def _one_entry_per_joint(self) -> _CalibrationFile:
+    def __post_init__(self) -> None:
+        self._one_entry_per_joint()
+        self._makes_sense()
+
+    def _one_entry_per_joint(self) -> None:
         n = len(self.gains.gain)
         for name in ("gains", "friction", "fit"):
             table: Table = getattr(self, name)
-            require_shapes(name, table, dict.fromkeys(type(table).model_fields, (n,)))
+            require_shapes(name, table, dict.fromkeys(table.__struct_fields__, (n,)))
         base, size = (n, PARAMETERS), places_of(n, int(np.count_nonzero(self.body.base)))[TILT].stop
         body = {"links": base, "base": base, "rotor_inertia_kg_m2": (n,), "coupling": (n, n), "tilt_rad": (2,)}
         require_shapes("body", self.body, body)
@@ -156,10 +160,8 @@ class _CalibrationFile(Table):
         for index, run in enumerate(self.runs, 1):
             shapes = {"residual_rms_nm": (n,), "influence": (n,), "friction_changes": (3, n)}
             require_shapes(f"runs[{index}]", run, shapes)
-        return self
 
-    @model_validator(mode="after")
-    def _makes_sense(self) -> _CalibrationFile:
+    def _makes_sense(self) -> None:
         if self.arm.effort not in tuple(Effort):
             raise BadValue("arm.effort", self.arm.effort, f"expected {' or '.join(Effort)}")
         if (self.fit.correlation_s <= 0.0).any():
@@ -170,7 +172,6 @@ class _CalibrationFile(Table):
         if (self.body.links[self.body.base <= 0.5] != 0.0).any():
             raise BadValue("body.base", self.body.base.tolist(), "expected 1 for every parameter that is not zero")
         require_covariance("uncertainty.covariance", self.uncertainty.covariance)
-        return self
 
 
 def format_calibration(result: ArmCalibration) -> str:
@@ -209,7 +210,7 @@ def format_calibration(result: ArmCalibration) -> str:
 
 def _entries(table: type[Table], *holders: object) -> dict[str, object]:
     """The entries of a table that these objects have; a number that is not known is none."""
-    found = {key: getattr(holder, key) for key in table.model_fields for holder in holders if hasattr(holder, key)}
+    found = {key: getattr(holder, key) for key in table.__struct_fields__ for holder in holders if hasattr(holder, key)}
     return {key: value for key, value in found.items() if not (isinstance(value, float) and np.isnan(value))}
 
 
@@ -259,7 +260,7 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
         CalibrationFileError: naming source, key, value and what was expected.
     """
     tables = parse(content, source, _CalibrationFile, CalibrationFileError)
-    body, friction = dict(tables.body), dict(tables.friction)
+    body, friction = asdict(tables.body), asdict(tables.friction)
     drift = np.stack([friction.pop(key) for key in _DRIFT])
     tilt_rad, base = body.pop("tilt_rad"), body.pop("base") > 0.5
     try:
@@ -278,8 +279,8 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
         noise_nm=tables.fit.residual_nm,
         correlation_s=tables.fit.correlation_s,
         level_nm=tables.fit.effort_nm,
-        payloads=tuple(CalibratedPayload(**dict(entry)) for entry in tables.payloads),
-        runs=tuple(CalibratedRun(**dict(run)) for run in tables.runs),
+        payloads=tuple(CalibratedPayload(**asdict(entry)) for entry in tables.payloads),
+        runs=tuple(CalibratedRun(**asdict(run)) for run in tables.runs),
         left_out=tuple((entry.name, entry.reason) for entry in tables.left_out),
         warnings=tuple(tables.arm.warnings),
         kinematics_sha256=tables.arm.kinematics_sha256,

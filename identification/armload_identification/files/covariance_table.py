@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Annotated, Final
 
 import numpy as np
-from pydantic import Field, model_validator
+from msgspec import Meta
 
 from armload_core.arrays import FloatArray
 from armload_identification.model.mass_center import MassCenterCovariance
@@ -37,12 +37,11 @@ class CovarianceTable(Table):
     """Covariance of [mass, cx, cy, cz] and, if gains were applied, its dependence on them."""
 
     mass_center: NumberRows
-    degrees_of_freedom: Annotated[float, Field(gt=0)]
+    degrees_of_freedom: Annotated[float, Meta(gt=0)]
     gains: _GainsTable | None = None
     calibration_slope: NumberRows | None = None
 
-    @model_validator(mode="after")
-    def _covariances_of_one_gain_per_axis(self) -> CovarianceTable:
+    def __post_init__(self) -> None:
         require_shape("mass_center", self.mass_center, (4, 4))
         require_covariance("mass_center", self.mass_center)
         if self.gains is not None:
@@ -51,7 +50,6 @@ class CovarianceTable(Table):
             require_covariance("gains.covariance", self.gains.covariance)
         if self.calibration_slope is not None:
             require_shape("calibration_slope", self.calibration_slope, (4, self.calibration_slope.shape[1]))
-        return self
 
     def covariance(self) -> MassCenterCovariance:
         """As in a `PayloadResult`."""

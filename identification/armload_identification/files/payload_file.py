@@ -12,9 +12,10 @@ from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
 
 from armload_core.arrays import FloatArray
 from armload_identification.files.covariance_table import CovarianceTable, covariance_lines
@@ -75,8 +76,8 @@ class _Entries(Table, Generic[_Entry]):
     """The ten entries common to several sections; `_PayloadFile` checks which of them are required."""
 
     mass_kg: _Entry | None = None
-    center_of_mass_m: _Center[_Entry] = Field(default=_Center())
-    inertia_kg_m2: _Inertia[_Entry] = Field(default=_Inertia())
+    center_of_mass_m: _Center[_Entry] = _Center()
+    inertia_kg_m2: _Inertia[_Entry] = _Inertia()
 
     def entries(self) -> list[_Entry | None]:
         """All ten, in the order of `_KEYS`."""
@@ -92,7 +93,7 @@ class _PayloadTable(_Entries[float]):
 class _ModelTable(Table):
     """The complete body."""
 
-    mass_kg: Annotated[float, Field(gt=0)]
+    mass_kg: Annotated[float, Meta(gt=0)]
     center_of_mass_m: NumberList
     inertia_kg_m2: InertiaTable
 
@@ -126,21 +127,25 @@ class _PayloadFile(Table):
     covariance: CovarianceTable | None = None
     provenance: ProvenanceTable
 
-    @model_validator(mode="after")
-    def _a_possible_body(self) -> _PayloadFile:
+    def __post_init__(self) -> None:
+        self._a_possible_body()
+        self._entries_where_determined()
+        self._same_as_model()
+        self._intervals_from_low_to_high()
+        self._one_residual_per_joint()
+
+    def _a_possible_body(self) -> None:
         require_shape("model.center_of_mass_m", self.model.center_of_mass_m, (3,))
         margin = self.model.body().margin
         if margin < SMALLEST_MARGIN:
             raise BadValue(
                 "model",
-                self.model.model_dump(),
+                msgspec.structs.asdict(self.model),
                 f"expected a physically possible body: the margin of its pseudo-inertia is {margin:.3g}, at least "
                 f"{SMALLEST_MARGIN:g} is required",
             )
-        return self
 
-    @model_validator(mode="after")
-    def _entries_where_determined(self) -> _PayloadFile:
+    def _entries_where_determined(self) -> None:
         flags = _with_keys(self.determined.entries())
         for key, flag in flags:
             if flag is None:
@@ -153,17 +158,13 @@ class _PayloadFile(Table):
                 if value is not None and not determined:
                     found = np.asarray(value).tolist()
                     raise BadValue(f"{section}.{key}", found, "expected no entry: it is false in [determined]")
-        return self
 
-    @model_validator(mode="after")
-    def _same_as_model(self) -> _PayloadFile:
+    def _same_as_model(self) -> None:
         for (key, value), expected in zip(_with_keys(self.payload.entries()), self.model.values(), strict=True):
             if value is not None and abs(value - expected) > _MODEL_TOLERANCE * abs(expected):
                 raise BadValue(f"payload.{key}", value, f"expected the number in [model], {expected!r}")
-        return self
 
-    @model_validator(mode="after")
-    def _intervals_from_low_to_high(self) -> _PayloadFile:
+    def _intervals_from_low_to_high(self) -> None:
         sections = {"interval_95": self.interval_95, "known_range": self.known_range or _Entries[NumberList]()}
         for section, table in sections.items():
             for key, interval in _with_keys(table.entries()):
@@ -171,12 +172,9 @@ class _PayloadFile(Table):
                     require_shape(f"{section}.{key}", interval, (2,))
                     if interval[0] > interval[1]:
                         raise BadValue(f"{section}.{key}", interval.tolist(), "expected [low, high]")
-        return self
 
-    @model_validator(mode="after")
-    def _one_residual_per_joint(self) -> _PayloadFile:
+    def _one_residual_per_joint(self) -> None:
         require_shape("residual.noise_nm", self.residual.noise_nm, self.residual.rms_nm.shape)
-        return self
 
 
 def _with_keys(entries: list[_Entry]) -> list[tuple[str, _Entry]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+import msgspec
+from msgspec import field
 
 from armload_identification.model.payload import Provenance
 from armload_identification.storage import toml_text
@@ -16,13 +17,13 @@ class ProvenanceTable(Table):
     robot: Text = ""
     kinematics_sha256: Text = ""
     configuration_sha256: Text
-    calibration_sha256: dict[str, Text] = Field(default={})
+    calibration_sha256: dict[str, Text] = field(default_factory=dict)
     recordings_sha256: dict[str, Text]
-    validation_sha256: dict[str, Text] = Field(default={})
+    validation_sha256: dict[str, Text] = field(default_factory=dict)
 
     def provenance(self) -> Provenance:
         """As in a result."""
-        return Provenance(**dict(self))
+        return Provenance(**msgspec.structs.asdict(self))
 
 
 def provenance_lines(provenance: Provenance) -> list[str]:

@@ -1,4 +1,4 @@
-"""Strict TOML: tables as pydantic models, and a one-sentence error for an invalid file.
+"""Strict TOML: tables as msgspec structures, and a one-sentence error for an invalid file.
 
 Unknown keys are refused, every number is finite and of its type, nothing is converted. An error names the file, the
 key, the value found and what was expected; for an unknown key also the most similar known key, for a missing key the
@@ -8,18 +8,22 @@ most similar key in the file. The same reader is used for robot files and files 
 from __future__ import annotations
 
 import math
+import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from abc import ABCMeta
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar, get_args
+from types import NoneType, UnionType
+from typing import Annotated, Any, ClassVar, Literal, NewType, TypeVar, Union, dataclass_transform, get_args, get_origin
 
+import msgspec
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
-from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails
+from msgspec import Meta
+from msgspec.structs import FieldInfo
 
+from armload_core.arrays import FloatArray
 from armload_identification.argument_types import path_of
 from armload_identification.storage.regular_file import LARGEST_BYTES, read_whole
 from armload_identification.storage.replace_file import replace_file
@@ -32,31 +36,39 @@ _RECORDED = frozenset({".csv", ".mcap", ".bag", ".db3", ".npz", ".parquet"})
 _KEYS_ALIKE = 0.6
 """Similarity (`difflib`) from which a key may be a misspelling of another."""
 
-_WANTED = {
-    "model_type": "expected a table",
-    "dict_type": "expected a table",
-    "list_type": "expected a list",
-    "string_type": "expected text in quotes",
-    "string_too_short": "expected text that is not empty",
-    "bool_type": "expected true or false",
-    "int_type": "expected a whole number",
-    "float_type": "expected a number",
-    "finite_number": "expected a finite number",
-    "greater_than": "expected a number greater than {gt:g}",
-    "greater_than_equal": "expected at least {ge:g}",
-    "less_than": "expected a number less than {lt:g}",
-    "less_than_equal": "expected at most {le:g}",
-    "too_short": "expected at least {min_length} items",
-    "too_long": "expected at most {max_length} items",
-    "literal_error": "expected {expected}",
+_WORDS: dict[object, str] = {
+    list: "a list",
+    str: "text in quotes",
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
 }
-"""What was expected, by pydantic's type of error."""
+"""What a value of a type is in TOML."""
+_BOUND = re.compile(r"Expected `\w+` (.+) (\S+)")
+_BOUNDS = {
+    ">": ("gt", "a number greater than {:g}"),
+    ">=": ("ge", "at least {:g}"),
+    "<": ("lt", "a number less than {:g}"),
+    "<=": ("le", "at most {:g}"),
+    "of length >=": ("min_length", "at least {:g} items"),
+    "of length <=": ("max_length", "at most {:g} items"),
+}
+"""Constraint of `Meta` and what was expected, by msgspec's words. Instead, a `Meta` may have a description for every
+value that is refused, or a function of the value in `extra["expected"]` for one out of its range."""
 
-Text = Annotated[str, Field(min_length=1)]
+Text = Annotated[str, Meta(min_length=1)]
 """A text that is not empty."""
 
 
-class Table(BaseModel):
+class _TableMeta(msgspec.StructMeta, ABCMeta):
+    """Lets required keys follow optional ones in every table, and a table have abstract methods."""
+
+    def __new__(cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **settings: Any) -> _TableMeta:
+        return super().__new__(cls, name, bases, namespace, kw_only=True, **settings)
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(msgspec.field,))
+class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, metaclass=_TableMeta):
     """A table without unknown keys and with finite numbers only.
 
     Attributes:
@@ -65,14 +77,14 @@ class Table(BaseModel):
 
     content: ClassVar[str] = ""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
-
 
 _Tables = TypeVar("_Tables", bound=Table)
+_Place = tuple[int | str, ...]
+_Problem = tuple[_Place, object, str]
 
 
 class BadValue(ValueError):
-    """Raised by a table's validator for one of the keys inside the table.
+    """Raised by a table's `__post_init__` for one of the keys inside the table.
 
     Attributes:
         key: Dotted path of the key within the table.
@@ -195,29 +207,35 @@ def validated(
         Exception: made by `error`, naming source, key, value and what was expected.
     """
     try:
-        return tables.model_validate(values)
-    except ValidationError as problem:
-        other = _other_content(values, tables)
-        raise error(source, *(("", None, other) if other else _explained(problem, tables, within))) from problem
+        if not _all_finite(values):
+            raise msgspec.ValidationError("inf or nan")
+        return msgspec.convert(values, tables, dec_hook=_array)
+    except msgspec.ValidationError as problem:
+        raise error(source, *_explained(values, tables, within)) from problem
 
 
-def _number_list(value: object) -> NDArray[np.float64]:
+def _number_list(value: object) -> FloatArray:
     """Finite numbers, at least one."""
-    if not (isinstance(value, list) and value and all(_is_finite(v) for v in value)):
-        raise BadValue("", value, "expected a list of finite numbers")
-    return np.array(value, dtype=np.float64)
+    return _numbers(value, list[float], "expected a list of finite numbers")
 
 
-def _number_rows(value: object) -> NDArray[np.float64]:
+def _number_rows(value: object) -> FloatArray:
     """Rows of finite numbers, all of the same length."""
-    rows = value if isinstance(value, list) else []
-    wide = {len(row) if isinstance(row, list) and all(_is_finite(v) for v in row) else 0 for row in rows}
-    if len(wide) != 1 or 0 in wide:
-        raise BadValue("", value, "expected lists of finite numbers, all of the same length")
-    return np.array(value, dtype=np.float64)
+    return _numbers(value, list[list[float]], "expected lists of finite numbers, all of the same length")
 
 
-def _symmetric_rows(value: object) -> NDArray[np.float64]:
+def _numbers(value: object, kind: Any, expected: str) -> FloatArray:
+    """An array that is not empty."""
+    try:
+        numbers = np.array(msgspec.convert(value, kind), dtype=np.float64)
+    except ValueError as problem:  # of another type, or rows of several lengths
+        raise BadValue("", value, expected) from problem
+    if not (numbers.size and np.isfinite(numbers).all()):
+        raise BadValue("", value, expected)
+    return numbers
+
+
+def _symmetric_rows(value: object) -> FloatArray:
     """A symmetric matrix: rows that end at its diagonal, or whole rows."""
     rows = value if isinstance(value, list) else []
     if [len(row) if isinstance(row, list) else 0 for row in rows] != list(range(1, len(rows) + 1)):
@@ -226,15 +244,24 @@ def _symmetric_rows(value: object) -> NDArray[np.float64]:
     return np.asarray(lower + np.tril(lower, -1).T)
 
 
-NumberList = Annotated[NDArray[np.float64], PlainValidator(_number_list)]
+_Order = NewType("_Order", int)
+NumberList = np.ndarray[tuple[int], np.dtype[np.float64]]
 """(k,) finite numbers, k >= 1."""
-NumberRows = Annotated[NDArray[np.float64], PlainValidator(_number_rows)]
+NumberRows = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 """(k, m) finite numbers, k and m >= 1."""
-SymmetricRows = Annotated[NDArray[np.float64], PlainValidator(_symmetric_rows)]
+SymmetricRows = np.ndarray[tuple[_Order, _Order], np.dtype[np.float64]]
 """(k, k) finite numbers, written up to the diagonal."""
+_ARRAYS = {NumberList: _number_list, NumberRows: _number_rows, SymmetricRows: _symmetric_rows}
 
 
-def require_shape(key: str, found: NDArray[np.float64], shape: tuple[int, ...]) -> None:
+def _array(kind: Any, value: object) -> FloatArray:
+    """An array from a value of TOML; other types are msgspec's."""
+    if kind not in _ARRAYS:
+        raise NotImplementedError(f"{kind} cannot be a key's type")
+    return _ARRAYS[kind](value)
+
+
+def require_shape(key: str, found: FloatArray, shape: tuple[int, ...]) -> None:
     """Raise unless an array has the expected shape.
 
     Raises:
@@ -255,86 +282,119 @@ def require_shapes(within: str, table: Table, shapes: Mapping[str, tuple[int, ..
         require_shape(f"{within}.{key}", getattr(table, key), shape)
 
 
-def _is_finite(value: object) -> bool:
-    """Whether a TOML value is a number that a float can hold."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return False
-    try:
-        return math.isfinite(float(value))
-    except OverflowError:
-        return False
+def _all_finite(value: object) -> bool:
+    """Whether no number in a value of TOML is inf or nan."""
+    if isinstance(value, (dict, list)):
+        return all(map(_all_finite, value.values() if isinstance(value, dict) else value))
+    return not isinstance(value, float) or math.isfinite(value)
 
 
-def _explained(problem: ValidationError, tables: type[Table], within: str) -> tuple[str, object, str]:
-    """Key, value found and what was expected, for the first problem found by pydantic."""
-    problems = problem.errors(include_url=False)
-    first, more = problems[0], len(problems) - 1
-    key, found = _dotted((within, *first["loc"]) if within else first["loc"]), first["input"]
-    cause = first.get("ctx", {}).get("error")
-    if isinstance(cause, BadValue):
-        key = f"{key}.{cause.key}" if key and cause.key else key or cause.key
-        found, expected = cause.found, cause.expected
-    elif first["type"] == "missing":
-        found, expected = None, _required(first["loc"], tables)
-        stranger = _near_missing(first, tables)
-        if stranger is not None:
-            expected += f"; {stranger} is an unknown key: rename it"
-            more -= 1
-    elif first["type"] == "extra_forbidden":
-        expected = "unknown key" + _near_unknown(first["loc"], tables)
-    else:
-        expected = _wanted(first)
-    if more:
-        expected += f" (and {more} more problem{'s' if more > 1 else ''} in this file)"
-    return key, found, expected
+def _explained(values: Mapping[str, Any], tables: type[Table], within: str) -> tuple[str, object, str]:
+    """Key, value found and what was expected, for the first problem of a file."""
+    other = _other_content(values, tables)
+    if other:
+        return "", None, other
+    (loc, found, expected), *others = _problems(values, tables, (), tables)
+    if others:
+        expected += f" (and {len(others)} more problem{'s' if len(others) > 1 else ''} in this file)"
+    return _dotted((within, *loc) if within else loc), found, expected
 
 
 def _other_content(values: Mapping[str, Any], tables: type[Table]) -> str:
     """The message for a file of another kind, most of whose tables are unknown; empty if it is none."""
-    unknown = [key for key in values if key not in tables.model_fields]
-    required = [name for name, field in tables.model_fields.items() if field.is_required()]
+    fields = _fields(tables)
+    unknown = [key for key in values if key not in fields]
+    required = [name for name, field in fields.items() if field.required]
     missing = [name for name in required if name not in values]
     if not tables.content or len(unknown) < 2 or 2 * len(unknown) < len(values) or 2 * len(missing) <= len(required):
         return ""
     return f"not {tables.content}: contains {', '.join(unknown)} instead of {', '.join(missing)}"
 
 
-def _wanted(problem: ErrorDetails) -> str:
-    """What was expected, in the terms of TOML."""
-    limits = problem.get("ctx", {})
-    if problem["type"] == "value_error":
-        return str(limits["error"])
-    return _WANTED.get(problem["type"], problem["msg"]).format(**limits).replace(" 1 items", " 1 item")
+def _problems(value: object, annotation: Any, loc: _Place, root: type[Table]) -> list[_Problem]:
+    """Place, value and what was expected, for each problem of a value; msgspec reports the first, as a text."""
+    inner = list(_problems_within(value, annotation, loc, root))
+    if inner:
+        return inner
+    if isinstance(value, float) and not math.isfinite(value) and {float, Any} & {*_kinds(annotation)}:
+        return [(loc, value, "expected a finite number")]
+    try:
+        msgspec.convert(value, annotation, dec_hook=_array)
+    except msgspec.ValidationError as problem:
+        cause = problem.__cause__
+        if isinstance(cause, BadValue):
+            return [((*loc, cause.key) if cause.key else loc, cause.found, cause.expected)]
+        return [(loc, value, str(cause) if cause else _wanted(value, annotation, str(problem)))]
+    return []
 
 
-def _dotted(loc: Sequence[int | str]) -> str:
-    """Path of a key, with lists counted from 1: the first joint is joints[1]."""
-    path = ""
-    for part in loc:
-        path += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if path else part
-    return path
+def _problems_within(value: object, annotation: Any, loc: _Place, root: type[Table]) -> Iterator[_Problem]:
+    """The problems of what a table or a list contains."""
+    for kind in _kinds(annotation):
+        origin, arguments = get_origin(kind) or kind, get_args(kind)
+        if isinstance(value, dict) and _table_in(origin):
+            yield from _problems_of_keys(value, _fields(kind), loc, root)
+        elif isinstance(value, dict) and origin in (dict, Any):
+            of_key, of_value = arguments or (Any, Any)
+            for key, part in value.items():
+                yield from _problems(key, of_key, (*loc, key), root)
+                yield from _problems(part, of_value, (*loc, key), root)
+        elif isinstance(value, list) and origin in (list, Any):
+            for place, part in enumerate(value):
+                yield from _problems(part, (*arguments, Any)[0], (*loc, place), root)
 
 
-def _required(loc: Sequence[int | str], tables: type[Table]) -> str:
-    """The end of the message for a missing table or value."""
-    field = _fields_at(loc[:-1], tables)[str(loc[-1])]
-    return "the table is required" if _table_in(field.annotation) is not None else "it is required"
+def _problems_of_keys(
+    values: Mapping[str, Any], fields: Mapping[str, FieldInfo], loc: _Place, root: type[Table]
+) -> Iterator[_Problem]:
+    """The problems of a table's values and keys."""
+    strangers = [key for key in values if key not in fields]
+    for name, field in fields.items():
+        if name in values:
+            yield from _problems(values[name], field.type, (*loc, name), root)
+        elif field.required:
+            expected = "it is required" if _table_in(field.type) is None else "the table is required"
+            stranger = _most_similar(name, strangers)
+            if stranger is not None:
+                expected += f"; {stranger} is an unknown key: rename it"
+                strangers.remove(stranger)
+            yield (*loc, name), None, expected
+    for key in strangers:
+        yield (*loc, key), values[key], "unknown key" + _near_unknown(key, fields, root)
 
 
-def _near_missing(problem: ErrorDetails, tables: type[Table]) -> str | None:
-    """An unknown key of the same table that is similar to the missing one."""
-    fields = _fields_at(problem["loc"][:-1], tables)
-    strangers = [key for key in problem["input"] if key not in fields]
-    return _most_similar(str(problem["loc"][-1]), strangers)
+def _wanted(value: object, annotation: Any, problem: str) -> str:
+    """What was expected, in the terms of TOML, from msgspec's message about one value."""
+    bound = _BOUND.fullmatch(problem)
+    metas = [m for part in (annotation, *get_args(annotation)) for m in getattr(part, "__metadata__", ())]
+    described = [meta.description for meta in metas if meta.description]
+    if described:
+        return str(described[0])
+    if bound is None or bound[1] not in _BOUNDS:
+        words = [word for kind in _kinds(annotation) for word in _words(kind)]
+        return f"expected {', '.join(words[:-1])}{' or ' if words[1:] else ''}{words[-1]}"
+    constraint, expected = _BOUNDS[bound[1]]
+    for meta in metas:
+        if meta.extra is not None and getattr(meta, constraint) is not None:
+            return str(meta.extra["expected"](value))
+    if isinstance(value, str):
+        return "expected text that is not empty"
+    return f"expected {expected}".format(float(bound[2])).replace(" 1 items", " 1 item")
 
 
-def _near_unknown(loc: Sequence[int | str], tables: type[Table]) -> str:
+def _words(kind: Any) -> list[str]:
+    """What a value of a type is in TOML."""
+    if get_origin(kind) is Literal:
+        return [repr(value) for value in get_args(kind)]
+    return [_WORDS.get(get_origin(kind) or kind, "a table")]
+
+
+def _near_unknown(key: str, fields: Iterable[str], root: type[Table]) -> str:
     """The table to which an unknown key belongs, else the most similar key of the same table."""
-    key = str(loc[-1])
-    owner = next((path for path, model in _all_tables(tables, "") if path and key in model.model_fields), None)
+    owner = next((path for path, table in _all_tables(root, "") if path and key in _fields(table)), None)
     if owner is not None:
         return f" here: it belongs to {owner}"
-    close = _most_similar(key, _fields_at(loc[:-1], tables))
+    close = _most_similar(key, fields)
     return f": did you mean {close}?" if close else ""
 
 
@@ -345,30 +405,41 @@ def _most_similar(key: str, others: Iterable[str]) -> str | None:
     return next(iter(difflib.get_close_matches(key, list(others), n=1, cutoff=_KEYS_ALIKE)), None)
 
 
-def _fields_at(loc: Sequence[int | str], tables: type[Table]) -> Mapping[str, FieldInfo]:
-    """Keys of the table at a path; empty if there is no table."""
-    annotation: Any = tables
+def _dotted(loc: _Place) -> str:
+    """Path of a key, with lists counted from 1: the first joint is joints[1]."""
+    path = ""
     for part in loc:
-        model = _table_in(annotation)
-        if model is not None and part in model.model_fields:
-            annotation = model.model_fields[str(part)].annotation
-        elif model is not None:  # an entry of a list, or a name in a table of tables
-            annotation = model
-    model = _table_in(annotation)
-    return {} if model is None else model.model_fields
+        path += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if path else part
+    return path
 
 
-def _all_tables(tables: type[BaseModel], path: str) -> Iterator[tuple[str, type[BaseModel]]]:
+@cache
+def _fields(table: Any) -> dict[str, FieldInfo]:
+    """The keys of a table."""
+    return {field.name: field for field in msgspec.structs.fields(table)}
+
+
+def _all_tables(table: Any, path: str) -> Iterator[tuple[str, Any]]:
     """Every table that may be in a file, with its dotted path."""
-    yield path, tables
-    for name, field in tables.model_fields.items():
-        inner = _table_in(field.annotation)
+    yield path, table
+    for name, field in _fields(table).items():
+        inner = _table_in(field.type)
         if inner is not None:
             yield from _all_tables(inner, f"{path}.{name}" if path else name)
 
 
-def _table_in(annotation: Any) -> type[BaseModel] | None:
-    """The table in a type such as `list[X] | None`."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+def _table_in(annotation: Any) -> Any:
+    """The table in a type such as `list[X] | None`; None if there is none."""
+    origin = get_origin(annotation) or annotation
+    if isinstance(origin, type) and issubclass(origin, Table):
         return annotation
     return next((table for a in get_args(annotation) if (table := _table_in(a)) is not None), None)
+
+
+def _kinds(annotation: Any) -> list[Any]:
+    """The types that a value may have, without None and bounds."""
+    if get_origin(annotation) is Annotated:
+        return _kinds(annotation.__origin__)
+    if get_origin(annotation) in (Union, UnionType):
+        return [kind for argument in get_args(annotation) for kind in _kinds(argument)]
+    return [] if annotation is NoneType else [annotation]

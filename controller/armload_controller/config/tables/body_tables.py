@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import model_validator
 
 from armload_controller.config.tables.table_types import NonNegative, Positive, Vector3
 from armload_core.arrays import FloatArray
@@ -45,14 +44,12 @@ class BodyTable(Table):
 class PayloadTable(BodyTable):
     """A physically possible body in the flange frame."""
 
-    @model_validator(mode="after")
-    def _possible(self) -> PayloadTable:
+    def __post_init__(self) -> None:
         if not self.inertial().is_physical:
             raise ValueError(
                 "no mass distribution has this inertia about its centre of mass: the principal moments must be "
                 "positive and each at most the sum of the other two"
             )
-        return self
 
 
 class CarriedPayloadTable(PayloadTable):
@@ -60,13 +57,12 @@ class CarriedPayloadTable(PayloadTable):
 
     envelope_radius_m: Positive | None = None
 
-    @model_validator(mode="after")
-    def _contained(self) -> Self:
+    def __post_init__(self) -> None:
         """Refuse a sphere that is too small for the payload's inertia."""
+        super().__post_init__()
         radius_m, least_m = self.envelope_radius_m, self._radius_of_gyration_m
         if radius_m is not None and not radius_m >= 0.99 * least_m:  # the message rounds
             raise BadValue("envelope_radius_m", radius_m, f"expected at least {least_m:.3g}: the inertia requires it")
-        return self
 
     def envelope(self, name: str) -> CarriedSphere:
         """The sphere, with the assumed radius if the file gives none."""

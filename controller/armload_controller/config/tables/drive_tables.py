@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+import msgspec
+from msgspec import Meta, field
 
 from armload_controller.config.tables.table_types import Positive
 from armload_core.arrays import FloatArray
@@ -47,8 +48,8 @@ OF_THE_JOINT = (
 )  # fmt: skip
 """Fields of `DriveSettings` that the joint's table states."""
 
-_PdoName = Annotated[str, Field(pattern="^[rt]pdo[1-4]$")]
-_MappingWord = Annotated[int, Field(ge=0, lt=1 << 32)]
+_PdoName = Annotated[str, Meta(pattern="^[rt]pdo[1-4]$")]
+_MappingWord = Annotated[int, Meta(ge=0, lt=1 << 32)]
 _DIRECTION = {"r": PdoDirection.RECEIVE, "t": PdoDirection.TRANSMIT}
 
 VIRTUAL = "virtual"
@@ -73,13 +74,13 @@ class BusTable(Table):
     channel: str | None = None
     a: PartTable | None = None
     b: PartTable | None = None
-    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] | None = None
-    cycle_hz: Annotated[float, Field(gt=0, le=1000)]
+    bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000)] | None = None
+    cycle_hz: Annotated[float, Meta(gt=0, le=1000)]
     heartbeat_s: Positive | None = None
-    watchdog_s: Annotated[float, Field(gt=0, le=5)] | None = None
-    max_missing_cycles: Annotated[int, Field(ge=0)]
-    sync_counter: Annotated[int, Field(ge=0, le=240)] = 0
-    other_nodes: list[Annotated[int, Field(ge=1, le=127)]] = Field(default=[])
+    watchdog_s: Annotated[float, Meta(gt=0, le=5)] | None = None
+    max_missing_cycles: Annotated[int, Meta(ge=0)]
+    sync_counter: Annotated[int, Meta(ge=0, le=240)] = 0
+    other_nodes: list[Annotated[int, Meta(ge=1, le=127)]] = field(default_factory=list)
 
     @property
     def in_virtual_time(self) -> bool:
@@ -115,8 +116,12 @@ class BusTable(Table):
             raise BadValue("channel", channel, "the arm has two buses: expected two channels, such as can0,can1")
         return {name: {"interface": interface, "channel": each} for name, each in zip("ab", channels, strict=True)}
 
-    @model_validator(mode="after")
-    def _one_or_two(self) -> BusTable:
+    def __post_init__(self) -> None:
+        self._one_or_two()
+        self._keys_of_its_kind()
+        self._countable()
+
+    def _one_or_two(self) -> None:
         single: dict[str, object] = {"interface": self.interface, "channel": self.channel}
         required, why = single, "required, or [bus.a] and [bus.b] for an arm on two buses"
         two = self.a is not None or self.b is not None
@@ -132,15 +137,13 @@ class BusTable(Table):
             first, second = self.parts
             if first.interface != second.interface or first.channel == second.channel:
                 raise BadValue("b", self.address, "expected two channels of one interface")
-        return self
 
     @property
     def on_ethercat(self) -> bool:
         """Whether the bus is EtherCAT."""
         return self.parts[0].interface == ETHERCAT
 
-    @model_validator(mode="after")
-    def _keys_of_its_kind(self) -> BusTable:
+    def _keys_of_its_kind(self) -> None:
         if self.on_ethercat and self.a is not None:
             raise BadValue("a", self.address, "an arm on EtherCAT has one line: give interface and channel")
         own, other = _KEYS_OF if self.on_ethercat else reversed(_KEYS_OF)
@@ -159,13 +162,10 @@ class BusTable(Table):
                 f"expected at least {least_s:g}: max_missing_cycles = {self.max_missing_cycles} frames may be lost at "
                 f"{self.cycle_hz:g} Hz, and the drives would leave OP first",
             )
-        return self
 
-    @model_validator(mode="after")
-    def _countable(self) -> BusTable:
+    def _countable(self) -> None:
         if self.sync_counter == 1:
             raise BadValue("sync_counter", 1, "expected 0 (SYNC without a counter) or 2 to 240 (1019)")
-        return self
 
     def arm_settings(self, drives: Sequence[DriveSettings], coupling: FloatArray) -> ArmSettings:
         """Settings for the driver layer.
@@ -200,8 +200,8 @@ class IdentityTable(Table):
 class VendorObjectTable(Table):
     """An object in a manufacturer's or a profile's own range."""
 
-    index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
-    subindex: Annotated[int, Field(ge=0, le=254)]
+    index: Annotated[int, Meta(ge=0x2000, le=0x9FFF)]
+    subindex: Annotated[int, Meta(ge=0, le=254)]
 
 
 class EffortObjectTable(VendorObjectTable):
@@ -211,14 +211,12 @@ class EffortObjectTable(VendorObjectTable):
     a_per_unit: Positive | None = None
     nm_per_unit: Positive | None = None
 
-    @model_validator(mode="after")
-    def _one_scale(self) -> EffortObjectTable:
+    def __post_init__(self) -> None:
         if (self.a_per_unit is None) == (self.nm_per_unit is None):
             raise ValueError(
                 "give one scale: a_per_unit (motor current) or nm_per_unit (torque at the axis, on the output side of "
                 "the gear)"
             )
-        return self
 
     def effort(self) -> VendorObject:
         """Object for the driver layer."""
@@ -244,14 +242,12 @@ class VendorSettingTable(VendorObjectTable):
     value: int
     meets: str
 
-    @model_validator(mode="after")
-    def _fits(self) -> VendorSettingTable:
+    def __post_init__(self) -> None:
         least, greatest = _NUMBER_TYPES[self.type].bounds
         if not least <= self.value <= greatest:
             raise BadValue("value", self.value, f"expected {least} to {greatest}, the range of {self.type}")
         if self.meets not in SAFETY_KEYS:
             raise BadValue("meets", self.meets, f"expected one of {', '.join(SAFETY_KEYS)}")
-        return self
 
     def setting(self) -> VendorSetting:
         """Setting for the driver layer."""
@@ -267,12 +263,12 @@ class ProductKeys(Table):
     torque_offset_bits: Literal[16, 32] = 16
     effort_bits: Literal[16, 32] = 16
     homed_bit: Literal[8, 14, 15] | None = None
-    pdo_objects_max: Annotated[int, Field(ge=2, le=8)] = 8
-    fixed_pdos: dict[_PdoName, list[_MappingWord]] = Field(default={})
+    pdo_objects_max: Annotated[int, Meta(ge=2, le=8)] = 8
+    fixed_pdos: dict[_PdoName, list[_MappingWord]] = field(default_factory=dict)
     rated_torque_unit_nm: Positive = 1e-3
     effort_object: EffortObjectTable | None = None
     temperature_object: TemperatureObjectTable | None = None
-    vendor_settings: list[VendorSettingTable] = Field(default=[])
+    vendor_settings: list[VendorSettingTable] = field(default_factory=list)
 
 
 class DriveTable(ProductKeys):
@@ -280,25 +276,24 @@ class DriveTable(ProductKeys):
 
     profile: str | None = None
     bus: Literal["a", "b"] = "a"
-    node_id: Annotated[int, Field(ge=1, le=127)]
+    node_id: Annotated[int, Meta(ge=1, le=127)]
     mode: Literal["csp", "ip"]
     feedback: Literal["current", "torque"]
     rated_current_a: Positive | None = None
     rated_torque_nm: Positive | None = None
-    max_torque_permille: Annotated[int, Field(ge=1, le=65535)]
+    max_torque_permille: Annotated[int, Meta(ge=1, le=65535)]
     following_error_rad: Positive
     following_lag_s: Positive | None = None
     has_brake: bool
     torque_limit_in_drive: bool = False
     second_axis_unused: bool = False
-    alias: Annotated[int, Field(ge=1, le=65535)] | None = None
+    alias: Annotated[int, Meta(ge=1, le=65535)] | None = None
     sync0: bool = False
-    accept_missing: list[str] = Field(default=[])
+    accept_missing: list[str] = field(default_factory=list)
     description: str | None = None
     identity: IdentityTable | None = None
 
-    @model_validator(mode="after")
-    def _consistent(self) -> DriveTable:
+    def __post_init__(self) -> None:
         effort = self.effort_object
         if effort is not None:
             key = "a_per_unit" if self.feedback == "current" else "nm_per_unit"
@@ -313,7 +308,6 @@ class DriveTable(ProductKeys):
             drive_image(self.settings(dict.fromkeys(OF_THE_JOINT), None))
         except ValueError as error:
             raise BadValue("fixed_pdos", "", str(error)) from error
-        return self
 
     def missing_scale(self) -> str | None:
         """Key of a scale that must be read from the drive, which only a real one can provide; None if all are given."""
@@ -337,7 +331,7 @@ class DriveTable(ProductKeys):
         converted = {
             "mode": _MODES[self.mode],
             "feedback": EffortFeedback[self.feedback.upper()],
-            "identity": Identity(None, None) if named is None else Identity(**named.model_dump()),
+            "identity": Identity(None, None) if named is None else Identity(**msgspec.structs.asdict(named)),
             "accept_missing": frozenset(self.accept_missing),
             "description": description,
             "bus": "ab".index(self.bus),

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from pydantic import model_validator
-
 from armload_controller.config.tables.drive_tables import DriveTable
 from armload_controller.config.tables.table_types import GearRatio, JointPosition, JointSpeed, Positive, Share
 from armload_identification.storage.strict_toml import Table
@@ -27,14 +25,12 @@ class JointTable(Table):
     torque_constant_nm_a: Positive | None = None
     drive: DriveTable | None = None
 
-    @model_validator(mode="after")
-    def _least_below_greatest(self) -> JointTable:
+    def __post_init__(self) -> None:
         if self.position_min_rad >= self.position_max_rad:
             raise ValueError(
                 f"position_min_rad = {self.position_min_rad} is not below position_max_rad = "
                 f"{self.position_max_rad}: exchange them"
             )
-        return self
 
     @property
     def axis_torque_max_nm(self) -> float:

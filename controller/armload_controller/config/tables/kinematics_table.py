@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from msgspec import Meta
 
 from armload_controller.config.tables.table_types import Angle, PoseTable, Vector3
 from armload_core.arrays import FloatArray
@@ -36,12 +36,10 @@ class KinematicsTable(Table):
     origins: list[OriginTable] | None = None
     flange: PoseTable
 
-    @model_validator(mode="after")
-    def _rows_or_origins(self) -> KinematicsTable:
+    def __post_init__(self) -> None:
         wanted, other = ("origins", "rows") if self.convention == "joint-origins" else ("rows", "origins")
         if getattr(self, wanted) is None or getattr(self, other) is not None:
             raise ValueError(f'with convention = "{self.convention}" give {wanted} and not {other}')
-        return self
 
     @property
     def n(self) -> int:
@@ -72,8 +70,8 @@ class TransmissionTable(Table):
     """Coupled motors, q_joint = C q_axis, and how far the torque that drives report can be trusted."""
 
     coupling: list[list[float]] | None = None
-    gain_deviation: Annotated[float, Field(ge=0.0, le=0.5)] | None = None
-    scale_deviation: Annotated[float, Field(ge=0.0, le=0.5)] | None = None
+    gain_deviation: Annotated[float, Meta(ge=0.0, le=0.5)] | None = None
+    scale_deviation: Annotated[float, Meta(ge=0.0, le=0.5)] | None = None
 
     def check(self, n: int) -> None:
         """Refuse a matrix that is not an invertible coupling of n joints.

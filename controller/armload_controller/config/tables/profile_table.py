@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+import msgspec
+from msgspec import Meta, field
 
 from armload_controller.config.tables.drive_tables import ProductKeys
 from armload_identification.storage.strict_toml import Table, Text
@@ -15,8 +16,8 @@ class ProductTable(Table):
 
     name: Text
     source: Text
-    vendor_id: Annotated[int, Field(gt=0, lt=1 << 32)] | None = None
-    peculiarities: list[Text] = Field(default=[])
+    vendor_id: Annotated[int, Meta(gt=0, lt=1 << 32)] | None = None
+    peculiarities: list[Text] = field(default_factory=list)
 
 
 class DriveProfileTable(ProductKeys):
@@ -26,8 +27,8 @@ class DriveProfileTable(ProductKeys):
     feedback: Literal["current", "torque"] | None = None
 
     def given(self) -> dict[str, Any]:
-        """The keys that the profile gives, as in TOML."""
-        return self.model_dump(exclude_unset=True)
+        """The keys in which the profile differs from the defaults, as in TOML."""
+        return dict(msgspec.to_builtins(self))
 
 
 class ProfileFile(Table):

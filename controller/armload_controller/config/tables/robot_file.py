@@ -5,9 +5,9 @@ Every limit must be given, an unknown key is an error, and text is not accepted 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field, model_validator
+from msgspec import Meta, field
 
 from armload_controller.config.tables.body_tables import ArmBodyTable, CarriedPayloadTable, PayloadTable
 from armload_controller.config.tables.drive_tables import BusTable
@@ -51,8 +51,8 @@ class ExcitationTable(Table):
     validation: str
 
 
-_Column = Annotated[int, Field(ge=0)] | Text
-_Columns = Annotated[list[_Column], Field(min_length=1)]
+_Column = Annotated[int, Meta(ge=0)] | Text
+_Columns = Annotated[list[_Column], Meta(min_length=1)]
 
 
 class LogTable(Table):
@@ -64,8 +64,7 @@ class LogTable(Table):
     current_columns: _Columns | None = None
     torque_columns: _Columns | None = None
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
+    def __post_init__(self) -> None:
         """Refuse a map without current or torque, or with unequal numbers of columns."""
         if (self.current_columns is None) == (self.torque_columns is None):
             raise BadValue("current_columns", self.current_columns, "give either current_columns or torque_columns")
@@ -73,7 +72,6 @@ class LogTable(Table):
             columns = getattr(self, key)
             if columns is not None and len(columns) != len(self.position_columns):
                 raise BadValue(key, columns, f"expected {len(self.position_columns)} columns, as position_columns has")
-        return self
 
     def csv_columns(self) -> CsvColumns:
         """For the reader of recordings."""
@@ -96,15 +94,15 @@ class RobotFile(Table):
     limits: LimitsTable | None = None
     expected_payload: CarriedPayloadTable | None = None
     heaviest_payload: CarriedPayloadTable | None = None
-    payload_set: dict[str, PayloadTable] = Field(default={})
+    payload_set: dict[str, PayloadTable] = field(default_factory=dict)
     body: ArmBodyTable | None = None
     workspace: WorkspaceTable | None = None
     excitation: ExcitationTable | None = None
     bus: BusTable | None = None
     log: LogTable | None = None
-    joints: Annotated[list[JointTable], Field(min_length=1)]
+    joints: Annotated[list[JointTable], Meta(min_length=1)]
     simulation: SimulationTable | None = None
-    plugins: dict[str, dict[str, Any]] = Field(default={})
+    plugins: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -124,8 +122,14 @@ class RobotFile(Table):
             found |= {f"simulation.payloads.{name}": payload for name, payload in self.simulation.payloads.items()}
         return found
 
-    @model_validator(mode="after")
-    def _joints_are_told_apart(self) -> RobotFile:
+    def __post_init__(self) -> None:
+        self._joints_are_told_apart()
+        self._kinematics_fit_the_joints()
+        self._simulation_fits_the_joints()
+        self._body_fits_the_joints()
+        self._workspace_fits_the_arm()
+
+    def _joints_are_told_apart(self) -> None:
         names = [joint.name for joint in self.joints]
         if len(set(names)) != self.n:
             raise BadValue("joints", names, "every joint needs its own name")
@@ -142,27 +146,21 @@ class RobotFile(Table):
                 raise BadValue(
                     "joints.drive.bus", next(iter(used)), "the file has [bus.a] and [bus.b]; put joints on both"
                 )
-        return self
 
-    @model_validator(mode="after")
-    def _kinematics_fit_the_joints(self) -> RobotFile:
+    def _kinematics_fit_the_joints(self) -> None:
         if self.kinematics.n != self.n:
             found = f"{self.kinematics.n} rows"
             raise BadValue("kinematics", found, f"the file has {self.n} [[joints]]; give one row per joint")
         if self.transmission is not None:
             self.transmission.check(self.n)
-        return self
 
-    @model_validator(mode="after")
-    def _simulation_fits_the_joints(self) -> RobotFile:
+    def _simulation_fits_the_joints(self) -> None:
         if self.simulation is not None:
             self.simulation.check(self.joints)
-        return self
 
-    @model_validator(mode="after")
-    def _body_fits_the_joints(self) -> RobotFile:
+    def _body_fits_the_joints(self) -> None:
         if self.body is None:
-            return self
+            return
         if len(self.body.links) != self.n:
             raise BadValue("body.links", len(self.body.links), f"expected one per joint, {self.n} in this file")
         for number, (link, joint) in enumerate(zip(self.body.links, self.joints, strict=True), start=1):
@@ -172,15 +170,12 @@ class RobotFile(Table):
             if link.coulomb_nm >= joint.torque_max_nm:
                 expected = f"expected less than joints[{number}].torque_max_nm = {joint.torque_max_nm:g}"
                 raise BadValue(f"body.links[{number}].coulomb_nm", link.coulomb_nm, expected)
-        return self
 
-    @model_validator(mode="after")
-    def _workspace_fits_the_arm(self) -> RobotFile:
+    def _workspace_fits_the_arm(self) -> None:
         if self.workspace is None:
-            return self
+            return
         self.workspace.check(self.n)
         floor_m = self.workspace.floor_height_m
         if floor_m is not None and not any(self.robot.gravity_m_s2):
             expected = "a floor requires gravity, which defines the vertical; or give a half-space instead"
             raise BadValue("workspace.floor_height_m", floor_m, expected)
-        return self

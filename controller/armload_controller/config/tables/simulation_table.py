@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field
+from msgspec import Meta
 
 from armload_controller.config.tables.body_tables import BodyTable, PayloadTable
 from armload_controller.config.tables.joint_table import JointTable
@@ -28,7 +28,7 @@ class SimulatedJointTable(Table):
     stribeck_velocity_rad_s: Positive
     load_friction: Share
     torque_ripple_nm: NonNegative
-    ripple_per_motor_turn: Annotated[int, Field(ge=1)]
+    ripple_per_motor_turn: Annotated[int, Meta(ge=1)]
     brake_torque_nm: Positive | None = None
     brake_delay_s: NonNegative = BRAKE_DELAY_S
 

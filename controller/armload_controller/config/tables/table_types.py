@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Annotated, Final
 
-from pydantic import AfterValidator, Field
+from msgspec import Meta
 
 from armload_identification.storage.strict_toml import Table
 
@@ -16,60 +17,53 @@ _FASTEST_RAD_S: Final = 50.0
 """Above the speed of every joint of an arm; the slowest speeds given in degrees per second are mostly beyond it."""
 
 
-def _orientation(angle_rad: float) -> float:
-    """An angle of a pose or a kinematic row."""
-    if abs(angle_rad) > _FULL_TURN_RAD + 1e-3:
-        raise ValueError(
-            f"expected radians, at most one turn (6.283) either way; in degrees this would be {_in_rad(angle_rad)} rad"
-        )
-    return angle_rad
+def _orientation(angle_rad: float) -> str:
+    """What an angle of a pose or a kinematic row must be."""
+    return f"expected radians, at most one turn (6.283) either way; in degrees this would be {_in_rad(angle_rad)} rad"
 
 
-def _joint_position(position_rad: float) -> float:
-    """An end of a joint's range."""
-    if abs(position_rad) > _MOST_TURNS * _FULL_TURN_RAD:
-        raise ValueError(
-            f"expected radians, at most {_MOST_TURNS} turns ({_MOST_TURNS * _FULL_TURN_RAD:.1f}) either way; in "
-            f"degrees this would be {_in_rad(position_rad)} rad"
-        )
-    return position_rad
+def _joint_position(position_rad: float) -> str:
+    """What an end of a joint's range must be."""
+    return (
+        f"expected radians, at most {_MOST_TURNS} turns ({_MOST_TURNS * _FULL_TURN_RAD:.1f}) either way; in "
+        f"degrees this would be {_in_rad(position_rad)} rad"
+    )
 
 
-def _joint_speed(speed_rad_s: float) -> float:
-    """A joint's greatest speed."""
-    if speed_rad_s > _FASTEST_RAD_S:
-        raise ValueError(
-            f"expected rad/s, at most {_FASTEST_RAD_S:g}; in degrees per second this would be "
-            f"{_in_rad(speed_rad_s)} rad/s"
-        )
-    return speed_rad_s
+def _joint_speed(speed_rad_s: float) -> str:
+    """What a joint's greatest speed must be."""
+    return (
+        f"expected rad/s, at most {_FASTEST_RAD_S:g}; in degrees per second this would be {_in_rad(speed_rad_s)} rad/s"
+    )
 
 
-def _reduction(ratio: float) -> float:
-    """A gear ratio of an arm's joint."""
-    if ratio < 1.0:
-        raise ValueError(
-            f"expected motor turns per turn of the joint, at least 1; the inverse of this value is {1.0 / ratio:.5g}"
-        )
-    return ratio
+def _reduction(ratio: float) -> str:
+    """What a gear ratio of an arm's joint must be."""
+    expected = "expected motor turns per turn of the joint, at least 1"
+    return f"{expected}; the inverse of this value is {1.0 / ratio:.5g}" if ratio > 0.0 else expected
 
 
 def _in_rad(angle_deg: float) -> str:
     return f"{math.radians(angle_deg):.5g}"
 
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Share = Annotated[float, Field(ge=0, lt=1)]
-Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
-Angle = Annotated[float, AfterValidator(_orientation)]
-JointPosition = Annotated[float, AfterValidator(_joint_position)]
-JointSpeed = Annotated[Positive, AfterValidator(_joint_speed)]
-GearRatio = Annotated[Positive, AfterValidator(_reduction)]
+def _within(limit: float, expected: Callable[[float], str]) -> Meta:
+    """A range of either sign, and what to say about a value outside."""
+    return Meta(ge=-limit, le=limit, extra={"expected": expected})
+
+
+Positive = Annotated[float, Meta(gt=0)]
+NonNegative = Annotated[float, Meta(ge=0)]
+Share = Annotated[float, Meta(ge=0, lt=1)]
+Vector3 = Annotated[list[float], Meta(min_length=3, max_length=3)]
+Angle = Annotated[float, _within(_FULL_TURN_RAD + 1e-3, _orientation)]
+JointPosition = Annotated[float, _within(_MOST_TURNS * _FULL_TURN_RAD, _joint_position)]
+JointSpeed = Annotated[Positive, Meta(le=_FASTEST_RAD_S, extra={"expected": _joint_speed})]
+GearRatio = Annotated[float, Meta(ge=1, extra={"expected": _reduction})]
 
 
 class PoseTable(Table):
     """Pose of a frame in another frame."""
 
     xyz_m: Vector3
-    rpy_rad: Annotated[list[Angle], Field(min_length=3, max_length=3)]
+    rpy_rad: Annotated[list[Angle], Meta(min_length=3, max_length=3)]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import Field, PlainValidator, field_validator, model_validator
+from msgspec import Meta, field
 
 from armload_controller.config.tables.table_types import NonNegative, PoseTable, Positive, Vector3
 from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
@@ -17,17 +17,8 @@ from armload_identification.storage.strict_toml import BadValue, Table
 if TYPE_CHECKING:
     from armload_identification.excitation.geometry.collision_meshes import Meshes
 
-_LinkName = int | Literal["tool"]
-
-
-def _link(value: object) -> object:
-    """Check a link, with one message for every invalid value."""
-    if value == "tool" or (isinstance(value, int) and not isinstance(value, bool) and value >= 0):
-        return value
-    raise ValueError('0 for the base, the number of a joint for the link that it moves, or "tool"')
-
-
-Link = Annotated[_LinkName, PlainValidator(_link)]
+_ANY_LINK = '0 for the base, the number of a joint for the link that it moves, or "tool"'
+Link = Annotated[int, Meta(ge=0, description=_ANY_LINK)] | Literal["tool"]
 """0 for the base, i for the link that joint i moves, "tool" for everything on the flange including the payload."""
 
 
@@ -47,19 +38,16 @@ class HalfSpaceTable(Table):
     offset_m: float
     links: list[Link] | None = None
 
-    @field_validator("normal")
-    @classmethod
-    def _direction(cls, normal: list[float]) -> list[float]:
-        if not float(np.linalg.norm(normal)) > 0.0:
-            raise ValueError("a plane needs a direction, such as [0.0, 0.0, 1.0]")
-        return normal
+    def __post_init__(self) -> None:
+        if not float(np.linalg.norm(self.normal)) > 0.0:
+            raise BadValue("normal", self.normal, "a plane needs a direction, such as [0.0, 0.0, 1.0]")
 
 
 class BoxTable(PoseTable):
     """A box as an obstacle: pose of its centre in the base frame, and the lengths of its edges."""
 
     name: str
-    size_m: Annotated[list[Positive], Field(min_length=3, max_length=3)]
+    size_m: Annotated[list[Positive], Meta(min_length=3, max_length=3)]
     links: list[Link] | None = None
 
 
@@ -69,11 +57,9 @@ class InsideTable(Table):
     min_m: Vector3
     max_m: Vector3
 
-    @model_validator(mode="after")
-    def _ordered(self) -> InsideTable:
+    def __post_init__(self) -> None:
         if any(low >= high for low, high in zip(self.min_m, self.max_m, strict=True)):
             raise ValueError(f"min_m = {self.min_m} is not below max_m = {self.max_m}: exchange them")
-        return self
 
 
 class WorkspaceTable(Table):
@@ -83,11 +69,11 @@ class WorkspaceTable(Table):
     floor_height_m: float | None = None
     inside: InsideTable | None = None
     spheres: list[SphereTable]
-    half_spaces: list[HalfSpaceTable] = Field(default=[])
-    boxes: list[BoxTable] = Field(default=[])
+    half_spaces: list[HalfSpaceTable] = field(default_factory=list)
+    boxes: list[BoxTable] = field(default_factory=list)
     urdf: str | None = None
-    urdf_touching: list[Annotated[list[str], Field(min_length=2, max_length=2)]] = Field(default=[])
-    apart: list[Annotated[list[Link], Field(min_length=2, max_length=2)]] = Field(default=[])
+    urdf_touching: list[Annotated[list[str], Meta(min_length=2, max_length=2)]] = field(default_factory=list)
+    apart: list[Annotated[list[Link], Meta(min_length=2, max_length=2)]] = field(default_factory=list)
 
     def check(self, n: int) -> None:
         """Refuse links that an arm of n joints does not have, and a link without a sphere.
@@ -95,7 +81,7 @@ class WorkspaceTable(Table):
         Raises:
             BadValue: naming the key.
         """
-        named: list[tuple[str, _LinkName]] = [(f"spheres[{i + 1}].link", s.link) for i, s in enumerate(self.spheres)]
+        named: list[tuple[str, Link]] = [(f"spheres[{i + 1}].link", s.link) for i, s in enumerate(self.spheres)]
         named += [(f"half_spaces[{i + 1}].links", a) for i, p in enumerate(self.half_spaces) for a in p.links or ()]
         named += [(f"boxes[{i + 1}].links", a) for i, b in enumerate(self.boxes) for a in b.links or ()]
         named += [(f"apart[{i + 1}]", a) for i, pair in enumerate(self.apart) for a in pair]
@@ -120,7 +106,7 @@ class WorkspaceTable(Table):
         n = chain.n
         moving = tuple(range(1, n + 2))
 
-        def links(names: Sequence[_LinkName] | None) -> tuple[int, ...]:
+        def links(names: Sequence[Link] | None) -> tuple[int, ...]:
             return moving if names is None else tuple(_number(name, n) for name in names)
 
         half_spaces = []
@@ -167,6 +153,6 @@ class WorkspaceTable(Table):
         return Meshes(folder / self.urdf, chain, joint_names, self.keep_m, touching)
 
 
-def _number(name: _LinkName, n: int) -> int:
+def _number(name: Link, n: int) -> int:
     """Number of a link in the workspace: the tool of an arm of n joints is n + 1."""
     return n + 1 if name == "tool" else int(name)

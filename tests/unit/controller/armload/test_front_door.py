@@ -80,7 +80,7 @@ def test_names_are_loaded_when_they_are_used():
     loaded = answer(
         "import json, sys\n"
         "import armload\n"
-        "heavy = ('numpy', 'scipy', 'can', 'canopen', 'typer', 'rich', 'matplotlib', 'pydantic', 'ruckig', 'mcap')\n"
+        "heavy = ('numpy', 'scipy', 'can', 'canopen', 'typer', 'rich', 'matplotlib', 'msgspec', 'ruckig', 'mcap')\n"
         "listed = lambda: [name for name in heavy if name in sys.modules]\n"
         "first = listed()\n"
         "armload.PayloadFeedforward\n"

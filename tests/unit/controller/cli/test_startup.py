@@ -15,6 +15,7 @@ from tests.urdf_simulation import PinocchioArm
 HEAVY = (
     "numpy",
     "scipy",
+    "msgspec",
     "pydantic",
     "rich",
     "can",
@@ -115,7 +116,7 @@ def after_commands(tmp_path_factory):
 
 def test_the_list_of_heavy_modules_is_not_empty_talk(after_commands):
     """A command that runs does load them, under these names, and the reader for armload's own recordings."""
-    assert {"numpy", "pydantic", "mcap"} <= set(after_commands["heavy"])
+    assert {"numpy", "msgspec", "mcap"} <= set(after_commands["heavy"])
 
 
 def test_linear_algebra_runs_in_one_thread(after_commands):

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from armload_controller.config.tables.body_tables import CarriedPayloadTable
+from armload_identification.files.inertia_table import InertiaTable
 from armload_identification.storage.strict_toml import BadValue
 
 pytestmark = pytest.mark.pure
 
 
 def carried(mass_kg, moment_kg_m2, **changes):
-    inertia = {"ixx": moment_kg_m2, "iyy": moment_kg_m2, "izz": moment_kg_m2, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}
+    inertia = InertiaTable(ixx=moment_kg_m2, iyy=moment_kg_m2, izz=moment_kg_m2, ixy=0.0, ixz=0.0, iyz=0.0)
     return CarriedPayloadTable(mass_kg=mass_kg, center_of_mass_m=[0.0, 0.0, 0.1], inertia_kg_m2=inertia, **changes)
 
 

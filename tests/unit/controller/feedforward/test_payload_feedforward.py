@@ -130,7 +130,7 @@ def test_a_change_in_impossible_time_is_refused(transition_s, cycle_s):
 
 
 def test_importing_it_loads_no_bus_no_motion_no_plotting():
-    heavy = ["can", "canopen", "ruckig", "scipy", "matplotlib", "mcap", "pydantic", "typer"]
+    heavy = ["can", "canopen", "ruckig", "scipy", "matplotlib", "mcap", "msgspec", "typer"]
     heavy += ["rich", "mujoco", "armload_drivers"]
     loads = "import sys, armload_controller.feedforward.payload_feedforward"
     program = f"{loads}\nprint([m for m in {heavy} if m in sys.modules])"

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -73,7 +74,7 @@ def test_an_arm_that_meets_something_is_stopped_before_it_is_behind(force_n):
     ("payload", "load"), [("block", SessionLoad.LOADED), (None, SessionLoad.UNLOADED), (None, SessionLoad.LOADED)]
 )
 def test_an_arm_that_meets_nothing_is_not_stopped(payload, load, variant):
-    simulation = ROBOT.tables.simulation.model_copy(update={"variant": variant})
+    simulation = msgspec.structs.replace(ROBOT.tables.simulation, variant=variant)
     robot = ROBOT.with_tables(simulation=simulation)
     assert run((0.0, 0.0, 0.0), payload=payload, load=load, robot=robot)[1] is None
 

@@ -5,6 +5,7 @@ import re
 from contextlib import contextmanager
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -98,10 +99,10 @@ def test_links_that_are_wrong_by_a_tenth_are_no_mistake(seed):
     body = PRBT.tables.body
     factors = 1.0 + 0.1 * np.random.default_rng(seed).standard_normal(6)
     links = [
-        link.model_copy(update={"mass_kg": link.mass_kg * factor})
+        msgspec.structs.replace(link, mass_kg=link.mass_kg * factor)
         for link, factor in zip(body.links, factors, strict=True)
     ]
-    robot = PRBT.with_tables(body=body.model_copy(update={"links": links}))
+    robot = PRBT.with_tables(body=msgspec.structs.replace(body, links=links))
     assert unloaded_doubts(robot, ARM, slow_round(None, seed)) == []
 
 
@@ -141,7 +142,7 @@ def test_a_loaded_run_with_nothing_added_is_reported(monkeypatch, tmp_path, befo
 
 def test_an_expected_payload_too_light_to_be_noticed_is_not_asked_for(monkeypatch, tmp_path):
     monkeypatch.setattr(flange_check, "recorded_slow_round", lambda path, cycle_s: slow_round(None, seed=2))
-    light = PRBT.tables.expected_payload.model_copy(update={"mass_kg": LIGHT.mass_kg})
+    light = msgspec.structs.replace(PRBT.tables.expected_payload, mass_kg=LIGHT.mass_kg)
     robot = PRBT.with_tables(expected_payload=light)
     assert loaded_doubts(robot, ARM, tmp_path, slow_round(LIGHT)) == []
 

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import pytest
-from pydantic import Field, model_validator
+from msgspec import Meta, field
 
 from armload_identification.identification_errors import FileError
 from armload_identification.storage.strict_toml import (
@@ -19,7 +19,7 @@ from armload_identification.storage.strict_toml import (
 
 
 class Drive(Table):
-    node_id: Annotated[int, Field(ge=1, le=127)]
+    node_id: Annotated[int, Meta(ge=1, le=127)]
     rated_current_a: float
 
 
@@ -29,18 +29,16 @@ class Joint(Table):
     jerk_max_rad_s3: float = 1.0
     drive: Drive | None = None
 
-    @model_validator(mode="after")
-    def _checked(self):
+    def __post_init__(self):
         if self.velocity_max_rad_s > 100.0:
             raise BadValue("velocity_max_rad_s", self.velocity_max_rad_s, "expected rad/s, not degrees")
-        return self
 
 
 class Arm(Table):
     content = "an arm"
 
     joints: list[Joint]
-    tools: dict[str, Drive] = Field(default={})
+    tools: dict[str, Drive] = field(default_factory=dict)
     offset: NumberList | None = None
     rows: NumberRows | None = None
 

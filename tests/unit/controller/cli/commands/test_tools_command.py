@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+import msgspec
 import pytest
 
 import armload as armload_python
@@ -60,8 +61,8 @@ def test_a_workpiece_has_no_validation():
 @pytest.mark.long
 def test_more_than_the_rated_payload_is_said(runs):
     robot = load_robot("er50")
-    rated = robot.tables.robot.model_copy(update={"rated_payload_kg": 8.0})
-    weak = replace(robot, tables=robot.tables.model_copy(update={"robot": rated}))
+    rated = msgspec.structs.replace(robot.tables.robot, rated_payload_kg=8.0)
+    weak = replace(robot, tables=msgspec.structs.replace(robot.tables, robot=rated))
     pair = (runs / "loaded_identification.mcap", runs / "unloaded_identification.mcap")
     said = [
         [note for note in armload_python.identify(arm, *pair).notes if "more than its rated payload of 8 kg" in note]
