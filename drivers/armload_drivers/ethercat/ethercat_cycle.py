@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, wait
 from contextlib import suppress
 
 from armload_drivers.cia402 import object_dictionary as od
@@ -40,7 +40,8 @@ RIVAL_S = 0.01
 POLL_S = 0.05
 """Time between two looks into a mailbox, drive by drive, for emergency messages."""
 EXPLAIN_S = 5e-3
-"""Longest wait for the cause of a fault (603F), before the fault is reported without it."""
+"""Longest wait for the cause of a fault (603F) per drive in a fault, before it is reported without. A busy computer may
+take as long to begin with the first drive, so the time of all of them counts together."""
 LOSS_WINDOW = 500
 """Frames over which the share of lost ones is measured."""
 LOSS_LIMIT = 0.05
@@ -295,6 +296,5 @@ class EthercatCycle(ArmCycle[EthercatDrive]):
                 node.explain(int.from_bytes(code[:2], "little"))
 
         asked = [self._worker.submit(ask, node) for node in suspects if node.unexplained]
-        for future in asked:
-            with suppress(TimeoutError):
-                future.result(EXPLAIN_S)
+        for answered in wait(asked, EXPLAIN_S * len(asked)).done:
+            answered.result()

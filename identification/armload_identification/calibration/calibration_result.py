@@ -303,6 +303,7 @@ class ArmCalibration:
         """The terms of the arm, as known from the calibration; its gains as ratios of the nominal ones."""
         return known_arm_terms(self._values(np.log(self.nominal / self.gain_nm_a), self.tilt_rad), "the calibration")
 
+    @cached_property
     def _gaussian(self) -> tuple[tuple[Term, ...], Known]:
         """The terms for torque computed with these gains on a level arm, and the Gaussian over all of them."""
         from armload_identification.estimation.problem import EMPTY, Known
@@ -346,7 +347,7 @@ class ArmCalibration:
         from armload_identification.estimation.empty_arm.known_arm import KnownArm
 
         level = self.level(chain)
-        terms, known = self._gaussian()
+        terms, known = self._gaussian
         return KnownArm(
             self.effort,
             self.body,
