@@ -78,6 +78,7 @@ class PluginTable(Table):
         Raises:
             BadValue: a setting does not fit the arm.
         """
+        raise NotImplementedError("the method `plugin` is abstract")  # reading a file does not call the class
 
 
 class FilePlugin:
