@@ -31,9 +31,14 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.uncertainty import CONFIDENCE
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.payload import REFERENCE_LENGTH_M, InertialParameters, derived, value_scale
+from armload_identification.model.payload import (
+    CONFIDENCE,
+    REFERENCE_LENGTH_M,
+    InertialParameters,
+    derived,
+    value_scale,
+)
 
 EXACT: Final = 1e-5
 """Relative standard deviation of a known mass or inertia, and standard deviation of a known centre of mass in m: finer

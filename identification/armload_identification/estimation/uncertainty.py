@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.model.payload import (
+    CONFIDENCE,
     DETERMINED_SHARE,
     PARAMETER_NAMES,
     InertialParameters,
@@ -22,7 +23,6 @@ from armload_identification.model.payload import (
 if TYPE_CHECKING:
     from armload_identification.estimation.payload_estimate import PayloadEstimate
 
-CONFIDENCE: Final = 0.95
 NORMAL_HALF_WIDTH: Final = 1.9599639845400536
 """Half width of the 95 % interval of a normal distribution, in standard deviations. A literal, as the modules that
 compute it take as long to load as a loop's own; a test compares the two."""

@@ -31,6 +31,8 @@ SMALLEST_MARGIN = 1e-6
 REFERENCE_LENGTH_M = 0.1
 """Length in the scales of the ten values, `value_scale`."""
 
+CONFIDENCE = 0.95
+"""Of every interval."""
 DETERMINED_SHARE = 0.20
 """A value is determined if the half width of its 95 % interval is at most this share of its scale, `value_scale`."""
 

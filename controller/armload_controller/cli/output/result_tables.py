@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armload_identification.estimation.uncertainty import CONFIDENCE
-from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
+from armload_identification.model.payload import CONFIDENCE, PARAMETER_NAMES, InertialParameters, PayloadResult
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.result_table import ResultTable
 

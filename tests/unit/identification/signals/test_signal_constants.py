@@ -7,7 +7,8 @@ from statistics import NormalDist
 
 import pytest
 
-from armload_identification.estimation.uncertainty import CONFIDENCE, NORMAL_HALF_WIDTH
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.model.payload import CONFIDENCE
 from armload_identification.signals.signal_constants import SampleNoise
 
 pytestmark = pytest.mark.pure
