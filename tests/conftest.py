@@ -5,6 +5,7 @@ import gc
 import math
 import os
 import pickle
+import signal
 import threading
 import time
 import tomllib
@@ -100,6 +101,14 @@ def pytest_sessionfinish(session, exitstatus):
     )
     if whole and exitstatus in (0, 1) and hasattr(config, "cache") and not hasattr(config, "workerinput"):
         config.cache.set(DURATION, time.monotonic() - config.stash[BEGUN])
+
+
+@pytest.fixture
+def interruptible():
+    """SIGINT interrupts, also where the tests run in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(autouse=True)

@@ -36,14 +36,14 @@ def run_block(number, error=None):
             raise error
 
 
-def test_an_interruption_leaves_after_the_block():
+def test_an_interruption_leaves_after_the_block(interruptible):
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
         run_block(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_an_error_of_the_block_leaves_with_the_interruption_as_a_note():
+def test_an_error_of_the_block_leaves_with_the_interruption_as_a_note(interruptible):
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(ValueError, match="the drive") as raised:
         run_block(signal.SIGINT, ValueError("the drive"))

@@ -50,7 +50,7 @@ def test_one_payload_at_a_time(simulation):
 
 
 @pytest.mark.parametrize("ended_by", ["the drives", "Ctrl-C"])
-def test_drives_are_served_until_they_end_or_are_ended(armload, monkeypatch, ended_by):
+def test_drives_are_served_until_they_end_or_are_ended(armload, monkeypatch, interruptible, ended_by):
     looks = []
 
     class Drives:
