@@ -384,6 +384,7 @@ from armload_identification.recording import file_reading
 from armload_identification.recording.row_block import RowBlock
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.recorded_run import Run
 
 period = 4000
 trajectory = FourierTrajectory(0.25, np.zeros(6), np.full((6, 2), 0.2), np.full((6, 2), 0.1))
