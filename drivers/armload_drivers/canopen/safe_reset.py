@@ -32,6 +32,9 @@ from armload_drivers.cia402.state_machine import State
 if TYPE_CHECKING:
     from armload_drivers.bring_up.powered_drive import PoweredDrive
 
+_TOGGLE = 0x80
+"""Bit of a heartbeat's byte that alternates in answers to node guarding."""
+
 
 def answering_drives(setups: Sequence[CanopenSetup], arm: ArmSettings, link: BusLink) -> list[CanopenSetup]:
     """Identified drives. A silent node is set to PRE-OPERATIONAL and asked again, the only command before the reset.
@@ -60,7 +63,7 @@ def answering_drives(setups: Sequence[CanopenSetup], arm: ArmSettings, link: Bus
         return answering
     with link.subscribed_meanwhile():
         foreign = ForeignTraffic(arm, link, sync_is_ours=False)
-        operational = _heard(silent, NmtState.OPERATIONAL, link)
+        operational = _heard(silent, link, NmtState.OPERATIONAL.value, NmtState.OPERATIONAL.value | _TOGGLE)
         link.pump_for(HEARTBEAT_TOLERANCE * arm.heartbeat_s)
     answering += [setup for setup in silent if setup.identify_before_reset()]
     for setup in setups:
@@ -116,19 +119,19 @@ def reset_drives(
         if not drive.abandoned:
             raise drive.refusal()
     with link.subscribed_meanwhile():
-        booted = _heard(setups, NmtState.BOOT_UP, link)
+        booted = _heard(setups, link, NmtState.BOOT_UP.value)
         for setup in setups:
             link.command(NmtCommand.RESET_NODE, setup.settings.node_id)
         link.pump_until(lambda: len(booted) == len(setups), boot_s)
     return [setup for setup in setups if setup not in booted]
 
 
-def _heard(setups: Sequence[DriveSetup], state: NmtState, link: BusLink) -> set[DriveSetup]:
-    """Drives whose heartbeat reports an NMT state from now on: filled while the bus is pumped."""
+def _heard(setups: Sequence[DriveSetup], link: BusLink, *wanted: int) -> set[DriveSetup]:
+    """Drives whose heartbeat is one of these bytes from now on: filled while the bus is pumped."""
     heard: set[DriveSetup] = set()
 
     def take(setup: DriveSetup, data: bytearray) -> None:
-        if data and data[0] & 0x7F == state.value:
+        if data and data[0] in wanted:
             heard.add(setup)
 
     for setup in setups:

@@ -177,7 +177,14 @@ def test_a_drive_that_must_keep_its_torque_prevents_every_reset(line):
 
 def test_all_are_reset_and_those_that_send_no_boot_up_message_are_returned(line):
     _, bus, link, setups = line
-    for cob_id, data in ((0x702, b"\0"), (0x702, b"\0"), (0x703, b"\x7f"), (0x703, b""), (0x705, b"\0")):
+    for cob_id, data in (
+        (0x702, b"\0"),
+        (0x702, b"\0"),
+        (0x703, b"\x7f"),
+        (0x703, b"\x80"),
+        (0x703, b""),
+        (0x705, b"\0"),
+    ):
         bus.add(cob_id, data)
     assert reset_drives(setups, [judged(setups[0], QUICK_STOP, "", 0.0)], link, 0.01) == [setups[1]]
     assert bus.commands() == [(NmtCommand.RESET_NODE.value, node) for node in (2, 3, 5)]
