@@ -80,11 +80,11 @@ class Command(Enum):
 
 
 FAULT_RESET_BIT = 0x80
+"""Acts only on its rising edge."""
 RESET_EDGES = 3
 """Greatest number of rising edges of bit 7 in a fault reset."""
 RESET_HOLD_S = 0.1
 """Least time for which bit 7 stays high, and low in between."""
-"""Acts only on its rising edge."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -376,10 +376,10 @@ def joined_columns(parts: Sequence[tuple[FloatArray, NDArray[np.intp]]]) -> tupl
     if len(parts) == 1:
         return parts[0][0][None], parts[0][1]
     place = np.unique(np.concatenate([where for _, where in parts]))
-    joined_columns = np.zeros((len(parts), len(parts[0][0]), place.size))
-    for run, (columns, where) in zip(joined_columns, parts, strict=True):
+    joined = np.zeros((len(parts), len(parts[0][0]), place.size))
+    for run, (columns, where) in zip(joined, parts, strict=True):
         run[:, np.searchsorted(place, where)] = columns
-    return joined_columns, place
+    return joined, place
 
 
 def eliminate(
