@@ -193,6 +193,24 @@ def calibration(pinocchio_arm):
     return calibrate_arm(given, pinocchio_arm.chain, pinocchio_arm.transmission, robot="six", made=made)
 
 
+@pytest.fixture
+def chosen(calibration):
+    """A calibration with gains 2 % above nominal, known to 1 % (one standard deviation)."""
+    from armload_identification.recording.reading_options import Effort
+
+    return replace(
+        calibration,
+        effort=Effort.CURRENT,
+        nominal=np.full(6, 10.0),
+        gain_nm_a=np.full(6, 10.2),
+        noise_nm=np.full(6, 0.5),
+        level_nm=np.full(6, 50.0),
+        body=replace(calibration.body, load_friction=np.full(6, 0.03), torque_delay_s=0.002),
+        covariance=0.01**2 * np.eye(len(calibration.covariance)),
+        tilt_rad=np.radians([3.0, 4.0]),
+    )
+
+
 @pytest.fixture(scope="session")
 def make_subject():
     """Subjects of an export: a shipped arm or a chain, with a payload whose products of inertia are all nonzero."""

@@ -1,6 +1,8 @@
 """Recordings of er50 as from a commissioning, but with torques computed by Pinocchio."""
 
+import contextlib
 import json
+import os
 
 import numpy as np
 import pinocchio as pin
@@ -52,6 +54,27 @@ def recorded_er50(tmp_path_factory, in_pinocchio):
     armload.identify(robot, *runs).save(today / "payload.toml")
     calibrated = calibrate(robot, sorted(today.glob("*_identification.mcap"))).calibration
     write_calibration(today / "arm.calibration.toml", calibrated)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def found(recorded_er50):
+    """An identification with its validation."""
+    with contextlib.chdir(recorded_er50):
+        pairs = [
+            [f"runs/today/{load}_{role}.mcap" for load in ("loaded", "unloaded")]
+            for role in ("identification", "validation")
+        ]
+        return armload.identify("er50", *pairs[0], validation=tuple(pairs[1]))
+
+
+@pytest.fixture
+def recorded(recorded_er50, tmp_path):
+    """Four complete recordings without results."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for path in (recorded_er50 / "runs" / "today").glob("*.mcap"):
+        os.link(path, folder / path.name)
     return folder
 
 

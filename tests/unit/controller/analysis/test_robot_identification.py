@@ -1,12 +1,7 @@
 """Identification and validation of a configured arm's payload: verdicts, refusals, and joints with other names."""
 
-import contextlib
-import doctest
-import json
 import re
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -21,40 +16,6 @@ from armload_identification.identification_errors import (
 )
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
 from armload_identification.verdict.agreement import Outcome
-
-
-def answer(program):
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
-
-
-@pytest.fixture(scope="module")
-def found(recorded_er50):
-    """An identification with its validation."""
-    with contextlib.chdir(recorded_er50):
-        pairs = [
-            [f"runs/today/{load}_{role}.mcap" for load in ("loaded", "unloaded")]
-            for role in ("identification", "validation")
-        ]
-        return armload.identify("er50", *pairs[0], validation=tuple(pairs[1]))
-
-
-EXAMPLES = [
-    test
-    for name in ("", *armload.__all__)
-    for test in doctest.DocTestFinder(recurse=name in {"Recording", "Findings"}).find(
-        getattr(armload, name) if name else armload, f"armload.{name}", module=False, globs={}
-    )
-    if test.examples
-]
-
-SLOW = ("armload.identify", "armload.design", "armload.commission", "armload.fleet")
-
-
-@pytest.fixture(scope="module")
-def folder(recorded_er50):
-    return recorded_er50 / "runs" / "today"
 
 
 def test_the_payload_is_found_within_its_intervals(found):

@@ -33,17 +33,6 @@ def answer(program):
     return json.loads(done.stdout)
 
 
-@pytest.fixture(scope="module")
-def found(recorded_er50):
-    """An identification with its validation."""
-    with contextlib.chdir(recorded_er50):
-        pairs = [
-            [f"runs/today/{load}_{role}.mcap" for load in ("loaded", "unloaded")]
-            for role in ("identification", "validation")
-        ]
-        return armload.identify("er50", *pairs[0], validation=tuple(pairs[1]))
-
-
 def test_every_public_name_is_there_and_listed():
     assert set(armload.__all__) <= set(dir(armload))
     assert armload.__all__ == sorted(armload.__all__)

@@ -12,8 +12,6 @@ from armload_controller.new_robot.arm_interview import interviewed
 from armload_controller.new_robot.drive_drafts import nodes_described
 from armload_controller.new_robot.payload_draft import tool_sphere
 from armload_controller.new_robot.workspace_draft import workspace_of_urdf
-from armload_drivers.bring_up.inspection import FoundNode
-from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.eds_parser import parse_description
 from armload_identification.model.chain import pose_from_xyz_rpy, rpy_rad
 from armload_identification.model.dynamics import ArmDynamics
@@ -133,11 +131,6 @@ def test_without_a_payload_the_file_has_a_hole_and_says_so(drafted):
 def test_angles_make_the_rotation_again(rpy):
     rotation = pose_from_xyz_rpy((0, 0, 0), rpy)[:3, :3]
     np.testing.assert_allclose(pose_from_xyz_rpy((0, 0, 0), rpy_rad(rotation))[:3, :3], rotation, atol=1e-12)
-
-
-def node(node_id, drive=True):
-    kind = 0x0002_0192 if drive else 0x0000_0191
-    return FoundNode(node_id, kind, "", Identity(0x2DC, 7), (1, 7, 8), ("master_lost",) if drive else ())
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
-from armload_controller.new_robot.arm_interview import interviewed
 from armload_controller.new_robot.drafted_file import DraftedFile
 from armload_controller.new_robot.drive_drafts import BusDraft, DriveDraft, drives_found, nodes_described
 from armload_controller.new_robot.drive_text import add_bus, add_drive
@@ -19,20 +18,9 @@ from armload_drivers.simulation.drives.drive_eds import drive_eds
 from tests.drive_descriptions import eds, maker_drive
 
 
-def floor_of(path):
-    (floor,) = load_robot(str(path)).workspace.half_spaces
-    return floor.offset_m, floor.links
-
-
 def node(node_id, drive=True):
     kind = 0x0002_0192 if drive else 0x0000_0191
     return FoundNode(node_id, kind, "", Identity(0x2DC, 7), (1, 7, 8), ("master_lost",) if drive else ())
-
-
-def answers(*lines):
-    given = iter(lines)
-    said = []
-    return interviewed(lambda question: next(given), said.append), said
 
 
 def test_drives_that_answer_are_taken_in_the_order_of_their_nodes(drafted):

@@ -1,6 +1,5 @@
 """Only one commissioning works in a folder at a time, however the other one ends."""
 
-import os
 import subprocess
 import sys
 
@@ -17,16 +16,6 @@ with claimed(Path(sys.argv[1])):
     print("claimed", flush=True)
     time.sleep(600)
 """
-
-
-@pytest.fixture
-def recorded(recorded_er50, tmp_path):
-    """Four complete recordings without results."""
-    folder = tmp_path / "run"
-    folder.mkdir()
-    for path in (recorded_er50 / "runs" / "today").glob("*.mcap"):
-        os.link(path, folder / path.name)
-    return folder
 
 
 def test_a_folder_in_which_another_commissioning_is_at_work_is_left_alone(armload, recorded):

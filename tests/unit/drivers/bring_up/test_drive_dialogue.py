@@ -17,7 +17,6 @@ pytestmark = pytest.mark.pure
 
 SWITCH_ON_DISABLED, READY, SWITCHED_ON, ENABLED = 0x0250, 0x0231, 0x0233, 0x0237
 QUICK_STOP, REACTION, FAULT = 0x0217, 0x021F, 0x0218
-BRAKE = 1
 LIMITS = Timeouts(probe_s=0.03, store_s=7.0, fault_reset_s=0.2)
 
 

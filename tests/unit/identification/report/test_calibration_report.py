@@ -15,22 +15,6 @@ NAMES = ("a", "b", "c", "d", "e", "f")
 
 
 @pytest.fixture
-def chosen(calibration):
-    """Gains 2 % above nominal, known to 1 % (one standard deviation)."""
-    return replace(
-        calibration,
-        effort=Effort.CURRENT,
-        nominal=np.full(6, 10.0),
-        gain_nm_a=np.full(6, 10.2),
-        noise_nm=np.full(6, 0.5),
-        level_nm=np.full(6, 50.0),
-        body=replace(calibration.body, load_friction=np.full(6, 0.03), torque_delay_s=0.002),
-        covariance=0.01**2 * np.eye(len(calibration.covariance)),
-        tilt_rad=np.radians([3.0, 4.0]),
-    )
-
-
-@pytest.fixture
 def shown(monkeypatch):
     """What is given to the page, and to its figures."""
     figures = []

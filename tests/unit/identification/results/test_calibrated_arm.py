@@ -12,18 +12,7 @@ NAMES = ("a", "b", "c", "d", "e", "f")
 
 
 @pytest.fixture
-def arm(calibration):
-    """Gains 2 % above nominal, known to 1 % (one standard deviation)."""
-    chosen = replace(
-        calibration,
-        effort=Effort.CURRENT,
-        nominal=np.full(6, 10.0),
-        gain_nm_a=np.full(6, 10.2),
-        noise_nm=np.full(6, 0.5),
-        level_nm=np.full(6, 50.0),
-        body=replace(calibration.body, load_friction=np.full(6, 0.03)),
-        covariance=0.01**2 * np.eye(len(calibration.covariance)),
-    )
+def arm(chosen):
     return CalibratedArm("an arm", NAMES, chosen, "1.2.3")
 
 

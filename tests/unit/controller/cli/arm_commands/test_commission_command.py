@@ -11,16 +11,6 @@ from armload_controller.session.commissioning import read_pair
 from armload_identification.identification_errors import EstimationError
 
 
-@pytest.fixture
-def recorded(recorded_er50, tmp_path):
-    """Four complete recordings without results."""
-    folder = tmp_path / "run"
-    folder.mkdir()
-    for path in (recorded_er50 / "runs" / "today").glob("*.mcap"):
-        os.link(path, folder / path.name)
-    return folder
-
-
 @pytest.mark.long
 def test_four_recordings_without_a_report_are_taken_to_one(armload, recorded, recorded_er50):
     """Other files of an earlier start do not matter."""

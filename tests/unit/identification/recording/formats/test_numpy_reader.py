@@ -2,56 +2,12 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.file_reading import read_recording
-
-TIME = 0.01 * np.arange(90)
-POSITION = np.column_stack([np.sin(TIME), np.cos(2.0 * TIME), 0.5 * TIME])
-TORQUE = 3.0 * POSITION + 1.0
-NAMES = ["shoulder", "elbow", "wrist"]
-
-
-def assert_read(recording, names=()):
-    np.testing.assert_allclose(recording.time_s, TIME, atol=1e-7)
-    np.testing.assert_allclose(recording.position_rad, POSITION, atol=1e-6)
-    np.testing.assert_allclose(recording.torque_nm, TORQUE, atol=1e-6)
-    assert recording.joint_names == tuple(names)
-    assert len(recording.source.sha256) == 64
-    assert recording.source.rows_read == TIME.size
-
-
-def columns(position="q{}", torque="tau{}"):
-    return {
-        "t": TIME,
-        **{position.format(j + 1): POSITION[:, j] for j in range(3)},
-        **{torque.format(j + 1): TORQUE[:, j] for j in range(3)},
-    }
-
-
-def lerobot(folder, episodes=1, names=NAMES):
-    (folder / "meta").mkdir(parents=True)
-    (folder / "data" / "chunk-000").mkdir(parents=True)
-    info = {"codebase_version": "v3.0", "features": {"observation.state": {"names": [f"{n}.pos" for n in names]}}}
-    (folder / "meta" / "info.json").write_text(json.dumps(info))
-    table = {
-        "observation.state": pa.FixedSizeListArray.from_arrays(POSITION.ravel(), 3),
-        "observation.effort": pa.array(TORQUE.tolist()),
-        "action": pa.FixedSizeListArray.from_arrays(POSITION.ravel(), 3),
-        "timestamp": TIME.astype(np.float32),
-        "episode_index": np.arange(TIME.size) * episodes // TIME.size,
-    }
-    half = TIME.size // 2
-    for number, rows in enumerate((slice(0, half), slice(half, None))):
-        part = {name: values[rows] for name, values in table.items()}
-        pq.write_table(pa.table(part), folder / "data" / "chunk-000" / f"file-{number:03d}.parquet")
-    return folder
+from tests.three_joints import NAMES, POSITION, TIME, TORQUE, assert_read
 
 
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])

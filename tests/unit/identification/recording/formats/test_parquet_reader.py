@@ -13,20 +13,7 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reading_options import ReadingOptions
-
-TIME = 0.01 * np.arange(90)
-POSITION = np.column_stack([np.sin(TIME), np.cos(2.0 * TIME), 0.5 * TIME])
-TORQUE = 3.0 * POSITION + 1.0
-NAMES = ["shoulder", "elbow", "wrist"]
-
-
-def assert_read(recording, names=()):
-    np.testing.assert_allclose(recording.time_s, TIME, atol=1e-7)
-    np.testing.assert_allclose(recording.position_rad, POSITION, atol=1e-6)
-    np.testing.assert_allclose(recording.torque_nm, TORQUE, atol=1e-6)
-    assert recording.joint_names == tuple(names)
-    assert len(recording.source.sha256) == 64
-    assert recording.source.rows_read == TIME.size
+from tests.three_joints import NAMES, POSITION, TIME, TORQUE, assert_read
 
 
 def columns(position="q{}", torque="tau{}"):
