@@ -27,7 +27,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from armload_controller.cycle.torque_gate import FULL_SWING_S
-from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.c_code.change_rate import change_rate
 from armload_controller.export.c_code.estimator_source import estimator_texts
 from armload_controller.export.c_code.rounding import SinglePrecisionError, single_precision_error
@@ -47,6 +46,7 @@ from armload_controller.export.straight_line.arm_functions import (
 from armload_controller.export.straight_line.c_function import c_statements
 from armload_controller.export.straight_line.planar_groups import planar_groups
 from armload_controller.export.straight_line.precision import Precision
+from armload_controller.export.template import filled, written
 from armload_controller.export.text_format import comment, exact, provenance, spdx
 from armload_core.arrays import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES
@@ -112,12 +112,12 @@ def export_c(subject: ExportSubject, precision: Precision = Precision.DOUBLE) ->
     source = [*about[:2], f"C99; needs math.h. Written by a generator; see {name}.h."]
     return texts | {
         f"{name}.h": filled(
-            "payload.h", fields | {"about": _headed(subject, about), "contract": _block(_contract(subject))}
+            "c_code/payload.h", fields | {"about": _headed(subject, about), "contract": _contract(subject)}
         ),
-        f"{name}.c": filled("payload.c", fields | {"about": _headed(subject, source)}),
-        f"{name}.hpp": filled("payload.hpp", fields | {"about": _headed(subject, [about[0], "C++17."])}),
+        f"{name}.c": filled("c_code/payload.c", fields | {"about": _headed(subject, source)}),
+        f"{name}.hpp": filled("c_code/payload.hpp", fields | {"about": _headed(subject, [about[0], "C++17."])}),
         "CMakeLists.txt": filled(
-            "CMakeLists.txt", fields | {"about": "\n".join([spdx(subject, "#"), *comment([about[0]], "#")])}
+            "c_code/CMakeLists.txt", fields | {"about": "\n".join([spdx(subject, "#"), *comment([about[0]], "#")])}
         ),
     }
 
@@ -158,8 +158,8 @@ def _friction(subject: ExportSubject, precision: Precision, fields: Mapping[str,
     own["load_friction"] = precision.listed(body.load_friction)
     own["reversal"] = precision.listed(body.reversal_speed_rad_s)
     return {
-        "friction_declaration": filled("friction.h", {**fields, **own}),
-        "friction_definition": filled("friction.c", {**fields, **own}),
+        "friction_declaration": filled("c_code/friction.h", {**fields, **own}),
+        "friction_definition": filled("c_code/friction.c", {**fields, **own}),
         "kinds": "3",
         "expected_text": ", and its friction",
     }
@@ -196,21 +196,12 @@ def _payload_text(subject: ExportSubject) -> str:
     )
 
 
-def _contract(subject: ExportSubject) -> list[str]:
-    """Meaning of the arguments, for the caller."""
+def _contract(subject: ExportSubject) -> str:
+    """What the functions take and give."""
     joints = ", ".join(f"[{i}] {name}" for i, name in enumerate(subject.joint_names))
-    return [
-        "Torque that the payload requires of the joints, gravity included: the joint torque needed in addition to that "
-        "of the empty arm.",
-        f"Joints, from the base to the flange: {joints}.",
-        "q_rad, dq_rad_s, ddq_rad_s2: joint positions in rad, velocities in rad/s, accelerations in rad/s2, with the "
-        "zeros and directions of the robot's configuration.",
-        "torque_nm: N m at the joints, positive along the joint's positive direction. Gear ratios and motor coupling "
-        "are not included: the motors' torques are the transposed coupling times these, divided by the gear ratios.",
-        f"Gravity in the base frame: {', '.join(exact(g) for g in subject.chain.gravity_m_s2)} m/s2.",
-        "Nothing here allocates or locks; functions without a state may be called from any thread. torque_nm may be "
-        "one of the inputs. NaN is passed through: the control loop must check its inputs.",
-    ]
+    gravity = ", ".join(exact(g) for g in subject.chain.gravity_m_s2)
+    fields = {"joints": joints.replace("*/", "* /"), "gravity": gravity}
+    return written("c_code/contract", " *", fields).rstrip("\n")
 
 
 def _table(values: FloatArray, precision: Precision) -> str:

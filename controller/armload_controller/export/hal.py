@@ -28,10 +28,10 @@ import re
 from armload_controller.cycle.torque_gate import OPENING_S, TORQUE_SHARE
 from armload_controller.export.body_parameters import FRICTION, PARAMETERS, TRANSITION_S, body_values
 from armload_controller.export.c99 import export_c
-from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
-from armload_controller.export.text_format import comment, exact, printable, provenance, spdx
+from armload_controller.export.template import filled, written
+from armload_controller.export.text_format import exact, printable, provenance, spdx
 
 LONGEST_NAME = 22
 """Greatest length of a component's name, so that its longest parameter, with .0.compute.tmax-increased, has at most 47
@@ -63,7 +63,7 @@ def _component(subject: ExportSubject, component: str) -> str:
     )
     friction = "" if subject.calibration is None else f'param rw float friction = 1.0 "share of {FRICTION}";'
     return filled(
-        "hal_component.comp",
+        "c_code/hal_component.comp",
         {
             "component": component,
             "robot": _quotable(subject.robot),
@@ -71,7 +71,10 @@ def _component(subject: ExportSubject, component: str) -> str:
             "GUARD": name.upper(),
             "n": str(n),
             "licence": subject.licence,
-            "description": "\n\n".join(_quotable(paragraph) for paragraph in _description(subject)),
+            "provenance": _quotable(provenance(subject)),
+            "robot_sha256": subject.robot_sha256,
+            "joints": _quotable(", ".join(f"{i} {joint}" for i, joint in enumerate(subject.joint_names))),
+            "inertia": complete_inertia(subject.payload, TENSOR).statement,
             "payload_pins": "\n".join(payload),
             "friction": friction,
             "limits": "\n".join(limits),
@@ -80,22 +83,9 @@ def _component(subject: ExportSubject, component: str) -> str:
             "ramp": exact(OPENING_S),
             "header": header,
             "source": source,
-            "theta_of": filled("theta_of.c", {}),
+            "theta_of": filled("c_code/theta_of.c", {}),
             **_offsets(subject),
         },
-    )
-
-
-def _description(subject: ExportSubject) -> tuple[str, ...]:
-    """Paragraphs of the manual page."""
-    joints = ", ".join(f"{i} {joint}" for i, joint in enumerate(subject.joint_names))
-    return (
-        provenance(subject),
-        f"The robot's file: sha256 {subject.robot_sha256}.",
-        f"Joints, from the base to the flange: {joints}; with the zeros and directions of the robot's file.",
-        "Torque that the payload requires of the joints, gravity included: the joint torque needed in addition to that "
-        "of the empty arm. Centre of mass in the flange frame, inertia about the centre of mass.",
-        complete_inertia(subject.payload, TENSOR).statement,
     )
 
 
@@ -115,35 +105,23 @@ def _wiring(subject: ExportSubject, prefix: str, component: str) -> str:
     """The HAL file; it must be listed in the machine's INI file after the one that adds lcec."""
     unit = prefix + ".0"
     slaves = [re.sub(r"[^0-9A-Za-z_-]", "-", joint) for joint in subject.joint_names]
-    entry = '<pdoEntry idx="60B2" subIdx="00" bitLen="16" halPin="torque-offset" halType="float"/>'
-    paragraphs = (
-        provenance(subject),
-        f"The payload's torque from LinuxCNC's commanded motion to the torque offset (60B2) of {subject.robot}'s "
-        "drives, CiA 402 over EtherCAT (lcec). HALFILE in the machine's INI file, after the file that adds "
-        "lcec.write-all as the last function of servo-thread.",
-        f"In ethercat-conf.xml each drive is a slave named as its joint ({', '.join(slaves)}) on master 0, and one of "
-        f"its RxPDOs has {entry}",
-        "LinuxCNC's joints 0, 1, ... must be those of the robot's file, with its zeros and directions, in degrees. Per "
-        "mille values use the rated torques and the coupling in the robot's file.",
-        f"Before any motion, at standstill: setp {unit}.gain 0.1, enable, and check that the drives' actual torque "
-        "changes by the added torque, in sign and magnitude. Then set lag to the servos' delay: joint.N.f-error "
-        "divided by joint.N.vel-cmd at constant speed.",
-    )
-    lines = [spdx(subject, "#"), *comment(paragraphs, "#")]
-    lines += [
-        "",
-        f"loadrt {component}",
-        f"setp {unit}.position-unit {exact(math.radians(1.0))}",
-        f"setp {unit}.lag 0.0",
-        "",
-    ]
+    nets = []
     for i, slave in enumerate(slaves):
         for pin, source in (("q", "pos-cmd"), ("dq", "vel-cmd"), ("ddq", "acc-cmd")):
-            lines.append(f"net {prefix}-{pin}-{i} joint.{i}.{source} => {unit}.{pin}-{i}")
-        lines.append(f"net {prefix}-offset-{i} {unit}.offset-{i} => lcec.0.{slave}.torque-offset")
-    lines += [f"net {prefix}-enable motion.motion-enabled => {unit}.enable", ""]
-    lines.append(f"addf {unit}.compute servo-thread -2")
-    return "\n".join(lines) + "\n"
+            nets.append(f"net {prefix}-{pin}-{i} joint.{i}.{source} => {unit}.{pin}-{i}")
+        nets.append(f"net {prefix}-offset-{i} {unit}.offset-{i} => lcec.0.{slave}.torque-offset")
+    fields = {
+        "licence": spdx(subject, "#"),
+        "provenance": provenance(subject),
+        "robot": subject.robot,
+        "slaves": ", ".join(slaves),
+        "component": component,
+        "prefix": prefix,
+        "unit": unit,
+        "position_unit": exact(math.radians(1.0)),
+        "nets": "\n".join(nets),
+    }
+    return written("c_code/hal_wiring.hal", "#", fields)
 
 
 def _quotable(text: str) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from armload_controller.export.exported_payload import ExportSubject
+from armload_controller.export.inertia import WrittenInertia
 from armload_controller.export.load_data.makers_flange import outward_axis
 
 WIDTH = 100
@@ -43,39 +44,27 @@ def provenance(subject: ExportSubject) -> str:
     )
 
 
-def load_data(subject: ExportSubject) -> tuple[str, str, str]:
-    """First paragraphs of any controller's load data: provenance, frame, and definition of the load."""
+def load_data(subject: ExportSubject, inertia: WrittenInertia, **values: float) -> dict[str, str]:
+    """What any controller's load data has: the comment's paragraphs about the arm and its load, and numbers by name."""
     rpy = subject.flange_rpy_rad
     turned = "" if rpy is None else f", turned by roll, pitch, yaw = {', '.join(f'{a:.6g}' for a in rpy)} rad"
     known = outward_axis(subject.chain)[1]
     out_of_flange, direction = (", out of the flange", "") if known else ("", "that z points out of the flange, ")
-    return (
-        provenance(subject),
-        f"Frame: the flange of {subject.robot}'s configuration{turned}. Checked: its z is the last joint's axis"
-        f"{out_of_flange}, as in the controller's flange frame. NOT CHECKED, because no kinematics state it: "
+    paragraphs = {
+        "provenance": provenance(subject),
+        "frame": f"Frame: the flange of {subject.robot}'s configuration{turned}. Checked: its z is the last joint's "
+        f"axis{out_of_flange}, as in the controller's flange frame. NOT CHECKED, because no kinematics state it: "
         f"{direction}that x and y agree with the controller's, and where along the axis the origin is.",
-        "Load: everything mounted between the empty and the loaded run. A tool that was on the flange in both runs is "
-        "not included and must be added.",
-    )
+        "load": "Load: everything mounted between the empty and the loaded run. A tool that was on the flange in both "
+        "runs is not included and must be added.",
+        "inertia": inertia.statement,
+    }
+    return paragraphs | {"name": subject.identifier} | {name: positional(value) for name, value in values.items()}
 
 
 def spdx(subject: ExportSubject, prefix: str) -> str:
     """The comment line that states the licence of generated source code."""
     return f"{prefix} SPDX-License-Identifier: {subject.licence}"
-
-
-def heading(subject: ExportSubject, fields: str, inertia: str, prefix: str, manual: str, *more: str) -> list[str]:
-    """First comment lines of any controller's load data.
-
-    Args:
-        subject: The payload.
-        fields: Units, points and axes of the numbers that follow.
-        inertia: Statement on the source of the inertia.
-        prefix: Prefix of every line.
-        manual: Limits of the fields, and the document that defines them.
-        more: Further paragraphs.
-    """
-    return comment((*load_data(subject), fields, manual, inertia, *more), prefix)
 
 
 def comment(paragraphs: Iterable[str], prefix: str) -> list[str]:

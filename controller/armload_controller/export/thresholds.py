@@ -24,7 +24,8 @@ from scipy.stats import t as student
 
 from armload_controller.control_errors import ExportError
 from armload_controller.export.exported_payload import ExportSubject
-from armload_controller.export.text_format import bracketed, comment, printable, provenance
+from armload_controller.export.template import written
+from armload_controller.export.text_format import bracketed, printable, provenance
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.contact_levels import JERK, STOPPING
@@ -59,26 +60,15 @@ def export_thresholds(subject: ExportSubject) -> dict[str, str]:
     holding_nm, inertia_kg_m2 = _greatest(subject)
     friction_nm = STOPPING * (body.coulomb_nm + body.load_friction * holding_nm)
     abrupt_nm = JERK * inertia_kg_m2 * subject.limits.acceleration_max_rad_s2
-    lines = comment(
-        (
-            provenance(subject),
-            "Deviation in N m of each joint's torque from that predicted with this payload, which ordinary motion "
-            "exceeds in 0.01 % of samples averaged over 20 ms; from the base to the flange. Below it a collision "
-            "detection stops without a collision.",
-            "THIS IS NO SAFETY FUNCTION: whether a threshold is low enough for the people near the arm is decided by "
-            "the risk assessment of the cell.",
-        ),
-        "#",
-    )
-    names = ", ".join(f'"{printable(name)}"' for name in subject.joint_names)
-    lines += [
-        f"joints = [{names}]",
-        f"threshold_nm = {bracketed(noise_nm + friction_nm + abrupt_nm)}",
-        f"noise_nm = {bracketed(noise_nm)}",
-        f"friction_nm = {bracketed(friction_nm)}",
-        f"abrupt_nm = {bracketed(abrupt_nm)}",
-    ]
-    return {f"{subject.identifier}_thresholds.toml": "\n".join(lines) + "\n"}
+    fields = {
+        "provenance": provenance(subject),
+        "joints": ", ".join(f'"{printable(name)}"' for name in subject.joint_names),
+        "threshold_nm": bracketed(noise_nm + friction_nm + abrupt_nm),
+        "noise_nm": bracketed(noise_nm),
+        "friction_nm": bracketed(friction_nm),
+        "abrupt_nm": bracketed(abrupt_nm),
+    }
+    return {f"{subject.identifier}_thresholds.toml": written("thresholds.toml", "#", fields)}
 
 
 def _sigmas(calibration: ArmCalibration) -> float:

@@ -12,10 +12,10 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from typing import Final
 
-from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.straight_line.arm_functions import link_torque_of, regressor_of
 from armload_controller.export.straight_line.c_function import c_statements
 from armload_controller.export.straight_line.precision import Precision
+from armload_controller.export.template import filled
 from armload_controller.export.text_format import exact
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
@@ -71,8 +71,8 @@ def estimator_texts(
         "update": _renamed(_update(), names, name),
     }
     return {
-        f"{name}_estimator.h": filled("estimator.h", fields),
-        f"{name}_estimator.c": filled("estimator.c", fields),
+        f"{name}_estimator.h": filled("c_code/estimator.h", fields),
+        f"{name}_estimator.c": filled("c_code/estimator.c", fields),
     }
 
 

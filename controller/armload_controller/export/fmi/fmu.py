@@ -8,20 +8,18 @@ References:
 from __future__ import annotations
 
 import platform
-from xml.etree import ElementTree
 
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.fmi.fmu_parts import (
     documentation,
-    log_and_experiment,
+    element,
+    model_description,
     model_name,
     packed,
-    roots,
     sources,
-    units,
     variables,
-    xml_text,
 )
+from armload_controller.export.template import filled
 
 
 def export_fmu(subject: ExportSubject) -> dict[str, bytes]:
@@ -46,37 +44,19 @@ def fmu_texts(subject: ExportSubject) -> dict[str, str]:
     return {
         "modelDescription.xml": _model_description(subject, token),
         "documentation/index.html": documentation(subject),
-        "sources/buildDescription.xml": _build_description(model_name(subject)),
+        "sources/buildDescription.xml": filled("fmi/fmi3_build.xml", {"name": model_name(subject)}),
         **{f"sources/{file}": text for file, text in code.items()},
     }
 
 
 def _model_description(subject: ExportSubject, token: str) -> str:
     """Variables, units and dependencies."""
-    root, _ = roots(
-        subject, "3.0", {"instantiationToken": token}, "FMUState", {"needsCompletedIntegratorStep": "false"}
-    )
-    units(root)
-    log_and_experiment(root)
-    listed = ElementTree.SubElement(root, "ModelVariables")
-    structure = ElementTree.SubElement(root, "ModelStructure")
-    every = variables(subject)
-    for reference, variable in enumerate(every):
-        attributes = variable.start_attribute | variable.attributes(reference)
-        ElementTree.SubElement(listed, "Float64", attributes, unit=variable.unit)
-    for kind in ("Output", "InitialUnknown"):
-        for reference, variable in enumerate(every):
-            if variable.causality == "output":
-                ElementTree.SubElement(structure, kind, valueReference=str(reference))
-    return xml_text(root)
-
-
-def _build_description(name: str) -> str:
-    """How an importer compiles the sources if there is no library for its platform."""
-    root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
-    build = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=name)
-    files = ElementTree.SubElement(build, "SourceFileSet", language="C99", compilerOptions="-fvisibility=hidden")
-    for file in ("fmi3.c", f"{name}.c"):
-        ElementTree.SubElement(files, "SourceFile", name=file)
-    ElementTree.SubElement(build, "Library", name="m", external="true")
-    return xml_text(root)
+    every = list(enumerate(variables(subject)))
+    listed = [element("Float64", v.start_attribute | v.attributes(number) | {"unit": v.unit}) for number, v in every]
+    outputs = [{"valueReference": str(number)} for number, variable in every if variable.causality == "output"]
+    fields = {
+        "variables": "\n".join(f"    {line}" for line in listed),
+        "outputs": "\n".join(f"    {element('Output', output)}" for output in outputs),
+        "unknowns": "\n".join(f"    {element('InitialUnknown', output)}" for output in outputs),
+    }
+    return model_description(subject, 3, token, fields)

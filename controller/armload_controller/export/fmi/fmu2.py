@@ -8,19 +8,15 @@ References:
 from __future__ import annotations
 
 import platform
-from xml.etree import ElementTree
 
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.fmi.fmu_parts import (
     documentation,
-    log_and_experiment,
-    model_name,
+    element,
+    model_description,
     packed,
-    roots,
     sources,
-    units,
     variables,
-    xml_text,
 )
 
 
@@ -53,21 +49,11 @@ def fmu2_texts(subject: ExportSubject) -> dict[str, str]:
 
 def _model_description(subject: ExportSubject, token: str) -> str:
     """Variables, units and dependencies."""
-    not_needed = {"completedIntegratorStepNotNeeded": "true"}
-    root, kinds = roots(subject, "2.0", {"guid": token}, "FMUstate", not_needed)
-    for kind in kinds:
-        files = ElementTree.SubElement(kind, "SourceFiles")
-        for file in ("fmi2.c", f"{model_name(subject)}.c"):
-            ElementTree.SubElement(files, "File", name=file)
-    units(root)
-    log_and_experiment(root)
-    listed = ElementTree.SubElement(root, "ModelVariables")
-    structure = ElementTree.SubElement(root, "ModelStructure")
-    unknown = [ElementTree.SubElement(structure, kind) for kind in ("Outputs", "InitialUnknowns")]
+    lines, outputs = [], []
     for reference, variable in enumerate(variables(subject)):
-        scalar = ElementTree.SubElement(listed, "ScalarVariable", variable.attributes(reference))
-        ElementTree.SubElement(scalar, "Real", variable.start_attribute, unit=variable.unit)
+        real = element("Real", variable.start_attribute | {"unit": variable.unit})
+        scalar = element("ScalarVariable", variable.attributes(reference)).removesuffix(" />")
+        lines += [f"    {scalar}>", f"      {real}", "    </ScalarVariable>"]
         if variable.causality == "output":
-            for parent in unknown:
-                ElementTree.SubElement(parent, "Unknown", index=str(reference + 1))
-    return xml_text(root)
+            outputs.append(f"      {element('Unknown', {'index': str(reference + 1)})}")
+    return model_description(subject, 2, token, {"variables": "\n".join(lines), "outputs": "\n".join(outputs)})

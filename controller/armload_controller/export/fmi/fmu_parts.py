@@ -22,28 +22,15 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from html import escape
-from xml.etree import ElementTree
 
 from armload_controller.export.body_parameters import FRICTION, PARAMETERS, TRANSITION_S, body_values
 from armload_controller.export.c99 import export_c
-from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.compiled_library import compiled_library
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
+from armload_controller.export.template import filled
 from armload_controller.export.text_format import comment, exact, printable, provenance, spdx
 
-UNITS = {
-    "s": {"s": 1},
-    "rad": {"rad": 1},
-    "rad/s": {"rad": 1, "s": -1},
-    "rad/s2": {"rad": 1, "s": -2},
-    "N.m": {"kg": 1, "m": 2, "s": -2},
-    "kg": {"kg": 1},
-    "m": {"m": 1},
-    "kg.m2": {"kg": 1, "m": 2},
-    "1": {},
-}
-"""Exponents of the base units, by unit."""
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 """Date of every file inside, fixed so that the same payload gives the same bytes."""
 
@@ -84,32 +71,34 @@ def model_name(subject: ExportSubject) -> str:
     return f"armload_{subject.identifier}"
 
 
-def roots(
-    subject: ExportSubject, fmi_version: str, token: Mapping[str, str], state: str, no_step_needed: Mapping[str, str]
-) -> tuple[ElementTree.Element, tuple[ElementTree.Element, ElementTree.Element]]:
-    """The model description's root and its elements ModelExchange and CoSimulation.
+def model_description(subject: ExportSubject, version: int, token: str, fields: Mapping[str, str]) -> str:
+    """The model description, from the template of a version of the standard.
 
     Args:
         subject: The payload and the arm.
-        fmi_version: Version of the standard.
-        token: The token of the sources, by the attribute's name in that version.
-        state: The FMU's state as that version spells it in attributes' names.
-        no_step_needed: That version's attribute for "completed integrator steps need not be reported".
+        version: 2 or 3.
+        token: The token of the sources.
+        fields: XML of the variables and of what depends on them, by name.
     """
-    name = model_name(subject)
     about = {
-        "fmiVersion": fmi_version,
-        "modelName": name,
-        **token,
-        "description": printable(f"Torque that the payload requires of the joints. {provenance(subject)}"),
-        "generationTool": printable(f"armload {subject.armload_version}"),
-        "variableNamingConvention": "structured",
+        "name": model_name(subject),
+        "token": token,
+        "description": _attribute(f"Torque that the payload requires of the joints. {provenance(subject)}"),
+        "tool": _attribute(f"armload {subject.armload_version}"),
+        "units_and_log": filled("fmi/units_and_log.xml", {}).rstrip("\n"),
     }
-    root = ElementTree.Element("fmiModelDescription", about)
-    able = {"modelIdentifier": name} | dict.fromkeys((f"canGetAndSet{state}", f"canSerialize{state}"), "true")
-    exchange = ElementTree.SubElement(root, "ModelExchange", able | dict(no_step_needed))
-    variable_step = {"canHandleVariableCommunicationStepSize": "true"}
-    return root, (exchange, ElementTree.SubElement(root, "CoSimulation", able | variable_step))
+    return filled(f"fmi/fmi{version}_model.xml", about | dict(fields))
+
+
+def element(tag: str, attributes: Mapping[str, str]) -> str:
+    """An XML element without content."""
+    given = "".join(f' {name}="{_attribute(text)}"' for name, text in attributes.items())
+    return f"<{tag}{given} />"
+
+
+def _attribute(text: str) -> str:
+    """A text for the value of an XML attribute."""
+    return escape(printable(text), quote=False).replace('"', "&quot;")
 
 
 def variables(subject: ExportSubject) -> list[FmuVariable]:
@@ -157,56 +146,24 @@ def sources(subject: ExportSubject, wrapper: str) -> tuple[dict[str, str], str]:
         "about": "\n".join(about).replace("*/", "* /"),
         "token": token,
         "start": values,
-        "theta_of": filled("theta_of.c", {}),
+        "theta_of": filled("c_code/theta_of.c", {}),
     }
-    return {wrapper: filled(wrapper, {**fields, "core": filled("fmu_core.c", fields)}), **code}, token
-
-
-def units(parent: ElementTree.Element) -> None:
-    """The definitions of all units."""
-    definitions = ElementTree.SubElement(parent, "UnitDefinitions")
-    for unit, exponents in UNITS.items():
-        ElementTree.SubElement(
-            ElementTree.SubElement(definitions, "Unit", name=unit),
-            "BaseUnit",
-            {base: str(exponent) for base, exponent in exponents.items()},
-        )
-
-
-def log_and_experiment(parent: ElementTree.Element) -> None:
-    """The category of messages, and the default simulation settings of the FMU."""
-    categories = ElementTree.SubElement(parent, "LogCategories")
-    ElementTree.SubElement(categories, "Category", name="logStatusError", description="reason why a call was refused")
-    ElementTree.SubElement(parent, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
+    return {
+        wrapper: filled(f"c_code/{wrapper}", {**fields, "core": filled("c_code/fmu_core.c", fields)}),
+        **code,
+    }, token
 
 
 def documentation(subject: ExportSubject) -> str:
     """A page with information beyond the variables' descriptions."""
-    paragraphs = (
-        provenance(subject),
-        f"The robot's file: sha256 {subject.robot_sha256}.",
-        complete_inertia(subject.payload, TENSOR).statement,
-        "Torque that the payload requires of the joints, gravity included: the joint torque needed in addition to that "
-        "of the empty arm. Positions, velocities, accelerations and torques are the joints', with the zeros "
-        "and directions of the robot's configuration; gear ratios and motor coupling are not included.",
-        f"Gravity in the base frame: {', '.join(exact(g) for g in subject.chain.gravity_m_s2)} m/s2.",
-        "Payload parameters set before the simulation starts apply at once. In co-simulation tau at the end of a step "
-        "corresponds to the inputs at its beginning; parameters that are changed while it runs are reached smoothly "
-        "after the time transition. The step size may vary; during a change, all steps are assumed to be as long as "
-        "the first. In model exchange tau corresponds to the present inputs, and changed parameters apply at the event "
-        "at which they are set.",
-    )
-    head = f'<head><meta charset="utf-8"><title>{model_name(subject)}</title></head>'
-    lines = [f"<p>{escape(printable(paragraph))}</p>" for paragraph in paragraphs]
-    page = ("<!DOCTYPE html>", '<html lang="en">', head, "<body>", *lines, "</body>", "</html>")
-    return "\n".join(page) + "\n"
-
-
-def xml_text(root: ElementTree.Element) -> str:
-    """A document."""
-    ElementTree.indent(root)
-    text = ElementTree.tostring(root, encoding="us-ascii").decode("ascii")
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
+    fields = {
+        "name": model_name(subject),
+        "provenance": escape(printable(provenance(subject))),
+        "robot_sha256": subject.robot_sha256,
+        "inertia": escape(complete_inertia(subject.payload, TENSOR).statement),
+        "gravity": ", ".join(exact(g) for g in subject.chain.gravity_m_s2),
+    }
+    return filled("fmi/documentation.html", fields)
 
 
 def packed(subject: ExportSubject, texts: Mapping[str, str], platform: str) -> dict[str, bytes]:

@@ -27,7 +27,8 @@ import numpy as np
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, inertia_or_point_mass, principal_inertia
 from armload_controller.export.load_data.makers_flange import in_makers_flange
-from armload_controller.export.text_format import bracketed, heading, positional
+from armload_controller.export.template import written
+from armload_controller.export.text_format import bracketed, load_data
 from armload_core.arrays import FloatArray
 
 LONGEST_NAME = 32
@@ -37,28 +38,15 @@ LONGEST_NAME = 32
 def export_abb(subject: ExportSubject) -> dict[str, str]:
     """A RAPID module with the payload as persistent loaddata."""
     payload = in_makers_flange(subject)
-    body = payload.model
     inertia = inertia_or_point_mass(payload, TENSOR)
     principal = principal_inertia(inertia.tensor_kg_m2)
-    cog = bracketed(body.center_of_mass_m * 1e3)
-    aom = bracketed(_quaternion(principal.rotation))
-    moments = ",".join(positional(i) for i in principal.moments_kg_m2)
-    name = subject.identifier[: LONGEST_NAME - len("_payload")]
-    lines = [f"MODULE {name}_payload"]
-    lines += heading(
-        subject,
-        "mass: kg. cog: centre of mass in mm. aom: principal axes of inertia, quaternion, scalar first. "
-        "ix, iy, iz: moments about them through the centre of mass in kg m2. All in the wrist frame (tool0): use "
-        "it as tload of a tooldata, or with GripLoad while the tool frame is tool0.",
-        inertia.statement,
-        "  !",
-        "No limits of the numbers are stated in: ABB, RAPID Reference Manual, data types loaddata and tooldata (order, "
-        "units, frames; ix = iy = iz = 0 is a point mass). A name has at most 32 characters. Principal axes have no "
-        "products of inertia.",
-    )
-    lines.append(f"  PERS loaddata {name}_load := [{positional(body.mass_kg)},{cog},{aom},{moments}];")
-    lines.append("ENDMODULE")
-    return {f"{subject.identifier}_payload.mod": "\n".join(lines) + "\n"}
+    moments = dict(zip(("ix", "iy", "iz"), principal.moments_kg_m2, strict=True))
+    fields = load_data(subject, inertia, mass=payload.model.mass_kg, **moments) | {
+        "short": subject.identifier[: LONGEST_NAME - len("_payload")],
+        "cog": bracketed(payload.model.center_of_mass_m * 1e3),
+        "aom": bracketed(_quaternion(principal.rotation)),
+    }
+    return {f"{subject.identifier}_payload.mod": written("load_data/abb", "  !", fields)}
 
 
 def _quaternion(rotation: FloatArray) -> FloatArray:

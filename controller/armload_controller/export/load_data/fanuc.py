@@ -28,7 +28,8 @@ import numpy as np
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import MOMENTS, inertia_or_point_mass
 from armload_controller.export.load_data.makers_flange import in_makers_flange
-from armload_controller.export.text_format import heading, positional
+from armload_controller.export.template import written
+from armload_controller.export.text_format import load_data
 
 KG_M2_PER_KGF_CM_S2 = 0.0980665
 """Standard gravity, 9.80665 m/s2, times 0.01 m."""
@@ -37,22 +38,8 @@ KG_M2_PER_KGF_CM_S2 = 0.0980665
 def export_fanuc(subject: ExportSubject) -> dict[str, str]:
     """The lines of the payload screen."""
     payload = in_makers_flange(subject)
-    body = payload.model
     inertia = inertia_or_point_mass(payload, MOMENTS)
-    lines = heading(
-        subject,
-        "Enter these values in MOTION / PAYLOAD SET. First compare the units in brackets with those on the screen. "
-        "Center: centre of mass. Inertia: about axes through the centre of mass, parallel to the faceplate's; the "
-        "screen has no fields for products of inertia, so they are omitted. Unit and axes of the inertia are taken "
-        "from users' comparisons, not from the vendor's manual.",
-        inertia.statement,
-        "#",
-        "No limits of the fields are stated in: Lincoln Electric, online help on the robot payload, table 2 "
-        "MOTION/PAYLOAD SET (names, units and axes of mass and centre).",
-    )
-    lines.append(f"PAYLOAD [kg] = {positional(body.mass_kg)}")
-    for axis, center_m in zip("XYZ", body.center_of_mass_m, strict=True):
-        lines.append(f"PAYLOAD CENTER {axis} [cm] = {positional(center_m * 1e2)}")
-    for axis, moment in zip("XYZ", np.diag(inertia.tensor_kg_m2), strict=True):
-        lines.append(f"PAYLOAD INERTIA {axis} [kgf cm s2] = {positional(moment / KG_M2_PER_KGF_CM_S2)}")
-    return {f"{subject.identifier}_fanuc_payload.txt": "\n".join(lines) + "\n"}
+    numbers = {"mass": payload.model.mass_kg} | dict(zip("xyz", payload.model.center_of_mass_m * 1e2, strict=True))
+    numbers |= zip(("ix", "iy", "iz"), np.diag(inertia.tensor_kg_m2) / KG_M2_PER_KGF_CM_S2, strict=True)
+    text = written("load_data/fanuc", "#", load_data(subject, inertia, **numbers))
+    return {f"{subject.identifier}_fanuc_payload.txt": text}

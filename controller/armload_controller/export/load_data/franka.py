@@ -28,7 +28,8 @@ import json
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
 from armload_controller.export.load_data.makers_flange import in_makers_flange
-from armload_controller.export.text_format import exact, heading
+from armload_controller.export.template import written
+from armload_controller.export.text_format import exact, load_data
 
 
 def export_franka(subject: ExportSubject) -> dict[str, str]:
@@ -38,28 +39,11 @@ def export_franka(subject: ExportSubject) -> dict[str, str]:
     center = [float(c) for c in body.center_of_mass_m]
     columns = [float(element) for element in inertia.tensor_kg_m2.T.ravel()]
     name = f"armload_{subject.identifier}"
-    lines = heading(
-        subject,
-        "load_mass: kg. F_x_Cload: centre of mass in m from the flange. load_inertia: kg m2 about the centre of mass "
-        "in the flange's axes, column by column, products as tensor elements (Ixy = -int xy dm).",
-        inertia.statement,
-        "//",
-        "No limits of the numbers are stated in: Franka Robotics, libfranka, Robot::setLoad; RIDE documentation, End "
-        "effector commissioning (endeffector-config.json).",
-        "Use setLoad for what is grasped, or endeffector-config.json for what is mounted (pack it into an archive and "
-        "upload that in the settings, end effector); never both for the same body.",
-    )
-    lines += [
-        "#pragma once",
-        "",
-        "#include <array>",
-        "",
-        f"namespace {name} {{",
-        f"constexpr double load_mass = {exact(body.mass_kg)};",
-        f"constexpr std::array<double, 3> F_x_Cload{{{{{', '.join(exact(c) for c in center)}}}}};",
-        f"constexpr std::array<double, 9> load_inertia{{{{{', '.join(exact(element) for element in columns)}}}}};",
-        f"}}  // namespace {name}: robot.setLoad({name}::load_mass, {name}::F_x_Cload, {name}::load_inertia);",
-    ]
+    fields = load_data(subject, inertia) | {
+        "exact_mass": exact(body.mass_kg),
+        "center": ", ".join(map(exact, center)),
+        "columns": ", ".join(map(exact, columns)),
+    }
     identity = [float(i % 5 == 0) for i in range(16)]
     desk = {
         "id": name.replace("_", "-"),
@@ -71,6 +55,6 @@ def export_franka(subject: ExportSubject) -> dict[str, str]:
         "inertia": columns,
     }
     return {
-        f"{subject.identifier}_franka_load.hpp": "\n".join(lines) + "\n",
+        f"{subject.identifier}_franka_load.hpp": written("load_data/franka", "//", fields),
         "endeffector-config.json": json.dumps(desk, indent=2) + "\n",
     }

@@ -26,34 +26,21 @@ import math
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia, principal_inertia
 from armload_controller.export.load_data.makers_flange import in_makers_flange
-from armload_controller.export.text_format import heading, positional
+from armload_controller.export.template import written
+from armload_controller.export.text_format import load_data
 from armload_core.arrays import FloatArray
 
 
 def export_kuka(subject: ExportSubject) -> dict[str, str]:
     """LOAD_DATA for $config.dat."""
     payload = in_makers_flange(subject)
-    body = payload.model
     inertia = complete_inertia(payload, TENSOR)
     principal = principal_inertia(inertia.tensor_kg_m2)
-    x, y, z = (positional(c * 1e3) for c in body.center_of_mass_m)
-    a, b, c = (positional(math.degrees(angle)) for angle in _abc_rad(principal.rotation))
-    jx, jy, jz = (positional(j) for j in principal.moments_kg_m2)
-    lines = heading(
-        subject,
-        "M: kg. CM X, Y, Z: centre of mass in mm. CM A, B, C: principal axes of inertia in degrees, "
-        "Rz(A) Ry(B) Rx(C). J: principal moments of inertia about the centre of mass in kg m2.",
-        inertia.statement,
-        ";",
-        "No limits of the fields are stated in: KUKA, MA KR IONTEC V4, section 4, fig. 4-5 (units, axes, order of A, "
-        "B, C); Beckhoff TF5120, KRC_WriteLoadData (frame). J is never negative, and has no products of inertia.",
-        "For $config.dat; put your tool number in the brackets.",
-    )
-    lines.append(
-        f"LOAD_DATA[1]={{M {positional(body.mass_kg)},CM {{X {x},Y {y},Z {z},A {a},B {b},C {c}}},"
-        f"J {{X {jx},Y {jy},Z {jz}}}}}"
-    )
-    return {f"{subject.identifier}_kuka_load_data.txt": "\n".join(lines) + "\n"}
+    numbers = {"mass": payload.model.mass_kg} | dict(zip("xyz", payload.model.center_of_mass_m * 1e3, strict=True))
+    numbers |= zip("abc", map(math.degrees, _abc_rad(principal.rotation)), strict=True)
+    numbers |= zip(("jx", "jy", "jz"), principal.moments_kg_m2, strict=True)
+    text = written("load_data/kuka", ";", load_data(subject, inertia, **numbers))
+    return {f"{subject.identifier}_kuka_load_data.txt": text}
 
 
 def _abc_rad(rotation: FloatArray) -> tuple[float, float, float]:

@@ -28,7 +28,8 @@ from armload_controller.export.body_parameters import TRANSITION_S
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, inertia_or_point_mass
 from armload_controller.export.load_data.makers_flange import in_makers_flange
-from armload_controller.export.text_format import bracketed, heading, positional
+from armload_controller.export.template import written
+from armload_controller.export.text_format import bracketed, load_data, positional
 from armload_identification.model.payload import TENSOR_ELEMENTS, tensor_elements
 
 GREATEST_ELEMENT_KG_M2 = 133.0
@@ -51,29 +52,13 @@ def export_ur(subject: ExportSubject) -> dict[str, str]:
             f"an element of the inertia is {np.abs(elements).max():.4g} kg m2; set_target_payload accepts at most "
             f"{GREATEST_ELEMENT_KG_M2:g}. No UR arm carries such a payload: check the recordings' units",
         )
-    transition = positional(TRANSITION_S)
-    arguments = [positional(body.mass_kg), bracketed(body.center_of_mass_m), bracketed(elements), transition]
-    lines = heading(
-        subject,
-        "Mass in kg, centre of mass in m from the tool mount, inertia [Ixx, Iyy, Izz, Ixy, Ixz, Iyz] in kg m2 "
-        "about the centre of mass in the flange's axes, products as tensor elements (Ixy = -int xy dm), transition "
-        "time in s: the payload changes gradually, so that the arm does not jump.",
-        inertia.statement,
-        "#",
-        "Universal Robots, Script Manual, set_target_payload: elements of the inertia at most 133 kg m2 in magnitude, "
-        "moments not negative.",
-        "THE CALL ZEROES THE READINGS OF THE FORCE/TORQUE SENSOR, as zero_ftsensor() does: not while the tool is in "
-        "contact.",
-        "UR's ROS 2 driver, with ur_msgs 2.5 (in ur_msgs 3.0, mass, centre and inertia are the fields m, com and ixx "
-        ".. izz of payload, and transition_time is a number in s):",
-    )
-    x, y, z = (positional(c) for c in body.center_of_mass_m)
-    tensor = ", ".join(f"{name}: {positional(v)}" for name, v in zip(TENSOR_ELEMENTS, elements, strict=True))
-    duration = f"{{sec: {int(TRANSITION_S)}, nanosec: {round(TRANSITION_S % 1.0 * 1e9)}}}"
-    lines += [
-        "# ros2 service call /io_and_status_controller/set_payload ur_msgs/srv/SetPayload \\",
-        f"#   '{{mass: {positional(body.mass_kg)}, center_of_gravity: {{x: {x}, y: {y}, z: {z}}}, \\",
-        f"#   {tensor}, transition_time: {duration}}}'",
-        f"set_target_payload({', '.join(arguments)})",
-    ]
-    return {f"{subject.identifier}_payload.script": "\n".join(lines) + "\n"}
+    numbers = {"mass": body.mass_kg, "transition": TRANSITION_S}
+    numbers |= zip("xyz", body.center_of_mass_m, strict=True)
+    tensor = zip(TENSOR_ELEMENTS, elements, strict=True)
+    fields = load_data(subject, inertia, **numbers) | {
+        "hash": "#",
+        "elements": bracketed(elements),
+        "tensor": ", ".join(f"{name}: {positional(value)}" for name, value in tensor),
+        "duration": f"{{sec: {int(TRANSITION_S)}, nanosec: {round(TRANSITION_S % 1.0 * 1e9)}}}",
+    }
+    return {f"{subject.identifier}_payload.script": written("load_data/ur", "#", fields)}

@@ -20,45 +20,21 @@ References:
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import MOMENTS, inertia_or_point_mass
 from armload_controller.export.load_data.makers_flange import in_makers_flange
-from armload_controller.export.text_format import bracketed, heading, positional
+from armload_controller.export.template import written
+from armload_controller.export.text_format import bracketed, load_data
 
 
 def export_yaskawa(subject: ExportSubject) -> dict[str, str]:
     """A preset file with one tool."""
     payload = in_makers_flange(subject)
-    body = payload.model
     inertia = inertia_or_point_mass(payload, MOMENTS)
-    lines = heading(
-        subject,
-        "weight: kg. com: centre of mass in mm. moi: Ixx, Iyy, Izz in kg m2 about axes through the centre of mass, "
-        "parallel to the flange's; the format has no fields for products of inertia, so they are omitted.",
-        inertia.statement,
-        "//",
-        "No limits of the fields are stated in: Yaskawa, Smart Pendant SDK, Tool Presets (fields, units); NX100 "
-        "instructions, section 9.11 (frame of the centre of mass, point and axes of the moments).",
-        "The tool centre point is not part of this preset and is set to zero: enter your own. An earlier preset with "
-        "the same id must be deleted on the pendant first.",
-    )
-    lines += [
-        "{",
-        '  filetype: "presets",',
-        "  presets: [",
-        "    {",
-        '      preset: "tool",',
-        f'      id: "armload.{subject.identifier}.payload",',
-        f"      displayNames: {{ en: {json.dumps(subject.identifier)} }},",
-        f"      weight: {positional(body.mass_kg)},",
-        f"      com: {bracketed(body.center_of_mass_m * 1e3)},",
-        f"      moi: {bracketed(np.diag(inertia.tensor_kg_m2))}",
-        "    }",
-        "  ]",
-        "}",
-    ]
-    return {f"{subject.identifier}_payload.yps": "\n".join(lines) + "\n"}
+    fields = load_data(subject, inertia, mass=payload.model.mass_kg) | {
+        "com": bracketed(payload.model.center_of_mass_m * 1e3),
+        "moi": bracketed(np.diag(inertia.tensor_kg_m2)),
+    }
+    return {f"{subject.identifier}_payload.yps": written("load_data/yaskawa", "//", fields)}

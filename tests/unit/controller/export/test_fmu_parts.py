@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from armload_controller.export.fmi import fmu_parts
-from armload_controller.export.fmi.fmu_parts import UNITS, model_name, packed, roots, sources, units, variables
+from armload_controller.export.fmi import fmu, fmu2, fmu_parts
+from armload_controller.export.fmi.fmu_parts import model_name, packed, sources, variables
 
 DIMENSIONS = {
     "s": {"s": 1}, "rad": {"rad": 1}, "rad/s": {"rad": 1, "s": -1}, "rad/s2": {"rad": 1, "s": -2},
@@ -22,15 +22,32 @@ def subject(make_subject):
     return make_subject()
 
 
-def test_units_are_those_of_the_si():
-    assert UNITS == DIMENSIONS
-    root = ElementTree.Element("root")
-    units(root)
-    (definitions,) = root
+@pytest.fixture(scope="module", params=[fmu2.fmu2_texts, fmu.fmu_texts], ids=["FMI 2.0", "FMI 3.0"])
+def described(request, subject):
+    """The root of a model description."""
+    return ElementTree.fromstring(request.param(subject)["modelDescription.xml"])
+
+
+def test_units_are_those_of_the_si(described):
+    definitions = described.find("UnitDefinitions")
     assert [unit.get("name") for unit in definitions] == list(DIMENSIONS)
     for unit in definitions:
         (base,) = unit
         assert {name: int(exponent) for name, exponent in base.attrib.items()} == DIMENSIONS[unit.get("name")]
+
+
+def test_both_interfaces_name_the_model_and_give_their_state(described, subject):
+    version = described.get("fmiVersion")
+    state = {"2.0": "FMUstate", "3.0": "FMUState"}[version]
+    exchange, simulation = described.find("ModelExchange"), described.find("CoSimulation")
+    for interface in (exchange, simulation):
+        assert interface.get("modelIdentifier") == described.get("modelName") == model_name(subject)
+        assert interface.get(f"canGetAndSet{state}") == interface.get(f"canSerialize{state}") == "true"
+    assert simulation.get("canHandleVariableCommunicationStepSize") == "true"
+    assert exchange.get("canHandleVariableCommunicationStepSize") is None
+    not_needed = {"2.0": ("completedIntegratorStepNotNeeded", "true"), "3.0": ("needsCompletedIntegratorStep", "false")}
+    name, value = not_needed[version]
+    assert exchange.get(name) == value
 
 
 def test_variables_are_time_motion_payload_and_torque(subject):
@@ -47,7 +64,7 @@ def test_variables_are_time_motion_payload_and_torque(subject):
     assert list(tunable)[-1] == "transition"
     assert tunable["mass"].start == subject.payload.model.mass_kg
     assert "friction" not in tunable
-    assert {variable.unit for variable in found} <= set(UNITS)
+    assert {variable.unit for variable in found} <= set(DIMENSIONS)
     assert found[-1].attributes(7)["valueReference"] == "7"
     assert found[-1].start_attribute == {}
     assert float(inputs[0].start_attribute["start"]) == 0.0
@@ -61,13 +78,9 @@ def test_the_token_links_sources_and_description(subject, make_subject):
     assert sources(subject, "fmi3.c")[1] == token
     other = make_subject(undetermined=("ixx",))
     assert sources(other, "fmi3.c")[1] != token
-    root, (exchange, simulation) = roots(subject, "3.0", {"instantiationToken": token}, "FMUState", {"x": "y"})
-    assert (root.get("fmiVersion"), root.get("instantiationToken"), exchange.get("x")) == ("3.0", token, "y")
-    for interface in (exchange, simulation):
-        assert interface.get("modelIdentifier") == name
-        assert interface.get("canGetAndSetFMUState") == interface.get("canSerializeFMUState") == "true"
-    assert simulation.get("canHandleVariableCommunicationStepSize") == "true"
-    assert exchange.get("canHandleVariableCommunicationStepSize") is None
+    for texts, attribute in ((fmu.fmu_texts(subject), "instantiationToken"), (fmu2.fmu2_texts(subject), "guid")):
+        said = ElementTree.fromstring(texts["modelDescription.xml"]).get(attribute)
+        assert any(said in text for file, text in texts.items() if file.endswith(".c"))
 
 
 def test_the_archive_has_the_texts_and_a_library_and_the_same_bytes_each_time(subject, monkeypatch):
