@@ -42,8 +42,8 @@ from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
 from armload_drivers.simulation.lockstep_sync import LockstepSync
-from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
+from tests.ideal_plant import IdealPlant
 
 MOST_EDITS = 8
 """The loop ends after as many edits: advice that goes round in circles."""

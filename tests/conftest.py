@@ -36,10 +36,10 @@ from armload_drivers.driver_errors import DriverError
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus, lockstep_bus, lockstep_wires
 from armload_drivers.simulation.lockstep_sync import LockstepSync
-from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
 from tests.bounded import overheard
 from tests.fake_servos import FakeServos
+from tests.ideal_plant import IdealPlant
 from tests.independent_drive import PRODUCT_CODE, VENDOR_ID
 
 settings.register_profile("the same examples in every run", derandomize=True)

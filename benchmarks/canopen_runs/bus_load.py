@@ -25,8 +25,8 @@ from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus, lockstep_bus, lockstep_wires
 from armload_drivers.simulation.lockstep_sync import LockstepSync
-from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
+from tests.ideal_plant import IdealPlant
 
 AXES, RATES_HZ, LASTS_S = (6, 12), (100, 250, 500), 10.0
 _CRC = 0x4599

@@ -34,8 +34,8 @@ from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import Listener, LockstepBus, LockstepWire
 from armload_drivers.simulation.lockstep_sync import LockstepSync
-from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
+from tests.ideal_plant import IdealPlant
 
 ROBOT = "er50"
 QUIET_CYCLES, BUSY_CYCLES, WARM_UP = 1500, 300, 50

@@ -33,8 +33,8 @@ from armload_drivers.ethercat.ethercat_line import EthercatLine
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
 from armload_drivers.servos import JointCommand, JointServos
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.ethercat_plant import write_robot
+from tests.ideal_plant import IdealPlant
 
 ROUNDS, CYCLES, WARM_UP, DRIVES, CYCLE_S = 5, 1000, 100, 6, 0.004
 PATIENCE = 50

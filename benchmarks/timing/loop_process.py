@@ -25,13 +25,13 @@ from armload_controller.config.robot import load_robot
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
 from armload_drivers.simulation.lockstep_sync import LockstepSync
-from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
 from armload_identification.files.calibration_file import write_calibration
 from benchmarks.accuracy.simulated_motion import calibration_of
 from benchmarks.arms.setups import Twin
 from benchmarks.timing.loop_probe import PARTS, ROBOT, SocketBus, loop
 from benchmarks.timing.startup import INSTALLED, PYTHON, REFERENCE, cpu_s
+from tests.ideal_plant import IdealPlant
 
 ROUNDS = 7
 MOST_MB, MOST_START = 70.0, 3.0

@@ -6,7 +6,7 @@ import pytest
 from canopen.sdo import SdoAbortedError
 
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
-from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.ideal_plant import IdealPlant
 from tests.independent_master import description, network_with_drives
 
 

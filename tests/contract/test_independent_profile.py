@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.ideal_plant import IdealPlant
 from tests.independent_master import Master, description, network_with_drives
 
 

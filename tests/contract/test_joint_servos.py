@@ -15,8 +15,8 @@ from armload_drivers.driver_errors import AxisMoves, CommandError, ServoFault, S
 from armload_drivers.ethercat.ethercat_bring_up import EthercatBringUp
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
 from armload_drivers.servos import JointCommand, JointServos
-from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.fake_servos import FailureKind, FakeServos, ScriptedFailure
+from tests.ideal_plant import IdealPlant
 from tests.lockstep_line import UNDER_IT, WHY, LockstepLine, PlantBehindDrives, VirtualFrames, order
 
 START_AXIS_RAD = np.array([0.1, -0.2, 0.3])

@@ -27,7 +27,7 @@ from armload_drivers.ethercat.ethercat_bring_up import EthercatBringUp, open_bri
 from armload_drivers.ethercat.ethercat_line import LineState, open_line
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.ideal_plant import IdealPlant
 from tests.lockstep_line import (
     UNDER_IT,
     WHY,

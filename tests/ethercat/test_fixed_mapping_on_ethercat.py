@@ -10,8 +10,8 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import EffortFeedback, Fieldbus
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.ethercat_drives import PROFILE_VELOCITY
+from tests.ideal_plant import IdealPlant
 from tests.lockstep_line import UNDER_IT, WHY, LockstepLine, PlantBehindDrives, VirtualFrames
 
 pytestmark = [pytest.mark.ethercat, pytest.mark.skipif(not UNDER_IT, reason=WHY)]

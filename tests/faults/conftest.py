@@ -16,9 +16,9 @@ from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
 from armload_drivers.simulation.lockstep_sync import LockstepSync
-from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
 from tests.bounded import overheard
+from tests.ideal_plant import IdealPlant
 
 ZERO = np.zeros(3)
 SPEED_RAD_S = 0.5

@@ -23,7 +23,7 @@ from armload_drivers.driver_errors import (
     WrongDevice,
 )
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
-from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.ideal_plant import IdealPlant
 
 ZERO = np.zeros(3)
 

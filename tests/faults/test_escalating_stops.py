@@ -10,8 +10,9 @@ from armload_drivers.cia402.state_machine import State
 from armload_drivers.driver_errors import CommandError, DriverError, LoopLost, TorqueRemains
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
-from armload_drivers.simulation.plant_interface import FROZEN, REVERSED, EncoderFault, IdealPlant
+from armload_drivers.simulation.plant_interface import FROZEN, REVERSED, EncoderFault
 from tests.even_motion import enabled, move
+from tests.ideal_plant import IdealPlant
 
 ZERO = np.zeros(3)
 RPDO_3, SDO_3 = 0x203, 0x603

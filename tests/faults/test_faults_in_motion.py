@@ -28,10 +28,10 @@ from armload_drivers.driver_errors import (
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drive_dictionary import QUICK_STOP_DECELERATION_RAD_S2, DriveTraits
 from armload_drivers.simulation.lockstep_sync import LockstepSync
-from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.bounded import MOST_FRAMES, overheard
 from tests.drive_descriptions import eds, maker_drive
 from tests.even_motion import ZERO, enabled, move, move_until_error
+from tests.ideal_plant import IdealPlant
 
 QUICK = Timeouts(probe_s=0.02, scan_s=0.01, boot_s=0.05, sdo_s=0.05, mode_s=0.05)
 """For tests in which a node does not answer."""

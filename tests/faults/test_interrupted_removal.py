@@ -15,9 +15,9 @@ from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import AxisMoves, BusError, DriverError, LoopLost, ServoError, TorqueRemains
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
-from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.uninterrupted import uninterrupted
 from tests.even_motion import enabled, move
+from tests.ideal_plant import IdealPlant
 
 QUICK = Timeouts(probe_s=0.05, scan_s=0.01, boot_s=0.3, sdo_s=0.1, mode_s=0.1, stop_s=1.0, disable_s=0.5)
 

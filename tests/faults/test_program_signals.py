@@ -5,6 +5,7 @@ have torque, and the speed of each axis when its torque was removed.
 """
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -27,7 +28,7 @@ from pathlib import Path
 import can, numpy as np
 from armload_controller.config.robot import load_robot
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.ideal_plant import IdealPlant
 
 robot = load_robot(sys.argv[2])
 arm = robot.drives.settings
@@ -95,6 +96,7 @@ def started(robot, tmp_path):
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
+            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
         )
         running.append(process)
         wait_for_rows(process, tmp_path / "run", 20_000)

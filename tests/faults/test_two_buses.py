@@ -13,7 +13,7 @@ from armload_drivers.listening.overheard_arm import OverheardArm
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus, lockstep_bus
-from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.ideal_plant import IdealPlant
 
 ZERO = np.zeros(3)
 

@@ -16,8 +16,9 @@ from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drive_dictionary import SILENCE, DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus
-from armload_drivers.simulation.plant_interface import FROZEN, IdealPlant
+from armload_drivers.simulation.plant_interface import FROZEN
 from tests.even_motion import enabled, move
+from tests.ideal_plant import IdealPlant
 
 ZERO = np.zeros(3)
 READ_AGAIN_S = 2.0

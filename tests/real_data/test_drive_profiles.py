@@ -12,7 +12,7 @@ from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.process_image import temperature_entry
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
-from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.ideal_plant import IdealPlant
 
 NO_REACTIONS = ["master_lost", "setpoints_lost", "quick_stop", "fault_reaction"]
 LIMIT = {"index": 0x3001, "subindex": 2, "type": "u32", "value": 5000, "meets": "torque_limit"}

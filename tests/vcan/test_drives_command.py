@@ -17,8 +17,8 @@ from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.driver_errors import ServoFault
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.drive_descriptions import eds, maker_drive
+from tests.ideal_plant import IdealPlant
 
 pytestmark = pytest.mark.vcan
 

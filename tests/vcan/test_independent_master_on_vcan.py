@@ -15,7 +15,7 @@ import sys, time
 import can, numpy as np
 from armload_controller.config.robot import load_robot
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.ideal_plant import IdealPlant
 
 plant = IdealPlant(np.zeros(6))
 with (

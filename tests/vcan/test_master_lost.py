@@ -24,8 +24,8 @@ from armload_drivers.cia402.state_machine import State, decode
 from armload_drivers.driver_errors import BusError, ForeignMaster
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.bounded import overheard
+from tests.ideal_plant import IdealPlant
 
 pytestmark = pytest.mark.vcan
 

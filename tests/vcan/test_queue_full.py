@@ -20,8 +20,8 @@ from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.driver_errors import BusError
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.bounded import await_that, overheard
+from tests.ideal_plant import IdealPlant
 
 pytestmark = pytest.mark.vcan
 

@@ -30,7 +30,7 @@ import sys, time
 import can, numpy as np
 from armload_controller.config.robot import load_robot
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.ideal_plant import IdealPlant
 
 robot = load_robot("er50").with_bus("socketcan", "vcan0", None, 50.0)
 with can.Bus(interface="socketcan", channel="vcan0") as bus:

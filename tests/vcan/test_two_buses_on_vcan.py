@@ -15,7 +15,7 @@ from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.driver_errors import ServoFault
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.ideal_plant import IdealPlant
 
 pytestmark = [
     pytest.mark.vcan,

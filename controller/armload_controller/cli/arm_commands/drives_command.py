@@ -282,12 +282,12 @@ def _bus_of(robot: Robot) -> Iterator[can.BusABC]:
     from armload_controller.session.arm_access import bus_of
     from armload_drivers.bus.joined_bus import BusRole
     from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-    from armload_drivers.simulation.plant_interface import IdealPlant
+    from armload_drivers.simulation.plant_interface import StandingPlant
 
     with ExitStack() as stack:
         opened = stack.enter_context(bus_of(robot))
         if robot.bus.in_virtual_time:
             drives_bus = stack.enter_context(bus_of(robot, BusRole.DRIVES))
-            plant = IdealPlant(robot.simulation.start_rad)
+            plant = StandingPlant(robot.simulation.start_rad)
             stack.enter_context(SimulatedDrives(robot.drives.settings, plant, drives_bus, time.monotonic))
         yield opened

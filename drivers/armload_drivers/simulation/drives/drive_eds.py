@@ -15,7 +15,7 @@ from armload_drivers.cia402.object_dictionary import Access, DataType, Entry, Ma
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.sdo_server import Dictionary
 from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
-from armload_drivers.simulation.plant_interface import IdealPlant, PlantAxis
+from armload_drivers.simulation.plant_interface import PlantAxis, StandingPlant
 
 _CODES = {kind: code for code, kind in reversed(DATA_TYPES.items())}
 _MANDATORY = (0x1000, 0x1001, 0x1018)
@@ -36,7 +36,7 @@ def drive_eds(drive: DriveSettings, cycle_s: float) -> str:
     """
     simulated = SimulatedDrive(
         drive,
-        PlantAxis(IdealPlant(np.zeros(1)), 0),
+        PlantAxis(StandingPlant(np.zeros(1)), 0),
         cycle_s=cycle_s,
         traits=DriveTraits(),
         send=lambda cob_id, data: None,

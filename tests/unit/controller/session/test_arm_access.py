@@ -26,10 +26,10 @@ from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.driver_errors import BusError, WrongDevice
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_identification.files.payload_file import write_payload
 from armload_identification.model.payload import PayloadResult, Provenance
 from tests.bounded import overheard
+from tests.ideal_plant import IdealPlant
 
 SDO_WRITES = {0x2F, 0x2B, 0x27, 0x23, 0x22, 0x21, 0x20}
 """First bytes of SDO download requests."""
@@ -43,18 +43,17 @@ from armload_controller.cli.arm_commands.commission_command import mounting_ques
 from armload_controller.config.robot import load_robot
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
-from armload_drivers.simulation.plant_interface import IdealPlant
+from armload_drivers.simulation.plant_interface import StandingPlant
 
 robot = load_robot(next(word for word in sys.argv if word.endswith(".toml")))
 arm = robot.drives.settings
 powered = []
 
-class Plant(IdealPlant):
+class Plant(StandingPlant):
     def set_powered(self, axis, on):
         powered.extend([axis] if on else [])
-        super().set_powered(axis, on)
 
-plant = Plant(robot.simulation.start_rad, robot.limits.torque_max_nm)
+plant = Plant(robot.simulation.start_rad)
 traits = {drive.node_id: DriveTraits(identity=drive.identity) for drive in arm.drives}
 from armload_controller.cli.entry import main
 with can.Bus(interface="bench", channel="floor") as bus, SimulatedDrives(arm, plant, bus, time.monotonic, traits):

@@ -20,10 +20,10 @@ from armload_drivers.driver_errors import ServoError, ServoFault, WrongDevice
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
-from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
 from tests.bounded import overheard
 from tests.drive_descriptions import eds, maker_drive
+from tests.ideal_plant import IdealPlant
 
 LIMITS = Timeouts(probe_s=0.2, scan_s=0.2, boot_s=0.5, sdo_s=1.0, mode_s=0.05, fault_reset_s=0.1)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.ideal_plant import IdealPlant
 
 
 @pytest.mark.parametrize("time_s", [0.0, 0.25, 1.0, 1.5])

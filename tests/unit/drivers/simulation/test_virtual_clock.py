@@ -7,7 +7,7 @@ import can
 import pytest
 
 from armload_drivers.simulation.drives import drives_on_bus
-from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.ideal_plant import IdealPlant
 
 NOW_S = 100.0
 """A clock that does not advance by itself; the thread reaches this time."""

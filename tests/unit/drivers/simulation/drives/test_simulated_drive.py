@@ -18,7 +18,8 @@ from armload_drivers.simulation.drives.simulated_drive import (
     SYNC_LENGTH,
     SimulatedDrive,
 )
-from armload_drivers.simulation.plant_interface import IdealPlant, PlantAxis
+from armload_drivers.simulation.plant_interface import PlantAxis
+from tests.ideal_plant import IdealPlant
 
 pytestmark = pytest.mark.pure
 
