@@ -344,7 +344,8 @@ class FakeServos:
         missed, allowed = int(self._missed.max()), self._arm.max_missing_cycles
         if missed > allowed:
             drive = self._drive(int(self._missed.argmax()))
-            raise ServoTimeout.no_feedback(drive.node_id, drive.joint, step, missed, allowed)
+            remedy = f"Check the drive's supply and cable. Allowed are {allowed} (max_missing_cycles)"
+            raise ServoTimeout(drive.node_id, drive.joint, step, f"no feedback for {missed} cycles", remedy)
         with_current = self._units.feedback is EffortFeedback.CURRENT
         return JointFeedback(
             cycle=self._cycle,

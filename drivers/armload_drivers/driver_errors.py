@@ -136,17 +136,6 @@ class ServoError(DriverError):
 class ServoTimeout(ServoError, TimeoutError):
     """A node did not answer or did not reach a state within its time limit."""
 
-    @classmethod
-    def no_feedback(cls, node_id: int, joint: str, step: str, cycles: int, allowed: int) -> ServoTimeout:
-        """A drive's feedback was missing in more consecutive cycles than `max_missing_cycles` allows."""
-        return cls(
-            node_id,
-            joint,
-            step,
-            f"no feedback for {cycles} cycles",
-            f"Check the drive's supply and cable. Allowed are {allowed} (max_missing_cycles)",
-        )
-
 
 class ServoFault(ServoError):
     """A node reports a fault."""

@@ -193,7 +193,7 @@ class DriveSetup(DriveDialogue, ABC):
             MissingSafety: the drive lacks a property, and the configuration does not accept that.
             ServoError: the drive does not answer.
         """
-        values = SafetyValues.of(self.settings, self._arm, units, self._rated_current_a)
+        values = SafetyValues(self.settings, self._arm, units, self._rated_current_a)
         self._safety = secure(self.objects, values)
         require_safety(self.objects, values, self._safety)
         # Only verified here; the watch itself starts with the cycle.

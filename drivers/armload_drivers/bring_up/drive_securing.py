@@ -21,7 +21,7 @@ def _secure_one(drive: DriveObjects, of: Safety, values: SafetyValues) -> Safety
     drive.sdo.step = f"making sure that the drive {of.value.title}"
     accepted = of.key in values.drive.accept_missing
     obstacles: list[tuple[str, str]] = []
-    for way in of.value.ways_on(values.fieldbus):
+    for way in of.value.ways_on(values.arm.fieldbus):
         reason = _try(drive, way, of, values)
         if not reason:
             return SafetyFinding(of, way, accepted, tuple(obstacles))

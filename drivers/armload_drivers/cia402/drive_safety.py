@@ -54,59 +54,40 @@ _RPDO_TIMER = PdoDirection.RECEIVE.timer_entry(0)
 
 @dataclass(frozen=True, slots=True)
 class SafetyValues:
-    """The required values of the objects of one drive, in their units.
+    """What the required values of the objects of one drive follow from.
 
     Attributes:
-        drive: The drive.
-        heartbeat_ms: 1017.
-        master_watch: 1016: node id of the master, and time until its heartbeat is overdue.
-        setpoint_timeout_ms: Event timer of the RPDO.
-        sync_period_us: 1006.
-        following_error_counts: 6065.
-        position_min_counts: 607D:1.
-        position_max_counts: 607D:2.
+        drive: The drive, its scale complete.
+        arm: The arm.
+        units: Units of all drives, because motors may be coupled.
         rated_current_a: 6075 as reported by the drive; None if not reported.
-        fieldbus: The bus.
-        watchdog_us: Time of the sync manager's watchdog.
     """
 
     drive: DriveSettings
-    heartbeat_ms: int
-    master_watch: int
-    setpoint_timeout_ms: int
-    sync_period_us: int
-    following_error_counts: int
-    position_min_counts: int
-    position_max_counts: int
+    arm: ArmSettings
+    units: ArmUnits
     rated_current_a: float | None
-    fieldbus: Fieldbus
-    watchdog_us: int
 
-    @classmethod
-    def of(cls, drive: DriveSettings, arm: ArmSettings, units: ArmUnits, rated_current_a: float | None) -> SafetyValues:
-        """The values of one drive of an arm.
+    @property
+    def _axis(self) -> int:
+        """The drive's place in the arm."""
+        return [other.node_id for other in self.arm.drives].index(self.drive.node_id)
 
-        Args:
-            drive: The drive, its scale complete.
-            arm: The arm.
-            units: Units of all drives, because motors may be coupled.
-            rated_current_a: 6075 as reported by the drive.
-        """
-        axis = [other.node_id for other in arm.drives].index(drive.node_id)
-        lower, upper = units.position_limits_counts(axis)
-        return cls(
-            drive=drive,
-            heartbeat_ms=milliseconds(arm.heartbeat_s),
-            master_watch=master_watch(arm),
-            setpoint_timeout_ms=milliseconds(max(arm.heartbeat_s, (arm.max_missing_cycles + 1) * arm.cycle_s)),
-            sync_period_us=microseconds(arm.cycle_s),
-            following_error_counts=round(drive.following_error_rad * abs(units.axes[axis].counts_per_rad)),
-            position_min_counts=lower,
-            position_max_counts=upper,
-            rated_current_a=rated_current_a,
-            fieldbus=arm.fieldbus,
-            watchdog_us=microseconds(arm.watchdog_s),
-        )
+    @property
+    def setpoint_timeout_ms(self) -> int:
+        """Event timer of the RPDO."""
+        arm = self.arm
+        return milliseconds(max(arm.heartbeat_s, (arm.max_missing_cycles + 1) * arm.cycle_s))
+
+    @property
+    def following_error_counts(self) -> int:
+        """6065."""
+        return round(self.drive.following_error_rad * abs(self.units.axes[self._axis].counts_per_rad))
+
+    @property
+    def position_limits_counts(self) -> tuple[int, int]:
+        """607D:1 and 607D:2."""
+        return self.units.position_limits_counts(self._axis)
 
 
 def master_watch(arm: ArmSettings) -> int:
@@ -223,8 +204,8 @@ def _max_torque(values: SafetyValues) -> int:
     return values.drive.max_torque_permille
 
 
-_WATCH = Setting(od.HEARTBEAT_CONSUMER, lambda values: values.master_watch)
-_WATCHDOG = Setting(SYNC_MANAGER_WATCHDOG_US, lambda values: values.watchdog_us)
+_WATCH = Setting(od.HEARTBEAT_CONSUMER, lambda values: master_watch(values.arm))
+_WATCHDOG = Setting(SYNC_MANAGER_WATCHDOG_US, lambda values: microseconds(values.arm.watchdog_s))
 _QUICK_STOP_ON_ABORT = Setting(od.ABORT_CONNECTION_OPTION, ABORT_BY_QUICK_STOP)
 _QUICK_STOP_ON_FAULT = Setting(od.FAULT_REACTION_OPTION, FAULT_REACTION_RAMP)
 _PRE_OPERATIONAL = Setting(od.COMMUNICATION_ERROR_BEHAVIOUR, PRE_OPERATIONAL_ON_ERROR)
@@ -299,7 +280,7 @@ class Safety(Enum):
             ),
             Way(
                 "SYNC period (1006)",
-                (Setting(od.CYCLE_PERIOD_US, lambda values: values.sync_period_us),),
+                (Setting(od.CYCLE_PERIOD_US, lambda values: microseconds(values.arm.cycle_s)),),
                 "see the drive's manual for how many missing SYNCs it tolerates",
                 fieldbus=_CANOPEN,
             ),
@@ -375,8 +356,8 @@ class Safety(Enum):
             Way(
                 "607D = the joint's limits",
                 (
-                    Setting(od.POSITION_LIMIT_MIN, lambda values: values.position_min_counts),
-                    Setting(od.POSITION_LIMIT_MAX, lambda values: values.position_max_counts),
+                    Setting(od.POSITION_LIMIT_MIN, lambda values: values.position_limits_counts[0]),
+                    Setting(od.POSITION_LIMIT_MAX, lambda values: values.position_limits_counts[1]),
                 ),
             ),
             _vendor("the joint's limits"),
@@ -389,7 +370,7 @@ class Safety(Enum):
         (
             Way(
                 "heartbeat (1017)",
-                (Setting(od.HEARTBEAT_PRODUCER_MS, lambda values: values.heartbeat_ms),),
+                (Setting(od.HEARTBEAT_PRODUCER_MS, lambda values: milliseconds(values.arm.heartbeat_s)),),
                 fieldbus=_CANOPEN,
             ),
             Way(

@@ -247,8 +247,8 @@ class CyclicDrive(ABC):
     def gone(self, step: str) -> ServoTimeout:
         """Error for a drive whose feedback has stopped; marks the drive as lost."""
         self.lost = True
-        settings = self.settings
-        return ServoTimeout.no_feedback(settings.node_id, settings.joint, step, self._missing, self._max_missing)
+        remedy = f"Check the drive's supply and cable. Allowed are {self._max_missing} (max_missing_cycles)"
+        return self._timeout(step, f"no feedback for {self._missing} cycles", remedy)
 
     def _fault(self, step: str) -> ServoError | None:
         """Error for a fault that the drive itself reports."""

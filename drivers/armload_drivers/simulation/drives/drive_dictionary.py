@@ -64,11 +64,6 @@ class DriveTraits:
     on_request: Callable[[bytes], int | None] | None = None
 
 
-def _count(index: int, highest: int) -> tuple[Entry, int]:
-    """Sub-index 0 of a record."""
-    return Entry(index, 0, "highest sub-index", DataType.U8, Access.RO), highest
-
-
 def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: float) -> Dictionary:
     """Objects of one drive after a reset, without its PDO parameters, and still including absent ones.
 
@@ -96,21 +91,16 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
         (od.CYCLE_PERIOD_US, 0),
         (od.DEVICE_NAME, f"armload simulated drive, {settings.joint}"),
         (od.SOFTWARE_VERSION, "1"),
-        _count(0x1010, 1),
         (od.STORE_ALL, 1),
         (od.EMERGENCY_COB_ID, od.EMERGENCY_BASE + node_id),
-        _count(0x1016, 1),
         (od.HEARTBEAT_CONSUMER, 0),
         (od.HEARTBEAT_PRODUCER_MS, 0),
-        _count(0x1018, 4),
         (od.VENDOR_ID, identity.vendor_id or 0),
         (od.PRODUCT_CODE, identity.product_code or 0),
         (od.REVISION, identity.revision or 0x0001_0000),
         (od.SERIAL_NUMBER, node_id),
         (od.SYNC_COUNTER_OVERFLOW, 0),
-        _count(0x1029, 1),
         (od.COMMUNICATION_ERROR_BEHAVIOUR, 0),
-        _count(0x1200, 2),
         (od.SDO_RX_COB_ID, od.SDO_RX_BASE + node_id),
         (od.SDO_TX_COB_ID, od.SDO_TX_BASE + node_id),
         (od.ABORT_CONNECTION_OPTION, 1),
@@ -137,27 +127,20 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
         (od.TARGET_POSITION, 0),
         (od.HOME_OFFSET, 0),
         (od.HOMING_METHOD, 0),
-        _count(0x607D, 2),
         (od.POSITION_LIMIT_MIN, limit[0]),
         (od.POSITION_LIMIT_MAX, limit[1]),
         (od.POLARITY, traits.polarity),
         (od.QUICK_STOP_DECELERATION, round(QUICK_STOP_DECELERATION_RAD_S2 * counts_per_rad)),
-        _count(0x608F, 2),
         (od.ENCODER_INCREMENTS, round(2 * math.pi * counts_per_rad)),
         (od.ENCODER_REVOLUTIONS, 1),
-        _count(0x6091, 2),
         (od.GEAR_MOTOR_REVOLUTIONS, 1),
         (od.GEAR_SHAFT_REVOLUTIONS, 1),
-        _count(0x6092, 2),
         (od.FEED, round(2 * math.pi * counts_per_rad)),
         (od.FEED_SHAFT_REVOLUTIONS, 1),
         (offset_entry(settings), 0),
-        _count(0x60C1, 1),
         (od.INTERPOLATION_SETPOINT, 0),
-        _count(0x60C2, 2),
         (od.INTERPOLATION_TIME, milliseconds(cycle_s) if cycle_s < 0.255 else 255),
         (od.INTERPOLATION_EXPONENT, -3),
-        _count(0x60FE, 2),
         (od.PHYSICAL_OUTPUTS, 0),
         (od.OUTPUT_MASK, 0),
         (od.FOLLOWING_ERROR_ACTUAL, 0),
@@ -165,6 +148,9 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
     dictionary = Dictionary()
     for entry, value in rows:
         dictionary.add(entry, value)
+    for index in {entry.index for entry, _ in rows if entry.subindex} - {od.ERROR_COUNT.index}:
+        highest = max(entry.subindex for entry, _ in rows if entry.index == index)
+        dictionary.add(Entry(index, 0, "highest sub-index", DataType.U8, Access.RO), highest)
     dictionary.allowed[od.ERROR_COUNT.key] = {0}
     dictionary.allowed[od.STORE_ALL.key] = {od.STORE_SIGNATURE}
     dictionary.allowed[od.MODE.key] = modes | {0}

@@ -6,6 +6,9 @@ References:
 
 from __future__ import annotations
 
+from importlib.resources import files
+from string import Template
+
 import numpy as np
 
 from armload_drivers.cia402 import object_dictionary as od
@@ -66,35 +69,16 @@ def _head(drive: DriveSettings, dictionary: Dictionary) -> str:
         len({entry.index for entry in dictionary.entries.values() if first <= entry.index < first + 0x200})
         for first in (0x1400, 0x1800)
     )
-    dummies = "\n".join(f"Dummy{number:04d}=0" for number in range(1, 8))
-    return f"""\
-[FileInfo]
-FileName={drive.joint}.eds
-FileVersion=1
-FileRevision=1
-EDSVersion=4.0
-Description=armload simulated CiA 402 drive
-
-[DeviceInfo]
-VendorName=armload
-VendorNumber=0x{values[od.VENDOR_ID.key]:08X}
-ProductName=armload simulated drive
-ProductNumber=0x{values[od.PRODUCT_CODE.key]:08X}
-RevisionNumber=0x{values[od.REVISION.key]:08X}
-OrderCode=SIM
-{rates}
-SimpleBootUpMaster=0
-SimpleBootUpSlave=1
-Granularity=8
-DynamicChannelsSupported=0
-CompactPDO=0
-GroupMessaging=0
-NrOfRXPDO={receive}
-NrOfTXPDO={transmit}
-LSS_Supported=0
-
-[DummyUsage]
-{dummies}"""
+    fields = {
+        "joint": drive.joint,
+        "vendor_id": f"0x{values[od.VENDOR_ID.key]:08X}",
+        "product_code": f"0x{values[od.PRODUCT_CODE.key]:08X}",
+        "revision": f"0x{values[od.REVISION.key]:08X}",
+        "rates": rates,
+        "receive": receive,
+        "transmit": transmit,
+    }
+    return Template(files(__package__).joinpath("eds_head.in").read_text("ascii")).substitute(fields).rstrip("\n")
 
 
 def _object(index: int, entries: list[Entry], dictionary: Dictionary, node_id: int) -> list[str]:
