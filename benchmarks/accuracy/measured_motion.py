@@ -23,7 +23,8 @@ from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording
-from armload_identification.signals.timed_run import fit_motion, time_shift
+from armload_identification.signals.load_signal import time_shift
+from armload_identification.signals.spline import fit_motion
 from benchmarks.accuracy.real_currents import FOLDER, MASS_KG, absent
 from benchmarks.arms.calibrated import calibrated
 from benchmarks.results.tally import Tally

@@ -21,7 +21,7 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.timed_run import fit_motion
+from armload_identification.signals.spline import fit_motion
 
 
 class Acts(StrEnum):

@@ -24,9 +24,10 @@ from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.filters import low_pass, low_pass_cutoff
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER, Motion
-from armload_identification.signals.recorded_run import Run
+from armload_identification.signals.recorded_run import Grid, Run
+from armload_identification.signals.repetition import fast_length
 from armload_identification.signals.signal_constants import RunAlignment, SamePath
-from armload_identification.signals.timed_run import Grid, TimedRun, time_shift
+from armload_identification.signals.spline import MeasuredMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +213,7 @@ def _by_phase(loaded: Run, unloaded: Run) -> LoadSignal:
 
 def _by_position(loaded: Run, unloaded: Run) -> LoadSignal:
     """The difference of two runs aligned by position, at the loaded run's times."""
-    one, two = loaded.timed, unloaded.timed
+    one, two = loaded.moving_part, unloaded.moving_part
     shift_s = _shift_by_phase(one.recording, two.recording)
     if shift_s is None:
         shift_s = time_shift(one.path, two.path)
@@ -245,7 +246,55 @@ def _shift_by_phase(one: Recording, two: Recording) -> float | None:
     return float(np.median(later - np.interp(phase, one.phase_s, one.time_s - one.time_s[0])))
 
 
-def _common_part(one: TimedRun, two: TimedRun, grid: Grid, shift_s: float) -> tuple[float, float]:
+def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
+    """Time to add to the first run's elapsed time to obtain the corresponding time of the second run.
+
+    The initial value comes from the cross-correlation of all joints' velocities; then the positions are aligned by
+    least squares (Gauss-Newton in one unknown).
+
+    Args:
+        second: Another run of the same motion.
+
+    Returns:
+        Shift in s, accurate to a small part of the sampling interval.
+
+    Raises:
+        RecordingError: the runs have less than one second of motion in common.
+    """
+    longest_s = max(first.duration_s, second.duration_s)
+    step_s = min(RunAlignment.grid_s, longest_s / RunAlignment.fewest_times)
+    grid = np.arange(0.0, longest_s, step_s)
+    length = fast_length(2 * grid.size)
+    speeds = []
+    for motion in (first, second):
+        speed = motion.spline(np.minimum(grid, motion.duration_s), 1)
+        speed[grid > motion.duration_s] = 0.0
+        speeds.append(np.fft.rfft(speed, length, axis=0))
+    correlation = np.fft.irfft(np.sum(np.conj(speeds[0]) * speeds[1], axis=1), length)
+    lag = int(np.argmax(correlation))
+    shift_s = (lag - length if lag > grid.size else lag) * step_s
+    for _ in range(RunAlignment.steps):
+        common = grid[(grid <= first.duration_s) & (grid + shift_s >= 0.0) & (grid + shift_s <= second.duration_s)]
+        if common.size * step_s < RunAlignment.shortest_s:
+            raise RecordingError(
+                "the loaded and the unloaded run have no common motion. Record the same excitation in both runs."
+            )
+        ahead = first.spline(common) - second.spline(common + shift_s)
+        speed = second.spline(common + shift_s, 1)
+        alike = np.abs(ahead).max(axis=1) < RunAlignment.elsewhere_rad
+        if np.count_nonzero(alike) > RunAlignment.same_share * alike.size:
+            ahead, speed = ahead[alike], speed[alike]
+        power = float(np.sum(speed**2))
+        if power == 0.0:
+            break
+        correction_s = float(np.sum(ahead * speed)) / power
+        shift_s += float(np.clip(correction_s, -RunAlignment.largest_step_s, RunAlignment.largest_step_s))
+        if abs(correction_s) < RunAlignment.settled_s:
+            break
+    return shift_s
+
+
+def _common_part(one: Run, two: Run, grid: Grid, shift_s: float) -> tuple[float, float]:
     """Start and end of the longest part in which both motions agree; the entire grid if that is too short."""
     elapsed = grid.elapsed_s
     position = one.path.spline(elapsed)

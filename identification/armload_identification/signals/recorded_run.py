@@ -18,13 +18,33 @@ from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phase_advance import phases_per_period, whole_periods
 from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
-from armload_identification.signals.filters import smooth, smoothing_loss, white_noise
+from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, joint_torque, reported_effort, sample_scatter
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER, Motion
 from armload_identification.signals.periods import fold
+from armload_identification.signals.repetition import fast_part
 from armload_identification.signals.reversals import moving_joints
-from armload_identification.signals.signal_constants import RunAlignment, Standstill
-from armload_identification.signals.timed_run import TimedRun, fit_motion
+from armload_identification.signals.signal_constants import LowPass, RunAlignment, Standstill
+from armload_identification.signals.spline import MeasuredMotion, fit_motion
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Equidistant times at which a run is sampled, and the filter for its torque.
+
+    Attributes:
+        elapsed_s: (K,) times since the run's first sample.
+        interval_s: Time between them.
+        cutoff_hz: Cutoff of the low-pass.
+    """
+
+    elapsed_s: FloatArray
+    interval_s: float
+    cutoff_hz: float
+
+    def later(self, by_s: float) -> Grid:
+        """The same grid, every time later by `by_s`."""
+        return replace(self, elapsed_s=self.elapsed_s + by_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,23 +109,22 @@ class Run:
 
     @cached_property
     def over_time(self) -> Motion:
-        """From the first movement to the last, periodic or not.
+        """From the first movement to the last of the moving part, periodic or not.
 
         Raises:
             RecordingError: too short.
         """
-        return self.timed.sampled(self.timed.moving_grid(0.0, self.timed.path.duration_s))
+        moving = self.moving_part
+        return moving.sampled(moving.moving_grid(0.0, moving.path.duration_s))
 
     @cached_property
-    def timed(self) -> TimedRun:
-        """The run as a function of time; approach and return are excluded if its phase marks them.
+    def path(self) -> MeasuredMotion:
+        """The measured position of all rows as a spline.
 
         Raises:
             RecordingError: too short for a spline.
         """
-        part = self.moving_part
-        rows = part.recording
-        return TimedRun(rows, fit_motion(rows.time_s, rows.position_rad), part.torque_nm)
+        return fit_motion(self.recording.time_s, self.recording.position_rad)
 
     def average_period(self, phases: int) -> Motion:
         """The average period at K equidistant phases; its motion passes through the same filter as its torque.
@@ -166,3 +185,54 @@ class Run:
 
     def _part(self, rows: slice | NDArray[np.bool_]) -> Run:
         return replace(self, recording=self.recording.rows(rows), torque_nm=self.torque_nm[rows])
+
+    def moving_grid(self, start_s: float, end_s: float) -> Grid:
+        """Times from the first to the last movement in a part of the run, spaced as its samples.
+
+        Raises:
+            RecordingError: nearly all of the run is missing.
+        """
+        apart_s = np.diff(self.recording.time_s)
+        interval_s = float(np.median(apart_s))
+        # Stamps since 1970 are rounded to 0.2 us: of the whole run, so that a grid of an hour stays at the samples.
+        interval_s = float(apart_s.sum() / np.round(apart_s / interval_s).sum())
+        if (end_s - start_s) / interval_s > Standstill.samples_over_rows * self.recording.size:
+            raise RecordingError(
+                f"{self.recording.source.path}: {self.recording.size} rows, mostly {interval_s:.3g} s apart, in "
+                f"{end_s - start_s:.3g} s: most of the motion is missing. "
+                "Record it again, or select a part without gaps."
+            )
+        elapsed = start_s + np.arange(int((end_s - start_s) / interval_s), dtype=np.float64) * interval_s
+        velocity = self.path.spline(elapsed, 1)
+        speed = np.abs(velocity).max(axis=1)
+        moving = np.flatnonzero(speed > Standstill.share_of_peak_speed * speed.max())
+        count = int(moving[-1] + 1 - moving[0])
+        rows = slice(moving[0], moving[0] + (fast_part(count) if count >= LowPass.fast_from else count))
+        return Grid(elapsed[rows], interval_s, low_pass_cutoff(velocity[rows], interval_s))
+
+    def sampled(self, grid: Grid) -> Motion:
+        """The run at the times of a grid within it; its torque is interpolated and low-passed."""
+        stamps_s, moment_s = self.recording.time_s, grid.elapsed_s + self.recording.time_s[0]
+        noise = white_noise(self.torque_nm[(stamps_s >= moment_s[0]) & (stamps_s <= moment_s[-1])])
+        raw = np.column_stack([np.interp(moment_s, stamps_s, column) for column in self.torque_nm.T])
+        smoothed = low_pass(raw, grid.interval_s, grid.cutoff_hz)
+        after = np.clip(np.searchsorted(stamps_s, moment_s), 1, stamps_s.size - 1)
+        apart_s = stamps_s[after] - stamps_s[after - 1]
+        share = np.clip((moment_s - stamps_s[after - 1]) / apart_s, 0.0, 1.0)
+        spline = self.path.spline
+        return Motion(
+            time_s=grid.elapsed_s - grid.elapsed_s[0],
+            periodic=False,
+            states=JointStates(*(spline(grid.elapsed_s, order) for order in range(3))),
+            raw_nm=raw,
+            torque_nm=smoothed,
+            valid=apart_s <= max(LowPass.hole / grid.cutoff_hz, LowPass.uneven * grid.interval_s),
+            noise_nm=noise,
+            # Interpolation averages two samples, which reduces their noise.
+            averaged_noise_nm=noise * np.sqrt(np.mean((1.0 - share) ** 2 + share**2)),
+            noise_source=ABOVE_BAND,
+            smoothing_loss=smoothing_loss(raw, smoothed),
+            periods=1,
+            position_fit_rad=self.path.fit_rad,
+            began_s=float(moment_s[0]),
+        )

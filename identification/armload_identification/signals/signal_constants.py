@@ -19,7 +19,7 @@ from typing import Final
 
 
 class SplineFit:
-    """The spline of a measured position (`alignment`)."""
+    """The spline of a measured position (`spline`)."""
 
     degree: Final = 5
     """[1] Degree of the spline: its acceleration is a cubic, with a continuous derivative.
@@ -69,7 +69,7 @@ class SplineFit:
 
 
 class RunAlignment:
-    """The time between two runs of one motion (`alignment`, `load_signal`)."""
+    """The time between two runs of one motion (`load_signal`)."""
 
     grid_s: Final = 0.02
     """[s] Spacing of the times at which two runs are compared; the shift itself is continuous.

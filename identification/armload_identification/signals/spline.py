@@ -1,4 +1,7 @@
-"""Splines of several values, fitted by least squares.
+"""Splines of several values, fitted by least squares, and the measured motion of a run as one.
+
+Samples are not differentiated: the measured position is fitted by a quintic spline, at the original time stamps, and
+the spline is differentiated. The spacing of its knots is chosen by generalised cross-validation.
 
 scipy.interpolate has them too, but takes four times as long to load as NumPy, a third of an identification's time.
 
@@ -14,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.identification_errors import RecordingError
+from armload_identification.signals.signal_constants import SplineFit
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,3 +108,69 @@ def _solved(band: FloatArray, right: FloatArray) -> FloatArray:
     for block in range(blocks - 2, -1, -1):
         both[block, :, width:] -= both[block, :, :width] @ both[block + 1, :width, width:]
     return both[:, :, width:].reshape(-1, right.shape[1])[:count]
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredMotion:
+    """Measured positions of one run as a function of time.
+
+    Attributes:
+        spline: (n,)-valued quintic spline of the time since the first sample.
+        duration_s: Time of the last sample since the first.
+        fit_rad: (n,) RMS of the samples about the spline.
+    """
+
+    spline: Spline
+    duration_s: float
+    fit_rad: FloatArray
+
+
+def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
+    """Fit a quintic spline to measured positions, with the spacing of the knots chosen from the data.
+
+    Args:
+        time_s: (N,) increasing, irregular.
+        position_rad: (N, n) measured positions.
+
+    Returns:
+        The motion.
+
+    Raises:
+        RecordingError: too short for a spline.
+    """
+    elapsed = time_s - time_s[0]
+    interval_s = float(np.median(np.diff(elapsed)))
+    spacing_s = min(SplineFit.coarsest_s, elapsed[-1] / SplineFit.fewest_pieces)
+    best: tuple[float, Spline, FloatArray] | None = None
+    while spacing_s >= SplineFit.samples_per_coefficient * interval_s:
+        fine = spacing_s < SplineFit.samples_per_knot * interval_s
+        knots = _knots(elapsed, spacing_s)
+        coefficients = knots.size - SplineFit.degree - 1
+        if coefficients * SplineFit.samples_per_coefficient < elapsed.size:
+            spline = Spline.fit(elapsed, position_rad, knots, SplineFit.degree)
+            misfit = np.mean((position_rad - spline(elapsed)) ** 2, axis=0)
+            # The sum of logarithms prevents joints with a large stroke from dominating.
+            logarithms = np.log(misfit + SplineFit.negligible_rad**2)
+            score = float(np.sum(logarithms) - 2 * misfit.size * np.log1p(-coefficients / elapsed.size))
+            needed = misfit.size * np.log(SplineFit.motion_over_noise) if fine else 0.0
+            if best is None or score < best[0] - needed:
+                best = (score, spline, np.sqrt(misfit))
+            elif fine:
+                break
+        spacing_s *= 0.5
+    if best is None:
+        raise RecordingError(
+            f"{elapsed.size} samples over {elapsed[-1]:.3g} s are not enough to fit a motion. Record a longer run."
+        )
+    return MeasuredMotion(best[1], float(elapsed[-1]), best[2])
+
+
+def _knots(elapsed: FloatArray, spacing_s: float) -> FloatArray:
+    """Knots of a spline; gaps in the data contain none, so that samples determine every coefficient."""
+    pieces = max(1, round(elapsed[-1] / spacing_s))
+    edges = np.linspace(0.0, elapsed[-1], pieces + 1)
+    counts = np.histogram(elapsed, edges)[0]
+    enough = counts >= SplineFit.samples_per_coefficient
+    inner = edges[1:-1][enough[:-1] & enough[1:]]
+    ends = SplineFit.degree + 1
+    return np.concatenate([[0.0] * ends, inner, [elapsed[-1]] * ends])

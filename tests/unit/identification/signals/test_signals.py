@@ -13,12 +13,12 @@ from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phase_advance import phases_per_period, whole_periods
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, gain_shares, joint_torque
-from armload_identification.signals.load_signal import load_signal
+from armload_identification.signals.load_signal import load_signal, time_shift
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER
 from armload_identification.signals.periods import fold
 from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.signal_constants import LowPass
-from armload_identification.signals.timed_run import fit_motion, time_shift
+from armload_identification.signals.spline import fit_motion
 
 pytestmark = pytest.mark.pure
 
@@ -276,7 +276,7 @@ def test_the_grid_of_a_long_run_stays_at_its_samples(pinocchio_arm):
     time_s = 1_700_000_000.0 + 0.0075 * np.arange(20_000)
     state = pinocchio_arm.trajectory(period_s=10.0).evaluate(time_s - time_s[0])
     run = Recording.from_arrays(time_s, state.position_rad, torque_nm=state.position_rad)
-    grid = Run.of(run, pinocchio_arm.transmission).timed.moving_grid(0.0, float(time_s[-1] - time_s[0]))
+    grid = Run.of(run, pinocchio_arm.transmission).moving_part.moving_grid(0.0, float(time_s[-1] - time_s[0]))
     place = grid.elapsed_s / 0.0075
     assert np.abs(place - np.round(place)).max() < 1e-4
 
