@@ -185,7 +185,7 @@ class Recorder:
         Args:
             feedback: Feedback of the drives.
             command: The command it belongs to; None if unknown.
-            segment: One of `run_format.SEGMENTS`.
+            segment: One of those of `run_format.MESSAGE_SCHEMA`.
             phase_s: Phase along the excitation; None outside the measured periods.
             target_torque_nm: Joint torque that the arm's own controller calculated; None if unknown.
 
@@ -276,7 +276,7 @@ def joint_row(
     Args:
         feedback: Feedback of the drives.
         command: The command it belongs to; None if unknown.
-        segment: The part of the run, one of `run_format.SEGMENTS`.
+        segment: The part of the run, one of those of the schema.
         phase_s: Phase along the excitation; None outside the measured periods.
     """
     row: dict[str, object] = {

@@ -323,10 +323,10 @@ class _Calibration:
             level_nm=fit.problem.noise.greatest_nm,
             payloads=tuple(
                 CalibratedPayload(
-                    name,
-                    self._weighed[name].mass_kg if name in self._weighed else float("nan"),
-                    fit.value(PAYLOAD, name),
-                    deviation[fit.problem.place(PAYLOAD, name)],
+                    mounting=name,
+                    weighed_kg=self._weighed[name].mass_kg if name in self._weighed else float("nan"),
+                    theta=fit.value(PAYLOAD, name),
+                    deviation=deviation[fit.problem.place(PAYLOAD, name)],
                 )
                 for name in fit.problem.mountings
             ),

@@ -34,6 +34,7 @@ from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import body_regressor, rotor_columns
 from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission, gain_shares
+from armload_identification.storage.strict_toml import NumberList, NumberRows, Table, Text
 
 if TYPE_CHECKING:
     from armload_identification.estimation.empty_arm.known_arm import KnownArm
@@ -58,9 +59,8 @@ _DAY: Final = 10
 """Characters of a date."""
 
 
-@dataclass(frozen=True, eq=False)
-class CalibratedRun:
-    """Residual, friction and influence of one run.
+class CalibratedRun(Table):
+    """Residual, friction and influence of one run, as in the calibration's file.
 
     Attributes:
         name: File name.
@@ -76,22 +76,21 @@ class CalibratedRun:
         effort_change_deviation: Its standard deviation.
     """
 
-    name: str
+    name: Text
     mounting: str
     recorded: str
-    residual_rms_nm: FloatArray
+    residual_rms_nm: NumberList
     off: float
-    friction_changes: FloatArray
-    influence: FloatArray
+    friction_changes: NumberRows
+    influence: NumberList
     rows: int
     struck: int
     effort_change: float = float("nan")
     effort_change_deviation: float = float("nan")
 
 
-@dataclass(frozen=True, eq=False)
-class CalibratedPayload:
-    """The payload of one mounting, as identified with the arm.
+class CalibratedPayload(Table):
+    """The payload of one mounting, as identified with the arm, as in the calibration's file.
 
     Attributes:
         mounting: Its name.
@@ -100,10 +99,10 @@ class CalibratedPayload:
         deviation: (10,) their standard deviations.
     """
 
-    mounting: str
-    weighed_kg: float
-    theta: FloatArray
-    deviation: FloatArray
+    mounting: Text
+    weighed_kg: float = float("nan")
+    theta: NumberList
+    deviation: NumberList
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 from armload_identification.excitation.geometry.workspace import Workspace
-from armload_identification.excitation.limit_margins import LimitMargins
+from armload_identification.excitation.limit_margins import PER_JOINT, LimitMargins
 from armload_identification.excitation.torque_limits import TorqueLimits
 from armload_identification.identification_errors import ExcitationError
 
@@ -221,7 +221,8 @@ class Envelope:
         limit = self.speed
         slower = {} if limit is None else dict(zip(limit.points.names, -fast * limit.speed_m_s, strict=True))
         speed_m_s = {name: float(value) for name, value in slower.items()}
-        return LimitMargins(room[0], room[1], room[2], room[3], in_torque, nearest, speed_m_s)
+        states = dict(zip(PER_JOINT, [*room, in_torque], strict=True))
+        return LimitMargins(**states, clearance_m=nearest, speed_m_s=speed_m_s)
 
     @property
     def _first_rows(self) -> tuple[int, int, int]:

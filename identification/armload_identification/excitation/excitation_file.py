@@ -6,7 +6,7 @@ from decimal import ROUND_FLOOR, Context
 from pathlib import Path
 from typing import Annotated
 
-from msgspec import Meta, field
+from msgspec import Meta
 from msgspec.structs import asdict
 
 from armload_identification.excitation.fourier import CRITERIA, MASS_CRITERION, Excitation, FourierTrajectory
@@ -58,18 +58,6 @@ class _DesignTable(Table):
             raise BadValue("criterion", self.criterion, f"expected one of {', '.join(known)}")
 
 
-class _MarginsTable(Table):
-    """Margin to each limit per joint, to each obstacle, and to the speed limit per point of the arm."""
-
-    position_rad: NumberList
-    velocity_rad_s: NumberList
-    acceleration_rad_s2: NumberList
-    jerk_rad_s3: NumberList
-    torque_nm: NumberList
-    clearance_m: dict[str, float] = field(default_factory=dict)
-    speed_m_s: dict[str, float] = field(default_factory=dict)
-
-
 class _ExcitationFile(Table):
     """The file."""
 
@@ -77,7 +65,7 @@ class _ExcitationFile(Table):
 
     excitation: _ExcitationTable
     design: _DesignTable | None = None
-    margins: _MarginsTable | None = None
+    margins: LimitMargins | None = None
 
     def __post_init__(self) -> None:
         table = self.excitation
@@ -106,13 +94,13 @@ def parse_excitation(content: str, source: str = "excitation") -> Excitation:
         ExcitationFileError: naming source, key, value and what was expected.
     """
     tables = parse(content, source, _ExcitationFile, ExcitationFileError)
-    table, design, margins = tables.excitation, tables.design, tables.margins
+    table, design = tables.excitation, tables.design
     return Excitation(
         FourierTrajectory(table.base_frequency_hz, table.offset_rad, table.sin_rad, table.cos_rad),
         table.periods,
         {} if design is None else {key: value for key, value in asdict(design).items() if key != "history"},
         () if design is None or design.history is None else tuple(design.history.tolist()),
-        None if margins is None else LimitMargins(**asdict(margins)),
+        tables.margins,
     )
 
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from msgspec import field
 
-from armload_core.arrays import FloatArray
+from armload_identification.storage.strict_toml import NumberList, Table
 
 PER_JOINT = ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3", "torque_nm")
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class LimitMargins:
-    """Smallest margins of a motion over all times; positive within the limits.
+class LimitMargins(Table):
+    """Smallest margins of a motion over all times, positive within the limits; `[margins]` of an excitation's file.
 
     Attributes:
         position_rad: (n,) to the nearer of the two position limits.
@@ -24,12 +23,12 @@ class LimitMargins:
         speed_m_s: Margin to the limit of the arm's speed, by point; empty if speed is not limited.
     """
 
-    position_rad: FloatArray
-    velocity_rad_s: FloatArray
-    acceleration_rad_s2: FloatArray
-    jerk_rad_s3: FloatArray
-    torque_nm: FloatArray
-    clearance_m: dict[str, float]
+    position_rad: NumberList
+    velocity_rad_s: NumberList
+    acceleration_rad_s2: NumberList
+    jerk_rad_s3: NumberList
+    torque_nm: NumberList
+    clearance_m: dict[str, float] = field(default_factory=dict)
     speed_m_s: dict[str, float] = field(default_factory=dict)
 
     @property

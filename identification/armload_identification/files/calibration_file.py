@@ -88,31 +88,6 @@ class _FitTable(Table):
     effort_nm: NumberList
 
 
-class _PayloadTable(Table):
-    """A mounting."""
-
-    mounting: Text
-    weighed_kg: float = float("nan")
-    theta: NumberList
-    deviation: NumberList
-
-
-class _RunTable(Table):
-    """A run that was used."""
-
-    name: Text
-    mounting: str
-    recorded: str
-    residual_rms_nm: NumberList
-    off: float
-    friction_changes: NumberRows
-    influence: NumberList
-    rows: int
-    struck: int
-    effort_change: float = float("nan")
-    effort_change_deviation: float = float("nan")
-
-
 class _LeftOutTable(Table):
     """A run that was not used."""
 
@@ -136,8 +111,8 @@ class _CalibrationFile(Table):
     friction: _FrictionTable
     body: _BodyTable
     fit: _FitTable
-    payloads: list[_PayloadTable] = field(default_factory=list)
-    runs: list[_RunTable]
+    payloads: tuple[CalibratedPayload, ...] = ()
+    runs: tuple[CalibratedRun, ...]
     left_out: list[_LeftOutTable] = field(default_factory=list)
     uncertainty: _UncertaintyTable
     provenance: ProvenanceTable
@@ -194,9 +169,9 @@ def format_calibration(result: ArmCalibration) -> str:
         *table("fit", fit),
     ]
     for payload in result.payloads:
-        lines += table("[payloads]", _entries(_PayloadTable, payload))
+        lines += table("[payloads]", _entries(CalibratedPayload, payload))
     for run in result.runs:
-        lines += table("[runs]", _entries(_RunTable, run))
+        lines += table("[runs]", _entries(CalibratedRun, run))
     for name, reason in result.left_out:
         lines += table("[left_out]", {"name": name, "reason": reason})
     lines += [
@@ -279,8 +254,8 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
         noise_nm=tables.fit.residual_nm,
         correlation_s=tables.fit.correlation_s,
         level_nm=tables.fit.effort_nm,
-        payloads=tuple(CalibratedPayload(**asdict(entry)) for entry in tables.payloads),
-        runs=tuple(CalibratedRun(**asdict(run)) for run in tables.runs),
+        payloads=tables.payloads,
+        runs=tables.runs,
         left_out=tuple((entry.name, entry.reason) for entry in tables.left_out),
         warnings=tuple(tables.arm.warnings),
         kinematics_sha256=tables.arm.kinematics_sha256,

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from armload_identification.calibration.calibration_result import DETERMINED_WITHIN
 from armload_identification.identification_errors import ModelError
@@ -85,7 +86,7 @@ def test_friction_is_that_at_half_the_greatest_speed(chosen):
 
 def test_friction_changes_from_run_to_run(chosen):
     changes = np.array([[0.1] * 6, [0.8] * 6, [9.0] * 6])
-    run = replace(chosen.runs[0], friction_changes=changes)
+    run = structs.replace(chosen.runs[0], friction_changes=changes)
     np.testing.assert_allclose(chosen.friction_change_nm(run), 0.1 + 0.25 * 0.8)
     np.testing.assert_allclose(chosen.usual_change_nm, np.hypot(0.3, 0.25 * 0.4))
     spread = chosen.friction_spread
@@ -138,10 +139,10 @@ def test_its_gains_replace_the_nominal_ones(chosen, pinocchio_arm, effort):
     ],
 )
 def test_its_origin_is_in_a_few_words(chosen, recorded, when):
-    runs = tuple(replace(chosen.runs[0], recorded=day) for day in recorded)
+    runs = tuple(structs.replace(chosen.runs[0], recorded=day) for day in recorded)
     weighed = replace(chosen, runs=runs)
     assert weighed.origin == f"2 runs{when}, scale from a weighed payload"
-    payloads = tuple(replace(payload, weighed_kg=np.nan) for payload in chosen.payloads)
+    payloads = tuple(structs.replace(payload, weighed_kg=np.nan) for payload in chosen.payloads)
     nominal = replace(chosen, runs=runs[:1], payloads=payloads)
     assert nominal.origin.startswith("1 run")
     assert nominal.origin.endswith("scale from the nominal gains")

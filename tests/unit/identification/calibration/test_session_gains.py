@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from armload_identification.calibration.calibration_result import FEWEST_SESSIONS
 from armload_identification.calibration.session_gains import ASSUMED, LEAST, SessionGains
@@ -48,7 +49,7 @@ def test_the_run_itself_says_how_large_it_can_be(calibration, pinocchio_arm, fac
     arm = pinocchio_arm
     prior = SessionGains.assumed(calibration, 0.03)
     run = drifted(arm, True, 81)
-    run = replace(run, current_a=factor / DRIFT * run.current_a)
+    run = structs.replace(run, current_a=factor / DRIFT * run.current_a)
     session = prior.within(run, calibration, arm.chain, arm.transmission, loaded=True)
     assert session.log_factor == 0.0
     assert (session.deviation < 0.006) == (factor == 1.0)
@@ -78,8 +79,10 @@ def test_the_prior_is_the_scatter_of_three_sessions_else_one_percent(calibration
     """The runs of one calibration, said to be of several days, with factors that differ by 2 %."""
 
     def on_days(count):
-        run = replace(calibration.runs[0], effort_change_deviation=0.001)
-        days = [replace(run, recorded=f"2026-03-{1 + day:02d}", effort_change=0.02 * day) for day in range(count)]
+        run = structs.replace(calibration.runs[0], effort_change_deviation=0.001)
+        days = [
+            structs.replace(run, recorded=f"2026-03-{1 + day:02d}", effort_change=0.02 * day) for day in range(count)
+        ]
         return replace(calibration, runs=tuple(days))
 
     few = SessionGains.assumed(on_days(FEWEST_SESSIONS - 1))

@@ -50,13 +50,13 @@ def test_a_file_without_a_design_reads_back(tmp_path):
 
 
 MARGINS = LimitMargins(
-    np.array([0.1, 0.2, 0.3]),
-    np.array([1.0, 2.0, 0.0]),
-    np.array([4.0, 5.0, 6.0]),
-    np.array([70.0, 80.0, 90.0]),
-    np.array([123.4567891, 1e-5, -2.3456789]),
-    {"floor": 0.25, "link 1 to tool": 0.0301239},
-    {"joint 3": 0.4, "tool centre point": 0.12345678},
+    position_rad=np.array([0.1, 0.2, 0.3]),
+    velocity_rad_s=np.array([1.0, 2.0, 0.0]),
+    acceleration_rad_s2=np.array([4.0, 5.0, 6.0]),
+    jerk_rad_s3=np.array([70.0, 80.0, 90.0]),
+    torque_nm=np.array([123.4567891, 1e-5, -2.3456789]),
+    clearance_m={"floor": 0.25, "link 1 to tool": 0.0301239},
+    speed_m_s={"joint 3": 0.4, "tool centre point": 0.12345678},
 )
 
 

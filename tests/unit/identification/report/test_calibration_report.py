@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from armload_identification.identification_errors import ReportError
 from armload_identification.numerals import NO_BREAK
@@ -64,11 +65,11 @@ def test_delay_and_tilt_have_their_intervals(chosen, shown):
 
 
 def test_payloads_have_mass_and_centre_or_none(chosen, shown):
-    payload = replace(
+    payload = structs.replace(
         chosen.payloads[0], mounting="box", weighed_kg=np.nan, theta=np.array([4.0, 0.4, -0.2, 0.0, *np.zeros(6)])
     )
-    payload = replace(payload, deviation=np.full(10, 0.01))
-    nothing = replace(payload, theta=np.zeros(10), weighed_kg=2.5)
+    payload = structs.replace(payload, deviation=np.full(10, 0.01))
+    nothing = structs.replace(payload, theta=np.zeros(10), weighed_kg=2.5)
     page, _ = shown(replace(chosen, payloads=(payload, nothing)))
     (name, weighed, mass, center), (_, known, _, none) = page["payloads"]
     assert (name, weighed, plain(mass), plain(center)) == ("box", "not weighed", "4.000 ± 0.020", "100.0, -50.0, 0.0")
@@ -78,7 +79,7 @@ def test_payloads_have_mass_and_centre_or_none(chosen, shown):
 
 def test_friction_is_drawn_by_day_if_all_runs_state_theirs(chosen, shown):
     runs = [
-        replace(chosen.runs[0], recorded=day, friction_changes=np.full((3, 6), change))
+        structs.replace(chosen.runs[0], recorded=day, friction_changes=np.full((3, 6), change))
         for day, change in (("2026-03-02T10:00", 0.1), ("2026-03-05T09:00", -0.2), ("2026-03-02T11:00", 0.3))
     ]
     _, (_, first, *_) = shown(replace(chosen, runs=tuple(runs)))
@@ -89,13 +90,13 @@ def test_friction_is_drawn_by_day_if_all_runs_state_theirs(chosen, shown):
     assert usual == pytest.approx(chosen.usual_change_nm[0])
     assert "joint 1 (a)" in title
     for recorded in (("2026-03-02", ""), ("2026-03-02", "2026-03-02"), ("yesterday", "2026-03-02")):
-        runs = tuple(replace(chosen.runs[0], recorded=day) for day in recorded)
+        runs = tuple(structs.replace(chosen.runs[0], recorded=day) for day in recorded)
         _, (_, first, *_) = shown(replace(chosen, runs=runs))
         assert (list(first[0]), first[1]) == ([1.0, 2.0], ["1", "2"])
 
 
 def test_a_runs_residual_is_relative_to_that_of_all(chosen, shown):
-    run = replace(chosen.runs[0], residual_rms_nm=np.full(6, 0.75))
+    run = structs.replace(chosen.runs[0], residual_rms_nm=np.full(6, 0.75))
     page, _ = shown(replace(chosen, runs=(run,)))
     ((_, ratio),) = page["runs"]
     np.testing.assert_allclose(ratio, 1.5)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from armload_identification.recording.reading_options import Effort
 from armload_identification.results.calibrated_arm import CalibratedArm
@@ -44,7 +45,7 @@ def test_a_gain_that_is_hardly_better_than_assumed_is_in_brackets(arm):
 
 def test_every_run_says_what_it_carried_and_where_it_fits_worst(arm):
     run = arm.calibration.runs[0]
-    empty = replace(
+    empty = structs.replace(
         run,
         name="one.mcap",
         mounting="",
@@ -53,20 +54,20 @@ def test_every_run_says_what_it_carried_and_where_it_fits_worst(arm):
         influence=np.array([0.1, 0.2, 0.3, 0.4, 0.9, 0.5]),
         struck=0,
     )
-    payload = replace(
+    payload = structs.replace(
         arm.calibration.payloads[0],
         mounting="box",
         weighed_kg=np.nan,
         theta=np.array([4.2, *np.zeros(9)]),
         deviation=np.full(10, 0.01),
     )
-    loaded = replace(empty, mounting="box", struck=3)
+    loaded = structs.replace(empty, mounting="box", struck=3)
     shown = replace(arm, calibration=replace(arm.calibration, runs=(empty, loaded), payloads=(payload,)))
     first, second = shown.runs_table().rows
     assert first == ("one.mcap", "nothing", "1.23", "3: 1.5", "0.9 sd of gain 5", "")
     assert second[1] == "box: 4.200 +- 0.020 kg"
     assert second[5] == "3"
-    weighed = replace(payload, weighed_kg=4.2)
+    weighed = structs.replace(payload, weighed_kg=4.2)
     shown = replace(arm, calibration=replace(arm.calibration, runs=(loaded,), payloads=(weighed,)))
     assert shown.runs_table().rows[0][1].endswith("kg, weighed")
 
