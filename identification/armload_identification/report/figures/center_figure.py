@@ -15,15 +15,15 @@ import numpy as np
 
 from armload_identification.model.payload import PayloadResult
 from armload_identification.numerals import NO_BREAK, numeral
+from armload_identification.report.page import rendered
 from armload_identification.report.payload_in_words import half_widths
 
 FLANGE_MM: Final = 63.0
 """Diameter of the drawn plate: a common flange, ISO 9409-1."""
 _THICK_MM: Final = 8.0
-_SIDE: Final = 320
-"""Width and height of a drawing, in SVG units."""
+_MIDDLE: Final = 160.0
+"""Half of a drawing's width and height, in SVG units."""
 _ROOM: Final = 1.25
-_LEAST_DOT: Final = 3.5
 _AXES: Final = ("x", "y", "z")
 _MM: Final = 1e3
 
@@ -55,61 +55,31 @@ def _correlation(payload: PayloadResult, one: int, other: int) -> float:
 
 def _drawing(payload: PayloadResult, heading: str, across: int, up: int, reach_mm: float) -> str:
     """One view: `across` to the right, `up` upwards."""
-    scale = 0.5 * _SIDE / reach_mm
-    middle = 0.5 * _SIDE
+    scale = _MIDDLE / reach_mm
     centre, half = _MM * payload.values[1:4], _MM * half_widths(payload)[1:4]
-    x, y = middle + scale * centre[across], middle - scale * centre[up]
-    parts = [_flange(across, scale), *_axis_marks(across, up), _ruler(reach_mm, scale)]
     wide, high, turn = _ellipse(half[across], half[up], _correlation(payload, across, up))
-    parts.append(
-        f'<ellipse cx="{x:.1f}" cy="{y:.1f}" rx="{scale * wide:.2f}" ry="{scale * high:.2f}" '
-        f'transform="rotate({-turn:.1f} {x:.1f} {y:.1f})" class="interval"/>'
-    )
-    parts.append(f'<path class="cross" d="M{x - 7:.1f} {y:.1f}h14M{x:.1f} {y - 7:.1f}v14"/>')
-    parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{_LEAST_DOT}" class="centre"/>')
     described = ", ".join(
         f"{_AXES[axis]} {numeral(centre[axis], 1)} ± {numeral(half[axis], 1)}{NO_BREAK}mm" for axis in (across, up)
     )
-    title = f"Centre of mass on the flange, {heading[0].lower()}{heading[1:]}: {described}."
-    name = f"centre-{_AXES[across]}{_AXES[up]}"
-    return (
-        f'<svg viewBox="0 0 {_SIDE} {_SIDE}" role="img" aria-labelledby="{name}" class="centre-view">'
-        f'<title id="{name}">{title}</title>{"".join(parts)}</svg>'
+    return rendered(
+        "figures/center.svg.j2",
+        name=f"centre-{_AXES[across]}{_AXES[up]}",
+        title=f"Centre of mass on the flange, {heading[0].lower()}{heading[1:]}: {described}.",
+        axes=(_AXES[across], _AXES[up]),
+        x=_MIDDLE + scale * centre[across],
+        y=_MIDDLE - scale * centre[up],
+        ellipse=(scale * wide, scale * high, -turn),
+        plate=(scale * _THICK_MM, scale * FLANGE_MM),
+        ruler_mm=_ruler_mm(reach_mm),
+        scale=scale,
     )
 
 
-def _flange(across: int, scale: float) -> str:
-    """The plate: edge-on if the view shows z, else face-on."""
-    middle, wide = 0.5 * _SIDE, scale * FLANGE_MM
-    if across == 2:
-        thick = scale * _THICK_MM
-        return (
-            f'<rect x="{middle - thick:.1f}" y="{middle - 0.5 * wide:.1f}" width="{thick:.1f}" height="{wide:.1f}" '
-            'class="flange"/>'
-        )
-    return f'<circle cx="{middle:g}" cy="{middle:g}" r="{0.5 * wide:.1f}" class="flange"/>'
-
-
-def _axis_marks(across: int, up: int) -> list[str]:
-    """Both axes through the flange's origin, with their letters."""
-    end, middle = _SIDE - 8, 0.5 * _SIDE
-    return [
-        f'<path class="axis" d="M8 {middle:g}H{end}M{middle:g} {end}V8"/>',
-        f'<text x="{end}" y="{middle - 8:g}" text-anchor="end">{_AXES[across]}</text>',
-        f'<text x="{middle + 6:g}" y="24">{_AXES[up]}</text>',
-    ]
-
-
-def _ruler(reach_mm: float, scale: float) -> str:
+def _ruler_mm(reach_mm: float) -> float:
     """A length of 1, 2 or 5 times a power of ten, about a quarter of the drawing."""
     rough = 0.5 * reach_mm
     power = 10.0 ** floor(log10(rough))
-    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= rough)
-    left, bottom = 10.0, _SIDE - 12.0
-    return (
-        f'<path class="ruler" d="M{left:g} {bottom - 4:g}v8m0 -4h{scale * length:.1f}m0 -4v8"/>'
-        f'<text x="{left:g}" y="{bottom - 10:g}">{length:g}{NO_BREAK}mm</text>'
-    )
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= rough)
 
 
 def _ellipse(one: float, other: float, correlation: float) -> tuple[float, float, float]:

@@ -49,7 +49,7 @@ def test_the_run_itself_says_how_large_it_can_be(calibration, pinocchio_arm, fac
     arm = pinocchio_arm
     prior = SessionGains.assumed(calibration, 0.03)
     run = drifted(arm, True, 81)
-    run = structs.replace(run, current_a=factor / DRIFT * run.current_a)
+    run = replace(run, current_a=factor / DRIFT * run.current_a)
     session = prior.within(run, calibration, arm.chain, arm.transmission, loaded=True)
     assert session.log_factor == 0.0
     assert (session.deviation < 0.006) == (factor == 1.0)
