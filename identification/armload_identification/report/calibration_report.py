@@ -64,7 +64,6 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
         drift=list(_drift(calibration, names)),
         delay=f"{numeral(1e3 * calibration.body.torque_delay_s, 1)} ± {numeral(width_ms, 1)}{NO_BREAK}ms",
         tilt=tilted if tilt_deg > tilt_width_deg else f"level within {numeral(tilt_width_deg, 2)}°",
-        numeral=numeral,
         colors=COLORS,
     )
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import jinja2
 from markupsafe import Markup, escape
 
-from armload_identification.numerals import MINUS, NO_BREAK
+from armload_identification.numerals import MINUS, NO_BREAK, counted, numeral, scientific
 from armload_identification.report.figures.figure_file import write_drawn
 from armload_identification.storage.control_characters import printable
 
@@ -22,7 +23,7 @@ def rendered(template: str, **values: object) -> str:
 
     Args:
         template: The template's file, in this package.
-        values: Values of the template's variables.
+        values: Values of the template's variables; it may call functions for numbers, and `json.loads`, too.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("armload_identification.report", "."),
@@ -32,6 +33,7 @@ def rendered(template: str, **values: object) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals |= {"counted": counted, "loads": json.loads, "numeral": numeral, "scientific": scientific}
     return environment.get_template(template).render(values)
 
 

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
+from armload_identification.excitation.excitation_file import parse_excitation
 from armload_identification.identification_errors import ReportError
 from armload_identification.model.payload import (
     DETERMINED_SHARE,
@@ -19,13 +20,13 @@ from armload_identification.model.payload import (
     SMALLEST_MARGIN,
     PayloadResult,
 )
-from armload_identification.numerals import NO_BREAK, numeral, scientific
+from armload_identification.numerals import NO_BREAK, numeral
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
+from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
 from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import FLANGE_MM, center_views
 from armload_identification.report.joints import JointRow, joint_rows
-from armload_identification.report.next_steps import next_steps
 from armload_identification.report.page import rendered
 from armload_identification.report.payload_in_words import (
     compared_rows,
@@ -35,7 +36,6 @@ from armload_identification.report.payload_in_words import (
     parameter_rows,
     truth_sentence,
 )
-from armload_identification.report.provenance import comparison_sentence, file_rows, motion_sentence
 from armload_identification.report.report_content import ReportContent, ReportSubject
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.signals.load_signal import LoadSignal
@@ -62,35 +62,34 @@ def render_report(subject: ReportSubject, content: ReportContent) -> str:
         raise ReportError(
             f"{len(names)} joint names for recordings of {len(payload.noise_nm)} joints; give one name per joint"
         )
-    fit, motion = content.identification, content.motion
-    physical = None if fit is None else fit.physical
+    fit, hashes = content.identification, payload.provenance
     half_width_95 = half_widths(payload) if fit is None else fit.uncertainty.half_width_95
+    used = {source.sha256 for sources in content.sources for source in sources}
+    others = (*hashes.recordings_sha256.items(), *hashes.validation_sha256.items())
+    planned = None if content.motion is None else content.motion[1].attachments.get(EXCITATION_ATTACHMENT)
     return rendered(
         _TEMPLATE,
         subject=subject,
+        content=content,
+        fit=fit,
         headline=headline(payload),
         mass=mass_card(payload),
         views=[(heading, Markup(svg)) for heading, svg in center_views(payload)],
-        flange_width=f"{FLANGE_MM:g}{NO_BREAK}mm",
-        steps=next_steps(payload, content.validation),
+        flange_mm=FLANGE_MM,
         truth_sentence="" if subject.truth is None else truth_sentence(payload, subject.truth),
         verdict=verdict_box(content.validation, names),
         notes=tuple(_notes(payload, fit)),
         parameters=parameter_rows(payload, half_width_95, subject.truth),
-        physical=physical,
         compared=() if fit is None or not fit.physical.changed else compared_rows(fit, payload),
-        margin=scientific(payload.model.margin),
-        plain_margin=None if physical is None else scientific(physical.plain_margin),
-        motion_text="" if motion is None else motion_sentence(motion[1], motion[0]),
-        motion=() if motion is None else tuple(_motion_panels(motion[0], names)),
+        motion=() if content.motion is None else tuple(_motion_panels(content.motion[0], names)),
+        excitation=None if planned is None else parse_excitation(planned),
         runs=tuple(_runs(content, names)),
-        facts=() if fit is None else _facts(fit),
-        files=file_rows(*content.sources, payload.provenance),
+        named=[(name, sha256) for name, sha256 in others if sha256 not in used],
         colors=joint_figures.COLORS,
-        determined_percent=f"{100.0 * DETERMINED_SHARE:g}",
-        reference_length=f"{REFERENCE_LENGTH_M:g}{NO_BREAK}m",
-        loss_percent=f"{100.0 * Smoothing.loss_limit:g}",
-        smallest_margin=scientific(SMALLEST_MARGIN),
+        determined_share=DETERMINED_SHARE,
+        reference_m=REFERENCE_LENGTH_M,
+        loss_limit=Smoothing.loss_limit,
+        smallest_margin=SMALLEST_MARGIN,
     )
 
 
@@ -128,7 +127,7 @@ def _runs(content: ReportContent, names: tuple[str, ...]) -> Iterator[dict[str, 
             yield {
                 "key": key,
                 "heading": heading,
-                "text": comparison_sentence(runs.signal),
+                "signal": runs.signal,
                 "panels": list(_torque_panels(key, runs, rows)),
                 "rows": rows,
                 "judged": judged is not None,
@@ -149,19 +148,3 @@ def _torque_panels(
         )
         svg = joint_figures.torque_figure(runs.signal, runs.predicted_nm, joint, f"{key}-{row.number}", title)
         yield row.name, caption, Markup(svg)
-
-
-def _facts(identification: Identification) -> tuple[tuple[str, str], ...]:
-    """Statistics of the fit for experts."""
-    fit, signal = identification.plain, identification.signal
-    used = int(np.count_nonzero(signal.valid))
-    return (
-        ("Samples", f"{used} of {signal.valid.size}, every {numeral(1e3 * signal.interval_s, 2)}{NO_BREAK}ms"),
-        ("Rank", f"{fit.rank} of {fit.theta.size}"),
-        ("Condition number of the whitened regressor, SI units", numeral(fit.condition_number, 1)),
-        ("Iterations until the weights converged", str(fit.posterior.steps)),
-        (
-            "Standard deviation used to weight each joint, N m",
-            ", ".join(f"{noise:.3g}" for noise in fit.noise_nm),
-        ),
-    )

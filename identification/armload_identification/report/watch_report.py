@@ -11,7 +11,6 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.numerals import numeral
 from armload_identification.report.figures.figure_style import BLUE, INK, VERMILION
 from armload_identification.report.figures.styled_figure import styled_figure
 from armload_identification.report.figures.svg import inline_svg
@@ -101,7 +100,7 @@ def write_watch_report(path: Path, history: WatchHistory) -> None:
     title = "Mass that the arm carried over time, with its 95 % interval, and events."
     drawing = Markup(watch_svg(history, "mass", title) if _drawn(history).any() else "")
     far = [joint for joint in history.joints if abs(joint.friction_nm) > 3.0 * joint.usual_nm]
-    write_page(path, rendered(_TEMPLATE, history=history, drawing=drawing, far=far, numeral=numeral))
+    write_page(path, rendered(_TEMPLATE, history=history, drawing=drawing, far=far))
 
 
 def watch_svg(history: WatchHistory, name: str, title: str) -> str:

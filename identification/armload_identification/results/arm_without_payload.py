@@ -51,13 +51,14 @@ class ArmWithoutPayload:
         """
         require_extra(Extra.REPORT, "a report")
         from armload_identification.report.page import rendered, write_page
-        from armload_identification.report.provenance import recording_rows
 
         page = rendered(
             "nothing_mounted.html.j2",
             arm=self.arm,
             statement=self.found.statement,
-            files=recording_rows("identification", self.sources),
+            fitted=self.sources,
+            validating=(),
+            named=(),
             created=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
             armload_version=version("armload"),
         )

@@ -34,7 +34,7 @@ from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.model.payload import InertialParameters
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.run_format import RUN_ATTACHMENT, WAY_ROUND_ATTACHMENT
-from armload_identification.report.provenance import motion_sentence
+from armload_identification.report.page import rendered
 
 CYCLE_S = 0.02
 ROBOT = load_robot("prbt").with_bus(cycle_hz=1.0 / CYCLE_S)
@@ -179,9 +179,8 @@ def test_a_way_round_is_announced_before_the_arm_gets_torque_and_stands_in_recor
     via_points = np.array(json.loads(run.source.attachments[WAY_ROUND_ATTACHMENT])["via_points_rad"])
     assert via_points.shape == (count, 6)
     signal = SimpleNamespace(time_s=run.time_s, interval_s=CYCLE_S)
-    assert f"blocked: the arm went round the obstacle, via {count}\N{NO-BREAK SPACE}point" in motion_sentence(
-        run.source, signal
-    )
+    said = rendered("motion.html.j2", source=run.source, signal=signal, excitation=path.excitation)
+    assert f"blocked: the arm went round the obstacle, via {count}\N{NO-BREAK SPACE}point" in said
 
 
 @pytest.mark.parametrize(

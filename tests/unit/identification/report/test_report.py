@@ -25,10 +25,8 @@ from armload_identification.recording.run_format import LATENESS_ATTACHMENT
 from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import center_views
 from armload_identification.report.figures.joint_figures import thin_out, torque_figure
-from armload_identification.report.next_steps import next_steps
-from armload_identification.report.page import _typeset, write_page
+from armload_identification.report.page import _typeset, rendered, write_page
 from armload_identification.report.payload_in_words import headline, parameter_rows
-from armload_identification.report.provenance import file_rows
 from armload_identification.report.report import render_report
 from armload_identification.report.report_content import ReportContent, ReportSubject
 from armload_identification.report.verdict_box import verdict_box
@@ -362,14 +360,20 @@ def test_a_direction_that_is_not_determined_is_not_drawn(views):
 
 
 def test_the_page_says_what_to_do_next(clear, validation, pinocchio_arm, without_curves):
-    payload = subject(clear).payload
-    assert "armload export" in next_steps(payload, validation)[0]
-    assert "another motion" in next_steps(payload, None)[0]
+    about = subject(clear)
+    payload = about.payload
+
+    def first_step(about, validation):
+        page = Page(render_report(about, ReportContent(clear, validation)))
+        return page.text.partition("What to do next")[2].strip().partition("\n")[0]
+
+    assert "armload export" in first_step(about, validation)
+    assert "another motion" in first_step(about, None)
     wrong = known_payload(replace(payload, model=InertialParameters(1.5 * payload.model.theta)))
     failed = judge(validation.measured, pinocchio_arm.chain, wrong, Tolerance())
-    assert next_steps(payload, failed)[0] == "Do not use this payload."
+    assert first_step(about, failed) == "Do not use this payload."
     unknown = replace(payload, determined=np.zeros(10, dtype=bool))
-    assert next_steps(unknown, None)[0].startswith("Do not use this payload yet")
+    assert first_step(replace(about, payload=unknown), None).startswith("Do not use this payload yet")
     page = Page(render_report(subject(clear), ReportContent(clear)))
     assert page.text.index("What to do next") < page.text.index("record another motion") < page.text.index("Parameters")
 
@@ -402,11 +406,11 @@ def test_provenance_is_complete(full, clear):
 def test_how_late_the_cycles_were_is_stated_if_recorded(clear):
     counted = {"up_to_ms": [0.1, 1.0], "cycles": [97, 0, 3], "greatest_ms": 7.25}
     late = replace(clear.sources[0], attachments={LATENESS_ATTACHMENT: json.dumps(counted)})
-    rows = file_rows((late,), (), subject(clear).payload.provenance)
-    assert rows[0].lateness.replace("\u00a0", " ") == ("of 100 cycles 97 in time (to 0.1 ms), late: 3 by 1 to 7.25 ms")
+    said = rendered("recordings.html.j2", fitted=(late,), validating=(), named=()).replace("&nbsp;", " ")
+    assert "<br>of 100 cycles 97 in time (to 0.1 ms), late: 3 by 1 to 7.25 ms<" in said
 
 
-def test_dropped_rows_and_further_recordings_are_listed(clear):
+def test_dropped_rows_and_further_recordings_are_listed(clear, without_curves):
     lossy = replace(
         clear.sources[0], rows_dropped=3, reasons={"not finite": 2, "truncated last row": 1}, truncated=True
     )
@@ -415,11 +419,13 @@ def test_dropped_rows_and_further_recordings_are_listed(clear):
     about = replace(
         about, payload=replace(about.payload, provenance=replace(about.payload.provenance, validation_sha256=more))
     )
-    rows = file_rows((lossy, clear.sources[1]), (), about.payload.provenance)
-    assert rows[0].rows.endswith("3 dropped (2 not finite, 1 truncated last row)")
-    assert rows[0].details.endswith("ends early")
-    assert rows[0].lateness == ""
-    assert (rows[2].name, rows[2].sha256) == ("loaded_validation.mcap", "d" * 64)
+    page = render_report(about, ReportContent(replace(clear, sources=(lossy, clear.sources[1]))))
+    rows = Page(page).table("provenance")[1:]
+    assert rows[0][2].endswith("3 dropped (2 not finite, 1 truncated last row)")
+    assert ", ends early" in rows[0][1]
+    assert " late" not in rows[0][2]
+    assert rows[2][1].startswith("loaded_validation.mcap")
+    assert rows[2][1].endswith("d" * 64)
     assert len(rows) == 3
 
 
