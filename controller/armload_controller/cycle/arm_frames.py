@@ -7,6 +7,7 @@ References:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib.resources import files
 from typing import Any, Final
 
 import numpy as np
@@ -20,35 +21,7 @@ FRAMES_SCHEMA_NAME: Final = "foxglove.FrameTransforms"
 BASE_FRAME: Final = "base"
 FLANGE_FRAME: Final = "flange"
 
-_TIME: Final[dict[str, Any]] = {
-    "type": "object",
-    "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
-}
-
-
-def _numbers(keys: str) -> dict[str, Any]:
-    return {"type": "object", "properties": {key: {"type": "number"} for key in keys}}
-
-
-FRAMES_SCHEMA: Final[dict[str, Any]] = {
-    "title": FRAMES_SCHEMA_NAME,
-    "type": "object",
-    "properties": {
-        "transforms": {
-            "type": "array",
-            "items": {
-                "type": "object",
-                "properties": {
-                    "timestamp": _TIME,
-                    "parent_frame_id": {"type": "string"},
-                    "child_frame_id": {"type": "string"},
-                    "translation": _numbers("xyz"),
-                    "rotation": _numbers("xyzw"),
-                },
-            },
-        }
-    },
-}
+FRAMES_SCHEMA: Final[dict[str, Any]] = orjson.loads(files(__package__).joinpath("frame_transforms.json").read_bytes())
 
 
 class ArmFrames:

@@ -105,7 +105,7 @@ def build_model(spec: PlantSpec) -> PlantModel:
         SimulationError: MuJoCo is missing, or refuses such an arm; names the link.
     """
     mujoco = load_mujoco()
-    rotors = np.array([joint.rotor_inertia_kg_m2 for joint in spec.joints])
+    rotors = np.array([joint.reflected_rotor_inertia_kg_m2 for joint in spec.joints])
     to_axis: FloatArray = np.linalg.inv(spec.coupling).astype(np.float64)
     rotors_at_joints = to_axis.T @ np.diag(rotors) @ to_axis
 
@@ -183,13 +183,13 @@ def _compile(mujoco: Any, spec: PlantSpec, to_axis: FloatArray, stiffness: Float
             spring = body.add_joint(name=f"gear {i}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=joint.axis)
             spring.stiffness[0] = stiffness[i]
             spring.damping[0] = stiffness[i] * TIME_STEP_S
-            spring.armature = OUTPUT_STAGE * joint.rotor_inertia_kg_m2
+            spring.armature = OUTPUT_STAGE * joint.reflected_rotor_inertia_kg_m2
     if spec.payload is not None:
         tool = body.add_body(name="payload")
         _place(mujoco, tool, spec.flange)
         _fill(tool, spec.payload)
     for i, joint in enumerate(spec.joints):
-        rotor = description.add_tendon(name=f"axis {i}", armature=joint.rotor_inertia_kg_m2)
+        rotor = description.add_tendon(name=f"axis {i}", armature=joint.reflected_rotor_inertia_kg_m2)
         for k in np.flatnonzero(to_axis[i]):
             rotor.wrap_joint(f"motor {k}", to_axis[i, k])
     try:

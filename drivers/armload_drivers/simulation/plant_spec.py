@@ -65,7 +65,7 @@ class PlantJoint:
         stribeck_nm: Excess of static over Coulomb friction.
         stribeck_velocity_rad_s: Speed v_s in stribeck * exp(-(dq / v_s)^2).
         load_friction: mu, friction per torque of links and payload.
-        rotor_inertia_kg_m2: Rotor inertia REFLECTED to the axis: gear ratio squared times the rotor's own.
+        reflected_rotor_inertia_kg_m2: Rotor inertia REFLECTED to the axis: gear ratio squared times the rotor's own.
         gear_ratio: Motor turns per axis turn.
         torque_ripple_nm: Amplitude of the torque ripple at the axis.
         ripple_per_motor_turn: Ripple periods per motor turn.
@@ -85,7 +85,7 @@ class PlantJoint:
     stribeck_nm: float
     stribeck_velocity_rad_s: float
     load_friction: float
-    rotor_inertia_kg_m2: float
+    reflected_rotor_inertia_kg_m2: float
     gear_ratio: float
     torque_ripple_nm: float
     ripple_per_motor_turn: float

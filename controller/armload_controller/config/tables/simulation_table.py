@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import msgspec
 from msgspec import Meta
 
 from armload_controller.config.tables.body_tables import BodyTable, PayloadTable
@@ -42,25 +43,16 @@ class SimulatedJointTable(Table):
         """
         from armload_drivers.simulation.plant_spec import PlantJoint
 
+        truth = msgspec.structs.asdict(self) | {"link": self.link.rigid_body()}
         return PlantJoint(
+            **truth,
             name=joint.name,
             placement=placement,
             axis=axis,
-            link=self.link.rigid_body(),
-            coulomb_nm=self.coulomb_nm,
-            viscous_nm_s_rad=self.viscous_nm_s_rad,
-            stribeck_nm=self.stribeck_nm,
-            stribeck_velocity_rad_s=self.stribeck_velocity_rad_s,
-            load_friction=self.load_friction,
-            rotor_inertia_kg_m2=self.reflected_rotor_inertia_kg_m2,
             gear_ratio=joint.gear_ratio or 1.0,
-            torque_ripple_nm=self.torque_ripple_nm,
-            ripple_per_motor_turn=self.ripple_per_motor_turn,
             torque_noise_nm=joint.torque_noise_nm,
             max_torque_nm=joint.torque_max_nm,
             has_brake=joint.drive.has_brake if joint.drive else True,
-            brake_torque_nm=self.brake_torque_nm,
-            brake_delay_s=self.brake_delay_s,
         )
 
 

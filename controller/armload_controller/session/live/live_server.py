@@ -20,6 +20,7 @@ import socket
 import time
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.resources import files
 from threading import Thread
 from typing import Any
 
@@ -43,24 +44,6 @@ _SDK_QUEUE = 64
 _NICE_LEVEL = 10
 _GOODBYE_S = 1.0
 """Time to close the connections, first of the SDK's server and then of the relay."""
-
-_LIMIT_KEYS = ("position_min_rad", "position_max_rad", "velocity_max_rad_s", "torque_max_nm", "following_error_max_rad")
-_USED_SHARES = ("position_share", "velocity_share", "torque_share", "following_error_share")
-_NUMBERS_SCHEMA = {"type": "array", "items": {"type": ["number", "null"]}}
-_LIMITS_SCHEMA: dict[str, Any] = {
-    "title": "armload.Limits",
-    "description": "Limits of the joints, units in the names; _share is the used share of each, where 1 is the limit.",
-    "type": "object",
-    "properties": {
-        "joint_names": {"type": "array", "items": {"type": "string"}},
-        **dict.fromkeys((*_LIMIT_KEYS, *_USED_SHARES), _NUMBERS_SCHEMA),
-    },
-}
-_PROGRESS_SCHEMA: dict[str, Any] = {
-    "title": "armload.Progress",
-    "type": "object",
-    "properties": {"text": {"type": "string"}, "share": {"type": "number", "description": "0 to 1"}},
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +128,8 @@ def serve_clients(link: socket.socket, host: str, port: int, arm: LiveArm, limit
         for topic, schema in (
             (TOPIC, MESSAGE_SCHEMA),
             (FRAMES_TOPIC, FRAMES_SCHEMA),
-            (LIMITS_TOPIC, _LIMITS_SCHEMA),
-            (PROGRESS_TOPIC, _PROGRESS_SCHEMA),
+            (LIMITS_TOPIC, _schema("limits")),
+            (PROGRESS_TOPIC, _schema("progress")),
         )
     }
     with link.dup() as warnings:
@@ -177,6 +160,12 @@ def serve_clients(link: socket.socket, host: str, port: int, arm: LiveArm, limit
         goodbye.start()
         goodbye.join(_GOODBYE_S)
         relay.close(_GOODBYE_S)
+
+
+def _schema(name: str) -> dict[str, Any]:
+    """The JSON schema of a topic's messages."""
+    found: dict[str, Any] = orjson.loads(files(__package__).joinpath(f"{name}.json").read_bytes())
+    return found
 
 
 def _listener(host: str, port: int) -> socket.socket:

@@ -45,7 +45,7 @@ def joint(**changes: object) -> PlantJoint:
         stribeck_nm=0.0,
         stribeck_velocity_rad_s=0.02,
         load_friction=0.0,
-        rotor_inertia_kg_m2=2.0,
+        reflected_rotor_inertia_kg_m2=2.0,
         gear_ratio=100.0,
         torque_ripple_nm=0.0,
         ripple_per_motor_turn=2.0,
@@ -104,7 +104,7 @@ def random_arm(seed: int, n: int = 5) -> PlantSpec:
                 placement=pose(),
                 axis=axis / np.linalg.norm(axis),
                 link=body(),
-                rotor_inertia_kg_m2=float(random.uniform(0.1, 2.0)),
+                reflected_rotor_inertia_kg_m2=float(random.uniform(0.1, 2.0)),
             )
         )
     return arm(
@@ -195,7 +195,7 @@ class TestMechanics:
         reference = pinocchio_model(spec)
         work = reference.createData()
         to_axis = np.linalg.inv(spec.coupling)
-        rotors = np.diag([each.rotor_inertia_kg_m2 for each in spec.joints])
+        rotors = np.diag([each.reflected_rotor_inertia_kg_m2 for each in spec.joints])
         random = np.random.default_rng(5)
         model.dof_frictionloss[:] = 0.0
         for _ in range(20):
@@ -225,7 +225,9 @@ class TestMechanics:
         np.testing.assert_allclose(now.link_torque_nm, expected, rtol=0.01, atol=0.5)
 
     def test_frictionless_swing_keeps_its_energy(self) -> None:
-        plant = ArmPlant(arm(lifting(has_brake=False, rotor_inertia_kg_m2=1e-6), start_position_rad=np.array([-0.5])))
+        plant = ArmPlant(
+            arm(lifting(has_brake=False, reflected_rotor_inertia_kg_m2=1e-6), start_position_rad=np.array([-0.5]))
+        )
         inertia = 0.5 + 10.0 * 0.3**2
         energies = []
         for _ in range(100):
@@ -401,8 +403,8 @@ class TestPayloadThatChanges:
 class TestElasticJoints:
     @pytest.mark.parametrize(("index", "frequency_hz"), [(0, 12.0), (3, 25.0)])
     def test_natural_frequency_against_the_locked_motor(self, index: int, frequency_hz: float) -> None:
-        heavy = joint(link=RigidBody(1.0, np.zeros(3), np.eye(3) * 1e4), rotor_inertia_kg_m2=1e3)
-        light = joint(link=RigidBody(5.0, np.zeros(3), np.eye(3) * 3.0), rotor_inertia_kg_m2=1.0)
+        heavy = joint(link=RigidBody(1.0, np.zeros(3), np.eye(3) * 1e4), reflected_rotor_inertia_kg_m2=1e3)
+        light = joint(link=RigidBody(5.0, np.zeros(3), np.eye(3) * 3.0), reflected_rotor_inertia_kg_m2=1.0)
         spec = arm(*[heavy] * index, light, variant=PlantVariant.HARSH)
         plant = ArmPlant(spec)
         plant._data.qpos[2 * index + 1] = 0.01
