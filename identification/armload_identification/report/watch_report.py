@@ -11,8 +11,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.figure_style import BLUE, INK, VERMILION
-from armload_identification.report.figures.styled_figure import styled_figure
+from armload_identification.report.figures.figure_style import BLUE, INK, VERMILION, styled_figure
 from armload_identification.report.figures.svg import inline_svg
 from armload_identification.report.page import rendered, write_page
 

@@ -7,9 +7,8 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.figure_style import BLUE, INK, LIGHT_GREY, VERMILION
+from armload_identification.report.figures.figure_style import BLUE, INK, LIGHT_GREY, VERMILION, styled_figure
 from armload_identification.report.figures.joint_figures import ticks
-from armload_identification.report.figures.styled_figure import styled_figure
 from armload_identification.report.figures.svg import inline_svg
 
 _WIDE_IN: Final = 7.0

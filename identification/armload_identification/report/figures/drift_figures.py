@@ -14,9 +14,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.pipeline.arm_drift import ArmDrift, Monitored
 from armload_identification.pipeline.warm_up import WARM_S, WarmUp
 from armload_identification.report.figures.control_chart_axes import DATES, days_of, draw_control_chart, draw_dates
-from armload_identification.report.figures.figure_style import BLUE, VERMILION
+from armload_identification.report.figures.figure_style import BLUE, VERMILION, styled_figure
 from armload_identification.report.figures.joint_figures import ticks
-from armload_identification.report.figures.styled_figure import styled_figure
 
 _WIDE_IN: Final = 7.0
 _ROW_IN: Final = 1.25

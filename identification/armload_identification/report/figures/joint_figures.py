@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.figure_style import BLUE, GREEN, INK, VERMILION
-from armload_identification.report.figures.styled_figure import styled_figure
+from armload_identification.report.figures.figure_style import BLUE, GREEN, INK, VERMILION, styled_figure
 from armload_identification.report.figures.svg import inline_svg
 from armload_identification.signals.load_signal import LoadSignal
 

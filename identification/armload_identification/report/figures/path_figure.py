@@ -33,12 +33,7 @@ from armload_identification.report.figures.figure_style import (
 COLORS: Final = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY_BLUE, INK)
 _FORBIDDEN: Final = "#e8d5d0"
 _WALL: Final = "#a0522d"
-_STYLE: Final = FIGURE_STYLE | {
-    "font.size": 8.0,
-    "axes.titlesize": 8.5,
-    "axes.titlelocation": "left",
-    "lines.linewidth": 1.1,
-}
+_LARGER: Final = {"font.size": 8.0, "axes.titlesize": 8.5, "axes.titlelocation": "left", "lines.linewidth": 1.1}
 _SAMPLES: Final = 600
 _POSTURES: Final = 8
 _NEAREST: Final = 5
@@ -66,7 +61,7 @@ def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[s
         raise ExcitationError(
             f"a trajectory of {excitation.trajectory.n} joints, limits of {envelope.n}, {len(joint_names)} names"
         )
-    with matplotlib.style.context(["default", _STYLE]):
+    with matplotlib.style.context(["default", FIGURE_STYLE, _LARGER]):
         figure = Figure(figsize=_SIZE_IN)
         rows = figure.add_gridspec(excitation.trajectory.n, 1, left=0.04, right=0.40, bottom=0.06, top=0.96, hspace=0.4)
         _draw_joints(rows.subplots(sharex=True, squeeze=False)[:, 0], excitation.trajectory, envelope, joint_names)

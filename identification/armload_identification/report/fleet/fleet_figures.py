@@ -11,8 +11,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.many_arms.arm_runs import UNITS
 from armload_identification.many_arms.fleet_review import FigureReview
 from armload_identification.report.figures.control_chart_axes import days_of, draw_control_chart, draw_dates
-from armload_identification.report.figures.figure_style import BLUE, INK, LIGHT_GREY, VERMILION
-from armload_identification.report.figures.styled_figure import styled_figure
+from armload_identification.report.figures.figure_style import BLUE, INK, LIGHT_GREY, VERMILION, styled_figure
 from armload_identification.report.figures.svg import inline_svg
 
 _WIDE_IN: Final = 2.6
