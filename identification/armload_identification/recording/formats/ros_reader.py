@@ -57,24 +57,9 @@ _TYPES: Final = (
     "control_msgs/msg/DynamicJointState",
     "control_msgs/msg/JointTrajectoryControllerState",
 )
-_DEFINITIONS: Final = {
-    "builtin_interfaces/msg/Time": "int32 sec\nuint32 nanosec\n",
-    "builtin_interfaces/msg/Duration": "int32 sec\nuint32 nanosec\n",
-    "std_msgs/msg/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
-    "trajectory_msgs/msg/JointTrajectoryPoint": (
-        "float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\nfloat64[] effort\n"
-        "builtin_interfaces/Duration time_from_start\n"
-    ),
-    "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
-    _TYPES[0]: "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
-    _TYPES[1]: "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] interface_values\n",
-    _TYPES[2]: (
-        "std_msgs/Header header\nstring[] joint_names\ntrajectory_msgs/JointTrajectoryPoint desired\n"
-        "trajectory_msgs/JointTrajectoryPoint actual\ntrajectory_msgs/JointTrajectoryPoint error\n"
-    ),
-}
-"""Definitions of ROS 2 Humble, whose SQLite bags do not contain the definitions of their messages; only those needed,
-because all of them take half as long as NumPy to load."""
+_DEFINITIONS: Final = Path(__file__).with_name("ros_messages.msg")
+"""The definitions of ROS 2 Humble, whose SQLite bags do not contain those of their messages: the first of the types,
+then the others and what they consist of; only those needed, because all take half as long as NumPy to load."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,8 +294,7 @@ _REQUIRE_BOUNDED: Final = {
 def _humble() -> Typestore:
     """Types for SQLite bags, which may have no definitions; MCAP and ROS 1 do."""
     store = get_typestore(Stores.EMPTY)
-    for name, definition in _DEFINITIONS.items():
-        store.register(get_types_from_msg(definition, name))
+    store.register(get_types_from_msg(_DEFINITIONS.read_text("utf-8"), _TYPES[0]))
     return store
 
 

@@ -35,9 +35,8 @@ STATE = "sensor_msgs/msg/JointState"
 @pytest.fixture(scope="module")
 def store():
     store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, definition in _DEFINITIONS.items():
-        if name not in store.fielddefs:
-            store.register(get_types_from_msg(definition, name))
+    found = get_types_from_msg(_DEFINITIONS.read_text("utf-8"), STATE)
+    store.register({name: kind for name, kind in found.items() if name not in store.fielddefs})
     return store
 
 
