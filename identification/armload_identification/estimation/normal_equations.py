@@ -7,7 +7,7 @@ eliminated.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
@@ -57,17 +57,8 @@ class TorqueAt:
     motors: list[tuple[slice, FloatArray]]
 
 
-@dataclass(frozen=True, eq=False)
-class Derivatives:
-    """Derivatives of a run's torque.
-
-    Attributes:
-        columns: Per axis (N, k).
-        place: Per axis (k,) indices of their unknowns.
-    """
-
-    columns: tuple[FloatArray, ...]
-    place: tuple[NDArray[np.intp], ...]
+AxisColumns = tuple[FloatArray, NDArray[np.intp]]
+"""(N, k) derivatives of an axis's torque, and (k,) indices of their unknowns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +211,7 @@ class GroupState:
         found = [torque_derivatives(torque, placed, self.coupling) for torque, placed in runs]
         weighted = []
         for axis in range(weight.shape[2]):
-            columns, place = joined_columns([(run.columns[axis], run.place[axis]) for run in found])
+            columns, place = joined_columns([run[axis] for run in found])
             kept = np.isin(place, free)
             mixed = self.group.mixed(columns[:, :, kept])
             for combination, rows in enumerate(mixed):
@@ -296,45 +287,38 @@ def torque_at(rows: ArmRows, terms: Placed, x: FloatArray, coupling: FloatArray)
     return TorqueAt(predicted, gain, factor, delay, tilt, rate_nm, tilt_nm, motor_rate_nm, loads, joints, motors)
 
 
-def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> Derivatives:
-    """Derivatives of the torque by the values of the terms that act on the run."""
-    whole, places = [], []
+def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> list[AxisColumns]:
+    """Derivatives of every axis's torque by the values of the terms that act on the run."""
+    whole = []
     for place, (level, rate, tilted) in at.loads:
         moved = level + at.delay_s * rate
         moved += at.tilt_rad[0] * tilted[0]
         moved += at.tilt_rad[1] * tilted[1]
-        whole.append(moved)
-        places.append(_indices(place))
+        whole.append((moved, place))
     for law, torque in ((Shared.DELAY, at.rate_nm[:, :, None]), (Shared.TILT, at.tilt_nm)):
-        for _, place in _acting(terms, law):
-            whole.append(torque)
-            places.append(_indices(place))
-    through = np.concatenate([np.zeros((*at.predicted_nm.shape, 0)), *whole], axis=2) * at.factor[:, :, None]
-    place_through = np.concatenate([_NONE, *places])
-    delays = np.concatenate([_NONE, *(_indices(place) for _, place in _acting(terms, Shared.DELAY))])
-    own = np.concatenate([np.zeros((0, *at.predicted_nm.shape)), *(columns for _, columns in at.joints)])
+        whole += [(torque, place) for _, place in _acting(terms, law)]
     n = at.predicted_nm.shape[1]
-    starts = np.concatenate(
-        [_NONE, *(place.start + n * np.arange(len(columns)) for place, columns in at.joints)]
-    ).astype(np.intp)
-    gains = [place.start for _, place in _acting(terms, Shared.GAIN)]
-    found, where = [], []
+    nothing = np.zeros((*at.predicted_nm.shape, 0))
+    through = np.concatenate([nothing, *(columns for columns, _ in whole)], axis=2) * at.factor[:, :, None]
+    place_through = _indices(place for _, place in whole)
+    delayed = np.isin(place_through, _indices(place for _, place in _acting(terms, Shared.DELAY)))
+    own = np.concatenate([np.zeros((0, *at.predicted_nm.shape)), *(columns for _, columns in at.joints)])
+    starts = _indices(slice(place.start, place.start + n * len(columns), n) for place, columns in at.joints)
+    found = []
     for axis, column in enumerate(coupling.T):
         joints = np.flatnonzero(column)
         share = column[joints] * at.gain[axis]
         ahead = np.einsum("tjk,j->tk", through[:, joints], share) if joints.size > 1 else through[:, joints[0]] * share
-        ahead[:, np.isin(place_through, delays)] += at.gain[axis] * at.motor_rate_nm[:, axis, None]
-        parts = [ahead, *(own[:, :, j].T * c for j, c in zip(joints, share, strict=True))]
-        indices = [place_through, *(starts + j for j in joints)]
-        for place in gains:
-            parts.append(at.predicted_nm[:, axis, None])
-            indices.append(np.array([place + axis]))
-        for place, columns in at.motors:
-            parts.append(at.gain[axis] * columns[:, axis, None])
-            indices.append(np.array([place.start + axis]))
-        found.append(np.hstack(parts))
-        where.append(np.concatenate(indices).astype(np.intp))
-    return Derivatives(tuple(found), tuple(where))
+        ahead[:, delayed] += at.gain[axis] * at.motor_rate_nm[:, axis, None]
+        parts = [
+            (ahead, place_through),
+            *((own[:, :, j].T * c, starts + j) for j, c in zip(joints, share, strict=True)),
+        ]
+        gains = [(place, at.predicted_nm) for _, place in _acting(terms, Shared.GAIN)]
+        for place, columns in (*gains, *((place, at.gain[axis] * columns) for place, columns in at.motors)):
+            parts.append((columns[:, axis, None], np.array([place.start + axis])))
+        found.append((np.hstack([columns for columns, _ in parts]), np.concatenate([place for _, place in parts])))
+    return found
 
 
 def _acting(terms: Placed, law: Shared) -> list[tuple[Term, slice]]:
@@ -342,8 +326,9 @@ def _acting(terms: Placed, law: Shared) -> list[tuple[Term, slice]]:
     return [(term, place) for term, place in terms if term.law is law]
 
 
-def _indices(place: slice) -> NDArray[np.intp]:
-    return np.arange(place.start, place.stop)
+def _indices(places: Iterable[slice]) -> NDArray[np.intp]:
+    """Indices of several places, one after the other."""
+    return np.concatenate([_NONE, *(np.arange(place.start, place.stop, place.step) for place in places)])
 
 
 def struck_samples(size: FloatArray, time_s: FloatArray) -> NDArray[np.bool_]:
@@ -371,7 +356,7 @@ def struck_samples(size: FloatArray, time_s: FloatArray) -> NDArray[np.bool_]:
     return near if near.mean() <= Blows.most else np.zeros_like(near)
 
 
-def joined_columns(parts: Sequence[tuple[FloatArray, NDArray[np.intp]]]) -> tuple[FloatArray, NDArray[np.intp]]:
+def joined_columns(parts: Sequence[AxisColumns]) -> AxisColumns:
     """(g, N, k) columns of the runs of a group for all their unknowns, and (k,) indices of these."""
     if len(parts) == 1:
         return parts[0][0][None], parts[0][1]

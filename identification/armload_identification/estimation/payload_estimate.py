@@ -95,6 +95,11 @@ class PayloadEstimate:
     considered: FloatArray
 
     @property
+    def _place(self) -> slice:
+        """Place of the parameters among the unknowns."""
+        return self.posterior.problem.place(PAYLOAD, PAYLOAD)
+
+    @property
     def theta(self) -> FloatArray:
         """(10,) the parameters; along undetermined directions close to 0."""
         return self.posterior.value(PAYLOAD, PAYLOAD)
@@ -107,14 +112,12 @@ class PayloadEstimate:
     @cached_property
     def _white(self) -> FloatArray:
         """(10, 10) covariance if rows are as independent as assumed."""
-        place = self.posterior.problem.place(PAYLOAD, PAYLOAD)
-        return self.posterior.bread[place, place]
+        return self.posterior.bread[self._place, self._place]
 
     @cached_property
     def scale(self) -> FloatArray:
         """(10,) unit of each parameter: its prior standard deviation."""
-        place = self.posterior.problem.place(PAYLOAD, PAYLOAD)
-        return self.posterior.deviation[place]
+        return self.posterior.deviation[self._place]
 
     @cached_property
     def blind(self) -> FloatArray:
@@ -149,8 +152,7 @@ class PayloadEstimate:
         Args:
             torque_nm: (k, N, n) axis torque of the loaded run for one standard deviation of each, group by group.
         """
-        place = self.posterior.problem.place(PAYLOAD, PAYLOAD)
-        answers = [self.posterior.response(torque, group)[0][place].T for group, torque in enumerate(torque_nm)]
+        answers = [self.posterior.response(torque, group)[0][self._place].T for group, torque in enumerate(torque_nm)]
         return replace(self, shifts=np.vstack([self.shifts, np.sum(answers, axis=0)]))
 
     @property
@@ -173,7 +175,7 @@ class PayloadEstimate:
             (k,) each; the variance is inf where a direction is not determined.
         """
         contrast = np.zeros((len(slope), self.posterior.problem.shared_size))
-        contrast[:, self.posterior.problem.place(PAYLOAD, PAYLOAD)] = slope
+        contrast[:, self._place] = slope
         variance, freedom = self.posterior.spread(contrast)
         total = variance + np.sum((slope @ self._other.T) ** 2, axis=1)
         freedom = freedom * (total / np.maximum(variance, 1e-300)) ** 2
@@ -184,16 +186,17 @@ class PayloadEstimate:
     @cached_property
     def covariance(self) -> FloatArray:
         """(10, 10) of theta."""
-        place = self.posterior.problem.place(PAYLOAD, PAYLOAD)
-        return np.asarray(self.posterior.covariance[place, place] + self._other.T @ self._other)
+        return np.asarray(self.posterior.covariance[self._place, self._place] + self._other.T @ self._other)
 
     @cached_property
     def gain_slope(self) -> FloatArray:
         """(10, n) change of theta per change of the logarithm of each gain, the others and the rows as they are."""
         if self.considered.size:
             return np.asarray(-np.linalg.lstsq(self.considered_gains, self.considered)[0].T)
-        place, gains = self.posterior.problem.place(PAYLOAD, PAYLOAD), self.posterior.problem.place(GAIN)
-        return np.asarray(-self.posterior.bread[place, gains] @ np.linalg.pinv(self.posterior.bread[gains, gains]))
+        gains = self.posterior.problem.place(GAIN)
+        return np.asarray(
+            -self.posterior.bread[self._place, gains] @ np.linalg.pinv(self.posterior.bread[gains, gains])
+        )
 
     @cached_property
     def _other(self) -> FloatArray:
@@ -208,10 +211,10 @@ class PayloadEstimate:
             gain: (n,) gains of the estimate.
         """
         problem = self.posterior.problem
-        place, gains = problem.place(PAYLOAD, PAYLOAD), problem.place(GAIN)
+        gains = problem.place(GAIN)
         contrast = np.zeros((4, problem.shared_size))
         seen_slope = slope - ((slope * self.scale) @ self.blind) @ self.blind.T / self.scale
-        contrast[:, place], of_gains = seen_slope, seen_slope @ self.gain_slope
+        contrast[:, self._place], of_gains = seen_slope, seen_slope @ self.gain_slope
         contrast[:, gains] = of_gains
         covariance, freedom = self.posterior.joint_spread(contrast)
         shifts = self.shifts @ seen_slope.T
@@ -233,7 +236,7 @@ class PayloadEstimate:
 
     def without(self, axis: int) -> tuple[FloatArray, FloatArray, int]:
         """(10,) parameters without the rows of an axis, (10, 10) covariance, and number of determined directions."""
-        place = self.posterior.problem.place(PAYLOAD, PAYLOAD)
+        place = self._place
         values, covariance = self.posterior.without_axis(axis)
         return values[place], covariance[place, place], PARAMETERS - len(self._blind(covariance[place, place]).T)
 
@@ -246,14 +249,13 @@ class PayloadEstimate:
             for group in problem.groups
         ]
         found = solve(replace(problem, groups=groups), rough=True)
-        place = problem.place(PAYLOAD, PAYLOAD)
-        covariance = found.bread[place, place]
+        covariance = found.bread[self._place, self._place]
         return found.value(PAYLOAD, PAYLOAD), covariance, PARAMETERS - len(self._blind(covariance).T)
 
     def seen(self, errors: FloatArray) -> FloatArray:
         """(n, k) squared size of errors of theta, (10, k), in the rows of each axis, in standard deviations."""
         problem = self.posterior.problem
-        place = np.searchsorted(np.flatnonzero(problem.free), np.arange(problem.size)[problem.place(PAYLOAD, PAYLOAD)])
+        place = np.searchsorted(np.flatnonzero(problem.free), np.arange(problem.size)[self._place])
         found = np.zeros((problem.noise.start_nm.size, errors.shape[1]))
         for rows in self.posterior.weighted_rows(0):
             if rows.combination > 0:

@@ -5,6 +5,7 @@ The covariance is that of the residuals' local spectra (`residual_spectrum`), gr
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,19 +23,6 @@ from armload_identification.estimation.normal_equations import (
 )
 from armload_identification.estimation.problem import EMPTY, Problem
 from armload_identification.estimation.residual_spectrum import FREEST, ResidualSpectrum
-
-
-@dataclass(frozen=True, eq=False)
-class GroupSpectrum:
-    """Spectrum of a group's residual.
-
-    Attributes:
-        spectrum: In a basis of r directions of the unknowns.
-        answer: (f, r) change of the f free shared unknowns for one unit of each direction.
-    """
-
-    spectrum: ResidualSpectrum
-    answer: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +100,8 @@ class Posterior:
     def covariance(self) -> FloatArray:
         """(s, s) covariance of the shared unknowns."""
         covariance = self._by_priors
-        for part in self.spectra:
-            covariance = covariance + part.answer @ part.spectrum.covariance() @ part.answer.T
+        for spectrum, answer in self.spectra:
+            covariance = covariance + answer @ spectrum.covariance() @ answer.T
         return self._whole(0.5 * (covariance + covariance.T))
 
     def spread(self, contrast: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -129,11 +117,11 @@ class Posterior:
         certain = np.einsum("ki,ij,kj->k", of_free, self._by_priors, of_free)
         white = np.einsum("ki,ij,kj->k", contrast, self.bread, contrast) - certain
         random, scatter = np.zeros(len(contrast)), np.zeros(len(contrast))
-        for part in self.spectra:
-            along = of_free @ part.answer
-            variance = part.spectrum.variance(along)
+        for spectrum, answer in self.spectra:
+            along = of_free @ answer
+            variance = spectrum.variance(along)
             random += variance
-            scatter += variance**2 / part.spectrum.freedom(along)
+            scatter += variance**2 / spectrum.freedom(along)
         # Variance that does not come from a residual costs no degrees of freedom.
         total = np.maximum(random, Solver.least_of_white * white) + certain
         return total, np.clip(total**2 / np.maximum(scatter, total**2 / FREEST), 1.0, FREEST)
@@ -149,15 +137,15 @@ class Posterior:
         """
         of_free = contrast[:, self._free]
         total = contrast @ self.covariance @ contrast.T
-        scatter = sum(1.0 / part.spectrum.joint_freedom(of_free @ part.answer, total) for part in self.spectra)
+        scatter = sum(1.0 / spectrum.joint_freedom(of_free @ answer, total) for spectrum, answer in self.spectra)
         return total, float(np.clip(1.0 / scatter, 1.0, FREEST))
 
     @cached_property
-    def spectra(self) -> tuple[GroupSpectrum, ...]:
-        """Spectrum of every group's residual."""
-        return tuple(self._spectrum(index) for index in range(len(self.groups)))
+    def spectra(self) -> list[tuple[ResidualSpectrum, FloatArray]]:
+        """Spectrum of every group's residual, and (f, r) change of the f free shared unknowns per unit of its basis."""
+        return [self._spectrum(index) for index in range(len(self.groups))]
 
-    def _spectrum(self, index: int) -> GroupSpectrum:
+    def _spectrum(self, index: int) -> tuple[ResidualSpectrum, FloatArray]:
         """The spectrum of a group's residual, on the grid of its rows."""
         state, part = self.groups[index], self.eliminated[index]
         root = part.covariance_root(self.information)
@@ -173,7 +161,7 @@ class Posterior:
             basis[at, one] = rows.rows @ root[rows.place]
             residual[at, one] = rows.target
             weights[at, one] = weight[rows.combination, :, rows.axis]
-        return GroupSpectrum(ResidualSpectrum(basis, residual, weights), root[: self._free.size])
+        return ResidualSpectrum(basis, residual, weights), root[: self._free.size]
 
     @cached_property
     def _by_priors(self) -> FloatArray:
@@ -211,12 +199,10 @@ class Posterior:
         Returns:
             (s, k) changes of the shared unknowns and (o, k) of its own.
         """
-        part, weight = self.eliminated[group], self.row_weight(group)
-        shared, mix = self._free.size, self.groups[group].group.mix[:, 0]
+        part, shared = self.eliminated[group], self._free.size
         pull = np.zeros((shared + part.own_step.size, len(torque_nm)))
-        for weighted in self.weighted_rows(group):
-            one, axis = weighted.combination, weighted.axis
-            pull[weighted.place] += weighted.rows.T @ (mix[one] * torque_nm[:, :, axis] * weight[one, :, axis]).T
+        for rows, added in self._with_torque(torque_nm, group):
+            pull[rows.place] += rows.rows.T @ added.T
         of_shared = solved(self.information, pull[:shared] - part.follow.T @ pull[shared:])
         whole = np.zeros((self.problem.shared_size, len(torque_nm)))
         whole[self._free] = of_shared
@@ -236,16 +222,21 @@ class Posterior:
         gradient, information = np.zeros(unknowns), np.zeros((unknowns, unknowns))
         across = np.zeros((shared, unknowns))
         for group, torque in enumerate(torque_nm, first):
-            part, weight, mix = self.eliminated[group], self.row_weight(group), self.groups[group].group.mix[:, 0]
+            part = self.eliminated[group]
             pull = np.zeros((shared + part.own_step.size, unknowns))
-            for rows in self.weighted_rows(group):
-                columns = mix[rows.combination] * torque[:, :, rows.axis] * weight[rows.combination, :, rows.axis]
-                gradient += columns @ rows.target
-                information += columns @ columns.T
-                pull[rows.place] += rows.rows.T @ columns.T
+            for rows, added in self._with_torque(torque, group):
+                gradient += added @ rows.target
+                information += added @ added.T
+                pull[rows.place] += rows.rows.T @ added.T
             across += pull[:shared] - part.follow.T @ pull[shared:]
             information -= pull[shared:].T @ part.own_covariance @ pull[shared:]
         return gradient, information - across.T @ solved(self.information, across)
+
+    def _with_torque(self, torque_nm: FloatArray, group: int) -> Iterator[tuple[WeightedRows, FloatArray]]:
+        """Weighted rows of a group, and in each (k, N) weighted torque added to the first run, of (k, N, n)."""
+        weight, mix = self.row_weight(group), self.groups[group].group.mix[:, 0]
+        for rows in self.weighted_rows(group):
+            yield rows, mix[rows.combination] * torque_nm[:, :, rows.axis] * weight[rows.combination, :, rows.axis]
 
     def row_weight(self, group: int = 0) -> FloatArray:
         """(g, N, n) weight of every row of a group: root of its inverse variance.
