@@ -92,6 +92,22 @@ class PayloadChange:
     deviation: FloatArray
 
 
+def change_during(
+    run: Run, motion: Motion, found: Posterior, arm: PayloadProblem, edge_s: float
+) -> PayloadChange | None:
+    """The most likely change during a run, by what was fitted to its motion; None if it cannot be told.
+
+    Args:
+        found: The payload, assumed constant.
+        edge_s: Time at the start and the end in which no change is looked for.
+    """
+    if motion.periods == 1:
+        return change_in(found, edge_s)
+    if run.recording.average is not None or motion.interruptions:
+        return None
+    return change_between_periods(run, arm, edge_s)
+
+
 def change_in(found: Posterior, edge_s: float) -> PayloadChange | None:
     """The most likely change in a run that is not averaged.
 

@@ -4,22 +4,7 @@ A mass from a scale or a centre of mass from a drawing is practically exact; a C
 confidence; a body that is symmetric about the flange axis has its centre of mass on that axis and two equal moments of
 inertia. All of these become rows of the least squares problem with an error of unit standard deviation.
 
-A range, such as a mass of 1 to 3 kg, is not such a row. The payload is identified without it, its distribution is
-truncated to the ranges, and the payload is identified again as if mass and centre of mass were known to equal the
-truncated mean. The error of that mean, with the truncated covariance, affects all ten values and is part of their
-intervals, which are limited to the range. A range that the data contradict is refused.
-
-The fit's x = [m, c_x, c_y, c_z] is treated as normally distributed with its covariance, widened such that each 95 %
-interval equals the fit's by Student's t. Restricted to the ranges, the distribution has another mean and a smaller
-covariance, also of correlated quantities without a range. Truncation is done in [m, m c], in which a fit is linear: a
-range of c is then proportional to the mass, and remains valid if the mass is poorly known. The moments are computed by
-importance sampling at quasi-random points: the coordinates are drawn one by one within their limits, given the previous
-ones, and the probabilities of these limits are the weights.
-
-References:
-    Genz, Numerical computation of multivariate normal probabilities, Journal of Computational and Graphical
-    Statistics 1(2), 1992. Simon, Simon, Constrained Kalman filtering via density function truncation for turbofan
-    engine health estimation, International Journal of Systems Science 41(2), 2010.
+A range, such as a mass of 1 to 3 kg, is not such a row (`pipeline.prior_contradictions`).
 """
 
 from __future__ import annotations
@@ -33,7 +18,6 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.payload import (
-    CONFIDENCE,
     REFERENCE_LENGTH_M,
     InertialParameters,
     derived,
@@ -43,11 +27,6 @@ from armload_identification.model.payload import (
 EXACT: Final = 1e-5
 """Relative standard deviation of a known mass or inertia, and standard deviation of a known centre of mass in m: finer
 than any scale or drawing, and numerically harmless."""
-_POINTS_LOG2: Final = 13
-_LEAST_MASS: Final = 1e-3
-"""Least mass as a share of the estimated one: at 0 a centre of mass has no meaning."""
-_LEAST_VARIANCE: Final = 1e-12
-"""Added variance as a share of each coordinate's own, so that a singular matrix has a Cholesky factor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,28 +144,6 @@ class KnownPayload:
             target.extend(float(row @ self.cad.theta) for row in from_model)
         return Prior(np.array(rows).reshape(-1, 10), np.array(target))
 
-    def prior_within(self, mean: FloatArray, covariance: FloatArray) -> Prior:
-        """The equations with the truncated mean for the quantities that have a range.
-
-        Args:
-            mean: (4,) truncated mean of mass and centre of mass.
-            covariance: (4, 4) covariance of that mean.
-        """
-        ranged = np.flatnonzero(np.isfinite(self.limits[:, 0]))
-        rows, target, rate = np.zeros((ranged.size, 10)), np.zeros(ranged.size), np.full(ranged.size, 1.0 / EXACT)
-        for row, quantity in enumerate(ranged):
-            if quantity == 0:
-                rows[row, 0], target[row] = 1.0 / (EXACT * mean[0]), 1.0 / EXACT
-                rate[row] /= mean[0]
-            else:
-                rows[row] = _center_row(int(quantity) - 1, float(mean[quantity]), float(mean[0]))
-        power, axes = np.linalg.eigh(covariance[np.ix_(ranged, ranged)])
-        errors = np.sqrt(np.maximum(power, 0.0))[:, None] * axes.T
-        values = self.prior()
-        return Prior(
-            np.vstack([values.rows, rows]), np.concatenate([values.target, target]), errors @ (rate[:, None] * rows)
-        )
-
 
 def _require_known(name: str, unit: str, value: float | tuple[float, float]) -> None:
     """Raise unless the value is a number or a range from a lower number to a higher one."""
@@ -223,70 +180,3 @@ def _symmetry_rows(mass_kg: float) -> FloatArray:
     rows[[3, 4, 5], [7, 8, 9]] = 1.0
     rows[2:] /= EXACT * mass_kg * REFERENCE_LENGTH_M
     return rows
-
-
-def truncated_moments(mean: FloatArray, covariance: FloatArray, limits: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean and covariance within the limits.
-
-    Args:
-        mean: (4,) mass and centre of mass, without the limits.
-        covariance: (4, 4) their covariance.
-        limits: (4, 2) low and high; -inf and inf where there is none.
-
-    Returns:
-        (4,) and (4, 4). For one quantity, the interval of 1.96 standard deviations about the mean, clipped to the
-        limits, contains at least 94.8 % of the distribution, wherever the normal one is truncated.
-    """
-    # Imported here: slower to load than everything else together, and rarely needed.
-    from scipy.stats import qmc
-
-    to_moments = np.diag([1.0, *[mean[0]] * 3])
-    to_moments[1:, 0] = mean[1:]
-    middle = np.concatenate([mean[:1], mean[0] * mean[1:]])
-    spread = to_moments @ covariance @ to_moments.T
-    triangle = np.linalg.cholesky(spread + np.diag(_LEAST_VARIANCE * np.diag(spread)))
-    uniform = qmc.Sobol(4, scramble=True, seed=0).random_base2(_POINTS_LOG2)
-    normal = np.zeros_like(uniform)
-    weight = np.ones(len(uniform))
-    x = np.zeros_like(uniform)
-    for i in range(4):
-        given = middle[i] + normal[:, :i] @ triangle[i, :i]
-        low, high = (np.broadcast_to(edge, given.shape) for edge in limits[i])
-        if i == 0:
-            low = np.maximum(low, _LEAST_MASS * mean[0])
-        else:
-            low, high = low * x[:, 0], high * x[:, 0]
-        normal[:, i], share = _drawn(uniform[:, i], (low - given) / triangle[i, i], (high - given) / triangle[i, i])
-        x[:, i] = given + triangle[i, i] * normal[:, i]
-        weight *= share
-    x[:, 1:] /= x[:, :1]
-    weight /= weight.sum()
-    found = weight @ x
-    return found, np.asarray((x - found).T @ ((x - found) * weight[:, None]))
-
-
-def contradicted(mean: FloatArray, covariance: FloatArray, limits: FloatArray) -> bool:
-    """Whether no point within the limits lies in the 95 % ellipsoid.
-
-    Args:
-        mean: (k,) estimate.
-        covariance: (k, k) its covariance.
-        limits: (k, 2) low and high.
-    """
-    from scipy.optimize import lsq_linear
-    from scipy.special import gammaincinv
-
-    inverse = np.linalg.inv(np.linalg.cholesky(covariance + np.diag(_LEAST_VARIANCE * np.diag(covariance))))
-    nearest = lsq_linear(inverse, inverse @ mean, (limits[:, 0], limits[:, 1]))
-    return bool(2.0 * nearest.cost > 2.0 * gammaincinv(0.5 * mean.size, CONFIDENCE))
-
-
-def _drawn(uniform: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Standard normal numbers between limits, and the probability of these; from the lower tail, to keep precision."""
-    from scipy.special import ndtr, ndtri
-
-    sign = np.where(low > 0.0, -1.0, 1.0)
-    first, last = np.where(low > 0.0, -high, low), np.where(low > 0.0, -low, high)
-    below, up_to = ndtr(first), ndtr(last)
-    drawn = np.clip(ndtri(below + uniform * (up_to - below)), first, last)
-    return sign * drawn, up_to - below

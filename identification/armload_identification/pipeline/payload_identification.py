@@ -23,14 +23,13 @@ from armload_identification.identification_errors import EstimationError, ModelE
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import FLANGE, PayloadResult, Provenance
 from armload_identification.pipeline.any_motion import identify_alone
-from armload_identification.pipeline.constant_payload import change_notes
 from armload_identification.pipeline.identification_result import (
     Identification,
     added_friction,
     completed,
     pair_signal,
 )
-from armload_identification.pipeline.operator_notes import misfit_notes, notes_on
+from armload_identification.pipeline.operator_notes import change_notes, misfit_notes, notes_on
 from armload_identification.pipeline.prior_contradictions import identified_knowing
 from armload_identification.recording.recording import Recording, hashes_by_name
 from armload_identification.signals.joint_torque import Transmission

@@ -347,7 +347,7 @@ class EmptyArmLevels:
 
 
 class PayloadChangeLevels:
-    """When a payload changed during a run (`constant_payload`)."""
+    """When a payload changed during a run (`operator_notes`)."""
 
     statistic: Final = 24.0
     """[1] Greatest statistic of a change of mass and first moments over 40 times, above which it is noted.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
-from armload_identification.estimation.prior_knowledge import contradicted, truncated_moments
+from armload_identification.pipeline.prior_contradictions import contradicted, truncated_moments
 
 pytestmark = pytest.mark.pure
 
