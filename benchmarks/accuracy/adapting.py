@@ -283,7 +283,7 @@ def with_adaptation(
     robot: Robot, rows: list[Row], payload: Cuboid, calibration: ArmCalibration
 ) -> tuple[Followed, PayloadAdaptation]:
     """The run with adaptation."""
-    rated_kg = robot.payloads.rated_kg
+    rated_kg = robot.rated_payload_kg
     declared = DeclaredMass(0.0, 0.8 * rated_kg, rated_kg)
     watched = WatchedPayload(calibration, robot.chain, robot.drives.transmission)
     added = FeedforwardPlugin(

@@ -95,7 +95,7 @@ def run(tally: Tally, pool: Executor, seeds: Sequence[int] = range(SEEDS)) -> No
     begun = {(name, sign): pool.submit(_alarms_of_beginnings, name, sign * COLD) for name, sign in product(ARMS, signs)}
     print("  arm, plant, window | error of the mass: median g, 95 % g; % of rated | intervals hold | centre of mass mm")
     for name, twin in kinds:
-        rated_kg = load_robot(name).payloads.rated_kg
+        rated_kg = load_robot(name).rated_payload_kg
         by_window: dict[str, list[Found]] = {}
         with progress_line(f"{name}, {twin}", len(seeds)) as progress:
             for done, seed in enumerate(seeds, 1):

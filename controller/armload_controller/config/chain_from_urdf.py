@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -96,6 +97,10 @@ class UrdfArm(DescribedArm):
     sha256: str
     base: str
     flange: str
+    csv_columns: ClassVar[CsvColumns | None] = None
+    """A URDF does not describe logs, state a rated payload, or name a calibration."""
+    rated_payload_kg: ClassVar[None] = None
+    calibration_file: ClassVar[None] = None
 
     @property
     def description(self) -> str:
@@ -103,24 +108,9 @@ class UrdfArm(DescribedArm):
         return f"from {Path(self.file).name}, {self.base} to {self.flange}"
 
     @property
-    def csv_columns(self) -> CsvColumns | None:
-        """None: a URDF does not describe logs."""
-        return None
-
-    @property
     def position_limits_rad(self) -> FloatArray:
         """(n, 2) least and greatest position of each joint."""
         return np.stack([self.position_min_rad, self.position_max_rad], axis=1)
-
-    @property
-    def rated_payload_kg(self) -> None:
-        """None: a URDF does not state it."""
-        return None
-
-    @property
-    def calibration_file(self) -> None:
-        """None: a URDF names no calibration."""
-        return None
 
     @property
     def transmission(self) -> Transmission:

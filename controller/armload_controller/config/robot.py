@@ -89,7 +89,7 @@ class Robot(RobotSource):
     @property
     def rated_payload_kg(self) -> float:
         """Rated payload of the robot."""
-        return self.payloads.rated_kg
+        return self.tables.robot.rated_payload_kg
 
     @property
     def calibration_file(self) -> Path | None:
@@ -202,7 +202,7 @@ class Robot(RobotSource):
         """Torque available to the joints for a motion with a payload."""
         from armload_controller.config.robot_torque_limits import RobotStrength
 
-        return RobotStrength(self, self.payloads, self.drives.coupling)
+        return RobotStrength(self, self.payloads, self.drives.coupling, self.limits.torque_max_nm)
 
     @cached_property
     def simulation(self) -> RobotSimulation:

@@ -42,11 +42,6 @@ class RobotPayloads:
         return table.inertial()
 
     @property
-    def rated_kg(self) -> float:
-        """Rated payload of the robot."""
-        return self.source.tables.robot.rated_payload_kg
-
-    @property
     def heaviest(self) -> InertialParameters:
         """The heaviest payload that a motion must be safe with; the expected one if the file names none.
 

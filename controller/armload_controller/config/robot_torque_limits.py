@@ -26,11 +26,13 @@ class RobotStrength:
         source: The robot's file.
         payloads: Payloads of the robot.
         coupling: (n, n) C with q_joint = C q_axis.
+        torque_max_nm: (n,) greatest torque of each joint.
     """
 
     source: RobotSource
     payloads: RobotPayloads
     coupling: FloatArray
+    torque_max_nm: FloatArray
 
     @cached_property
     def arm_body(self) -> ArmBody:
@@ -54,7 +56,7 @@ class RobotStrength:
                 no torque for motion.
         """
         chain, payload = self.source.chain, self.payloads.heaviest
-        usable = share * self._torque_max_nm
+        usable = share * self.torque_max_nm
         if self.source.tables.body is not None:
             body = self.arm_body
             for i, left in enumerate(usable - body.coulomb_nm):
@@ -77,7 +79,7 @@ class RobotStrength:
         heaviest = self.payloads.heaviest_if_stated
         if not self.is_stated or (loaded and heaviest is None):
             return None
-        torque_max_nm = self._torque_max_nm
+        torque_max_nm = self.torque_max_nm
         has_body = self.source.tables.body is not None
         return ExpectedTorque(
             self.source.chain,
@@ -106,11 +108,11 @@ class RobotStrength:
             ConfigurationError: friction alone uses up an axis's torque.
         """
         table, limits, sizes = self.source.tables.joints, self.limits_if_stated, np.abs(self.coupling)
-        asked_nm = self._torque_max_nm @ sizes
+        asked_nm = self.torque_max_nm @ sizes
         allowed_nm = np.array([joint.axis_torque_max_nm for joint in table])
         if limits is None or np.all(allowed_nm >= (1.0 - ROUNDED_SHARE) * asked_nm):
             return None
-        itself_nm = (self._torque_max_nm - limits.available_nm) @ sizes
+        itself_nm = (self.torque_max_nm - limits.available_nm) @ sizes
         left_nm = np.minimum(allowed_nm, asked_nm) - itself_nm
         for i, joint in enumerate(table):
             if left_nm[i] <= 0.0 and joint.drive is not None:
@@ -134,10 +136,6 @@ class RobotStrength:
         if self.payloads.heaviest_if_stated is None:
             expected = "required: the payload that a real arm may have to carry"
             raise self.source.refused("heaviest_payload", None, expected)
-
-    @property
-    def _torque_max_nm(self) -> FloatArray:
-        return np.array([joint.torque_max_nm for joint in self.source.tables.joints])
 
     @property
     def _shares(self) -> FloatArray:

@@ -27,15 +27,11 @@ class FollowingError(ControlError):
 
     Attributes:
         joint: Name of the joint.
-        error_rad: Distance between target and measured position.
-        window_rad: Greatest distance allowed.
     """
 
     def __init__(self, joint: str, error_rad: float, window_rad: float) -> None:
         super().__init__(f"{joint}: {error_rad:.4f} rad behind its target, {window_rad:.4f} rad allowed")
         self.joint = joint
-        self.error_rad = error_rad
-        self.window_rad = window_rad
 
 
 class TorqueError(ControlError):
@@ -43,17 +39,11 @@ class TorqueError(ControlError):
 
     Attributes:
         joint: Name of the joint.
-        measured_nm: Measured torque, filtered.
-        least_nm: Least torque expected.
-        greatest_nm: Greatest torque expected.
     """
 
     def __init__(self, joint: str, measured_nm: float, least_nm: float, greatest_nm: float) -> None:
         super().__init__(f"{joint}: {measured_nm:.1f} N m measured, {least_nm:.1f} to {greatest_nm:.1f} N m expected")
         self.joint = joint
-        self.measured_nm = measured_nm
-        self.least_nm = least_nm
-        self.greatest_nm = greatest_nm
 
 
 class StaleFeedback(ControlError):
@@ -61,15 +51,10 @@ class StaleFeedback(ControlError):
 
 
 class LateCycle(ControlError):
-    """The program missed more cycles than are allowed.
-
-    Attributes:
-        skipped: Cycles missed in a row.
-    """
+    """The program missed more cycles than are allowed."""
 
     def __init__(self, skipped: int, allowed: int) -> None:
         super().__init__(f"{skipped} cycles skipped in a row, {allowed} allowed")
-        self.skipped = skipped
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -167,20 +167,20 @@ def _friction(subject: ExportSubject, precision: Precision, fields: Mapping[str,
 
 def _numbers(subject: ExportSubject, precision: Precision, error: SinglePrecisionError | None) -> dict[str, str]:
     """The payload, the rate of its changes, and the self-test."""
-    payload, test = subject.payload.model, self_test(subject, precision)
-    rate = change_rate(subject.chain, subject.torque_rate_nm_s)
-    tolerance_nm = _SELF_TEST_SHARE * max(1.0, float(np.abs(test.expected_nm).max()))
+    payload, (given, expected_nm) = subject.payload.model, self_test(subject, precision)
+    s_per_kg, s_per_kg_m = change_rate(subject.chain, subject.torque_rate_nm_s)
+    tolerance_nm = _SELF_TEST_SHARE * max(1.0, float(np.abs(expected_nm).max()))
     if error is not None:
         tolerance_nm = 2.0 * error.bound_nm  # the regressor's product, and friction, add several torques
     return {
         "payload": precision.rows(payload.theta.reshape(2, 5)),
         "own": precision.rows(payload.transformed(planar_groups(subject.chain).flange).theta.reshape(2, 5)),
-        "s_per_kg": precision.literal(rate.s_per_kg),
-        "s_per_kg_m": precision.literal(rate.s_per_kg_m),
-        "s_per_kg_text": f"{rate.s_per_kg:.3g}",
-        "s_per_kg_m_text": f"{rate.s_per_kg_m:.3g}",
-        "given": _table(test.given, precision),
-        "expected": _table(test.expected_nm, precision),
+        "s_per_kg": precision.literal(s_per_kg),
+        "s_per_kg_m": precision.literal(s_per_kg_m),
+        "s_per_kg_text": f"{s_per_kg:.3g}",
+        "s_per_kg_m_text": f"{s_per_kg_m:.3g}",
+        "given": _table(given, precision),
+        "expected": _table(expected_nm, precision),
         "tolerance": precision.literal(tolerance_nm),
         "tolerance_text": f"{tolerance_nm:.1e}",
     }

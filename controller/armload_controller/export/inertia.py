@@ -75,19 +75,6 @@ class WrittenInertia:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class PrincipalInertia:
-    """Principal moments and axes of an inertia tensor I = R diag(moments) R^T.
-
-    Attributes:
-        moments_kg_m2: (3,) moments about the principal axes x, y, z.
-        rotation: (3, 3) R; its columns are the principal axes, right-handed.
-    """
-
-    moments_kg_m2: FloatArray
-    rotation: FloatArray
-
-
 def complete_inertia(payload: PayloadResult, elements: tuple[str, ...]) -> WrittenInertia:
     """The inertia for a format that needs a complete one.
 
@@ -111,8 +98,8 @@ def inertia_or_point_mass(payload: PayloadResult, elements: tuple[str, ...]) -> 
     return complete_inertia(payload, elements)
 
 
-def principal_inertia(tensor_kg_m2: FloatArray) -> PrincipalInertia:
-    """Principal moments and axes, with the axes ordered and signed to be closest to the frame's axes.
+def principal_inertia(tensor_kg_m2: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Principal moments and axes, I = R diag(moments) R^T, the axes ordered and signed to be closest to the frame's.
 
     Of the 24 right-handed orders and signs of the three axes, the one with the greatest trace of R is chosen. It is
     less than 63 degrees from the frame, so no Euler angle is near a singularity, and a diagonal tensor gives R = 1.
@@ -120,11 +107,14 @@ def principal_inertia(tensor_kg_m2: FloatArray) -> PrincipalInertia:
 
     Args:
         tensor_kg_m2: (3, 3) symmetric.
+
+    Returns:
+        (3,) moments in kg m2 about the principal axes x, y, z; (3, 3) R, whose columns are the axes, right-handed.
     """
     _, axes = np.linalg.eigh(tensor_kg_m2 + _TIE_BREAK * np.trace(tensor_kg_m2) * np.diag([0.0, 1.0, 2.0]))
     right_handed = axes * np.sign(np.linalg.det(axes))
     rotation = max((right_handed @ turn for turn in QUARTER_TURNS), key=np.trace)
-    return PrincipalInertia(np.diag(rotation.T @ tensor_kg_m2 @ rotation), rotation)
+    return np.diag(rotation.T @ tensor_kg_m2 @ rotation), rotation
 
 
 def _undetermined(payload: PayloadResult, elements: tuple[str, ...]) -> tuple[str, ...]:

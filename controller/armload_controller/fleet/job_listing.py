@@ -50,11 +50,10 @@ def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
     shipped = shipped_robots()
     robot_files = cache(_robot_files)
     for entry in entries:
-        matched = matches(_placed(entry.recordings[_LOADED], table))
-        there = matched.files
+        there, closed = matches(_placed(entry.recordings[_LOADED], table))
         remarks += [
             f"{table}, line {entry.line}: no permission to list the folder {folder}, so nothing in it is processed"
-            for folder in matched.closed
+            for folder in closed
         ]
         if not there:
             remarks.append(f"{table}, line {entry.line}: no file matches {entry.recordings[_LOADED]}")

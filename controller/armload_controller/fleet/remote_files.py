@@ -92,35 +92,26 @@ class RemoteFile:
         return cls(url, _stamp(info), _modified(info))
 
 
-@dataclass(frozen=True)
-class Matches:
-    """What matches a pattern.
-
-    Attributes:
-        files: Path or URL of each file or folder, sorted, with the text that every `*` matched.
-        closed: Folders that match a part of the pattern, but that this user may not list.
-    """
-
-    files: list[tuple[str, tuple[str, ...]]]
-    closed: list[str]
-
-
 def is_url(text: str) -> bool:
     """Whether a text is a URL; everything else is a path."""
     return "://" in text
 
 
-def matches(pattern: str) -> Matches:
+def matches(pattern: str) -> tuple[list[tuple[str, tuple[str, ...]]], list[str]]:
     """The files and folders that match a pattern.
 
     Args:
         pattern: Path or URL, in which `*` matches any part of one name; no hidden files.
 
+    Returns:
+        Path or URL of each file or folder, sorted, with the text that every `*` matched; and the folders that match a
+        part of the pattern, but that this user may not list.
+
     Raises:
         ListingError: a folder cannot be listed, or no installed library reads such URLs.
     """
     if "*" not in pattern:
-        return Matches([(pattern, ())], [])
+        return [(pattern, ())], []
     files, path = _file_system(pattern)
     closed: list[str] = []
     try:
@@ -129,7 +120,7 @@ def matches(pattern: str) -> Matches:
         reason = f"cannot be listed ({problem}); check the table of jobs and the server"
         raise ListingError(f"{pattern}: {reason}") from problem
     there = sorted((files.unstrip_protocol(path) if is_url(pattern) else path, stars) for path, stars in found)
-    return Matches(there, closed)
+    return there, closed
 
 
 def _matching_paths(files: Any, path: str, closed: list[str], *, to_the_end: bool) -> list[tuple[str, tuple[str, ...]]]:

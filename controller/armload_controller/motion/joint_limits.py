@@ -89,15 +89,11 @@ class BeyondLimit(ControlError):
 
     Attributes:
         joint: Name of the joint.
-        position_rad: Its position.
-        bound_rad: The limit that it is beyond.
     """
 
     def __init__(self, joint: str, position_rad: float, bound_rad: float) -> None:
         super().__init__(f"{joint} stands at {position_rad:.4f} rad, beyond its limit of {bound_rad:.4f} rad")
         self.joint = joint
-        self.position_rad = position_rad
-        self.bound_rad = bound_rad
 
 
 def require_within(position_rad: FloatArray, limits: MotionLimits) -> None:

@@ -7,7 +7,6 @@ two obstacles.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -24,22 +23,13 @@ _CLEAR_SHARE: Final = 0.95
 """Share of a box's poses that must be clear."""
 
 
-@dataclass(frozen=True, eq=False)
-class DesignRange:
-    """Ranges to search for an excitation of n joints.
-
-    Attributes:
-        boxes: Each (2, n), least and greatest positions, in the order to try: the widest in which the spheres cover
-            nearly all meshes, then, if different, the widest that is nearly clear of everything.
-        roomiest_rad: (n,) the random pose with the greatest clearance.
-    """
-
-    boxes: tuple[FloatArray, ...]
-    roomiest_rad: FloatArray
-
-
-def design_range(robot: Robot, envelope: Envelope) -> DesignRange:
+def design_range(robot: Robot, envelope: Envelope) -> tuple[tuple[FloatArray, ...], FloatArray]:
     """Find the ranges to search for the excitations of a robot.
+
+    Returns:
+        Boxes, each (2, n), least and greatest positions, in the order to try: the widest in which the spheres cover
+        nearly all meshes, then, if different, the widest that is nearly clear of everything; and (n,) the random pose
+        with the greatest clearance.
 
     Raises:
         ConfigurationError: the URDF that the file names cannot be used.
@@ -61,7 +51,7 @@ def design_range(robot: Robot, envelope: Envelope) -> DesignRange:
                 break
         if not boxes or not np.array_equal(box, boxes[0]):
             boxes.append(box)
-    return DesignRange(tuple(boxes), roomiest)
+    return tuple(boxes), roomiest
 
 
 def _poses(box: FloatArray) -> FloatArray:

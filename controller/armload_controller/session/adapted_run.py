@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,19 +19,6 @@ from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.model.payload import InertialParameters
 
 
-@dataclass(frozen=True, eq=False)
-class AdaptedRun:
-    """Result of an adapted run.
-
-    Attributes:
-        verdict: Result of the torque offset check at standstill.
-        decisions: When which payload was fed forward, and when and why it was dropped.
-    """
-
-    verdict: OffsetVerdict
-    decisions: tuple[AdaptationDecision, ...]
-
-
 def adapted_run(
     path: CheckedPath,
     calibration: ArmCalibration,
@@ -40,7 +26,7 @@ def adapted_run(
     session: RunSession,
     beside: Beside,
     report: Callable[[AdaptationDecision], None],
-) -> AdaptedRun:
+) -> tuple[OffsetVerdict, tuple[AdaptationDecision, ...]]:
     """Run a path; the torque offset is tried first, as before any feed-forward.
 
     Args:
@@ -78,7 +64,7 @@ def adapted_run(
         "and removed again. "
     )
     session.run(path, "adaptive payload torque", plugins=[checked], added=AddedTorque(before, warning))
-    return AdaptedRun(verdicts[0], tuple(adaptation.decisions))
+    return verdicts[0], tuple(adaptation.decisions)
 
 
 def greatest_body(robot: Robot, declared: DeclaredMass) -> InertialParameters:

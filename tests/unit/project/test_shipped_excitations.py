@@ -90,7 +90,7 @@ def test_the_true_body_with_the_heaviest_payload_stays_below_the_torque_limits(d
     links = [InertialParameters.from_center_of_mass(b.mass_kg, b.center_of_mass_m, b.inertia_kg_m2) for b in true]
     rotors, viscous, coulomb, stribeck, mu = (
         np.array([getattr(joint, name) for joint in twin.joints])
-        for name in ("rotor_inertia_kg_m2", "viscous_nm_s_rad", "coulomb_nm", "stribeck_nm", "load_friction")
+        for name in ("reflected_rotor_inertia_kg_m2", "viscous_nm_s_rad", "coulomb_nm", "stribeck_nm", "load_friction")
     )
     thin = slice(None, None, 10)
     q, dq, ddq = (a[thin] for a in (one.state.position_rad, one.state.velocity_rad_s, one.state.acceleration_rad_s2))

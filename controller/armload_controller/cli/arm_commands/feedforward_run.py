@@ -87,7 +87,7 @@ def declared_mass(arm: Robot, expect: str) -> DeclaredMass:
         least_kg, most_kg = (float(part.strip().removesuffix("kg")) for part in expect.split(".."))
     except ValueError:
         raise typer.BadParameter(f"{expect!r}: expected a range such as 0..3", param_hint="--expect") from None
-    return DeclaredMass(least_kg, most_kg, arm.payloads.rated_kg)
+    return DeclaredMass(least_kg, most_kg, arm.rated_payload_kg)
 
 
 def _adapt(bench: Bench, declared: DeclaredMass, decisions: Path) -> tuple[OffsetVerdict, Sequence[AdaptationDecision]]:
@@ -103,6 +103,6 @@ def _adapt(bench: Bench, declared: DeclaredMass, decisions: Path) -> tuple[Offse
     with DecisionLog(decisions, arm.name, display) as log, running_worker("estimate") as executor:
         beside = at_once if arm.bus.in_virtual_time else executor.submit
         with bench.session(SessionLoad.LOADED) as session:
-            adapted = adapted_run(bench.path, calibration, declared, session, beside, log.report)
-    display.step(f"written: {decisions}, {len(adapted.decisions)} decisions")
-    return adapted.verdict, adapted.decisions
+            verdict, made = adapted_run(bench.path, calibration, declared, session, beside, log.report)
+    display.step(f"written: {decisions}, {len(made)} decisions")
+    return verdict, made

@@ -217,9 +217,9 @@ def _designed(
 
     write_text(output, draft(arm).text, ConfigurationError)
     robot = load_robot(str(output))
-    found = design_range(robot, design_envelope(robot))
+    boxes, roomiest_rad = design_range(robot, design_envelope(robot))
     problem = ""
-    for box in found.boxes:
+    for box in boxes:
         write_text(output, draft(within(arm, box)).text, ConfigurationError)
         try:
             excitations = []
@@ -227,7 +227,7 @@ def _designed(
                 with screen.track(f"designing the excitation for {role}", restarts) as done:
                     excitations.append(design(str(output), search=DesignSearch(seed, restarts), progress=done))
         except ExcitationError as error:
-            if box is not found.boxes[-1]:
+            if box is not boxes[-1]:
                 screen.step(
                     "none found in this part of the joints' ranges: trying a narrower one that is clear of everything"
                 )
@@ -237,8 +237,8 @@ def _designed(
         for path, excitation in zip(paths, excitations, strict=True):
             excitation.save(path)
             screen.step(f"written: {path}")
-        return _Designed((paths[0].name, paths[1].name), None, found.roomiest_rad)
-    return _Designed(None, problem, found.roomiest_rad)
+        return _Designed((paths[0].name, paths[1].name), None, roomiest_rad)
+    return _Designed(None, problem, roomiest_rad)
 
 
 def _show_open_points(screen: Screen, drafted: DraftedFile) -> None:

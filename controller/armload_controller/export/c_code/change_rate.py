@@ -9,7 +9,6 @@ rate is 1.5 times its mean, so to keep the torque rate r_i of every joint it tak
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -22,28 +21,18 @@ _GREATEST_SLOPE: Final = 1.5
 """Greatest slope of (3 - 2 u) u^2."""
 
 
-@dataclass(frozen=True)
-class ChangeRate:
-    """The shortest transition.
-
-    Attributes:
-        s_per_kg: Duration per change of mass.
-        s_per_kg_m: Duration per change of first moment.
-    """
-
-    s_per_kg: float
-    s_per_kg_m: float
-
-
-def change_rate(chain: Chain, torque_rate_nm_s: FloatArray) -> ChangeRate:
+def change_rate(chain: Chain, torque_rate_nm_s: FloatArray) -> tuple[float, float]:
     """The shortest transition of a payload.
 
     Args:
         torque_rate_nm_s: (n,) greatest rate of each joint's torque.
+
+    Returns:
+        Its duration in s/kg, per change of mass, and in s/(kg m), per change of first moment.
     """
     g = _GREATEST_SLOPE * float(np.linalg.norm(chain.gravity_m_s2))
     levers_m = _levers(planar_groups(chain))
-    return ChangeRate(g * float(np.max(levers_m / torque_rate_nm_s)), g * float(np.max(1.0 / torque_rate_nm_s)))
+    return g * float(np.max(levers_m / torque_rate_nm_s)), g * float(np.max(1.0 / torque_rate_nm_s))
 
 
 def _levers(groups: PlanarGroups) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -17,21 +16,13 @@ VECTORS: Final = 8
 _SEED: Final = 20
 
 
-@dataclass(frozen=True, eq=False)
-class SelfTest:
-    """Inputs and expected outputs.
+def self_test(subject: ExportSubject, precision: Precision) -> tuple[FloatArray, FloatArray]:
+    """Vectors for a payload on an arm.
 
-    Attributes:
-        given: (VECTORS, 3, n) q, dq, ddq within the joints' limits, rounded to the precision.
-        expected_nm: (VECTORS, 2 or 3, n) torque in motion, at rest, and for a calibrated arm the payload's friction.
+    Returns:
+        (VECTORS, 3, n) q, dq, ddq within the joints' limits, rounded to the precision; and (VECTORS, 2 or 3, n) torque
+        in N m: in motion, at rest, and for a calibrated arm the payload's friction.
     """
-
-    given: FloatArray
-    expected_nm: FloatArray
-
-
-def self_test(subject: ExportSubject, precision: Precision) -> SelfTest:
-    """Vectors for a payload on an arm."""
     given = states_within(subject, VECTORS, _SEED).astype(precision.dtype).astype(np.float64)
     q, dq, ddq = np.swapaxes(given, 0, 1)
     still = np.zeros_like(q)
@@ -42,7 +33,7 @@ def self_test(subject: ExportSubject, precision: Precision) -> SelfTest:
     if subject.calibration is not None:
         friction = LoadFriction(subject.chain, subject.calibration.body)
         expected.append(np.array([friction.torque_nm(*row) for row in zip(q, dq, ddq, moving, strict=True)]))
-    return SelfTest(given, np.stack(expected, axis=1))
+    return given, np.stack(expected, axis=1)
 
 
 def states_within(subject: ExportSubject, count: int, seed: int) -> FloatArray:

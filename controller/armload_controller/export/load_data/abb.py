@@ -39,12 +39,12 @@ def export_abb(subject: ExportSubject) -> dict[str, str]:
     """A RAPID module with the payload as persistent loaddata."""
     payload = in_makers_flange(subject)
     inertia = inertia_or_point_mass(payload, TENSOR)
-    principal = principal_inertia(inertia.tensor_kg_m2)
-    moments = dict(zip(("ix", "iy", "iz"), principal.moments_kg_m2, strict=True))
+    principal_kg_m2, rotation = principal_inertia(inertia.tensor_kg_m2)
+    moments = dict(zip(("ix", "iy", "iz"), principal_kg_m2, strict=True))
     fields = load_data(subject, inertia, mass=payload.model.mass_kg, **moments) | {
         "short": subject.identifier[: LONGEST_NAME - len("_payload")],
         "cog": bracketed(payload.model.center_of_mass_m * 1e3),
-        "aom": bracketed(_quaternion(principal.rotation)),
+        "aom": bracketed(_quaternion(rotation)),
     }
     return {f"{subject.identifier}_payload.mod": written("load_data/abb", "  !", fields)}
 

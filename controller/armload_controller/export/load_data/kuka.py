@@ -35,10 +35,10 @@ def export_kuka(subject: ExportSubject) -> dict[str, str]:
     """LOAD_DATA for $config.dat."""
     payload = in_makers_flange(subject)
     inertia = complete_inertia(payload, TENSOR)
-    principal = principal_inertia(inertia.tensor_kg_m2)
+    principal_kg_m2, rotation = principal_inertia(inertia.tensor_kg_m2)
     numbers = {"mass": payload.model.mass_kg} | dict(zip("xyz", payload.model.center_of_mass_m * 1e3, strict=True))
-    numbers |= zip("abc", map(math.degrees, _abc_rad(principal.rotation)), strict=True)
-    numbers |= zip(("jx", "jy", "jz"), principal.moments_kg_m2, strict=True)
+    numbers |= zip("abc", map(math.degrees, _abc_rad(rotation)), strict=True)
+    numbers |= zip(("jx", "jy", "jz"), principal_kg_m2, strict=True)
     text = written("load_data/kuka", ";", load_data(subject, inertia, **numbers))
     return {f"{subject.identifier}_kuka_load_data.txt": text}
 

@@ -35,7 +35,7 @@ def true_body():
     return BodyModel(
         links=np.array([link.theta for link in links]),
         base=np.ones((6, 10), dtype=bool),
-        rotor_inertia_kg_m2=each("rotor_inertia_kg_m2"),
+        rotor_inertia_kg_m2=each("reflected_rotor_inertia_kg_m2"),
         coulomb_nm=each("coulomb_nm"),
         viscous_nm_s_rad=each("viscous_nm_s_rad"),
         root_nm=np.linspace(0.0, 5.0, 6),

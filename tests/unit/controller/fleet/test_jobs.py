@@ -52,8 +52,8 @@ def test_a_star_in_the_other_columns_is_what_it_is_in_the_first(cells):
 
 
 def test_hidden_files_do_not_match_and_a_star_at_the_end_does(cells):
-    assert [Path(path).name for path, _ in matches(f"{cells}/cell-1/mo/*").files] == ["loaded.mcap", "unloaded.mcap"]
-    assert [stars for _, stars in matches(f"{cells}/*-*/m*/loaded.mcap").files] == [
+    assert [Path(path).name for path, _ in matches(f"{cells}/cell-1/mo/*")[0]] == ["loaded.mcap", "unloaded.mcap"]
+    assert [stars for _, stars in matches(f"{cells}/*-*/m*/loaded.mcap")[0]] == [
         ("cell", "1", "o"),
         ("cell", "2", "o"),
     ]

@@ -10,7 +10,7 @@ from armload_controller.feedforward.adaptation_rules import DeclaredMass
 from armload_controller.session.adapted_run import greatest_body
 
 ROBOT = load_robot("er50")
-DECLARED = DeclaredMass(0.0, 3.0, ROBOT.payloads.rated_kg)
+DECLARED = DeclaredMass(0.0, 3.0, ROBOT.rated_payload_kg)
 
 
 def test_the_offset_is_tried_for_what_was_declared():

@@ -25,7 +25,7 @@ def test_a_coupled_wrists_rotors_turn_as_they_do_in_mujoco():
         ).theta
         for joint in spec.joints
     ]
-    rotors, still = np.array([joint.rotor_inertia_kg_m2 for joint in spec.joints]), np.zeros(6)
+    rotors, still = np.array([joint.reflected_rotor_inertia_kg_m2 for joint in spec.joints]), np.zeros(6)
     specified = ArmBody(np.array(theta), rotors, still, still, robot.drives.coupling)
     identified = BodyModel(
         links=specified.links,

@@ -8,6 +8,7 @@ from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -311,7 +312,7 @@ def test_a_wiggle_with_gains_of_nominal_scale_is_refused_before_the_search(armlo
     """After half a minute, a larger amplitude or more speed was recommended, which cannot help."""
     found = read_calibration(calibrated[0])
     unweighed = tmp_path / "unweighed.toml"
-    payloads = tuple(replace(payload, weighed_kg=np.nan) for payload in found.payloads)
+    payloads = tuple(msgspec.structs.replace(payload, weighed_kg=np.nan) for payload in found.payloads)
     write_calibration(unweighed, replace(found, payloads=payloads))
     words = ["design", "er50", "--for", "any-motion", "--mass-within", "0.001", "--calibration", unweighed]
     result = armload(*words, "-o", tmp_path / "wiggle.toml")

@@ -25,7 +25,7 @@ def test_neither_reversals_nor_ripple_are_taken_for_a_delay_or_for_rotors(name, 
     run = record(period, scales, 1, np.random.default_rng(7), np.zeros(robot.n), noise_scale=0.01)
     transmission = robot.drives.transmission
     fit = fit_body([Run.of(run, transmission).motion], robot.chain, transmission.coupling)
-    true = [(joint.rotor_inertia_kg_m2, joint.load_friction) for joint in plant.joints[1:3]]
+    true = [(joint.reflected_rotor_inertia_kg_m2, joint.load_friction) for joint in plant.joints[1:3]]
     assert fit.model.torque_delay_s == pytest.approx(1e-3, abs=6e-4)
     np.testing.assert_allclose(fit.model.rotor_inertia_kg_m2[1:3], [rotor for rotor, _ in true], rtol=0.3)
     np.testing.assert_allclose(fit.model.load_friction[1:3], [load for _, load in true], rtol=0.1)
