@@ -10,9 +10,10 @@ import hashlib
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from armload_controller.control_errors import ConfigurationError
 from armload_core.arrays import FloatArray
@@ -28,8 +29,7 @@ _WRIST_WORDS = {"yaw", "pitch", "roll", "wrist"}
 _ZERO = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class UrdfJoint:
+class UrdfJoint(Struct, frozen=True, eq=False):
     """One `<joint>`.
 
     Attributes:
@@ -60,8 +60,7 @@ class UrdfJoint:
         return bool(words & _HAND_WORDS) and not words & _WRIST_WORDS
 
 
-@dataclass(frozen=True, eq=False)
-class UrdfTree:
+class UrdfTree(Struct, frozen=True, eq=False):
     """One file.
 
     Attributes:

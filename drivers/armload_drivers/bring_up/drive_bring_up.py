@@ -13,8 +13,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
+
+from msgspec import Struct
 
 from armload_drivers.bring_up.drive_dialogue import DriveDialogue
 from armload_drivers.bring_up.drive_objects import DriveObjects
@@ -63,8 +65,7 @@ _NO_EFFORT = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class DriveReport:
+class DriveReport(Struct, frozen=True):
     """Findings on one drive.
 
     Attributes:

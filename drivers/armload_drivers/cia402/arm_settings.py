@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from enum import Enum, IntEnum
 from typing import TYPE_CHECKING
 
+from msgspec import Struct
+
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
 
@@ -45,8 +47,7 @@ class EffortFeedback(Enum):
     """Torque actual value, per mille of rated torque (6076)."""
 
 
-@dataclass(frozen=True, slots=True)
-class VendorObject:
+class VendorObject(Struct, frozen=True):
     """A vendor's object with a measured value: the effort of drives without 6078 or 6077, or a temperature.
 
     Attributes:
@@ -62,8 +63,7 @@ class VendorObject:
     per_unit: float
 
 
-@dataclass(frozen=True, slots=True)
-class VendorSetting:
+class VendorSetting(Struct, frozen=True):
     """A vendor's object that provides a safety property of the drive; see `drive_safety`.
 
     Attributes:
@@ -77,8 +77,7 @@ class VendorSetting:
     meets: str
 
 
-@dataclass(frozen=True, slots=True)
-class FixedPdo:
+class FixedPdo(Struct, frozen=True):
     """A PDO of a drive whose mapping cannot be changed.
 
     Attributes:

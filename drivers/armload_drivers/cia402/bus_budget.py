@@ -13,8 +13,10 @@ References:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
+
+from msgspec import Struct
 
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.process_image import drive_image
@@ -40,8 +42,7 @@ FRAME_BITS: Final = tuple(frame_bits(min(length, 8)) for length in range(65))
 """`frame_bits` by length; a node of another kind may send CAN FD frames."""
 
 
-@dataclass(frozen=True, slots=True)
-class BusLoad:
+class BusLoad(Struct, frozen=True):
     """Worst-case bus load of a configuration.
 
     Attributes:

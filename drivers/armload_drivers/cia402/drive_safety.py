@@ -17,8 +17,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from enum import Enum
+
+import msgspec
+from msgspec import Struct
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, Fieldbus
@@ -52,8 +54,7 @@ SYNC_MANAGER_WATCHDOG_US = Entry(0x0420, 0, "sync manager watchdog", DataType.U3
 _RPDO_TIMER = PdoDirection.RECEIVE.timer_entry(0)
 
 
-@dataclass(frozen=True, slots=True)
-class SafetyValues:
+class SafetyValues(Struct, frozen=True):
     """What the required values of the objects of one drive follow from.
 
     Attributes:
@@ -95,8 +96,7 @@ def master_watch(arm: ArmSettings) -> int:
     return arm.master_node_id << 16 | milliseconds(HEARTBEAT_TOLERANCE * arm.heartbeat_s)
 
 
-@dataclass(frozen=True, slots=True)
-class Setting:
+class Setting(Struct, frozen=True):
     """One object and its required value.
 
     Attributes:
@@ -124,8 +124,7 @@ def _always(drive: DriveSettings, rated_current_a: float | None) -> str:
     return ""
 
 
-@dataclass(frozen=True, slots=True)
-class Way:
+class Way(Struct, frozen=True):
     """One way in which a drive can have a property.
 
     Attributes:
@@ -178,8 +177,7 @@ def _vendor(what: str) -> Way:
     return Way(f"the manufacturer's object for {what} (`vendor_settings`)", by_vendor=True)
 
 
-@dataclass(frozen=True, slots=True)
-class SafetyProperty:
+class SafetyProperty(Struct, frozen=True):
     """One safety property.
 
     Attributes:
@@ -244,7 +242,7 @@ class Safety(Enum):
         (
             Way(
                 "6007 = 3 (quick stop), with the master's heartbeat watched (1016) and, if present, 1029 = 0",
-                (_WATCH, _QUICK_STOP_ON_ABORT, replace(_PRE_OPERATIONAL, optional=True)),
+                (_WATCH, _QUICK_STOP_ON_ABORT, msgspec.structs.replace(_PRE_OPERATIONAL, optional=True)),
                 fieldbus=_CANOPEN,
             ),
             Way(
@@ -398,8 +396,7 @@ def property_of(index: int) -> Safety | None:
     return None
 
 
-@dataclass(frozen=True, slots=True)
-class SafetyFinding:
+class SafetyFinding(Struct, frozen=True):
     """Finding on one property of one drive.
 
     Attributes:

@@ -7,8 +7,9 @@ References:
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from importlib.resources import files
+
+from msgspec import Struct
 
 _HEADER = struct.Struct("<HB")
 
@@ -33,8 +34,7 @@ def describe(code: int) -> str:
     return f"0x{code:04X} not listed by CiA 402"
 
 
-@dataclass(frozen=True, slots=True)
-class Emergency:
+class Emergency(Struct, frozen=True):
     """One emergency message.
 
     Attributes:

@@ -5,8 +5,9 @@ Each block cites its standard. Names are those of CiA 301 (communication) and Ci
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import Enum
+
+from msgspec import Struct
 
 
 class DataType(Enum):
@@ -56,8 +57,7 @@ class Mappable(Enum):
     BOTH = "both"
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """One entry of an object dictionary.
 
     Attributes:
@@ -67,7 +67,6 @@ class Entry:
         type: Data type.
         access: SDO access.
         mappable: Direction of the PDO that may carry it.
-        key: Index and subindex in one number.
     """
 
     index: int
@@ -76,11 +75,11 @@ class Entry:
     type: DataType
     access: Access = Access.RW
     mappable: Mappable = Mappable.NO
-    key: int = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        """Compute the key once: the simulated drives look values up by it in every cycle."""
-        object.__setattr__(self, "key", self.index << 8 | self.subindex)
+    @property
+    def key(self) -> int:
+        """Index and subindex in one number."""
+        return self.index << 8 | self.subindex
 
     @property
     def mapping(self) -> int:

@@ -22,9 +22,10 @@ References:
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from enum import Enum
 from types import MappingProxyType
+
+from msgspec import Struct
 
 from armload_drivers.driver_errors import StatuswordError, TransitionError
 
@@ -87,8 +88,7 @@ RESET_HOLD_S = 0.1
 """Least time for which bit 7 stays high, and low in between."""
 
 
-@dataclass(frozen=True, slots=True)
-class Transition:
+class Transition(Struct, frozen=True):
     """One transition of the state machine.
 
     Attributes:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 FEEDBACK_SHARE: Final = 0.6
 """Share of the cycle in which the drives' feedback is waited for; the rest is left to the caller."""
 
 
-@dataclass(frozen=True, slots=True)
-class Timeouts:
+class Timeouts(Struct, frozen=True):
     """Limits of all waits. Errors name the wait that timed out.
 
     How long bring-up listens for another master follows from the heartbeat: `canopen.safe_reset`.

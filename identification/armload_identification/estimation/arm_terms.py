@@ -16,9 +16,9 @@ in viscous friction and 0.55 % in offset.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -155,7 +155,7 @@ def friction_change(
     start = shares(dict.fromkeys((COULOMB, ROOT, VISCOUS), np.zeros(level_nm.size)))
     origin = "estimated from the runs; at first those between the UR10e's, as shares of its friction"
     pooled = np.repeat(np.arange(CHANGES), level_nm.size)
-    return replace(own_friction(start, origin), rescaled=shares, pooled=pooled, freedom=freedom)
+    return msgspec.structs.replace(own_friction(start, origin), rescaled=shares, pooled=pooled, freedom=freedom)
 
 
 def own_friction(deviation: FloatArray, origin: str) -> Term:

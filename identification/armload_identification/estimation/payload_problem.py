@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -197,7 +198,7 @@ def _unknown_arm(rows: Sequence[ArmRows], chain: Chain, base: NDArray[np.bool_],
     """Terms of an arm of which only kinematics and nominal gains are known."""
     changed = {GAIN: np.full(chain.n, np.inf), TILT: np.full(2, LEVELLED_RAD)}
     terms = [
-        replace(term, deviation=changed.get(term.name, term.deviation))
+        msgspec.structs.replace(term, deviation=changed.get(term.name, term.deviation))
         for term in arm_terms(rows, chain, base, peak_rad_s)
         if term.name != FRICTION_CHANGE
     ]

@@ -10,11 +10,11 @@ problem is made of: `CONTRIBUTING.md` shows one.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
@@ -34,8 +34,7 @@ class Scope(StrEnum):
 LoadColumns = tuple[FloatArray, FloatArray, FloatArray]
 
 
-@dataclass(frozen=True)
-class Load:
+class Load(Struct, frozen=True):
     """Torque that is linear in the values and passes the gears: links and payloads.
 
     Attributes:
@@ -46,8 +45,7 @@ class Load:
     columns: Callable[[ArmRows], LoadColumns]
 
 
-@dataclass(frozen=True)
-class Joint:
+class Joint(Struct, frozen=True):
     """Torque of each joint that is linear in m values per joint and may depend on the torque its gear carries.
 
     Attributes:
@@ -58,8 +56,7 @@ class Joint:
     columns: Callable[[ArmRows, FloatArray], tuple[FloatArray, FloatArray | None]]
 
 
-@dataclass(frozen=True)
-class Motor:
+class Motor(Struct, frozen=True):
     """Torque of each axis on the motor's side of the coupling.
 
     Attributes:
@@ -82,8 +79,7 @@ Values = Mapping[str, FloatArray]
 """Values of the arm's terms by name."""
 
 
-@dataclass(frozen=True, eq=False)
-class Term:
+class Term(Struct, frozen=True, eq=False):
     """An unknown of k values.
 
     Attributes:

@@ -16,7 +16,9 @@ References:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+
+from msgspec import Struct
 
 from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback
 from armload_drivers.driver_errors import CommandError
@@ -27,8 +29,7 @@ RATING_TOLERANCE = 1e-2
 """Relative difference of a rated current or torque that is attributed to rounding."""
 
 
-@dataclass(frozen=True, slots=True)
-class ReportedScale:
+class ReportedScale(Struct, frozen=True):
     """The scale that a drive reports; None for values not reported.
 
     Attributes:

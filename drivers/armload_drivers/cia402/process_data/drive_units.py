@@ -14,10 +14,10 @@ import math
 import struct
 from array import array
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
@@ -69,8 +69,7 @@ def saturate(value: float, kind: DataType) -> int:
     return lower if nearest < lower else upper
 
 
-@dataclass(frozen=True, slots=True)
-class AxisUnits:
+class AxisUnits(Struct, frozen=True):
     """Scale of one drive.
 
     Attributes:

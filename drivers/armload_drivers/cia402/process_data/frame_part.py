@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from armload_drivers.cia402.object_dictionary import DataType, Entry
 
 _SIZES = {8: DataType.U8, 16: DataType.U16, 32: DataType.U32}
 
 
-@dataclass(frozen=True, slots=True)
-class FramePart:
+class FramePart(Struct, frozen=True):
     """The bytes of one drive in one direction, or of one PDO.
 
     Attributes:

@@ -17,8 +17,9 @@ for which the value is known. 6060 gets the mode; the rest is 0, which drives di
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback, FixedPdo, OperationMode
@@ -38,8 +39,7 @@ _EFFORT = {
 """The standard's object for the effort, in 16 and in 32 bits."""
 
 
-@dataclass(frozen=True, slots=True)
-class PdoLayout:
+class PdoLayout(Struct, frozen=True):
     """One PDO with its mapping.
 
     Attributes:
@@ -88,8 +88,7 @@ class PdoLayout:
         return frame_part(self.mapping, self.entries)
 
 
-@dataclass(frozen=True, slots=True)
-class DriveImage:
+class DriveImage(Struct, frozen=True):
     """The PDOs of one drive.
 
     Attributes:

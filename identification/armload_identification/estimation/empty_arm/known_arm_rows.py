@@ -8,10 +8,10 @@ friction, so that the prior information matrix is the identity.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from msgspec import Struct
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import CHANGES
@@ -40,8 +40,7 @@ def payload_scale(effort_nm: FloatArray) -> FloatArray:
     return mass * np.array([1.0] + [_TOOL_M] * 3 + [_TOOL_M**2] * 6)
 
 
-@dataclass(frozen=True, eq=False)
-class KnownArmRows:
+class KnownArmRows(Struct, frozen=True, eq=False):
     """K rows of n joints, weighted.
 
     Attributes:

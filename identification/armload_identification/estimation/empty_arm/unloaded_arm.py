@@ -14,9 +14,10 @@ explains, not the reported torque: 5 ms on `er50`, with rotors 1.6 times too hea
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
+import msgspec
 import numpy as np
 
 from armload_core.arrays import FloatArray
@@ -92,4 +93,6 @@ def _offset(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
 
 def _as_they_are(term: Term) -> Term:
     """The term with gains, level base and friction law that one run cannot show known exactly."""
-    return replace(term, deviation=np.zeros(term.mean.size)) if term.name in {GAIN, TILT, ROOT} else term
+    return (
+        msgspec.structs.replace(term, deviation=np.zeros(term.mean.size)) if term.name in {GAIN, TILT, ROOT} else term
+    )

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import can
+import msgspec
 import numpy as np
 import pytest
 
@@ -112,7 +113,7 @@ def test_a_silent_node_may_be_reset_only_if_it_cannot_be_a_real_drive(bench):
 def test_axes_as_sub_indices_of_one_object_are_refused(bench):
     made = bench()
     entries = made.drive.dictionary.entries
-    entries[od.POSITION_ACTUAL.key] = replace(od.POSITION_ACTUAL, type=od.DataType.U8)
+    entries[od.POSITION_ACTUAL.key] = msgspec.structs.replace(od.POSITION_ACTUAL, type=od.DataType.U8)
     made.values[od.POSITION_ACTUAL.key] = 2
     entries[od.SECOND_POSITION.key] = od.SECOND_POSITION
     made.values[od.SECOND_POSITION.key] = 0

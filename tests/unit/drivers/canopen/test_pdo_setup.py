@@ -1,9 +1,8 @@
 """PDO parameters as written by the master, with the drive's side."""
 
-from dataclasses import replace
-
 import can
 import pytest
+from msgspec.structs import replace
 
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.canopen_sdo import CanopenSdo

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+import msgspec
 import numpy as np
 import pytest
 
@@ -43,9 +42,9 @@ def found(pinocchio_arm) -> Posterior:
         for run, load in zip(signals, (True, False), strict=True)
     ]
     terms = [
-        replace(term, deviation=np.zeros(term.mean.size))
+        msgspec.structs.replace(term, deviation=np.zeros(term.mean.size))
         if term.name in FIXED
-        else replace(term, rescaled=None, pooled=None)
+        else msgspec.structs.replace(term, rescaled=None, pooled=None)
         for term in arm_terms(pair, arm.chain, base, peak)
     ]
     groups = [Group((RunRows(pair[0], "tool"),)), Group((RunRows(pair[1]),))]

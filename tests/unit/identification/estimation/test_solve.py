@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.stats import f as fisher
@@ -74,7 +75,7 @@ def found(problem):
 
 
 def known_exactly(term):
-    return replace(term, deviation=np.zeros(term.mean.size))
+    return msgspec.structs.replace(term, deviation=np.zeros(term.mean.size))
 
 
 FIXED = {GAIN, TILT, DELAY, LOAD_FRICTION}
@@ -82,7 +83,10 @@ FIXED = {GAIN, TILT, DELAY, LOAD_FRICTION}
 
 def linear(terms, fixed):
     """The terms with priors as they are stated, and some of them known exactly."""
-    return [known_exactly(term) if term.name in fixed else replace(term, rescaled=None, pooled=None) for term in terms]
+    return [
+        known_exactly(term) if term.name in fixed else msgspec.structs.replace(term, rescaled=None, pooled=None)
+        for term in terms
+    ]
 
 
 def test_a_pair_gives_its_payload(found, pinocchio_arm):
@@ -149,7 +153,10 @@ def test_the_posterior_of_one_run_is_the_prior_of_the_next(rows, pinocchio_arm, 
     places = np.concatenate([np.arange(first.problem.shared_size)[first.problem.place(name)] for name in free])
     precision = np.linalg.inv(first.bread[np.ix_(places, places)])
     known = Known(tuple((name, "") for name in free), precision, precision @ first.x[places])
-    later = [replace(term, deviation=np.full(term.mean.size, np.inf)) if term.name in free else term for term in terms]
+    later = [
+        msgspec.structs.replace(term, deviation=np.full(term.mean.size, np.inf)) if term.name in free else term
+        for term in terms
+    ]
     then = solve(Problem(later, [loaded], noise, coupling, [known]))
     place, place_then = both.problem.place(PAYLOAD, "tool"), then.problem.place(PAYLOAD, "tool")
     deviation = np.sqrt(np.diag(both.bread)[place])
@@ -177,7 +184,7 @@ def test_added_torque_moves_the_unknowns_as_the_response_says(problem, rows, pin
 def test_the_spread_of_a_runs_own_friction_is_that_of_the_runs(problem, monkeypatch):
     """Both runs have the same friction, so that less than the stated spread is found, but not none."""
     careful = solve(problem)
-    terms = [replace(term, freedom=0.02) if term.pooled is not None else term for term in problem.terms]
+    terms = [msgspec.structs.replace(term, freedom=0.02) if term.pooled is not None else term for term in problem.terms]
     problem = replace(problem, terms=terms)
     found = solve(problem)
     own = problem.own(0)
@@ -263,7 +270,9 @@ def test_a_blow_counts_for_nothing(problem, found):
 def test_the_change_without_a_group_is_that_of_a_fit_without_it(problem, rows):
     pair, _, _ = rows
     noise = Noise.given(0.05 * effort_level(pair), np.ones(6))
-    bare = [replace(term, mean=0.0 * term.mean) if term.name == ROTORS else term for term in problem.terms]
+    bare = [
+        msgspec.structs.replace(term, mean=0.0 * term.mean) if term.name == ROTORS else term for term in problem.terms
+    ]
     terms = linear(bare, FIXED | {LINKS, ROTORS})
     groups = [Group((RunRows(run, "tool"),)) for run in (pair[0], pair[0].only(pair[0].time_s < 5.0))]
     more = replace(groups[1].runs[0].rows, effort_nm=1.01 * groups[1].runs[0].rows.effort_nm)

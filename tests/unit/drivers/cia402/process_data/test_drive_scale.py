@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import msgspec
 import pytest
 
 from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback, Identity, OperationMode, VendorObject
@@ -57,24 +58,24 @@ def test_contradictions_are_refused(key):
 @pytest.mark.parametrize("missing", ["increments_per_motor_turn", "rated_torque_nm", "rated_current_a"])
 def test_what_neither_gives_is_refused_with_the_key(missing):
     with pytest.raises(CommandError, match=r"give \w+ in the configuration"):
-        resolve(OPEN, replace(REPORTED, **{missing: None}))
+        resolve(OPEN, msgspec.structs.replace(REPORTED, **{missing: None}))
 
 
 def test_a_feed_constant_replaces_encoder_and_gear():
     """Pilz: 1/1000 degree at the joint, with any encoder."""
     drive = replace(OPEN, rated_torque_nm=200.0)
-    assert resolve(drive, replace(REPORTED, feed_per_shaft_turn=360_000.0)).counts_per_rad == pytest.approx(
-        360_000 / TURN
-    )
+    assert resolve(
+        drive, msgspec.structs.replace(REPORTED, feed_per_shaft_turn=360_000.0)
+    ).counts_per_rad == pytest.approx(360_000 / TURN)
 
 
 def test_a_feed_of_one_is_not_in_use():
-    assert resolve(OPEN, replace(REPORTED, feed_per_shaft_turn=1.0)) == CONFIGURED
+    assert resolve(OPEN, msgspec.structs.replace(REPORTED, feed_per_shaft_turn=1.0)) == CONFIGURED
 
 
 @pytest.mark.parametrize("gear", [None, 1.0])
 def test_a_drive_that_knows_nothing_of_its_gear_may_mean_either_side(gear):
-    reported = replace(REPORTED, gear_ratio=gear)
+    reported = msgspec.structs.replace(REPORTED, gear_ratio=gear)
     geared = replace(CONFIGURED, gear_ratio=100.0)
     assert resolve(geared, reported).counts_per_rad == pytest.approx(409_600 / TURN)
     beside = replace(geared, counts_per_rad=4096 / TURN, rated_torque_nm=2.0)
@@ -88,8 +89,8 @@ def test_a_drive_that_knows_nothing_of_its_gear_may_mean_either_side(gear):
 def test_a_vendors_effort_needs_no_rated_current():
     vendor = VendorObject(0x30D1, 2, DataType.I32, 1e-3)
     drive = replace(OPEN, vendor_effort=vendor)
-    assert resolve(drive, replace(REPORTED, rated_current_a=None)).rated_current_a is None
+    assert resolve(drive, msgspec.structs.replace(REPORTED, rated_current_a=None)).rated_current_a is None
     with pytest.raises(CommandError, match="rated current"):
-        resolve(replace(drive, rated_current_a=12.0), replace(REPORTED, rated_current_a=10.0))
+        resolve(replace(drive, rated_current_a=12.0), msgspec.structs.replace(REPORTED, rated_current_a=10.0))
     torque = replace(OPEN, feedback=EffortFeedback.TORQUE)
-    assert resolve(torque, replace(REPORTED, rated_current_a=None)).rated_current_a is None
+    assert resolve(torque, msgspec.structs.replace(REPORTED, rated_current_a=None)).rated_current_a is None

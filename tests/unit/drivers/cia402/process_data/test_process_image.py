@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import msgspec
 import pytest
 
 from armload_drivers.cia402 import object_dictionary as od
@@ -153,7 +154,7 @@ def test_a_fixed_mapping_is_used_in_its_order_and_with_what_else_it_carries():
     ],
 )
 def test_a_fixed_mapping_that_cannot_be_used_is_named(change, what):
-    fixed = tuple(replace(pdo, mapping=change.get(n, pdo.mapping)) for n, pdo in enumerate(FIXED))
+    fixed = tuple(msgspec.structs.replace(pdo, mapping=change.get(n, pdo.mapping)) for n, pdo in enumerate(FIXED))
     with pytest.raises(ValueError, match=what):
         drive_image(replace(DRIVE, fixed_pdos=fixed))
 
@@ -161,7 +162,7 @@ def test_a_fixed_mapping_that_cannot_be_used_is_named(change, what):
 @pytest.mark.parametrize("word", [0x60420010, 0x60710010, 0x60B10020, 0x60FF0020])
 def test_a_setpoint_of_another_mode_or_an_offset_is_sent_as_0(word):
     """6042 is the target of the velocity mode, 60FF of the profile velocity mode, 6071 of the torque modes."""
-    fixed = (FIXED[0], replace(FIXED[1], mapping=(word, 0x60B20010)), *FIXED[2:])
+    fixed = (FIXED[0], msgspec.structs.replace(FIXED[1], mapping=(word, 0x60B20010)), *FIXED[2:])
     image = drive_image(replace(DRIVE, fixed_pdos=fixed))
     assert image.offset.pack(-300) == bytes((word & 0xFF) // 8) + bytes.fromhex("d4fe")
 
