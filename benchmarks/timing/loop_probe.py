@@ -6,6 +6,7 @@ import select
 import socket
 import struct
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import can
@@ -22,6 +23,7 @@ from benchmarks.timing.peak_memory import peak_bytes, resident_bytes
 
 ROBOT = "er50"
 CYCLES = 250
+MISSING_CYCLES = 50
 PARTS = 12
 """Memory is read after each of these parts of the loop."""
 _FRAME = struct.Struct("=IB?8s")
@@ -60,7 +62,8 @@ def loop(
     """
     feedforward = PayloadFeedforward(robot.chain, NOTHING)
     estimator = PayloadEstimator(read_calibration(calibration), robot.chain, robot.drives.transmission)
-    servos = CanopenServos(robot.drives.settings, bus, sync)
+    # the simulated drives of another process are late while something else has the processor
+    servos = CanopenServos(replace(robot.drives.settings, max_missing_cycles=MISSING_CYCLES), bus, sync)
     try:
         started_s = [time.process_time()]
         servos.connect()
