@@ -27,7 +27,7 @@ def main(name: str | None = None) -> None:
     """Record the runs, and identify from each pair."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        robot = load_robot(str(write_short_robot(folder)) if name is None else name)
+        robot = load_robot(str(write_short_robot(folder, 1.0, 0.05, 25)) if name is None else name)
         roles = ROLES[:1] if name is None else ROLES
         for load in SessionLoad:
             for role in ROLES[len(roles) :]:

@@ -46,16 +46,16 @@ def record(robot, folder, make_servos, loads=tuple(SessionLoad)):
         record_half(robot, load, open_servos, no_operator(), CommissioningPlan(folder))
 
 
-def write_short_robot(folder):
-    """Write prbt's file with excitations of 4 s, which hardly determine a centre of mass; returns its path."""
+def write_short_robot(folder, frequency_hz=0.5, swing_rad=0.15, cycle_hz=50):
+    """Write prbt's file with two periods of one harmonic, which hardly determine a centre of mass; returns its path."""
     text = (resources.files("armload_configs") / "prbt.toml").read_text("utf-8")
     for role, sign in zip(ROLES, (1.0, -1.0), strict=True):
         turned = 0.5 * sign * np.arange(6)[:, None]
-        trajectory = FourierTrajectory(0.5, MIDDLE_RAD, 0.15 * np.cos(turned), 0.15 * np.sin(turned))
+        trajectory = FourierTrajectory(frequency_hz, MIDDLE_RAD, swing_rad * np.cos(turned), swing_rad * np.sin(turned))
         write_excitation(folder / f"{role}.toml", Excitation(trajectory, 2))
         text, count = re.subn(rf'^{role} = ".*"$', f'{role} = "{role}.toml"', text, flags=re.MULTILINE)
         assert count == 1
-    text = text.replace("cycle_hz = 100", "cycle_hz = 50")
+    text = text.replace("cycle_hz = 100", f"cycle_hz = {cycle_hz}")
     path = folder / "short.toml"
     path.write_text(text)
     return path
