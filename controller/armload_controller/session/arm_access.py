@@ -31,13 +31,13 @@ from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.bus.joined_bus import BusRole, JoinedBus
 from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.bus.sync_sources import TimerSync
-from armload_drivers.canopen.canopen_inspection import find_nodes
+from armload_drivers.canopen.canopen_bring_up import find_nodes
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
 from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.deadline_clock import DeadlineClock
 from armload_drivers.driver_errors import BusError
-from armload_drivers.ethercat.ethercat_inspection import find_drives
+from armload_drivers.ethercat.ethercat_bring_up import find_drives
 from armload_drivers.ethercat.ethercat_line import open_line
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
 from armload_drivers.servos import JointServos

@@ -6,9 +6,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup
+from armload_drivers.bring_up.inspection import ArmStatus
 from armload_drivers.bring_up.powered_drive import PoweredDrive
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.state_machine import State
+
+LISTEN_S = 1.0
+"""How long a status listens to the bus, for a load that means something."""
 
 
 class ArmBringUp(ABC):
@@ -52,6 +56,17 @@ class ArmBringUp(ABC):
 
         Returns:
             Drives that did not report this.
+
+        Raises:
+            BusError: the bus failed.
+        """
+
+    @abstractmethod
+    def status(self, listen_s: float) -> ArmStatus:
+        """Status of the drives. Only reads, over CANopen also while another program moves the arm.
+
+        Args:
+            listen_s: Time to listen to the bus before.
 
         Raises:
             BusError: the bus failed.

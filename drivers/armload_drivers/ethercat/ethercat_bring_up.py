@@ -1,4 +1,4 @@
-"""Bring-up of the drives of one arm over EtherCAT.
+"""Bring-up of the drives of one arm over EtherCAT, and inspection of a line without a cycle.
 
 `find` puts all drives of the line in INIT, which removes their torque; `open_line` has checked before that no master
 sends, and that no drive is in OP.
@@ -12,9 +12,10 @@ from contextlib import contextmanager
 
 from armload_drivers.bring_up.arm_bring_up import ArmBringUp
 from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_with
+from armload_drivers.bring_up.inspection import ArmStatus, FoundNode, describe, drive_status
 from armload_drivers.bring_up.powered_drive import PoweredDrive, powered_drives
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import ArmSettings
+from armload_drivers.cia402.arm_settings import ArmSettings, Fieldbus, Identity
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
@@ -142,6 +143,31 @@ class EthercatBringUp(ArmBringUp):
             cycle.close()
         setup.require_disabled()
         return setup.read_state()
+
+    def status(self, listen_s: float) -> ArmStatus:
+        """In PREOP, after this time."""
+        time.sleep(listen_s)
+        drives = tuple(drive_status(setup, self.timeouts) for setup in self.setups)
+        return ArmStatus(drives, None, 0, False)
+
+
+def find_drives(line: EthercatLine, timeouts: Timeouts | None = None) -> list[FoundNode]:
+    """All devices of a line, in their order; they are put in PREOP.
+
+    A device without objects is described by its EEPROM.
+    """
+    limits = timeouts or Timeouts()
+    found = []
+    for place in range(line.find()):
+        sdo = CoeSdo(place + 1, "unknown joint", line, line.worker, limits.sdo_s)
+        try:
+            device_type = sdo.read(od.DEVICE_TYPE)
+        except ServoError:
+            name, *identity = line.identity(place)
+            found.append(FoundNode(place + 1, None, name, Identity(*identity), (), ()))
+        else:
+            found.append(describe(sdo, place + 1, [device_type], Fieldbus.ETHERCAT))
+    return found
 
 
 @contextmanager

@@ -8,7 +8,7 @@ which has no other node, simulated drives answer. `store` and `assign` write wha
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from functools import partial
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from armload_controller.config.robot import Robot
     from armload_controller.session.brake_test import BrakeFinding
     from armload_drivers.bring_up.arm_bring_up import ArmBringUp
-    from armload_drivers.bring_up.inspection import ArmStatus
     from armload_drivers.canopen.lss_master import LssAddress
 
 drives = Commands("Inspect the drives on a bus. Only check --brakes energises.")
@@ -141,12 +140,13 @@ def show_command(
     from armload_controller.cli.output.drive_result_tables import bus_line, status_table
     from armload_controller.cli.output.json_documents import status_document
     from armload_controller.session.stop_signals import StopSignals
+    from armload_drivers.bring_up import arm_bring_up
 
     arm = on_bus.arm()
     control = MotionControl()
-    with StopSignals(control), _status_of(arm) as status_now:
+    with StopSignals(control), _bring_up(arm) as bring_up:
         while control.goal.stop is None:
-            status = status_now()
+            status = bring_up.status(arm_bring_up.LISTEN_S)
             screen.table(status_table(status))
             screen.result(bus_line(status))
             screen.document(partial(status_document, arm.name, status))
@@ -258,22 +258,6 @@ def _bring_up(robot: Robot) -> Iterator[ArmBringUp]:
         return
     with _bus_of(robot) as opened:
         yield CanopenBringUp(robot.drives.settings, opened)
-
-
-@contextmanager
-def _status_of(robot: Robot) -> Iterator[Callable[[], ArmStatus]]:
-    """Reads the status of the robot's drives once a second."""
-    from armload_drivers.canopen import canopen_inspection
-    from armload_drivers.ethercat import ethercat_inspection
-    from armload_drivers.ethercat.ethercat_bring_up import open_bring_up
-
-    arm, listen_s = robot.drives.settings, canopen_inspection.LISTEN_S
-    if robot.bus.on_ethercat:
-        with open_bring_up(arm, robot.bus.parts[0].channel) as bring_up:
-            yield lambda: ethercat_inspection.show(bring_up, listen_s)
-        return
-    with _bus_of(robot) as opened:
-        yield lambda: canopen_inspection.show(arm, opened, listen_s)
 
 
 @contextmanager

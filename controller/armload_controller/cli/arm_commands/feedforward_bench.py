@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from armload_controller.session.run_session import Operator, RunSession, ServosFactory, SessionLoad
     from armload_identification.model.payload import PayloadResult
 
-PERIODS = 1
-
 ExcitationOption = Annotated[
     Path | None,
     typer.Option("--excitation", help="Trajectory to run; by default the robot's validation excitation."),
@@ -138,5 +136,5 @@ def _checked_path(arm: Robot, excitation: Path | None, *, whole: bool) -> Checke
         chosen, file, key = require_excitation(arm, "validation"), arm.file, "excitation.validation"
     else:
         chosen, file, key = read_excitation(excitation), "command line", f"--excitation {excitation}"
-    run = chosen if whole else Excitation(chosen.trajectory, PERIODS)
+    run = chosen if whole else Excitation(chosen.trajectory, periods=1)
     return check_path(run, arm.motion_constraints, 1 / arm.bus.cycle_hz, file=file, key=key)

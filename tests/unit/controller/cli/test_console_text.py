@@ -19,7 +19,7 @@ from armload_controller.cli.console_text import drawn, fitted
 from armload_controller.cli.main import app
 from armload_controller.cli.output.result_tables import payload_table
 from armload_controller.cli.screen import Screen
-from armload_drivers.canopen import canopen_inspection
+from armload_drivers.bring_up import arm_bring_up
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 
 WIDTHS = [40, 60, 80, 200]
@@ -231,7 +231,7 @@ def test_an_error_on_top_of_another_does_not_hide_it():
 
 @pytest.mark.parametrize("environment", [{}, {"NO_COLOR": "1"}, {"COLUMNS": "60"}])
 def test_a_file_gets_no_colours_and_whole_tables(environment, monkeypatch):
-    monkeypatch.setattr(canopen_inspection, "LISTEN_S", 0.01)
+    monkeypatch.setattr(arm_bring_up, "LISTEN_S", 0.01)
     done = CliRunner().invoke(app, ["drives", "show", "prbt", "--once"], env={"COLUMNS": None} | environment)
     assert done.exit_code == 0, done.output
     assert "\x1b" not in done.output

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from armload_drivers.bring_up.drive_check import Verdict, check, reset
-from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
-from armload_drivers.canopen.canopen_inspection import find_nodes, show
+from armload_drivers.canopen.canopen_bring_up import CanopenBringUp, find_nodes
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, VendorObject
 from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.eds_parser import parse_description
@@ -267,7 +266,7 @@ def test_show_only_reads(bench):
     rig = bench({5: DriveTraits(absent=frozenset({0x603F}))})
     rig.drives.switch_off(3)
     rig.frames()
-    status = show(rig.arm, rig.bus, 0.05, LIMITS)
+    status = CanopenBringUp(rig.arm, rig.bus, LIMITS).status(0.05)
     first, second, third = status.drives
     assert first.state is State.SWITCH_ON_DISABLED
     assert first.position_rad == pytest.approx(0.1, abs=1e-5)
@@ -283,20 +282,21 @@ def test_show_only_reads(bench):
 def test_show_reports_a_vendors_temperature(bench, arm_settings, kind, per_unit):
     arm = arm_settings(temperature=VendorObject(0x3201, 1, kind, per_unit))
     rig = bench({5: DriveTraits(absent=frozenset({0x3201}))}, arm)
-    shown = [drive.temperature_celsius for drive in show(rig.arm, rig.bus, 0.01, LIMITS).drives]
+    shown = [drive.temperature_celsius for drive in CanopenBringUp(rig.arm, rig.bus, LIMITS).status(0.01).drives]
     assert shown[:2] == pytest.approx([40.0, 40.0])
     assert shown[2] is None
 
 
 def test_show_reports_no_temperature_where_none_is_configured(bench):
     rig = bench()
-    assert {drive.temperature_celsius for drive in show(rig.arm, rig.bus, 0.01, LIMITS).drives} == {None}
+    status = CanopenBringUp(rig.arm, rig.bus, LIMITS).status(0.01)
+    assert {drive.temperature_celsius for drive in status.drives} == {None}
 
 
 def test_show_reports_a_contradiction(bench, arm_settings):
     rig = bench()
     wrong = replace(rig.arm, drives=tuple(replace(d, counts_per_rad=5.0) for d in rig.arm.drives))
-    status = show(wrong, rig.bus, 0.01, LIMITS)
+    status = CanopenBringUp(wrong, rig.bus, LIMITS).status(0.01)
     assert all("position units" in drive.trouble for drive in status.drives)
 
 
@@ -305,7 +305,7 @@ def test_one_fault_is_reset_by_name(bench):
     rig.drives.fail(3, 0x4310)
     rig.drives.fail(5, 0x4310)
     assert reset(CanopenBringUp(rig.arm, rig.bus, LIMITS), "joint_3", never_asked) is State.SWITCH_ON_DISABLED
-    states = [drive.state for drive in show(rig.arm, rig.bus, 0.01, LIMITS).drives]
+    states = [drive.state for drive in CanopenBringUp(rig.arm, rig.bus, LIMITS).status(0.01).drives]
     assert states == [State.SWITCH_ON_DISABLED, State.SWITCH_ON_DISABLED, State.FAULT]
     assert not any(rig.plant.powered)
 

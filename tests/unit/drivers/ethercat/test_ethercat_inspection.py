@@ -3,7 +3,7 @@
 import pytest
 
 from armload_drivers.cia402.arm_settings import Identity
-from armload_drivers.ethercat.ethercat_inspection import find_drives
+from armload_drivers.ethercat.ethercat_bring_up import find_drives
 from armload_drivers.ethercat.ethercat_line import MailboxAbort
 
 pytestmark = pytest.mark.pure

@@ -37,9 +37,9 @@ from armload_controller.fleet.attention import Acknowledgement, Attention, Findi
 from armload_controller.fleet.fleet_run import FleetProblem, FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
 from armload_controller.session.feedforward_comparison import FollowingComparison, Measure
-from armload_drivers.bring_up import drive_check
+from armload_drivers.bring_up import arm_bring_up, drive_check
 from armload_drivers.bring_up.inspection import FoundNode
-from armload_drivers.canopen import canopen_inspection, node_assignment
+from armload_drivers.canopen import node_assignment
 from armload_drivers.canopen.lss_master import LssAddress
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.state_machine import State
@@ -125,7 +125,7 @@ def document(armload, recorded_er50, tmp_path_factory):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_DATA_HOME", str(names["out"]))
-        patch.setattr(canopen_inspection, "LISTEN_S", 0.01)
+        patch.setattr(arm_bring_up, "LISTEN_S", 0.01)
         patch.setattr(drive_check, "reset", lambda *_: State.SWITCH_ON_DISABLED)  # no drive is in FAULT
         patch.setattr(node_assignment, "assign", lambda *_: LssAddress(1, 2, 3, 4))  # no node is on this bus
         yield printed
