@@ -235,3 +235,7 @@ def _mapped(node: canopen.RemoteNode) -> tuple[canopen.pdo.PdoMap, canopen.pdo.P
         pdo.trans_type, pdo.enabled = 1, True
         pdo.save()
     return setpoints, feedback
+
+
+if __name__ == "__main__":
+    run()
