@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from armload_controller.cycle.stop_decisions import CAUSES, DECISIONS, Cause, StopCategory
+from armload_controller.cycle.stop_decisions import CAUSES, Cause, StopCategory
 from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.state_machine import FAULT_RESET_BIT, POWERED, TRANSITIONS, Command, State, Transition
 
@@ -43,11 +43,11 @@ def stop_page() -> str:
         ("Stop", "Steps, in this order"),
         [(category.value, "; ".join(step.value for step in category.sequence)) for category in StopCategory],
     )
-    errors = {cause: [f"`{kind.__name__}`" for kind, found in CAUSES if found is cause] for cause in DECISIONS}
+    errors = {cause: [f"`{kind.__name__}`" for kind, found in CAUSES if found is cause] for cause in Cause}
     errors[Cause.PROGRAM].append("any other")
     causes = _rows(
         ("Cause", "Error", "Stop", "What the operator can do"),
-        [(cause.value, ", ".join(errors[cause]), d.category.value, d.advice) for cause, d in DECISIONS.items()],
+        [(cause.words, ", ".join(errors[cause]), cause.category.value, cause.advice) for cause in Cause],
     )
     return f"{_STOPS}{stops}\n{causes}"
 

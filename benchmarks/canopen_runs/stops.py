@@ -18,7 +18,7 @@ from armload_controller.cycle.control_cycle import Cycle
 from armload_controller.cycle.feedback_truth import TorqueReversed
 from armload_controller.cycle.monitors import FollowingMonitor, TorqueWindow
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep
-from armload_controller.cycle.stop_decisions import DECISIONS, Cause, cause_of
+from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.joint_limits import BeyondLimit, MotionLimits
@@ -201,7 +201,7 @@ def run() -> None:
     for cause in Cause:
         stop = measure(robot, path, cause)
         print(
-            f"  {cause.value:44s} {DECISIONS[cause].category.value:15s} "
+            f"  {cause.words:44s} {cause.category.value:15s} "
             f"{stop.deviation_rad * 1e3:9.2f} mrad {stop.standstill_s:11.2f} s"
         )
 

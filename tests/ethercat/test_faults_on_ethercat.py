@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armload_controller.cycle.stop_decisions import DECISIONS, Cause, StopCategory, cause_of
+from armload_controller.cycle.stop_decisions import Cause, StopCategory, cause_of
 from armload_drivers.bring_up.drive_check import Verdict, check, reset
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, EffortFeedback, Fieldbus, Identity
 from armload_drivers.cia402.drive_safety import SYNC_MANAGER_WATCHDOG_US
@@ -107,7 +107,7 @@ class Arm:
         """Stop and disable; the error of what could not be done, if any."""
         error = None
         steps = {StopCategory.TORQUE_OFF: (self.servos.disable,)}.get(
-            DECISIONS[cause].category, (self.servos.stop, self.servos.disable)
+            cause.category, (self.servos.stop, self.servos.disable)
         )
         for step in steps:
             try:

@@ -7,7 +7,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import MotionError
-from armload_controller.cycle.stop_decisions import DECISIONS, Cause, cause_of
+from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.run_session import SessionLoad, no_operator, run_session
 from armload_drivers.simulation.plant_interface import FROZEN, REVERSED, EncoderFault
@@ -108,7 +108,7 @@ def test_a_lie_is_found_in_the_slow_round(watched_servos, rubbing_plant, lie, ca
     ):
         session.run(PATH, "run")
     assert cause_of(caught.value.__cause__) is cause
-    assert str(caught.value).startswith(f"Motion stopped ({DECISIONS[cause].category.value}): {cause.value}")
+    assert str(caught.value).startswith(f"Motion stopped ({cause.category.value}): {cause.words}")
     assert servos.log[-2:] == ["stop", "disable"]
     assert servos.log.count("enable") == 1, "the run at full speed was not begun"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_controller.cycle.stop_decisions import DECISIONS, Cause, StopCategory
+from armload_controller.cycle.stop_decisions import Cause, StopCategory
 from benchmarks.canopen_runs import stops
 from benchmarks.canopen_runs.stops import measure, one_period
 
@@ -34,11 +34,11 @@ def er50(request):
 @pytest.mark.parametrize("cause", Cause, ids=lambda cause: cause.name.lower())
 def test_the_arm_stays_near_its_path_and_stands(er50, cause):
     stop = measure(*er50, cause)
-    deviation_rad, standstill_s = OTHERS.get(cause, BOUNDS[DECISIONS[cause].category])
+    deviation_rad, standstill_s = OTHERS.get(cause, BOUNDS[cause.category])
     assert stop.deviation_rad < deviation_rad
     assert 0.0 < stop.standstill_s < standstill_s
-    assert stop.message.startswith(f"Motion stopped ({DECISIONS[cause].category.value}): {cause.value}")
-    assert DECISIONS[cause].advice in stop.message
+    assert stop.message.startswith(f"Motion stopped ({cause.category.value}): {cause.words}")
+    assert cause.advice in stop.message
     assert "While stopping" not in stop.message
 
 

@@ -2,7 +2,7 @@
 
 Rules. Every setpoint is checked against the limits after Ruckig and before it is sent. Ruckig's output may deviate
 from the plan by at most `PATH_TOLERANCE_RAD`. Before an error leaves this module, the arm is brought to rest as the
-row of `stop_decisions.DECISIONS` for its cause prescribes.
+row of `stop_decisions.Cause` for it prescribes.
 
 Order within a cycle: the next setpoint is computed and checked, plug-ins receive it with the last feedback (monitors
 check that feedback now, before anything else is sent), their torque passes the gate, and the command is sent.
@@ -20,7 +20,7 @@ import numpy as np
 from armload_controller.control_errors import ControlError, MotionError
 from armload_controller.cycle.monitors import LateCycle
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep, PluginHost
-from armload_controller.cycle.stop_decisions import DECISIONS, PathDeviation, StopStep, cause_of
+from armload_controller.cycle.stop_decisions import PathDeviation, StopStep, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import CheckedLeg
 from armload_controller.motion.joint_limits import MotionLimits, check_setpoints
@@ -120,7 +120,7 @@ def require_going(control: MotionControl) -> None:
 def not_switched_on(error: ControlError) -> MotionError:
     """The error for a motion that was not started."""
     cause = cause_of(error)
-    return MotionError(f"Nothing was switched on: {cause.value}: {error}. Next: {DECISIONS[cause].advice}.", ())
+    return MotionError(f"Nothing was switched on: {cause.words}: {error}. Next: {cause.advice}.", ())
 
 
 def stop_message(error: BaseException, more: str = "", escalation: LoopLost | None = None) -> str:
@@ -131,9 +131,9 @@ def stop_message(error: BaseException, more: str = "", escalation: LoopLost | No
         more: Further detail, appended to the reason.
         escalation: The error of an axis that left its course during the stop, if any; it decides what to do next.
     """
-    cause, decision = cause_of(error), DECISIONS[cause_of(escalation or error)]
+    cause, decisive = cause_of(error), cause_of(escalation or error)
     detail = f": {error}" if str(error) else ""
-    return f"Motion stopped ({decision.category.value}): {cause.value}{detail}{more}. Next: {decision.advice}."
+    return f"Motion stopped ({decisive.category.value}): {cause.words}{detail}{more}. Next: {decisive.advice}."
 
 
 class PoweredArm:
@@ -205,7 +205,6 @@ class PoweredArm:
         Raises:
             MotionError: always.
         """
-        decision = DECISIONS[cause_of(error)]
         if self._host.failed:
             self._host.detach(self._host.failed)
         suspect = self._limits.index_of(getattr(error, "joint", ""))
@@ -216,7 +215,7 @@ class PoweredArm:
             StopStep.DISABLE: self._servos.disable,
         }
         troubles, astray = [], None
-        for step in decision.category.sequence:
+        for step in cause_of(error).category.sequence:
             try:
                 self._control.ended = step is not StopStep.RAMP_DOWN
                 steps[step]()

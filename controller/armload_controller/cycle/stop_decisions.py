@@ -16,8 +16,8 @@ automatically.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+from importlib.resources import files
 
 from armload_controller.control_errors import ControlError, OffsetRefused, RecordingFailed
 from armload_controller.cycle.feedback_truth import (
@@ -84,116 +84,65 @@ _SEQUENCES = {
 }
 
 
-class Cause(Enum):
-    """Reason why the motion ends early."""
-
-    OPERATOR = "the operator requested a stop"
-    OPERATOR_AGAIN = "the operator requested an immediate stop"
-    TERMINATION = "the system requested termination"
-    PLUGIN_REQUEST = "a plug-in requested a stop"
-    PLUGIN_FAILED = "a plug-in failed"
-    PLUGIN_TOO_SLOW = "a plug-in is too slow"
-    RECORDING = "the run cannot be recorded"
-    LIMIT = "a setpoint exceeds a limit"
-    DEVIATION = "the motion would leave the checked path"
-    FOLLOWING_ERROR = "a joint does not follow"
-    TORQUE = "a joint's torque is not as expected"
-    OFFSET = "added torque does not have the expected effect"
-    BLOCKED = "the path to the start is blocked"
-    BEYOND_LIMIT = "the arm stands beyond a limit"
-    STALE = "the drives' feedback is frozen"
-    LOOP_LOST = "an axis does not move as commanded"
-    VELOCITY = "a velocity contradicts its position"
-    TORQUE_MISSING = "a current or torque is not measured"
-    TORQUE_REVERSED = "a current or torque has the wrong sign"
-    VOLTAGE = "a drive has lost its voltage"
-    REMOTE = "a drive takes no commands from the bus"
-    INTERNAL_LIMIT = "a drive limits the motion on its own"
-    DRIVE_LAG = "a drive reports a following error"
-    LATE = "the program is late"
-    MISSING_FEEDBACK = "a drive does not answer"
-    DRIVE_FAULT = "a drive reports a fault"
-    OTHER_MASTER = "another program or tool commands the drives"
-    FRAMES = "frames of the bus are lost"
-    LINK = "the cable to the drives is unplugged"
-    WORKING_COUNTER = "a drive takes no part in the frames"
-    LEFT_OP = "a drive has left operation by itself"
-    HUNG = "the firmware of a drive hangs"
-    DRIVE = "a drive does not behave as expected"
-    REFUSED = "a setpoint cannot be sent"
-    BUS = "the bus failed"
-    PROGRAM = "the program failed"
-
-
-@dataclass(frozen=True, slots=True)
-class Reaction:
-    """One row of the table.
-
-    Attributes:
-        category: How the arm is stopped; defines the steps.
-        advice: What the operator can do.
-    """
-
-    category: StopCategory
-    advice: str
-
-
 _ALONG, _QUICK, _OFF = StopCategory.ALONG_PATH, StopCategory.QUICK_STOP, StopCategory.TORQUE_OFF
 _EMERGENCY = StopCategory.EMERGENCY_STOP
+_ADVICE = files("armload_controller.cycle").joinpath("stop_advice.txt").read_text("ascii")
+"""Read with the module: a stop waits for no file."""
+_ADVICE_BY_NAME = {name: advice for name, _, advice in (line.partition(" ") for line in _ADVICE.splitlines())}
 
-DECISIONS: dict[Cause, Reaction] = {
-    Cause.OPERATOR: Reaction(_ALONG, "start again when ready"),
-    Cause.OPERATOR_AGAIN: Reaction(_QUICK, "start again when ready"),
-    Cause.TERMINATION: Reaction(_ALONG, "start again when the system allows it to run"),
-    Cause.PLUGIN_REQUEST: Reaction(_ALONG, "read the plug-in's message, then start again"),
-    Cause.PLUGIN_FAILED: Reaction(_ALONG, "correct the plug-in or run without it"),
-    Cause.PLUGIN_TOO_SLOW: Reaction(_ALONG, "make it faster, move its work to another process, or lower --cycle-hz"),
-    Cause.RECORDING: Reaction(_ALONG, "free disk space, or choose another --output"),
-    Cause.LIMIT: Reaction(_QUICK, "correct the excitation or the limits in the configuration"),
-    Cause.DEVIATION: Reaction(_QUICK, "the reference exceeds the joints' limits: design a slower excitation"),
-    Cause.FOLLOWING_ERROR: Reaction(
-        _QUICK, "look for a collision, an engaged brake, a wrong gear ratio or too small a following error window"
-    ),
-    Cause.TORQUE: Reaction(_QUICK, "look for a collision, an unexpected payload, or a torque of wrong scale or sign"),
-    Cause.OFFSET: Reaction(_ALONG, "correct the drive's or the configuration's scaling, or run without feed-forward"),
-    Cause.BLOCKED: Reaction(_ALONG, "move the arm by other means to where the straight path to the start is free"),
-    Cause.BEYOND_LIMIT: Reaction(_ALONG, "move the arm back within its limits by other means"),
-    Cause.STALE: Reaction(_QUICK, "check the bus interface and its driver"),
-    Cause.LOOP_LOST: Reaction(
-        _EMERGENCY,
-        "press the emergency stop, and keep clear: an axis without a brake falls. Look for a collision. Before the arm "
-        "moves again, check encoder, its cable and reference, direction (607E), commutation and brake of this axis",
-    ),
-    Cause.VELOCITY: Reaction(_QUICK, "check the drive's velocity scale and its encoder"),
-    Cause.TORQUE_MISSING: Reaction(_ALONG, "check that the drive reports its actual current or torque (6078, 6077)"),
-    Cause.TORQUE_REVERSED: Reaction(
-        _ALONG, "check the sign of current or torque in the drive and in the configuration"
-    ),
-    Cause.VOLTAGE: Reaction(_QUICK, "check the drive's power supply and its safe-torque-off"),
-    Cause.REMOTE: Reaction(_QUICK, "set the drive to remote control: another panel or program has taken it over"),
-    Cause.INTERNAL_LIMIT: Reaction(_QUICK, "check the drive's own limits of position, speed and torque"),
-    Cause.DRIVE_LAG: Reaction(
-        _QUICK, "look for a collision, an engaged brake, or too small a window (6065) in the drive"
-    ),
-    Cause.LATE: Reaction(_QUICK, "close other programs, lower --cycle-hz, or give the process a real-time priority"),
-    Cause.MISSING_FEEDBACK: Reaction(_QUICK, "check the drive's supply, its cable and the bus load"),
-    Cause.DRIVE_FAULT: Reaction(_QUICK, "clear the cause at the drive, then reset that drive (armload drives reset)"),
-    Cause.OTHER_MASTER: Reaction(_QUICK, "stop the other program, or unplug its tool, then repeat the command"),
-    Cause.FRAMES: Reaction(_QUICK, "check cables, plugs and the network interface; nothing else may use it"),
-    Cause.LINK: Reaction(_OFF, "plug the cable in; the drives have stopped by their watchdogs"),
-    Cause.WORKING_COUNTER: Reaction(_QUICK, "check the drives' cables and mappings; reconnect"),
-    Cause.LEFT_OP: Reaction(
-        _QUICK,
-        "if its watchdog has acted, give the program a real-time priority or a longer watchdog_s",
-    ),
-    Cause.HUNG: Reaction(
-        _QUICK, "press the emergency stop: this drive obeys nobody, and may carry torque; then switch it off and on"
-    ),
-    Cause.DRIVE: Reaction(_QUICK, "inspect the drive; reconnect"),
-    Cause.REFUSED: Reaction(_QUICK, "correct the scaling in the configuration, or run without added torque"),
-    Cause.BUS: Reaction(_OFF, "check cable, termination and interface"),
-    Cause.PROGRAM: Reaction(_QUICK, "report this bug with the recording"),
-}
+
+class Cause(Enum):
+    """Reason why the motion ends early, and the reaction to it.
+
+    Attributes:
+        words: The reason.
+        category: How the arm is stopped; defines the steps.
+    """
+
+    OPERATOR = "the operator requested a stop", _ALONG
+    OPERATOR_AGAIN = "the operator requested an immediate stop", _QUICK
+    TERMINATION = "the system requested termination", _ALONG
+    PLUGIN_REQUEST = "a plug-in requested a stop", _ALONG
+    PLUGIN_FAILED = "a plug-in failed", _ALONG
+    PLUGIN_TOO_SLOW = "a plug-in is too slow", _ALONG
+    RECORDING = "the run cannot be recorded", _ALONG
+    LIMIT = "a setpoint exceeds a limit", _QUICK
+    DEVIATION = "the motion would leave the checked path", _QUICK
+    FOLLOWING_ERROR = "a joint does not follow", _QUICK
+    TORQUE = "a joint's torque is not as expected", _QUICK
+    OFFSET = "added torque does not have the expected effect", _ALONG
+    BLOCKED = "the path to the start is blocked", _ALONG
+    BEYOND_LIMIT = "the arm stands beyond a limit", _ALONG
+    STALE = "the drives' feedback is frozen", _QUICK
+    LOOP_LOST = "an axis does not move as commanded", _EMERGENCY
+    VELOCITY = "a velocity contradicts its position", _QUICK
+    TORQUE_MISSING = "a current or torque is not measured", _ALONG
+    TORQUE_REVERSED = "a current or torque has the wrong sign", _ALONG
+    VOLTAGE = "a drive has lost its voltage", _QUICK
+    REMOTE = "a drive takes no commands from the bus", _QUICK
+    INTERNAL_LIMIT = "a drive limits the motion on its own", _QUICK
+    DRIVE_LAG = "a drive reports a following error", _QUICK
+    LATE = "the program is late", _QUICK
+    MISSING_FEEDBACK = "a drive does not answer", _QUICK
+    DRIVE_FAULT = "a drive reports a fault", _QUICK
+    OTHER_MASTER = "another program or tool commands the drives", _QUICK
+    FRAMES = "frames of the bus are lost", _QUICK
+    LINK = "the cable to the drives is unplugged", _OFF
+    WORKING_COUNTER = "a drive takes no part in the frames", _QUICK
+    LEFT_OP = "a drive has left operation by itself", _QUICK
+    HUNG = "the firmware of a drive hangs", _QUICK
+    DRIVE = "a drive does not behave as expected", _QUICK
+    REFUSED = "a setpoint cannot be sent", _QUICK
+    BUS = "the bus failed", _OFF
+    PROGRAM = "the program failed", _QUICK
+
+    def __init__(self, words: str, category: StopCategory) -> None:
+        self.words, self.category = words, category
+
+    @property
+    def advice(self) -> str:
+        """What the operator can do, as `stop_advice.txt` says."""
+        return _ADVICE_BY_NAME[self.name]
 
 
 class PathDeviation(ControlError):
