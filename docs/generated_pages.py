@@ -82,13 +82,13 @@ def _section(of: Safety) -> str:
     """One property."""
     rows = "".join(
         f"| {number} | {way.text} | {'both' if way.fieldbus is None else way.fieldbus.value} | {way.verified} |\n"
-        for number, way in enumerate(of.value.ways, start=1)
+        for number, way in enumerate(of.ways, start=1)
     )
-    remedy = f"Before accepting this as missing: {of.value.remedy}.\n" if of.value.remedy else ""
+    remedy = f"Before accepting this as missing: {of.remedy}.\n" if of.remedy else ""
     return f"""\
-## `{of.key}`: the drive {of.value.title}
+## `{of.key}`: the drive {of.title}
 
-Consequence if missing: {of.value.lost}.
+Consequence if missing: {of.lost}.
 {remedy}
 | | way | bus | verified |
 |---|---|---|---|

@@ -44,28 +44,18 @@ class CommandError(DriverError):
 
 
 class StatuswordError(DriverError):
-    """A statusword matches no state of CiA 402.
-
-    Attributes:
-        statusword: The word received.
-    """
+    """A statusword matches no state of CiA 402."""
 
     def __init__(self, statusword: int) -> None:
         super().__init__(f"statusword 0x{statusword:04X} matches no state of CiA 402")
-        self.statusword = statusword
 
 
 class TransitionError(DriverError):
-    """A drive cannot reach the requested state, or not in time.
-
-    Attributes:
-        statusword: The last word received; None if there was none.
-    """
+    """A drive cannot reach the requested state, or not in time."""
 
     def __init__(self, what: str, statusword: int | None) -> None:
         word = "no statusword received" if statusword is None else f"statusword 0x{statusword:04X}"
         super().__init__(f"{what} ({word})")
-        self.statusword = statusword
 
 
 class BusError(DriverError):
@@ -97,20 +87,11 @@ class LssRefused(DriverError):
 
 
 class DescriptionError(DriverError):
-    """A device description that cannot be used.
-
-    Attributes:
-        source: Name of the file.
-        section: Its section; empty if the error concerns the file itself.
-        key: Key; empty if the error concerns the section itself.
-    """
+    """A device description that cannot be used: its file, section and key; both are empty if it is not about one."""
 
     def __init__(self, source: str, section: str, key: str, what: str) -> None:
         place = f"[{section}]" if section else "the file"
         super().__init__(f"{source}: {place}{' ' + key if key else ''}: {what}")
-        self.source = source
-        self.section = section
-        self.key = key
 
 
 class SimulationError(DriverError):

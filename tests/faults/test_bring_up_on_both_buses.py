@@ -52,7 +52,7 @@ class Requests:
         return self.verdict if now == self.step else None
 
 
-SAFETY = {f"making sure that the drive {of.value.title}": of for of in Safety}
+SAFETY = {f"making sure that the drive {of.title}": of for of in Safety}
 STEPS = [
     "looking for the node", "identifying", "looking for torque", "looking for a second axis",
     "checking the mode", "reading the scaling", "looking for the objects of its PDOs",

@@ -298,8 +298,8 @@ def test_a_drive_without_what_safety_rests_on_is_refused_unless_accepted_by_name
     with pytest.raises(MissingSafety) as raised:
         arm.servos.connect()
     assert (raised.value.node_id, raised.value.joint) == (3, "joint_3")
-    assert of.value.lost in str(raised.value)
-    assert of.value.remedy in str(raised.value)
+    assert of.lost in str(raised.value)
+    assert of.remedy in str(raised.value)
     names = ", ".join(f'"{name}"' for name in sorted(["disable_reaction", of.key]))
     assert f"accept_missing = [{names}]" in str(raised.value), "what was accepted before is kept"
     assert not any(arm.plant.powered)

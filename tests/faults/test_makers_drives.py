@@ -462,9 +462,7 @@ def drives_of(fault_arm, arm_settings, request):
 
 def numbers(report):
     """Number of the way found for each property; 0 for none."""
-    return {
-        f.of.key: 0 if f.way is None else 1 + f.of.value.ways_on(Fieldbus.CANOPEN).index(f.way) for f in report.safety
-    }
+    return {f.of.key: 0 if f.way is None else 1 + f.of.ways_on(Fieldbus.CANOPEN).index(f.way) for f in report.safety}
 
 
 @pytest.mark.parametrize("name", [name for name, row in ROWS.items() if row.expected is not None])

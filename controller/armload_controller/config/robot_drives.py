@@ -159,7 +159,7 @@ class RobotDrives:
         for of in Safety:
             joints = [drive.joint for drive in drives if of.key in drive.accept_missing]
             if joints:
-                found.append(f"{', '.join(joints)}: {of.value.lost} (accepted: {of.key})")
+                found.append(f"{', '.join(joints)}: {of.lost} (accepted: {of.key})")
         told = [drive.joint for drive in drives if drive.torque_limit_in_drive]
         if told:
             found.append(f"{', '.join(told)}: the torque limit is set in the drive, and cannot be read")

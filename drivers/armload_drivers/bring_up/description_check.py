@@ -25,7 +25,7 @@ def description_gaps(drive: DriveSettings) -> tuple[str, ...]:
         if (gap := _unmappable(described, layout.direction, entry))
     ]
     gaps += [
-        f"{described.source} has no object for {of.key}: {of.value.lost}; see accept_missing"
+        f"{described.source} has no object for {of.key}: {of.lost}; see accept_missing"
         for of in Safety
         if of.key not in drive.accept_missing
         and not has_a_way(of, drive, lambda entry: described.find(entry) is not None)

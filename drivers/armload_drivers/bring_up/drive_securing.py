@@ -18,10 +18,10 @@ def secure(drive: DriveObjects, values: SafetyValues) -> tuple[SafetyFinding, ..
 
 def _secure_one(drive: DriveObjects, of: Safety, values: SafetyValues) -> SafetyFinding:
     """Provide one property."""
-    drive.sdo.step = f"making sure that the drive {of.value.title}"
+    drive.sdo.step = f"making sure that the drive {of.title}"
     accepted = of.key in values.drive.accept_missing
     obstacles: list[tuple[str, str]] = []
-    for way in of.value.ways_on(values.arm.fieldbus):
+    for way in of.ways_on(values.arm.fieldbus):
         reason = _try(drive, way, of, values)
         if not reason:
             return SafetyFinding(of, way, accepted, tuple(obstacles))
@@ -56,8 +56,8 @@ def require_safety(drive: DriveObjects, values: SafetyValues, findings: tuple[Sa
     refused = tuple(finding for finding in findings if finding.refused)
     if not refused:
         return
-    reasons = "; ".join(f"{finding.of.key}: {finding.of.value.lost} ({finding.found})" for finding in refused)
-    remedies = ". ".join(dict.fromkeys(finding.of.value.remedy for finding in refused if finding.of.value.remedy))
+    reasons = "; ".join(f"{finding.of.key}: {finding.of.lost} ({finding.found})" for finding in refused)
+    remedies = ". ".join(dict.fromkeys(finding.of.remedy for finding in refused if finding.of.remedy))
     drive.sdo.step = "checking the safety properties"
     raise drive.sdo.failure(
         f"the drive lacks required safety properties: {reasons}",

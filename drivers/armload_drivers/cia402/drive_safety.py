@@ -177,26 +177,6 @@ def _vendor(what: str) -> Way:
     return Way(f"the manufacturer's object for {what} (`vendor_settings`)", by_vendor=True)
 
 
-class SafetyProperty(Struct, frozen=True):
-    """One safety property.
-
-    Attributes:
-        title: What the drive does.
-        lost: The consequence of its absence.
-        remedy: What a person must do before the property may be accepted as missing.
-        ways: The ways to provide it; the first that is met counts.
-    """
-
-    title: str
-    lost: str
-    remedy: str
-    ways: tuple[Way, ...]
-
-    def ways_on(self, fieldbus: Fieldbus) -> tuple[Way, ...]:
-        """The ways that exist on a bus."""
-        return tuple(way for way in self.ways if way.fieldbus in {None, fieldbus})
-
-
 def _max_torque(values: SafetyValues) -> int:
     """6072 and 6073 are both in per mille."""
     return values.drive.max_torque_permille
@@ -211,173 +191,169 @@ _CANOPEN, _ETHERCAT = Fieldbus.CANOPEN, Fieldbus.ETHERCAT
 
 
 class Safety(Enum):
-    """The properties; `accept_missing` uses their names in lower case."""
+    """The properties; `accept_missing` uses their names in lower case.
 
-    TORQUE_LIMIT = SafetyProperty(
+    Attributes:
+        title: What the drive does.
+        lost: The consequence of its absence.
+        remedy: What a person must do before the property may be accepted as missing.
+        ways: The ways to provide it; the first that is met counts.
+    """
+
+    TORQUE_LIMIT = (
         "limits its torque",
         "the drive does not limit its torque",
         "Set the limit with the manufacturer's tool, check it there, and set torque_limit_in_drive = true",
-        (
-            Way("6072 = max_torque_permille", (Setting(od.MAX_TORQUE, _max_torque),)),
-            Way(
-                "6073 = max_torque_permille, of the rated current (6075)",
-                (Setting(od.MAX_CURRENT, _max_torque),),
-                "6075 reports a current, and it equals the configured one, if any",
-                (od.RATED_CURRENT_MA,),
-                _rated_current_known,
-            ),
-            _vendor("the limit"),
-            Way(
-                "a limit set in the drive (`torque_limit_in_drive = true`)",
-                note="only by the integrator's statement: nothing is read, and on a real arm the operator must confirm",
-                condition=_torque_limit_set,
-            ),
+        Way("6072 = max_torque_permille", (Setting(od.MAX_TORQUE, _max_torque),)),
+        Way(
+            "6073 = max_torque_permille, of the rated current (6075)",
+            (Setting(od.MAX_CURRENT, _max_torque),),
+            "6075 reports a current, and it equals the configured one, if any",
+            (od.RATED_CURRENT_MA,),
+            _rated_current_known,
+        ),
+        _vendor("the limit"),
+        Way(
+            "a limit set in the drive (`torque_limit_in_drive = true`)",
+            note="only by the integrator's statement: nothing is read, and on a real arm the operator must confirm",
+            condition=_torque_limit_set,
         ),
     )
-    MASTER_LOST = SafetyProperty(
+    MASTER_LOST = (
         "stops when its master is lost",
         "the drive's reaction to the loss of its master is unknown",
         "Set its reaction to a lost heartbeat with the manufacturer's tool; pull the bus cable in slow motion: it must "
         "stop",
-        (
-            Way(
-                "6007 = 3 (quick stop), with the master's heartbeat watched (1016) and, if present, 1029 = 0",
-                (_WATCH, _QUICK_STOP_ON_ABORT, msgspec.structs.replace(_PRE_OPERATIONAL, optional=True)),
-                fieldbus=_CANOPEN,
-            ),
-            Way(
-                "1029 = 0 (PRE-OPERATIONAL), with the master's heartbeat watched (1016)",
-                (_WATCH, _PRE_OPERATIONAL),
-                "see the drive's manual for how an axis stops when it leaves OPERATIONAL",
-                fieldbus=_CANOPEN,
-            ),
-            Way(
-                "6007 = 3 (quick stop), and the sync manager's watchdog (register 0420) ends OP",
-                (_WATCHDOG, _QUICK_STOP_ON_ABORT),
-                fieldbus=_ETHERCAT,
-            ),
-            Way(
-                "605E = 2 (quick stop ramp), and the sync manager's watchdog (register 0420) ends OP",
-                (_WATCHDOG, _QUICK_STOP_ON_FAULT),
-                "see the drive's manual for whether leaving OP is a fault to it",
-                fieldbus=_ETHERCAT,
-            ),
-            _vendor("a lost master"),
+        Way(
+            "6007 = 3 (quick stop), with the master's heartbeat watched (1016) and, if present, 1029 = 0",
+            (_WATCH, _QUICK_STOP_ON_ABORT, msgspec.structs.replace(_PRE_OPERATIONAL, optional=True)),
+            fieldbus=_CANOPEN,
         ),
+        Way(
+            "1029 = 0 (PRE-OPERATIONAL), with the master's heartbeat watched (1016)",
+            (_WATCH, _PRE_OPERATIONAL),
+            "see the drive's manual for how an axis stops when it leaves OPERATIONAL",
+            fieldbus=_CANOPEN,
+        ),
+        Way(
+            "6007 = 3 (quick stop), and the sync manager's watchdog (register 0420) ends OP",
+            (_WATCHDOG, _QUICK_STOP_ON_ABORT),
+            fieldbus=_ETHERCAT,
+        ),
+        Way(
+            "605E = 2 (quick stop ramp), and the sync manager's watchdog (register 0420) ends OP",
+            (_WATCHDOG, _QUICK_STOP_ON_FAULT),
+            "see the drive's manual for whether leaving OP is a fault to it",
+            fieldbus=_ETHERCAT,
+        ),
+        _vendor("a lost master"),
     )
-    SETPOINTS_LOST = SafetyProperty(
+    SETPOINTS_LOST = (
         "stops when SYNC or setpoints are missing",
         "an axis that no longer receives setpoints, while the master's heartbeat continues, is stopped by the master "
         "only",
         "Set its SYNC or RPDO monitoring with the manufacturer's tool; then end SYNC in slow motion: it must stop",
-        (
-            Way(
-                "event timer of the RPDO (1400:5)",
-                (Setting(_RPDO_TIMER, lambda values: values.setpoint_timeout_ms),),
-                fieldbus=_CANOPEN,
-            ),
-            Way(
-                "SYNC period (1006)",
-                (Setting(od.CYCLE_PERIOD_US, lambda values: microseconds(values.arm.cycle_s)),),
-                "see the drive's manual for how many missing SYNCs it tolerates",
-                fieldbus=_CANOPEN,
-            ),
-            Way("sync manager's watchdog (register 0420)", (_WATCHDOG,), fieldbus=_ETHERCAT),
-            _vendor("missing setpoints"),
+        Way(
+            "event timer of the RPDO (1400:5)",
+            (Setting(_RPDO_TIMER, lambda values: values.setpoint_timeout_ms),),
+            fieldbus=_CANOPEN,
         ),
+        Way(
+            "SYNC period (1006)",
+            (Setting(od.CYCLE_PERIOD_US, lambda values: microseconds(values.arm.cycle_s)),),
+            "see the drive's manual for how many missing SYNCs it tolerates",
+            fieldbus=_CANOPEN,
+        ),
+        Way("sync manager's watchdog (register 0420)", (_WATCHDOG,), fieldbus=_ETHERCAT),
+        _vendor("missing setpoints"),
     )
-    QUICK_STOP = SafetyProperty(
+    QUICK_STOP = (
         "slows down on a quick stop, and the axis is held",
         "the drive's quick stop behaviour is unknown",
         "Look up in its manual what a quick stop does, or set it with the manufacturer's tool; then try one in slow "
         "motion",
-        (
-            Way("605A = 6 (ramp, then held with torque)", (Setting(od.QUICK_STOP_OPTION, QUICK_STOP_AND_STAY),)),
-            Way(
-                "605A = 2 (ramp, then held by the brake)",
-                (Setting(od.QUICK_STOP_OPTION, QUICK_STOP_AND_LEAVE),),
-                "the axis has a brake",
-                condition=_has_brake,
-            ),
-            _vendor("the quick stop"),
+        Way("605A = 6 (ramp, then held with torque)", (Setting(od.QUICK_STOP_OPTION, QUICK_STOP_AND_STAY),)),
+        Way(
+            "605A = 2 (ramp, then held by the brake)",
+            (Setting(od.QUICK_STOP_OPTION, QUICK_STOP_AND_LEAVE),),
+            "the axis has a brake",
+            condition=_has_brake,
         ),
+        _vendor("the quick stop"),
     )
-    FAULT_REACTION = SafetyProperty(
+    FAULT_REACTION = (
         "slows down on a fault before its torque is removed",
         "the drive's reaction to a fault is unknown",
         "Look up in its manual how it stops after a fault, or set it with the manufacturer's tool",
-        (
-            Way("605E = 2 (quick stop ramp)", (_QUICK_STOP_ON_FAULT,)),
-            Way("605E = 1 (slow down ramp)", (Setting(od.FAULT_REACTION_OPTION, FAULT_REACTION_SLOW_DOWN),)),
-            _vendor("the fault reaction"),
-        ),
+        Way("605E = 2 (quick stop ramp)", (_QUICK_STOP_ON_FAULT,)),
+        Way("605E = 1 (slow down ramp)", (Setting(od.FAULT_REACTION_OPTION, FAULT_REACTION_SLOW_DOWN),)),
+        _vendor("the fault reaction"),
     )
-    DISABLE_REACTION = SafetyProperty(
+    DISABLE_REACTION = (
         "slows down before its torque is removed on command",
         "if another master disables a moving axis, the axis is stopped by its brake alone",
         "",
-        (
-            Way(
-                "605B = 1 and 605C = 1 (ramp first), and 605D = 1 if present",
-                (
-                    Setting(od.SHUTDOWN_OPTION, SLOW_DOWN_FIRST),
-                    Setting(od.DISABLE_OPTION, SLOW_DOWN_FIRST),
-                    Setting(od.HALT_OPTION, SLOW_DOWN_FIRST, optional=True),
-                ),
-            ),
-            Way(
-                "this master removes torque at standstill only",
-                note="the position (6064) moves by less than 0.005 rad/s for some cycles",
+        Way(
+            "605B = 1 and 605C = 1 (ramp first), and 605D = 1 if present",
+            (
+                Setting(od.SHUTDOWN_OPTION, SLOW_DOWN_FIRST),
+                Setting(od.DISABLE_OPTION, SLOW_DOWN_FIRST),
+                Setting(od.HALT_OPTION, SLOW_DOWN_FIRST, optional=True),
             ),
         ),
+        Way(
+            "this master removes torque at standstill only",
+            note="the position (6064) moves by less than 0.005 rad/s for some cycles",
+        ),
     )
-    FOLLOWING_ERROR = SafetyProperty(
+    FOLLOWING_ERROR = (
         "stops when it cannot follow",
         "the drive does not stop when it cannot follow",
         "Set the following error window with the manufacturer's tool",
-        (
-            Way(
-                "6065 = following_error_rad, and 6066 if present",
-                (
-                    Setting(od.FOLLOWING_ERROR_WINDOW, lambda values: values.following_error_counts),
-                    Setting(od.FOLLOWING_ERROR_TIMEOUT_MS, milliseconds(FOLLOWING_ERROR_TIMEOUT_S), optional=True),
-                ),
+        Way(
+            "6065 = following_error_rad, and 6066 if present",
+            (
+                Setting(od.FOLLOWING_ERROR_WINDOW, lambda values: values.following_error_counts),
+                Setting(od.FOLLOWING_ERROR_TIMEOUT_MS, milliseconds(FOLLOWING_ERROR_TIMEOUT_S), optional=True),
             ),
-            _vendor("the following error"),
         ),
+        _vendor("the following error"),
     )
-    POSITION_LIMITS = SafetyProperty(
+    POSITION_LIMITS = (
         "keeps to the joint's limits",
         "the drive does not enforce the joint's limits",
         "Set the position limits with the manufacturer's tool, or rely on limit switches that you have tested",
-        (
-            Way(
-                "607D = the joint's limits",
-                (
-                    Setting(od.POSITION_LIMIT_MIN, lambda values: values.position_limits_counts[0]),
-                    Setting(od.POSITION_LIMIT_MAX, lambda values: values.position_limits_counts[1]),
-                ),
+        Way(
+            "607D = the joint's limits",
+            (
+                Setting(od.POSITION_LIMIT_MIN, lambda values: values.position_limits_counts[0]),
+                Setting(od.POSITION_LIMIT_MAX, lambda values: values.position_limits_counts[1]),
             ),
-            _vendor("the joint's limits"),
         ),
+        _vendor("the joint's limits"),
     )
-    DRIVE_LOST = SafetyProperty(
+    DRIVE_LOST = (
         "is monitored by the master",
         "the master detects a lost drive only by its missing feedback",
         "No setting is possible; the other axes stop max_missing_cycles later",
-        (
-            Way(
-                "heartbeat (1017)",
-                (Setting(od.HEARTBEAT_PRODUCER_MS, lambda values: milliseconds(values.arm.heartbeat_s)),),
-                fieldbus=_CANOPEN,
-            ),
-            Way(
-                "working counter and EtherCAT state",
-                note="nothing is set: the master compares them in motion",
-                fieldbus=_ETHERCAT,
-            ),
+        Way(
+            "heartbeat (1017)",
+            (Setting(od.HEARTBEAT_PRODUCER_MS, lambda values: milliseconds(values.arm.heartbeat_s)),),
+            fieldbus=_CANOPEN,
+        ),
+        Way(
+            "working counter and EtherCAT state",
+            note="nothing is set: the master compares them in motion",
+            fieldbus=_ETHERCAT,
         ),
     )
+
+    def __init__(self, title: str, lost: str, remedy: str, *ways: Way) -> None:
+        self.title, self.lost, self.remedy, self.ways = title, lost, remedy, ways
+
+    def ways_on(self, fieldbus: Fieldbus) -> tuple[Way, ...]:
+        """The ways that exist on a bus."""
+        return tuple(way for way in self.ways if way.fieldbus in {None, fieldbus})
 
     @property
     def key(self) -> str:
@@ -391,7 +367,7 @@ SAFETY_KEYS = tuple(item.key for item in Safety)
 def property_of(index: int) -> Safety | None:
     """The property that an object of the standard provides; None if it provides none."""
     for of in Safety:
-        if any(setting.entry.index == index for way in of.value.ways for setting in way.settings):
+        if any(setting.entry.index == index for way in of.ways for setting in way.settings):
             return of
     return None
 
@@ -442,7 +418,7 @@ def has_a_way(
         is_there: Returns whether the drive has an object.
         fieldbus: The bus.
     """
-    for way in of.value.ways_on(fieldbus):
+    for way in of.ways_on(fieldbus):
         if way.by_vendor:
             if drive is not None and settings_of(way, of, drive):
                 return True

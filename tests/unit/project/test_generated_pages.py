@@ -20,7 +20,7 @@ def test_the_page_of_stops_is_the_table():
 def test_the_page_of_safety_properties_is_the_table():
     page = PAGES["safety_page"]()
     assert (CHECKOUT / "drivers" / "SAFETY.md").read_text("utf-8") == page
-    assert all(way.text in page and of.key in page for of in Safety for way in of.value.ways)
+    assert all(way.text in page and of.key in page for of in Safety for way in of.ways)
 
 
 def test_the_page_of_the_drivers_shows_every_state_and_transition():

@@ -63,7 +63,7 @@ def safety_table(drives: Sequence[DriveReport]) -> Table:
     """One row per property and how it is provided, or the consequence of its absence and the remedy; these first."""
     table = Table(*_folded("joint (node)", "the drive ...", "", "by"), title="safety properties of the drives")
     found = [
-        ((finding.of.value.title, *_safety_cells(finding)), f"{drive.joint} ({drive.node_id})")
+        ((finding.of.title, *_safety_cells(finding)), f"{drive.joint} ({drive.node_id})")
         for drive in drives
         for finding in drive.safety
     ]
@@ -87,7 +87,7 @@ def _safety_cells(finding: SafetyFinding) -> tuple[str, str]:
     """Verdict and explanation of one property."""
     if finding.way is not None:
         return "ok", f"{finding.way.text}: {finding.way.verified}"
-    what = f"{finding.found}. Consequence: {finding.of.value.lost}. {finding.of.value.remedy}"
+    what = f"{finding.found}. Consequence: {finding.of.lost}. {finding.of.remedy}"
     if finding.accepted:
         return "accepted", what
     return "missing", f'{what}. Then name "{finding.of.key}" in accept_missing'

@@ -47,14 +47,14 @@ def checks_document(robot: str, found: ArmCheck, tried: Sequence[BrakeFinding] =
             "properties": [
                 {
                     "property": finding.of.key,
-                    "title": finding.of.value.title,
+                    "title": finding.of.title,
                     "way": finding.way and finding.way.text,
                     "verified": finding.way and finding.way.verified,
                     "accepted": finding.accepted,
                     "refused": finding.refused,
                     "obstacles": [{"way": way, "reason": reason} for way, reason in finding.obstacles],
-                    "lost": finding.of.value.lost,
-                    "remedy": finding.of.value.remedy,
+                    "lost": finding.of.lost,
+                    "remedy": finding.of.remedy,
                 }
                 for finding in drive.safety
             ],

@@ -65,7 +65,7 @@ def test_an_axis_without_a_brake_and_what_was_accepted_are_warned_of(edited):
     assert text.startswith("joint_1 has no brake: it falls")
     accepted = f'has_brake = true\naccept_missing = ["{Safety.MASTER_LOST.key}"]'
     (text,) = load_robot(edited("has_brake = true", accepted, count=2)).drives.weak_points
-    assert text == f"joint_1, joint_2: {Safety.MASTER_LOST.value.lost} (accepted: {Safety.MASTER_LOST.key})"
+    assert text == f"joint_1, joint_2: {Safety.MASTER_LOST.lost} (accepted: {Safety.MASTER_LOST.key})"
 
 
 @pytest.mark.parametrize(

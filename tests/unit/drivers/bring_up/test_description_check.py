@@ -21,7 +21,7 @@ def description(changes=()):
         index << 8: DescribedObject(index, 0, "", types[bits], Access.RW, Mappable.BOTH)
         for index, bits in MAPPED.items()
     }
-    settings = [setting.entry for of in Safety for way in of.value.ways for setting in way.settings]
+    settings = [setting.entry for of in Safety for way in of.ways for setting in way.settings]
     objects |= {
         entry.key: DescribedObject(entry.index, entry.subindex, "", DataType.I16, Access.RW, Mappable.NO)
         for entry in settings

@@ -11,15 +11,15 @@ from armload_drivers.cia402.object_dictionary import DataType, Entry
 
 def test_every_property_says_what_is_lost_without_it_and_how_each_way_is_verified():
     for of in Safety:
-        assert of.value.lost, of
-        assert of.value.remedy or of is Safety.DISABLE_REACTION, of
-        assert all(way.verified for way in of.value.ways), of
+        assert of.lost, of
+        assert of.remedy or of is Safety.DISABLE_REACTION, of
+        assert all(way.verified for way in of.ways), of
 
 
 def test_every_way_writes_what_its_text_says():
     """The operator reads the text, such as `605E = 1`; the drive gets the setting."""
     said = []
-    for way in (way for of in Safety for way in of.value.ways):
+    for way in (way for of in Safety for way in of.ways):
         written = {setting.entry.index: setting.value for setting in way.settings}
         for index, value in re.findall(r"\b([0-9A-F]{4}) = (\d+)\b", way.text):
             assert written[int(index, 16)] == int(value), way.text
@@ -45,7 +45,7 @@ def test_ways_by_what_is_there():
     assert has_a_way(Safety.MASTER_LOST, None, lambda entry: entry.index in {0x1016, 0x1029})
     assert not has_a_way(Safety.MASTER_LOST, None, lambda entry: entry.index == 0x6007), "nobody watches the heartbeat"
     assert has_a_way(Safety.DISABLE_REACTION, None, lambda entry: False)
-    optional = [s for of in Safety for way in of.value.ways for s in way.settings if s.optional]
+    optional = [s for of in Safety for way in of.ways for s in way.settings if s.optional]
     assert optional
     assert all(
         has_a_way(of, None, lambda entry: entry not in {setting.entry for setting in optional}) for of in Safety
