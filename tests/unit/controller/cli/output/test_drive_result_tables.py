@@ -28,7 +28,7 @@ def report(number, findings):
 
 
 def test_a_property_is_given_or_what_a_person_must_do_is_said():
-    torque, lost = Safety.TORQUE_LIMIT.value, Safety.MASTER_LOST.value
+    torque, lost = Safety.TORQUE_LIMIT, Safety.MASTER_LOST
     obstacles = (("6007 ...", "no 6007"), ("1029 ...", "no 1029:1"))
     findings = (
         SafetyFinding(Safety.TORQUE_LIMIT, torque.ways[1], False, (("6072", "no 6072"),)),
