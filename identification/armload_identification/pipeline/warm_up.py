@@ -36,14 +36,12 @@ class WarmUp:
 
     Attributes:
         at_work_s: (p,) time in operation of every point.
-        session: (p,) number of its session, which is operation without a long rest.
         friction_nm: (p, n) difference from the friction after an hour; NaN if a joint hardly moves.
         slope_nm: (n,) b; 0 if it is not significant.
         of_runs_nm: (r, n) increase of each run's friction because the arm is not warm.
     """
 
     at_work_s: FloatArray
-    session: NDArray[np.intp]
     friction_nm: FloatArray
     slope_nm: FloatArray
     of_runs_nm: FloatArray
@@ -67,10 +65,10 @@ def warm_up(runs: Sequence[RunHealth], began: Sequence[datetime]) -> WarmUp | No
     Returns:
         The curve; None if no joint's friction depends significantly on the time in operation.
     """
-    at_work, session, of_run, friction, noise = [], [], [], [], []
+    at_work, session, friction, noise = [], [], [], []
     starts, sessions = _sessions(runs, began)
     middles = []
-    for number, (run, start, which) in enumerate(zip(runs, starts, sessions, strict=True)):
+    for run, start, which in zip(runs, starts, sessions, strict=True):
         middles.append(start + 0.5 * run.length_s)
         if run.course is None:
             points = [(0.5 * run.length_s, run.friction_nm, run.friction_noise_nm)]
@@ -79,7 +77,6 @@ def warm_up(runs: Sequence[RunHealth], began: Sequence[datetime]) -> WarmUp | No
         for elapsed_s, value, own in points:
             at_work.append(start + elapsed_s)
             session.append(which)
-            of_run.append(number)
             friction.append(value)
             noise.append(own)
     time_s, where = np.array(at_work), np.array(session, dtype=np.intp)
@@ -99,7 +96,7 @@ def warm_up(runs: Sequence[RunHealth], began: Sequence[datetime]) -> WarmUp | No
         count = np.maximum(known.sum(axis=0), 1)
         levels[rows] = np.where(known, values[rows] - part[rows], 0.0).sum(axis=0) / count
     cold = (_log(np.array(middles)) - _log(WARM_S))[:, None] * slope
-    return WarmUp(time_s, where, values - levels, slope, cold)
+    return WarmUp(time_s, values - levels, slope, cold)
 
 
 def _log(at_work_s: FloatArray | float) -> FloatArray:

@@ -47,37 +47,17 @@ class PeriodAverager(Reduction):
         return rows.rows(np.isfinite(rows.phase_s))
 
     def _learn(self, rows: RowBlock) -> None:
-        """Determine the grid from the first rows."""
-        self._grid = _PhaseGrid(self._path, rows, self._excitation, self._interpolated)
-        self._effort_name = "current_a" if rows.torque_nm is None else "torque_nm"
-
-    def _reduce(self, rows: RowBlock) -> None:
-        """Add rows to the average."""
-        self._grid.add(rows)
-
-    def _reduced(self, source: RecordingSource, repeats: RepeatedValues | None) -> Recording:
-        """The average period."""
-        time_s, phase_s, mean, average = self._grid.result()
-        effort, position = np.hsplit(mean, 2)
-        rows = RowBlock(time_s, position, **{self._effort_name: effort}, phase_s=phase_s)
-        return recording_of(rows, self._excitation, source, average, repeats)
-
-
-class _PhaseGrid:
-    """Sums at K equidistant phases of a period, and the relation of time and phase."""
-
-    def __init__(self, path: Path, rows: RowBlock, excitation: Excitation, interpolated: bool) -> None:
+        """Determine the grid, K equidistant phases of a period, from the first rows."""
         phase, _ = _phase_and_effort(rows)
-        trajectory = shortest_period(phase, excitation.trajectory)
-        self._path, self._interpolated = path, interpolated
+        trajectory = shortest_period(phase, self._excitation.trajectory)
         self._period_s = trajectory.period_s
         self._phases = phases_of(phase, trajectory)
         self._spacing_s = float(np.median(np.diff(phase)))
         self._step_s = self._period_s / self._phases
         self._offset = 0.0
-        if not interpolated:
+        if not self._interpolated:
             self._offset = float(np.angle(np.mean(np.exp(2j * np.pi * phase / self._step_s)))) / (2.0 * np.pi)
-        self._first = int(np.round(float(phase[0]) / self._step_s - self._offset))
+        self._begin_at = int(np.round(float(phase[0]) / self._step_s - self._offset))
         columns = 2 * rows.n
         self._period = np.full((self._phases, columns), np.nan)
         self._number = 0
@@ -86,9 +66,10 @@ class _PhaseGrid:
         self._square = np.zeros((rows.n, rows.n))
         self._before: tuple[FloatArray, FloatArray] | None = None
         self._advance = PhaseAdvance(phase, rows.time_s, self._period_s)
+        self._effort_name = "current_a" if rows.torque_nm is None else "torque_nm"
 
-    def add(self, rows: RowBlock) -> None:
-        """Add more rows, all of them with a phase."""
+    def _reduce(self, rows: RowBlock) -> None:
+        """Add rows, all of them with a phase, to the average."""
         phase, effort = _phase_and_effort(rows)
         since_s = self._advance.add(phase, rows.time_s)
         place = phase / self._step_s - self._offset
@@ -100,7 +81,7 @@ class _PhaseGrid:
             index = np.round(place).astype(np.int64)
             if np.abs(place - index).max() >= ON_GRID:
                 raise WrongReduction
-        index = index - self._first
+        index = index - self._begin_at
         number = index // self._phases
         for period in np.unique(number[index >= 0]):
             if period < self._number:
@@ -110,8 +91,8 @@ class _PhaseGrid:
             chosen = number == period
             self._period[index[chosen] % self._phases] = values[chosen]
 
-    def result(self) -> tuple[FloatArray, FloatArray, FloatArray, PeriodAverage]:
-        """Time at the run's mean advance, and phase, (K,) of phases with samples, (K, 2 n) means, and statistics."""
+    def _reduced(self, source: RecordingSource, repeats: RepeatedValues | None) -> Recording:
+        """The average period, of phases with samples, at the run's mean advance."""
         advance = self._advance
         if advance.held < 1:
             raise WrongReduction
@@ -121,9 +102,11 @@ class _PhaseGrid:
         known = np.flatnonzero(self._count)
         freedom = int(np.maximum(self._count - 1, 0).sum())
         covariance = self._square / freedom if freedom > 1 else None
-        phase_s = np.asarray((self._first + known) * self._step_s, dtype=np.float64)
+        phase_s = np.asarray((self._begin_at + known) * self._step_s, dtype=np.float64)
+        effort, position = np.hsplit(self._mean[known], 2)
+        rows = RowBlock(advance.time_at(phase_s), position, **{self._effort_name: effort}, phase_s=phase_s)
         average = PeriodAverage(advance.periods, covariance, advance.interruptions)
-        return advance.time_at(phase_s), phase_s, self._mean[known], average
+        return recording_of(rows, self._excitation, source, average, repeats)
 
     def _complete_period(self) -> None:
         """Add the completed period to the sums, and begin the next."""
@@ -141,7 +124,7 @@ class _PhaseGrid:
 
     def _interpolated_on_grid(self, place: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
         """Grid phases between two samples at most 1.5 sampling intervals apart, and interpolated values there."""
-        first = self._first
+        first = self._begin_at
         if self._before is not None:
             place = np.concatenate([self._before[0], place])
             values = np.concatenate([self._before[1], values])
