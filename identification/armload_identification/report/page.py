@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from functools import cache
 from pathlib import Path
 
 import jinja2
@@ -25,6 +26,12 @@ def rendered(template: str, **values: object) -> str:
         template: The template's file, in this package.
         values: Values of the template's variables; it may call functions for numbers, and `json.loads`, too.
     """
+    return _environment().get_template(template).render(values)
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    """What all templates have in common."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("armload_identification.report", "."),
         autoescape=True,
@@ -34,7 +41,7 @@ def rendered(template: str, **values: object) -> str:
         lstrip_blocks=True,
     )
     environment.globals |= {"counted": counted, "loads": json.loads, "numeral": numeral, "scientific": scientific}
-    return environment.get_template(template).render(values)
+    return environment
 
 
 def _typeset(value: object) -> object:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from typing import Final
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -13,11 +12,10 @@ from armload_identification.many_arms.fleet_review import FigureReview
 from armload_identification.report.figures.control_chart_axes import days_of, draw_control_chart, draw_dates
 from armload_identification.report.figures.figure_style import BLUE, INK, LIGHT_GREY, VERMILION, styled_figure
 from armload_identification.report.figures.svg import inline_svg
+from armload_identification.report.page import rendered
 
 _WIDE_IN: Final = 2.6
 _HIGH_IN: Final = 1.9
-_STRIP: Final = (96.0, 18.0)
-_MARGIN: Final = 2.5
 
 
 def chart_figure(figure: FigureReview, name: str, title: str) -> str:
@@ -55,24 +53,11 @@ def strip(figure: FigureReview) -> str:
     Returns:
         An `svg` element.
     """
-    chart, (width, height) = figure.chart, _STRIP
+    chart, days = figure.chart, days_of(figure.recorded)
     low, high = float(np.min(-chart.limit)), float(np.max(chart.limit))
     bottom, top = min(low, float(chart.values.min())), max(high, float(chart.values.max()))
-    days = days_of(figure.recorded)
-    span = max(float(np.ptp(days)), np.finfo(float).tiny)
-    x = _MARGIN + (width - 2.0 * _MARGIN) * ((days - days[0]) / span if np.ptp(days) > 0.0 else 0.5 + 0.0 * days)
-
-    def up(value: float) -> float:
-        return _MARGIN + (height - 2.0 * _MARGIN) * (top - value) / max(top - bottom, np.finfo(float).tiny)
-
-    loud = chart.outside | chart.alone
-    marks = "".join(
-        f'<circle cx="{place:.1f}" cy="{up(value):.1f}" r="1.6" fill="{VERMILION if off else BLUE}"/>'
-        for place, value, off in zip(x.tolist(), chart.values.tolist(), loud.tolist(), strict=True)
-    )
-    label = escape(f"{figure.quantity} over {len(figure.recorded)} runs")
-    return (
-        f'<svg class="bar" viewBox="0 0 {width:g} {height:g}" role="img"><title>{label}</title>'
-        f'<rect x="0" y="{up(high):.1f}" width="{width:g}" height="{up(low) - up(high):.1f}" fill="{LIGHT_GREY}"/>'
-        f"{marks}</svg>"
-    )
+    along = (days - days[0]) / np.ptp(days) if np.ptp(days) > 0.0 else np.full(days.size, 0.5)
+    up = (top - np.array([high, low, *chart.values])) / max(top - bottom, np.finfo(float).tiny)
+    marks = zip(along.tolist(), up[2:].tolist(), (chart.outside | chart.alone).tolist(), strict=True)
+    colors = {"limits": LIGHT_GREY, "usual": BLUE, "loud": VERMILION}
+    return rendered("fleet/strip.svg.j2", figure=figure, limits=up[:2].tolist(), marks=marks, colors=colors)
