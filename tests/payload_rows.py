@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_rows import ArmRows
+from armload_identification.estimation.arm_rows import ArmLayout, ArmRows
 from armload_identification.estimation.arm_terms import GAIN, LAWS, LINKS, PAYLOAD, payload_term
 from armload_identification.estimation.payload_estimate import PayloadEstimate
 from armload_identification.estimation.payload_problem import PayloadProblem
@@ -92,7 +92,7 @@ def payload_of(
     group = Group((RunRows(rows_of(payload, torque_nm, weight, links), PAYLOAD),))
     noise = noise or Noise.unknown(np.sqrt(np.mean(torque_nm**2, axis=0)))
     problem = Problem(terms, [group], noise, np.eye(n))
-    whole = PayloadProblem(problem, None, np.zeros(PARAMETERS * n, dtype=bool), np.ones(n), ROW_S)
+    whole = PayloadProblem(problem, ArmLayout(None, np.eye(n), np.zeros(PARAMETERS * n, dtype=bool), np.ones(n)), ROW_S)
     whole = whole if gain_covariance is None else whole.with_gains(gain_covariance)
     nothing = np.zeros((0, PARAMETERS))
     found = solve(whole.knowing(prior), rough=True)

@@ -22,7 +22,7 @@ from armload_identification.calibration.mounted_runs import WEIGHED_WITHIN, ArmR
 from armload_identification.calibration.mounting_mistakes import Turn, most_steps, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import ArmKnowledge, explain
-from armload_identification.estimation.arm_rows import RunSignals, arm_rows, base_links, run_signals
+from armload_identification.estimation.arm_rows import ArmLayout, RunSignals, run_signals
 from armload_identification.estimation.arm_terms import (
     CHANGES,
     FRICTION_CHANGE,
@@ -40,7 +40,6 @@ from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, IdentificationError, RecordingError
-from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import PARAMETERS
@@ -108,7 +107,6 @@ class _Calibration:
         self._chain, self._transmission, self._weighed = chain, transmission, given.weighed
         self._left_out, self._progress = list(given.left_out), progress or (lambda done, total: None)
         self._total = 2 * len(given.runs) + most_steps(chain)
-        self._base = base_links(base_columns(chain, transmission.coupling), chain.n)
         self._done = 0
         readable: list[tuple[str, MountedRun, RunSignals]] = []
         names = _distinct([run.recording.source.path for run in given.runs])
@@ -122,10 +120,11 @@ class _Calibration:
         if not alike:
             reasons = "; ".join(f"{name}: {reason}" for name, reason in self._left_out) or "no recording was given"
             raise EstimationError(f"no recording can be used ({reasons.rstrip('.')}).")
-        self._peak = np.max([signals.peak_rad_s for _, _, signals in alike], axis=0)
+        self._layout = ArmLayout.of([signals for _, _, signals in alike], chain, transmission.coupling)
+        self._moves = self._layout.peak_rad_s > Calibrating.unmoved_rad_s
         self._used: list[_UsedRun] = []
         for name, run, signals in alike:
-            self._used.append(_UsedRun(name, run, signals, self._rows_of(signals, run.mounting, chain)))
+            self._used.append(_UsedRun(name, run, signals, _rows_of(signals, run.mounting, self._layout)))
             self._advance()
 
     def result(self, robot: str, made: Provenance) -> ArmCalibration:
@@ -180,19 +179,15 @@ class _Calibration:
         self._left_out.append((name, reason))
         return False
 
-    def _rows_of(self, signals: RunSignals, mounting: str, chain: Chain) -> RunRows:
-        coupling, loaded = self._transmission.coupling, bool(mounting)
-        return RunRows(arm_rows(signals, chain, coupling, self._base, self._peak, loaded=loaded), mounting)
-
     def _fitted(self, runs: Sequence[_UsedRun]) -> Posterior:
         """Fit some of the runs."""
-        return solve(self._problem([run.rows for run in runs], self._chain))
+        return solve(self._problem([run.rows for run in runs], self._layout))
 
-    def _problem(self, runs: Sequence[RunRows], chain: Chain) -> Problem:
+    def _problem(self, runs: Sequence[RunRows], layout: ArmLayout) -> Problem:
         """All unknowns of the arm and of some of its runs."""
         rows, mountings = [run.rows for run in runs], {run.mounting for run in runs}
         return Problem(
-            terms=arm_terms(rows, chain, self._base, self._peak),
+            terms=arm_terms(rows, layout),
             groups=[Group((run,)) for run in runs],
             noise=Noise.unknown(effort_level(rows)),
             coupling=self._transmission.coupling,
@@ -214,30 +209,30 @@ class _Calibration:
         rows = sum(int(np.count_nonzero(run.rows.rows.weight > Solver.moving)) for run in runs)
         payloads = PARAMETERS * len({run.given.mounting for run in runs} - {""})
         n = self._chain.n
-        arm = places_of(n, int(np.count_nonzero(self._base)))[TILT].stop
+        arm = places_of(n, int(np.count_nonzero(self._layout.base)))[TILT].stop
         return rows, Calibrating.rows_per_unknown * (arm + payloads + CHANGES * n * len(runs))
 
     def _refuse_other_mounting(self) -> None:
         """Raise if the runs show another mounting or an inverted joint."""
         # Loaded runs first: the sign of their payload's weight is known.
         tried = sorted(self._used, key=lambda run: not run.given.mounting)[: Calibrating.tried_runs]
-        moves = self._peak > Calibrating.unmoved_rad_s
 
         def shares(chain: Chain, turned: Turn) -> FloatArray:
             signals = [replace(turned(run.signals), spacing=Calibrating.tried_spacing) for run in tried]
-            rows = [self._rows_of(one, run.given.mounting, chain) for one, run in zip(signals, tried, strict=True)]
-            fit = solve(self._problem(rows, chain), rough=True)
+            layout = replace(self._layout, chain=chain)
+            rows = [_rows_of(one, run.given.mounting, layout) for one, run in zip(signals, tried, strict=True)]
+            fit = solve(self._problem(rows, layout), rough=True)
             # A joint at rest has no explained torque, and its sign does not matter.
             share = fit.noise_nm[0] / fit.problem.noise.greatest_nm
-            return np.asarray(np.log(np.maximum(share[moves], 1e-9)))
+            return np.asarray(np.log(np.maximum(share[self._moves], 1e-9)))
 
         finished = self._done + most_steps(self._chain)
-        refuse_other_mounting(shares, self._chain, self._transmission.coupling, moves, self._advance)
+        refuse_other_mounting(shares, self._chain, self._transmission.coupling, self._moves, self._advance)
         self._advance(finished - self._done)
 
     def _leave_out(self, run: _UsedRun, fit: Posterior) -> None:
         """Exclude a run, and explain its contradiction to the others' fit."""
-        arm = ArmKnowledge(fit, self._chain, self._transmission.coupling, self._base, self._peak)
+        arm = ArmKnowledge(fit, self._layout)
         mounting = run.given.mounting
         said = self._weighed.get(mounting)
         reason = explain(arm, run.signals, mounting, None if said is None else said.mass_kg)
@@ -283,7 +278,7 @@ class _Calibration:
         """Joints whose torque on other motions is uncertain."""
         level = found.level(self._chain)
         share = np.max([doubtful_share(found, level, run.signals) for run in self._used], axis=0)
-        doubtful = np.flatnonzero((share > Calibrating.doubtful) & (self._peak > Calibrating.unmoved_rad_s))
+        doubtful = np.flatnonzero((share > Calibrating.doubtful) & self._moves)
         if not doubtful.size:
             return []
         joints = named_joints([f"{joint + 1} ({100.0 * share[joint]:.0f} %)" for joint in doubtful])
@@ -295,15 +290,15 @@ class _Calibration:
     def _named(self, fit: Posterior, warnings: list[str], robot: str, provenance: Provenance) -> ArmCalibration:
         """The fit as `ArmCalibration`."""
         n = self._chain.n
-        places = places_of(n, int(np.count_nonzero(self._base)))
+        places = places_of(n, int(np.count_nonzero(self._layout.base)))
         arm, gains = places[TILT].stop, places[GAIN]
-        slowest = TURN_OVER * np.where(self._peak > Calibrating.unmoved_rad_s, self._peak, 1.0)
+        slowest = TURN_OVER * np.where(self._moves, self._layout.peak_rad_s, 1.0)
         effort = Effort.TORQUE if self._from_torque else Effort.CURRENT
         nominal = np.ones(n) if effort is Effort.TORQUE else self._transmission.gain_nm_a
         # The gain is the nominal one divided by h, so that the sign of its logarithm's error is opposite.
         turn = np.ones(arm)
         turn[gains] = -1.0
-        body = identified_body(fit, self._base, slowest, np.zeros((CHANGES, n)))
+        body = identified_body(fit, self._layout.base, slowest, np.zeros((CHANGES, n)))
         elastic_nm = elastic_torque(fit, self._chain, body)
         elastic = np.sum([fit.response(torque, index)[0] for index, torque in enumerate(elastic_nm)], axis=0)
         spread = fit.covariance + elastic @ elastic.T
@@ -354,7 +349,7 @@ class _Calibration:
     def _undetermined(self, fit: Posterior) -> list[str]:
         """Quantities that no run determines."""
         warnings = []
-        still = self._peak <= Calibrating.unmoved_rad_s
+        still = ~self._moves
         if still.any():
             warnings.append(f"no run moves {numbered_joints(still)}: gain and friction are as assumed.")
         if not any(name in fit.problem.mountings for name in self._weighed):
@@ -363,6 +358,10 @@ class _Calibration:
                 "the nominal gains. Add a run with a weighed payload and its mass_kg."
             )
         return warnings
+
+
+def _rows_of(signals: RunSignals, mounting: str, layout: ArmLayout) -> RunRows:
+    return RunRows(layout.rows(signals, loaded=bool(mounting)), mounting)
 
 
 def _effort_change(fit: Posterior, index: int) -> dict[str, float]:

@@ -13,11 +13,10 @@ from itertools import combinations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_constants import Contradiction
-from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows
+from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, RunSignals
 from armload_identification.estimation.arm_terms import (
     ARM_TERMS,
     GAIN,
@@ -43,17 +42,11 @@ class ArmKnowledge:
 
     Attributes:
         fit: Fit of the other runs.
-        chain: The configured arm.
-        coupling: (n, n) C of its motors.
-        base: (10 n,) True for base parameters of the links.
-        peak_rad_s: (n,) greatest speeds.
+        layout: The configured arm.
     """
 
     fit: Posterior
-    chain: Chain
-    coupling: FloatArray
-    base: NDArray[np.bool_]
-    peak_rad_s: FloatArray
+    layout: ArmLayout
 
 
 def directions(gravity_m_s2: FloatArray) -> dict[str, FloatArray]:
@@ -117,24 +110,18 @@ def _trial(arm: ArmKnowledge, run: RunSignals, mounting: str, *, free: bool = Fa
 
     The expected change of friction is `drift` times the usual one.
     """
-    fit, chain = arm.fit, arm.chain
+    fit = arm.fit
     loaded = bool(mounting) or free
-    rows = arm_rows(run, chain, arm.coupling, arm.base, arm.peak_rad_s, loaded=loaded)
+    rows = arm.layout.rows(run, loaded=loaded)
     terms = known_arm_terms({name: fit.value(name) for name in ARM_TERMS}, "the other runs")
     if mounting in fit.problem.mountings and not free:
         terms.append(payload_term(fit.value(PAYLOAD, mounting), np.zeros(PARAMETERS), "the other runs"))
     else:
         terms.append(payload_term(np.zeros(PARAMETERS), np.full(PARAMETERS, Contradiction.wide), "any payload"))
     terms.append(own_friction(drift * fit.change_deviation, "as between the other runs"))
-    found = solve(
-        Problem(
-            terms,
-            [Group((RunRows(rows, _ANY if loaded else EMPTY),))],
-            Noise.given(fit.noise_nm[0], fit.correlation[0]),
-            arm.coupling,
-        ),
-        rough=True,
-    )
+    group = Group((RunRows(rows, _ANY if loaded else EMPTY),))
+    noise = Noise.given(fit.noise_nm[0], fit.correlation[0])
+    found = solve(Problem(terms, [group], noise, arm.layout.coupling), rough=True)
     theta = found.value(PAYLOAD, _ANY) if loaded else np.zeros(0)
     place = found.problem.place(PAYLOAD, _ANY) if loaded else slice(0, 0)
     predicted = rows.effort_nm - found.groups[0].residual_nm[0]
@@ -145,7 +132,7 @@ def _as_said(arm: ArmKnowledge, run: RunSignals, mass_kg: float) -> _Trial:
     """The run with the best-fitting payload, scaled to the stated mass."""
     trial = _trial(arm, run, "", free=True)
     theta = trial.theta * mass_kg / max(float(trial.theta[0]), Contradiction.light_kg)
-    torque = trial.rows.payload @ (theta - trial.theta) @ arm.coupling
+    torque = trial.rows.payload @ (theta - trial.theta) @ arm.layout.coupling
     predicted = trial.predicted_nm + np.exp(arm.fit.value(GAIN)) * torque
     left = (trial.rows.effort_nm - predicted) * trial.rows.weight / arm.fit.noise_nm[0]
     return replace(trial, predicted_nm=predicted, off=np.sqrt(np.mean(left**2, axis=0)))
@@ -160,7 +147,7 @@ def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float 
         elsewhere = _Carried(arm.fit.x[place], arm.fit.covariance[place, place])
     yield trial, _payload_text(_Carried(trial.theta, trial.covariance), mounting, mass_kg, elsewhere)
     yield _scaled(arm, run, mounting)
-    n = arm.chain.n
+    chain, n = arm.layout.chain, arm.layout.chain.n
     for one, other in combinations(range(n), 2):
         swap = np.eye(n)
         swap[:, [one, other]] = swap[:, [other, one]]
@@ -170,9 +157,10 @@ def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float 
         yield _trial(arm, run.turned(turn, np.eye(n)), mounting), f"the position of joint {joint + 1} is inverted"
         both = _trial(arm, run.turned(turn, turn), mounting)
         yield both, f"position and effort of joint {joint + 1} are inverted"
-    for how, gravity in directions(arm.chain.gravity_m_s2).items():
-        mounted = Chain(arm.chain.placement, arm.chain.axis, arm.chain.flange, gravity)
-        yield _trial(replace(arm, chain=mounted), run, mounting), f"the arm was mounted {how} in this run"
+    for how, gravity in directions(chain.gravity_m_s2).items():
+        mounted = Chain(chain.placement, chain.axis, chain.flange, gravity)
+        turned = replace(arm, layout=replace(arm.layout, chain=mounted))
+        yield _trial(turned, run, mounting), f"the arm was mounted {how} in this run"
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +213,7 @@ def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhe
 
 def _scaled(arm: ArmKnowledge, run: RunSignals, mounting: str) -> tuple[_Trial, str]:
     """Axes that report a multiple of their effort."""
-    share, corrected = np.ones(arm.chain.n), run
+    share, corrected = np.ones(arm.layout.chain.n), run
     for _ in range(Contradiction.scalings):
         # Freely varying friction would absorb part of a wrong scale.
         trial = _trial(arm, corrected, mounting, drift=Contradiction.stiff)

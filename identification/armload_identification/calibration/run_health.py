@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_constants import Health
 from armload_identification.calibration.calibration_result import ArmCalibration
-from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows, run_signals
+from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, RunSignals, run_signals
 from armload_identification.estimation.arm_terms import (
     ARM_TERMS,
     FRICTION_CHANGE,
@@ -141,7 +141,7 @@ class _RunFit:
         peak = body.reversal_speed_rad_s / TURN_OVER
         self._signals, self._calibration, self._chain = signals, calibration, chain
         self._mounting = PAYLOAD if loaded else EMPTY
-        self._rows = arm_rows(signals, chain, body.coupling, body.base.ravel(), peak, loaded=loaded)
+        self._rows = ArmLayout(chain, body.coupling, body.base.ravel(), peak).rows(signals, loaded=loaded)
         time_s = self._rows.time_s
         self._apart_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
         self._moved = np.count_nonzero(self._rows.weight > Solver.moving, axis=0) >= Health.fewest_rows

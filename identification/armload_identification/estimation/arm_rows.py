@@ -9,7 +9,7 @@ joints reach 1.7 rad/s; with this window 0.01 %. Whole periods of a known excita
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import Any
@@ -21,6 +21,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.base_tilt import sideways
 from armload_identification.estimation.estimation_constants import Rows
 from armload_identification.identification_errors import RecordingError
+from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import PARAMETERS, body_regressor, payload_regressor
@@ -277,56 +278,63 @@ def _without_holes(valid: NDArray[np.bool_], interval_s: float) -> NDArray[np.bo
     return np.asarray((after - before) * interval_s <= Rows.hole_s + Rows.rounding_s)
 
 
-def arm_rows(
-    run: RunSignals,
-    chain: Chain,
-    coupling: FloatArray,
-    base: NDArray[np.bool_],
-    peak_rad_s: FloatArray,
-    *,
-    loaded: bool,
-) -> ArmRows:
-    """The equations of a run.
+@dataclass(frozen=True, eq=False)
+class ArmLayout:
+    """An arm of n joints whose runs become rows.
 
-    Args:
+    Attributes:
         chain: The arm as configured, without tilt.
         coupling: (n, n) C of its motors.
         base: (10 n,) True for the base parameters of the links.
         peak_rad_s: (n,) greatest speed of each joint over all runs.
-        loaded: Whether a payload's columns are required.
     """
-    states, moves = run.states, peak_rad_s > Rows.stands_rad_s
-    scale = np.where(moves, peak_rad_s, 1.0)
-    sign = np.where(moves, np.tanh(states.velocity_rad_s / (TURN_OVER * scale)), 0.0)
-    window = run.row_window()
-    velocity = window.mean(states.velocity_rad_s)
-    acceleration = states.acceleration_rad_s2 @ np.linalg.inv(coupling).T
-    middle = states.position_rad[window.middle]
-    still = np.zeros_like(middle)
-    sides = sideways(chain)
-    coarse = window.every(max(int(window.half_s / (Rows.model_parts * run.interval_s)), 1))
-    links, links_slope = _through(coarse, states, lambda *now: body_regressor(chain, *now)[:, :, base])
-    nothing = np.zeros((*middle.shape, 0))
-    payload, payload_slope = (
-        _through(coarse, states, partial(payload_regressor, chain)) if loaded else (nothing, nothing)
-    )
-    return ArmRows(
-        time_s=np.asarray(window.middle * run.interval_s, dtype=np.float64),
-        position_rad=window.mean(states.position_rad),
-        velocity_rad_s=velocity,
-        axis_acceleration_rad_s2=window.mean(acceleration),
-        axis_jerk_rad_s3=-window.slope(acceleration),
-        direction=window.mean(sign),
-        root=window.mean(sign * np.sqrt(np.abs(states.velocity_rad_s))),
-        effort_nm=window.mean(run.effort_nm),
-        weight=np.where(moves, window.onward(sign) * moving_weights(velocity, REVERSAL * scale), 0.0),
-        links=links,
-        links_rate=-links_slope,
-        links_tilt=np.stack([body_regressor(side, middle, still, still)[:, :, base] for side in sides]),
-        payload=payload,
-        payload_rate=-payload_slope,
-        payload_tilt=np.stack([payload_regressor(side, middle, still, still) if loaded else nothing for side in sides]),
-    )
+
+    chain: Chain
+    coupling: FloatArray
+    base: NDArray[np.bool_]
+    peak_rad_s: FloatArray
+
+    @classmethod
+    def of(cls, runs: Sequence[RunSignals], chain: Chain, coupling: FloatArray) -> ArmLayout:
+        """The arm, with the speeds of these runs."""
+        base = base_columns(chain, coupling)[: PARAMETERS * chain.n]
+        return cls(chain, coupling, base, np.max([run.peak_rad_s for run in runs], axis=0))
+
+    def rows(self, run: RunSignals, *, loaded: bool) -> ArmRows:
+        """The equations of a run; with a payload's columns if `loaded`."""
+        states, moves = run.states, self.peak_rad_s > Rows.stands_rad_s
+        scale = np.where(moves, self.peak_rad_s, 1.0)
+        sign = np.where(moves, np.tanh(states.velocity_rad_s / (TURN_OVER * scale)), 0.0)
+        window = run.row_window()
+        velocity = window.mean(states.velocity_rad_s)
+        acceleration = states.acceleration_rad_s2 @ np.linalg.inv(self.coupling).T
+        middle = states.position_rad[window.middle]
+        still = np.zeros_like(middle)
+        sides = sideways(self.chain)
+        coarse = window.every(max(int(window.half_s / (Rows.model_parts * run.interval_s)), 1))
+        links, links_slope = _through(coarse, states, lambda *now: body_regressor(self.chain, *now)[:, :, self.base])
+        still_columns = partial(payload_regressor, q=middle, dq=still, ddq=still)
+        nothing = np.zeros((*middle.shape, 0))
+        payload, payload_slope = (
+            _through(coarse, states, partial(payload_regressor, self.chain)) if loaded else (nothing, nothing)
+        )
+        return ArmRows(
+            time_s=np.asarray(window.middle * run.interval_s, dtype=np.float64),
+            position_rad=window.mean(states.position_rad),
+            velocity_rad_s=velocity,
+            axis_acceleration_rad_s2=window.mean(acceleration),
+            axis_jerk_rad_s3=-window.slope(acceleration),
+            direction=window.mean(sign),
+            root=window.mean(sign * np.sqrt(np.abs(states.velocity_rad_s))),
+            effort_nm=window.mean(run.effort_nm),
+            weight=np.where(moves, window.onward(sign) * moving_weights(velocity, REVERSAL * scale), 0.0),
+            links=links,
+            links_rate=-links_slope,
+            links_tilt=np.stack([body_regressor(side, middle, still, still)[:, :, self.base] for side in sides]),
+            payload=payload,
+            payload_rate=-payload_slope,
+            payload_tilt=np.stack([still_columns(side) if loaded else nothing for side in sides]),
+        )
 
 
 def _through(
@@ -342,11 +350,6 @@ def _through(
         parts.append(through.reshape(len(samples), 2, *shape))
     both = np.concatenate(parts)
     return both[:, 0], both[:, 1]
-
-
-def base_links(base: NDArray[np.bool_], n: int) -> NDArray[np.bool_]:
-    """(10 n,) flags of the links from (11 n,) of links and rotors."""
-    return np.asarray(base[: PARAMETERS * n])
 
 
 def weighted_sums(values: FloatArray, samples: NDArray[np.intp], weights: FloatArray) -> FloatArray:

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.estimation_constants import Priors
@@ -29,7 +28,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS
 
 if TYPE_CHECKING:
-    from armload_identification.estimation.arm_rows import ArmRows
+    from armload_identification.estimation.arm_rows import ArmLayout, ArmRows
 
 CHANGES: Final = 3
 """Changes of a run's friction per joint: Coulomb, viscous, offset."""
@@ -86,22 +85,15 @@ LAWS: Final[dict[str, Law]] = {
 _PAYLOAD_LAW: Final = Load(lambda rows: (rows.payload, rows.payload_rate, rows.payload_tilt))
 
 
-def arm_terms(
-    runs: Sequence[ArmRows],
-    chain: Chain,
-    base: NDArray[np.bool_],
-    peak_rad_s: FloatArray,
-) -> list[Term]:
+def arm_terms(runs: Sequence[ArmRows], arm: ArmLayout) -> list[Term]:
     """The terms of an arm of which nothing is known but its kinematics and nominal gains.
 
     Args:
         runs: All runs, whose torques and motions set the scale.
-        base: (10 n,) True for the base parameters of the links.
-        peak_rad_s: (n,) greatest speeds.
     """
-    n, level = chain.n, effort_level(runs)
+    n, level, base = arm.chain.n, effort_level(runs), arm.base
     speed = np.maximum(_rms(runs, "velocity_rad_s"), _ZERO)
-    reach, mass = _greatest_body(level, chain)
+    reach, mass = _greatest_body(level, arm.chain)
     wide = "ten times what alone would explain the torque"
     zero = np.zeros(n)
     # A rotor that cannot be separated from a link is determined, poorly, only by the gear's friction: with a wide prior
@@ -123,7 +115,7 @@ def arm_terms(
         TILT: (np.zeros(2), np.full(2, TILT_DEVIATION_RAD), "a base set up with a spirit level"),
     }
     terms = [Term(name, Scope.ARM, LAWS[name], *priors[name]) for name in ARM_TERMS]
-    return [*terms, wide_payload(runs, chain), friction_change(level, peak_rad_s)]
+    return [*terms, wide_payload(runs, arm.chain), friction_change(level, arm.peak_rad_s)]
 
 
 def wide_payload(runs: Sequence[ArmRows], chain: Chain) -> Term:

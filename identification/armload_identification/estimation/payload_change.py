@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows
+from armload_identification.estimation.arm_rows import ArmRows, RunSignals
 from armload_identification.estimation.arm_terms import FRICTION_CHANGE, effort_level
 from armload_identification.estimation.payload_problem import PayloadProblem
 from armload_identification.estimation.posterior import Posterior
@@ -135,13 +135,13 @@ def change_between_periods(whole: Run, arm: PayloadProblem, edge_s: float) -> Pa
     Returns:
         The change; None if the run is too short.
     """
-    run, chain, coupling = PeriodDeviation.of(whole), arm.chain, arm.problem.coupling
+    run, coupling = PeriodDeviation.of(whole), arm.problem.coupling
     signals = RunSignals.of_motion(run.motion, coupling)
-    rows = arm_rows(signals, chain, coupling, arm.base, arm.peak_rad_s, loaded=True)
+    rows = arm.layout.rows(signals, loaded=True)
     elapsed_s = np.interp(rows.time_s, run.motion.time_s, run.since_s)
     phase_s = elapsed_s % run.period_s
     starts_s = run.period_s * np.arange(run.periods)[:, None]
-    any_size = np.full(3 * chain.n, 1.0 / _RIDGE)
+    any_size = np.full(3 * rows.n, 1.0 / _RIDGE)
     slow = Term(FRICTION_CHANGE, Scope.RUN, Joint(_slow_change), 0.0 * any_size, any_size, "nothing is known of it")
     found = solve(Problem([slow], [Group((RunRows(rows),))], Noise.unknown(effort_level([rows])), coupling), rough=True)
 

@@ -48,10 +48,8 @@ def estimate_of(
     """
     place = posterior.problem.place(PAYLOAD, PAYLOAD)
     rows = posterior.problem.groups[0].runs[0].rows
-    sampled = (
-        sampling_doubt(rows, arm.chain, posterior.value(PAYLOAD, PAYLOAD), arm.interval_s) @ posterior.problem.coupling
-    )
-    shifts = posterior.response(sampled)[0][place].T
+    sampled = sampling_doubt(rows, arm.layout.chain, posterior.value(PAYLOAD, PAYLOAD), arm.interval_s)
+    shifts = posterior.response(sampled @ posterior.problem.coupling)[0][place].T
     if prior is not None:
         shifts = np.vstack([shifts, prior.doubts @ posterior.bread[place, place]])
     held = slice(0, errors.shape[1])
@@ -279,7 +277,7 @@ class PayloadEstimate:
 
     def friction_covariance(self, run: int) -> FloatArray:
         """(n, 2, 2) of each joint's Coulomb (N m) and viscous changes (N m s/rad) of a run."""
-        found, n = self.posterior, self.arm.peak_rad_s.size
+        found, n = self.posterior, self.arm.layout.chain.n
         problem, group = found.problem, found.problem.own(0)
         own = np.eye(group.stop - group.start)
         place = problem.own_place(FRICTION_CHANGE, 0, run)
@@ -293,8 +291,8 @@ class PayloadEstimate:
 
     def body(self, run: int) -> BodyModel:
         """The arm as it was in a run of the group."""
-        speed = reversal_speed(self.arm.peak_rad_s[None])
-        return identified_body(self.posterior, self.arm.base, speed, self.friction(run))
+        speed = reversal_speed(self.arm.layout.peak_rad_s[None])
+        return identified_body(self.posterior, self.arm.layout.base, speed, self.friction(run))
 
 
 def model_doubts(posterior: Posterior, arm: KnownArm) -> FloatArray:

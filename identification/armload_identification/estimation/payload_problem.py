@@ -13,10 +13,9 @@ from typing import Final
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows, base_links
+from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, RunSignals
 from armload_identification.estimation.arm_terms import (
     FRICTION_CHANGE,
     GAIN,
@@ -46,7 +45,6 @@ from armload_identification.estimation.problem import (
     RunRows,
 )
 from armload_identification.estimation.terms import Term
-from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.chain import Chain
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import Motion
@@ -65,16 +63,12 @@ class PayloadProblem:
 
     Attributes:
         problem: Its terms, rows and noise, without what is known of the payload.
-        chain: The arm, with the tilt of its calibration.
-        base: (10 n,) True for the base parameters of the links.
-        peak_rad_s: (n,) greatest speeds, which smooth the direction of motion.
+        layout: The arm, with the tilt of its calibration.
         interval_s: Time between the samples of the runs.
     """
 
     problem: Problem
-    chain: Chain
-    base: NDArray[np.bool_]
-    peak_rad_s: FloatArray
+    layout: ArmLayout
     interval_s: float
 
     def knowing(self, prior: Prior | None) -> Problem:
@@ -112,32 +106,32 @@ def pair_problem(
         arm: The calibrated arm; None if unknown.
         slow: The same runs' slow rounds.
     """
-    base, peak = _layout([signal.loaded, signal.unloaded], chain, coupling, arm)
+    layout = _layout([signal.loaded, signal.unloaded], chain, coupling, arm)
     signals = [run.with_close_rows() for run in _pair_signals(signal, coupling)]
-    rows = _pair_rows(signals, chain, coupling, base, peak)
+    rows = [layout.rows(run, loaded=loaded) for run, loaded in zip(signals, (True, False), strict=True)]
     group = Group((RunRows(rows[0], PAYLOAD), RunRows(rows[1])), DIFFERENCE_AND_MEAN)
     window = signals[0].row_window()
     # of the mean of both runs' rows, by the scatter of their samples alone
     sampled_nm = 0.5 * signal.averaged_noise_nm * float(np.sqrt(np.sum(window.weight**2)))
     noise = Noise.unknown(effort_level(rows), np.sqrt(sampled_nm**2 @ coupling**2))
-    slow_rounds = [] if slow is None else [_slow_group(slow, chain, coupling, base)]
+    slow_rounds = [] if slow is None else [_slow_group(slow, layout)]
     groups = [group, *(one for one in slow_rounds if one.time_s.size)]  # a short one may have no row
     if arm is not None:
-        problem = Problem(_known_arm(rows, chain, arm, peak), groups, noise, coupling, [arm.known])
-        return PayloadProblem(problem, chain, base, peak, signal.interval_s)
-    problem = Problem(_unknown_arm(rows, chain, base, peak), groups, noise, coupling)
-    return PayloadProblem(problem, chain, base, peak, signal.interval_s).with_gains(np.zeros((chain.n, chain.n)))
+        problem = Problem(_known_arm(rows, layout, arm), groups, noise, coupling, [arm.known])
+        return PayloadProblem(problem, layout, signal.interval_s)
+    problem = Problem(_unknown_arm(rows, layout), groups, noise, coupling)
+    return PayloadProblem(problem, layout, signal.interval_s).with_gains(np.zeros((chain.n, chain.n)))
 
 
-def _slow_group(signal: LoadSignal, chain: Chain, coupling: FloatArray, base: NDArray[np.bool_]) -> Group:
+def _slow_group(signal: LoadSignal, arm: ArmLayout) -> Group:
     """The slow rounds of two runs, with friction changes and noise of their own.
 
     Only their difference: the laws of friction do not describe so low speeds well.
     """
-    signals = [replace(run, spacing=2) for run in _pair_signals(signal, coupling)]
-    peak = np.max([run.peak_rad_s for run in signals], axis=0)
-    loaded, unloaded = _pair_rows(signals, chain, coupling, base, peak)
-    return Group((RunRows(loaded, PAYLOAD), RunRows(unloaded)), DIFFERENCE, len(DIFFERENCE_AND_MEAN))
+    loaded, unloaded = (replace(run, spacing=2) for run in _pair_signals(signal, arm.coupling))
+    slow = replace(arm, peak_rad_s=np.maximum(loaded.peak_rad_s, unloaded.peak_rad_s))
+    runs = RunRows(slow.rows(loaded, loaded=True), PAYLOAD), RunRows(slow.rows(unloaded, loaded=False))
+    return Group(runs, DIFFERENCE, len(DIFFERENCE_AND_MEAN))
 
 
 def _pair_signals(signal: LoadSignal, coupling: FloatArray) -> list[RunSignals]:
@@ -150,20 +144,6 @@ def _pair_signals(signal: LoadSignal, coupling: FloatArray) -> list[RunSignals]:
     return [replace(run, interval_s=signal.interval_s) for run in signals]
 
 
-def _pair_rows(
-    signals: Sequence[RunSignals],
-    chain: Chain,
-    coupling: FloatArray,
-    base: NDArray[np.bool_],
-    peak_rad_s: FloatArray,
-) -> list[ArmRows]:
-    """The rows of a loaded and an unloaded run."""
-    return [
-        arm_rows(run, chain, coupling, base, peak_rad_s, loaded=loaded)
-        for run, loaded in zip(signals, (True, False), strict=True)
-    ]
-
-
 def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownArm) -> PayloadProblem:
     """A payload from one run of any motion on a calibrated arm.
 
@@ -173,44 +153,39 @@ def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownAr
         coupling: (n, n) C of its motors.
         arm: The calibrated arm.
     """
-    base, peak = _layout([run], chain, coupling, arm)
-    signals = RunSignals.of_motion(run, coupling)
-    rows = arm_rows(signals, chain, coupling, base, peak, loaded=True)
+    layout = _layout([run], chain, coupling, arm)
+    rows = layout.rows(RunSignals.of_motion(run, coupling), loaded=True)
     level = effort_level([rows])
     noise = Noise(arm.noise_nm, arm.noise_nm, level + arm.noise_nm)
     group = Group((RunRows(rows, PAYLOAD),))
-    problem = Problem(_known_arm([rows], chain, arm, peak), [group], noise, coupling, [arm.known])
-    return PayloadProblem(problem, chain, base, peak, run.interval_s)
+    problem = Problem(_known_arm([rows], layout, arm), [group], noise, coupling, [arm.known])
+    return PayloadProblem(problem, layout, run.interval_s)
 
 
-def _layout(
-    runs: Sequence[Motion], chain: Chain, coupling: FloatArray, arm: KnownArm | None
-) -> tuple[NDArray[np.bool_], FloatArray]:
-    """Base parameters of the links, and greatest speeds."""
+def _layout(runs: Sequence[Motion], chain: Chain, coupling: FloatArray, arm: KnownArm | None) -> ArmLayout:
+    """The arm: with the base parameters and greatest speeds of its calibration, or of the runs."""
     if arm is not None:
-        return arm.body.base.ravel(), arm.body.reversal_speed_rad_s / TURN_OVER
-    signals = [RunSignals.of_motion(run, coupling) for run in runs]
-    peak = np.max([run.peak_rad_s for run in signals], axis=0)
-    return base_links(base_columns(chain, coupling), chain.n), peak
+        return ArmLayout(chain, coupling, arm.body.base.ravel(), arm.body.reversal_speed_rad_s / TURN_OVER)
+    return ArmLayout.of([RunSignals.of_motion(run, coupling) for run in runs], chain, coupling)
 
 
-def _unknown_arm(rows: Sequence[ArmRows], chain: Chain, base: NDArray[np.bool_], peak_rad_s: FloatArray) -> list[Term]:
+def _unknown_arm(rows: Sequence[ArmRows], arm: ArmLayout) -> list[Term]:
     """Terms of an arm of which only kinematics and nominal gains are known."""
-    changed = {GAIN: np.full(chain.n, np.inf), TILT: np.full(2, LEVELLED_RAD)}
+    changed = {GAIN: np.full(arm.chain.n, np.inf), TILT: np.full(2, LEVELLED_RAD)}
     terms = [
         msgspec.structs.replace(term, deviation=changed.get(term.name, term.deviation))
-        for term in arm_terms(rows, chain, base, peak_rad_s)
+        for term in arm_terms(rows, arm)
         if term.name != FRICTION_CHANGE
     ]
-    return [*terms, friction_change(effort_level(rows), peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)]
+    return [*terms, friction_change(effort_level(rows), arm.peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)]
 
 
-def _known_arm(rows: Sequence[ArmRows], chain: Chain, arm: KnownArm, peak_rad_s: FloatArray) -> list[Term]:
+def _known_arm(rows: Sequence[ArmRows], layout: ArmLayout, arm: KnownArm) -> list[Term]:
     """Terms of a calibrated arm."""
-    body = wide_payload(rows, chain)
+    body = wide_payload(rows, layout.chain)
     today = arm.friction_spread.ravel()
     origin = "the spread between the calibration's runs, and a cold arm"
     if len(rows) == 1:
         return [*arm.terms, recorder_delay(), body, own_friction(today, origin)]
-    own = friction_change(effort_level(rows), peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)
+    own = friction_change(effort_level(rows), layout.peak_rad_s, WITHIN_HOURS, Priors.within_hours_freedom)
     return [*arm.terms, recorder_delay(), session_friction(today, origin), body, own]

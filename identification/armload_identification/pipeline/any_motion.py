@@ -87,7 +87,7 @@ def identify_alone(
         NORMAL_HALF_WIDTH * float(np.sqrt(found.spread(one)[0][0]))
         for found in (replace(plain, shifts=np.zeros((0, PARAMETERS))), plain)
     )
-    regressor = payload_regressor(problem.chain, *motion.states)
+    regressor = payload_regressor(problem.layout.chain, *motion.states)
     refuse_nothing(plain, regressor, motion.torque_nm, FLOOR_KG, f"{name}: ")
     if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
         raise quality.undetermined(name, mass_kg, float(np.hypot(all_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))

@@ -86,7 +86,7 @@ def pair_signal(plain: PayloadEstimate, signal: LoadSignal, transmission: Transm
     """The signal of a pair on the loaded run's motion, with the estimated gains and delay."""
     body = plain.body(1)
     signal = signal.with_torque_times(transmission.changed_by(-plain.posterior.value(GAIN)))
-    return signal.with_delay(body.torque_delay_s).on_one_motion(plain.arm.chain, body)
+    return signal.with_delay(body.torque_delay_s).on_one_motion(plain.arm.layout.chain, body)
 
 
 def single_signal(plain: PayloadEstimate, motion: Motion, transmission: Transmission) -> LoadSignal:
@@ -94,7 +94,7 @@ def single_signal(plain: PayloadEstimate, motion: Motion, transmission: Transmis
     body = plain.body(0)
     moved = motion.with_torque_times(transmission.changed_by(-plain.posterior.value(GAIN)))
     moved = moved.with_delay(body.torque_delay_s)
-    return without_body(moved, body.torque(plain.arm.chain, *moved.states))
+    return without_body(moved, body.torque(plain.arm.layout.chain, *moved.states))
 
 
 def completed(
@@ -115,7 +115,7 @@ def completed(
         runs: The loaded and, if there is one, the unloaded run.
     """
     physical = make_physical(plain)
-    regressor = payload_regressor(plain.arm.chain, *signal.states)
+    regressor = payload_regressor(plain.arm.layout.chain, *signal.states)
     payload_nm = regressor @ plain.theta
     predicted_nm = regressor @ physical.parameters.theta + friction_nm
     value = used.value if gains is None else used.value * np.exp(gains.log_gain)
@@ -140,7 +140,7 @@ def completed(
 
 def added_friction(plain: PayloadEstimate, signal: LoadSignal) -> FloatArray:
     """(K, n) friction of the loaded run beyond that of the arm that was subtracted, at the samples of a signal."""
-    body, chain, velocity = plain.body(0), plain.arm.chain, signal.states.velocity_rad_s
+    body, chain, velocity = plain.body(0), plain.arm.layout.chain, signal.states.velocity_rad_s
     direction = smooth_sign(velocity, body.reversal_speed_rad_s)
     payload_nm = payload_regressor(chain, *signal.states) @ plain.theta
     of_load = body.added_friction(body.link_torque(chain, *signal.states), payload_nm, velocity)

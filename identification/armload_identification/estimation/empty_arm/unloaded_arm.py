@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_rows import ArmRows, RunSignals, arm_rows, base_links
+from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, RunSignals
 from armload_identification.estimation.arm_terms import (
     FRICTION_CHANGE,
     GAIN,
@@ -35,7 +35,6 @@ from armload_identification.estimation.identified_body import identified_body
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.terms import Joint, Scope, Term
-from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.signals.motion import Motion
@@ -66,18 +65,17 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
         runs: Runs without a payload.
         coupling: (n, n) C of its motors.
     """
-    n, base = chain.n, base_links(base_columns(chain, coupling), chain.n)
-    signals = [RunSignals.of_motion(run, coupling) for run in runs]
-    peak = np.max([run.peak_rad_s for run in signals], axis=0)
-    rows = [arm_rows(run, chain, coupling, base, peak, loaded=False) for run in signals]
+    n, signals = chain.n, [RunSignals.of_motion(run, coupling) for run in runs]
+    arm = ArmLayout.of(signals, chain, coupling)
+    rows = [arm.rows(run, loaded=False) for run in signals]
     level = effort_level(rows)
-    terms = [_as_they_are(term) for term in arm_terms(rows, chain, base, peak) if term.name != FRICTION_CHANGE]
+    terms = [_as_they_are(term) for term in arm_terms(rows, arm) if term.name != FRICTION_CHANGE]
     terms.append(Term(_OFFSET, Scope.ARM, Joint(_offset), np.zeros(n), Priors.wide * level, "any"))
     found = solve(
         Problem(terms, [Group((RunRows(part),)) for part in rows], Noise.unknown(level), coupling), rough=True
     )
     slowest = reversal_speed(np.vstack([run.states.velocity_rad_s for run in runs]))
-    model = identified_body(found, base, slowest, np.stack([np.zeros(n), np.zeros(n), found.value(_OFFSET)]))
+    model = identified_body(found, arm.base, slowest, np.stack([np.zeros(n), np.zeros(n), found.value(_OFFSET)]))
     moving = np.vstack([run.reversal_weight[run.valid] for run in runs])
     left = [
         (run.torque_nm - model.torque(chain, *run.with_delay(model.torque_delay_s).states))[run.valid] for run in runs

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.estimation.arm_rows import arm_rows, run_signals
+from armload_identification.estimation.arm_rows import ArmLayout, run_signals
 from armload_identification.model.payload import InertialParameters
 from armload_identification.signals.recorded_run import Run
 from tests.unit.conftest import LINK_KG
@@ -43,7 +43,7 @@ def without_phase(run):
 def rows_of(arm, run):
     signals = signals_of(run, arm)
     base = np.ones(60, dtype=bool)
-    return arm_rows(signals, arm.chain, arm.transmission.coupling, base, signals.peak_rad_s, loaded=True)
+    return ArmLayout(arm.chain, arm.transmission.coupling, base, signals.peak_rad_s).rows(signals, loaded=True)
 
 
 def left_of(arm, rows, links, delay_s=0.0):

@@ -138,7 +138,7 @@ def test_a_calibrated_arm_is_held_in_a_run_of_its_own(alone, known):
     names = {term.name for term in alone.problem.terms}
     assert {PAYLOAD, FRICTION_CHANGE, LINKS} <= names
     assert SESSION_FRICTION not in names
-    np.testing.assert_array_equal(alone.base, arm.body.base.ravel())
+    np.testing.assert_array_equal(alone.layout.base, arm.body.base.ravel())
 
 
 def test_a_recorder_whose_torque_is_later_than_in_the_calibration_does_not_change_the_payload(pinocchio_arm, known):
@@ -148,7 +148,7 @@ def test_a_recorder_whose_torque_is_later_than_in_the_calibration_does_not_chang
     problem = single_problem(Run.of(late, transmission).over_time, chain, transmission.coupling, arm)
     found = solve(problem.problem, rough=True)
     value, deviation = payload(found)
-    body = identified_body(found, problem.base, problem.peak_rad_s, np.zeros((3, chain.n)))
+    body = identified_body(found, problem.layout.base, problem.layout.peak_rad_s, np.zeros((3, chain.n)))
     assert body.torque_delay_s == pytest.approx(arm.body.torque_delay_s + 0.02, abs=0.002)
     assert found.value(RECORDER)[0] == pytest.approx(0.02, abs=0.002)
     assert (np.abs(value - pinocchio_arm.payload.theta)[:4] < 4.0 * deviation[:4]).all()

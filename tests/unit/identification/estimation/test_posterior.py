@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from armload_identification.estimation.arm_rows import RunSignals, arm_rows, base_links
+from armload_identification.estimation.arm_rows import ArmLayout, RunSignals
 from armload_identification.estimation.arm_terms import (
     DELAY,
     FRICTION_CHANGE,
@@ -21,7 +21,6 @@ from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.residual_spectrum import FREEST
 from armload_identification.estimation.solve import solve
-from armload_identification.model.base_parameters import base_columns
 from armload_identification.signals.recorded_run import Run
 
 pytestmark = pytest.mark.pure
@@ -33,19 +32,15 @@ FIXED = {GAIN, TILT, DELAY, LOAD_FRICTION}
 def found(pinocchio_arm) -> Posterior:
     """A linear problem: a loaded and an empty run, with the noise given and some terms known exactly."""
     arm, coupling = pinocchio_arm, pinocchio_arm.transmission.coupling
-    base = base_links(base_columns(arm.chain, coupling), 6)
     runs = [arm.run(arm.trajectory(3, period_s=10.0), load, seed=5 + load, periods=1) for load in (True, False)]
     signals = [RunSignals.of_motion(Run.of(run, arm.transmission).over_time, coupling) for run in runs]
-    peak = np.max([run.peak_rad_s for run in signals], axis=0)
-    pair = [
-        arm_rows(run, arm.chain, coupling, base, peak, loaded=load)
-        for run, load in zip(signals, (True, False), strict=True)
-    ]
+    layout = ArmLayout.of(signals, arm.chain, coupling)
+    pair = [layout.rows(run, loaded=load) for run, load in zip(signals, (True, False), strict=True)]
     terms = [
         msgspec.structs.replace(term, deviation=np.zeros(term.mean.size))
         if term.name in FIXED
         else msgspec.structs.replace(term, rescaled=None, pooled=None)
-        for term in arm_terms(pair, arm.chain, base, peak)
+        for term in arm_terms(pair, layout)
     ]
     groups = [Group((RunRows(pair[0], "tool"),)), Group((RunRows(pair[1]),))]
     noise = Noise.given(0.05 * effort_level(pair), np.linspace(1.0, 2.0, 6))

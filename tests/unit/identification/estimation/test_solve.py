@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import f as fisher
 
-from armload_identification.estimation.arm_rows import RunSignals, arm_rows, base_links
+from armload_identification.estimation.arm_rows import ArmLayout, RunSignals
 from armload_identification.estimation.arm_terms import (
     CHANGES,
     DELAY,
@@ -32,7 +32,6 @@ from armload_identification.estimation.solve import solve
 from armload_identification.estimation.terms import Joint, Scope, Term
 from armload_identification.estimation.uncertainty import student_half_width
 from armload_identification.identification_errors import EstimationError
-from armload_identification.model.base_parameters import base_columns
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.recorded_run import Run
 
@@ -41,30 +40,23 @@ pytestmark = pytest.mark.pure
 
 @pytest.fixture(scope="module")
 def rows(pinocchio_arm):
-    """Rows of a loaded and an empty run of one motion, and the arm's base parameters and greatest speeds."""
+    """Rows of a loaded and an empty run of one motion, and the arm's layout."""
     arm = pinocchio_arm
     runs = [
         arm.run(arm.trajectory(3, period_s=10.0), load, seed=5 + load, load_friction=0.06) for load in (True, False)
     ]
     signal = load_signal(*(Run.of(run, arm.transmission) for run in runs))
     coupling = arm.transmission.coupling
-    base = base_links(base_columns(arm.chain, coupling), 6)
     signals = [RunSignals.of_motion(run, coupling) for run in (signal.loaded, signal.unloaded)]
-    peak = np.max([run.peak_rad_s for run in signals], axis=0)
-    pair = [
-        arm_rows(run, arm.chain, coupling, base, peak, loaded=load)
-        for run, load in zip(signals, (True, False), strict=True)
-    ]
-    return pair, base, peak
+    layout = ArmLayout.of(signals, arm.chain, coupling)
+    return [layout.rows(run, loaded=load) for run, load in zip(signals, (True, False), strict=True)], layout
 
 
 @pytest.fixture(scope="module")
 def problem(rows, pinocchio_arm):
     """The pair as a difference and a mean, with exact gains."""
-    pair, base, peak = rows
-    terms = [
-        known_exactly(term) if term.name == GAIN else term for term in arm_terms(pair, pinocchio_arm.chain, base, peak)
-    ]
+    pair, layout = rows
+    terms = [known_exactly(term) if term.name == GAIN else term for term in arm_terms(pair, layout)]
     groups = [Group((RunRows(pair[0], "tool"), RunRows(pair[1])), DIFFERENCE_AND_MEAN)]
     return Problem(terms, groups, Noise.unknown(effort_level(pair)), pinocchio_arm.transmission.coupling)
 
@@ -114,8 +106,8 @@ def test_what_both_runs_have_in_common_is_not_noise_of_the_difference(problem, f
 
 @pytest.mark.parametrize("name", [GAIN, LINKS, ROTORS, LOAD_FRICTION, DELAY, TILT, PAYLOAD])
 def test_derivatives_are_those_of_the_torque(rows, pinocchio_arm, name):
-    pair, base, peak = rows
-    terms = arm_terms(pair, pinocchio_arm.chain, base, peak)
+    pair, layout = rows
+    terms = arm_terms(pair, layout)
     problem = Problem(
         terms,
         [Group((RunRows(pair[0], "tool"),))],
@@ -142,7 +134,7 @@ def test_derivatives_are_those_of_the_torque(rows, pinocchio_arm, name):
 
 def test_the_posterior_of_one_run_is_the_prior_of_the_next(rows, pinocchio_arm, problem):
     """Two runs one after the other give what both give at once."""
-    pair, _, _ = rows
+    pair, _ = rows
     noise = Noise.given(0.05 * effort_level(pair), np.ones(6))
     terms = linear(problem.terms, FIXED)
     coupling = pinocchio_arm.transmission.coupling
@@ -165,7 +157,7 @@ def test_the_posterior_of_one_run_is_the_prior_of_the_next(rows, pinocchio_arm, 
 
 
 def test_added_torque_moves_the_unknowns_as_the_response_says(problem, rows, pinocchio_arm):
-    pair, _, _ = rows
+    pair, _ = rows
     noise = Noise.given(0.05 * effort_level(pair), np.ones(6))
     terms = linear(problem.terms, FIXED)
     coupling = pinocchio_arm.transmission.coupling
@@ -201,7 +193,7 @@ def test_the_spread_of_a_runs_own_friction_is_that_of_the_runs(problem, monkeypa
 
 def test_the_noise_is_corrected_for_what_the_unknowns_absorbed(problem, rows):
     """White noise on a model that is exact: its size is found although a third of the rows is absorbed."""
-    pair, _, _ = rows
+    pair, _ = rows
     terms = linear(problem.terms, {term.name for term in problem.terms if term.scope is Scope.ARM})
     given = Problem(
         terms,
@@ -268,7 +260,7 @@ def test_a_blow_counts_for_nothing(problem, found):
 
 
 def test_the_change_without_a_group_is_that_of_a_fit_without_it(problem, rows):
-    pair, _, _ = rows
+    pair, _ = rows
     noise = Noise.given(0.05 * effort_level(pair), np.ones(6))
     bare = [
         msgspec.structs.replace(term, mean=0.0 * term.mean) if term.name == ROTORS else term for term in problem.terms
@@ -288,7 +280,7 @@ def test_the_change_without_a_group_is_that_of_a_fit_without_it(problem, rows):
 def test_the_spread_is_that_of_many_runs(problem, rows):
     """White noise on an exact model: over 60 seeds the values scatter as each posterior says, and 95 % of the
     intervals hold."""
-    pair, _, _ = rows
+    pair, _ = rows
     terms = linear(problem.terms, FIXED | {LINKS, ROTORS})
     noise_nm = 0.1 * effort_level(pair)
     given = Problem(terms, [Group((RunRows(pair[0], "tool"),))], Noise.given(noise_nm, np.ones(6)), problem.coupling)
