@@ -235,23 +235,14 @@ class Recording(RowBlock):
         if names and len(set(names)) != n:
             raise RecordingError(f"{name}: joint_names has {', '.join(names)}; expected {n} different names")
         rows = RowBlock(**arrays)
-        kept, reasons = clean(Path(name), rows)
+        garbage = GarbageFilter(Path(name))
+        kept = joined([*garbage.add(rows), *garbage.finish()])
+        garbage.require_enough(kept.size, rows.size, {})
+        reasons = dict(garbage.reasons)
         source = RecordingSource(
             Path(name), hash_of(arrays), "arrays", rows.size, sum(reasons.values()), reasons, joint_names=names
         )
         return recording_of(kept, excitation, source)
-
-
-def clean(path: Path, rows: RowBlock) -> tuple[RowBlock, dict[str, int]]:
-    """The usable rows of a run in memory, and the number of dropped rows by reason.
-
-    Raises:
-        RecordingError: nothing usable, or a wrong unit.
-    """
-    garbage = GarbageFilter(path)
-    kept = joined([*garbage.add(rows), *garbage.finish()])
-    garbage.require_enough(kept.size, rows.size, {})
-    return kept, dict(garbage.reasons)
 
 
 def recording_of(
