@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup
 from armload_drivers.bring_up.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import EffortFeedback, Fieldbus, Identity
 from armload_drivers.cia402.drive_safety import Safety, has_a_way
-from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_data.process_image import effort_entry
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
@@ -102,13 +102,7 @@ def describe(
     """
     sdo.step = "scanning"
     modes = sdo.read_if_there(od.SUPPORTED_MODES) or 0
-    there: dict[int, bool] = {}
-
-    def is_there(entry: Entry) -> bool:
-        if entry.key not in there:
-            there[entry.key] = sdo.has(entry)
-        return there[entry.key]
-
+    is_there = cache(sdo.has)
     return FoundNode(
         node_id=node_id,
         device_type=device_types[0],

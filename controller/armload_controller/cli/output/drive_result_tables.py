@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from collections.abc import Mapping, Sequence
 
 from rich.table import Column, Table
 from rich.text import Text
 
 from armload_controller.session.brake_test import BrakeFinding
 from armload_drivers.bring_up.drive_bring_up import DriveReport
-from armload_drivers.bring_up.drive_check import Check, Verdict
+from armload_drivers.bring_up.drive_check import Check
 from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
 from armload_drivers.cia402.drive_safety import SafetyFinding
 from armload_drivers.cia402.emergency import describe
 
 MODE_NAMES = {1: "PP", 3: "PV", 4: "PT", 6: "HM", 7: "IP", 8: "CSP", 9: "CSV", 10: "CST"}
-_Cells = TypeVar("_Cells", bound=tuple[Any, ...])
-_SAFETY_COLOURS = {"ok": "green", "accepted": "yellow", "missing": "red"}
-_COLOURS = {Verdict.OK: "green", Verdict.MISSING: "yellow", Verdict.WRONG: "red", Verdict.NOT_DONE: "dim"}
+_SAFETY_COLOURS = {"missing": "red", "accepted": "yellow", "ok": "green"}
+_COLOURS = {"wrong": "red", "not done": "dim", "missing": "yellow", "ok": "green"}
+"""Of every verdict, in the order of the rows."""
 
 
 def found_table(found: list[FoundNode]) -> Table:
@@ -51,36 +50,33 @@ def _folded(*headings: str) -> list[Column]:
 
 def check_table(rows: Sequence[Check]) -> Table:
     """One row per step and result, for all joints that have it; what is not ok first."""
-    table = Table(*_folded("joint (node)", "step", "", "what"), title="bring-up short of enabling")
-    order = [Verdict.WRONG, Verdict.NOT_DONE, Verdict.MISSING, Verdict.OK]
-    found = [((row.step, row.verdict, row.detail), f"{row.joint} ({row.node_id})") for row in rows]
-    for (step, verdict, detail), joints in _together(found, lambda cells: order.index(cells[1])):
-        table.add_row(joints, step, Text(verdict.value, style=_COLOURS[verdict]), detail)
-    return table
+    found = [((row.step, row.verdict.value, row.detail), f"{row.joint} ({row.node_id})") for row in rows]
+    return _together("bring-up short of enabling", ("step", "what"), found, _COLOURS)
 
 
 def safety_table(drives: Sequence[DriveReport]) -> Table:
     """One row per property and how it is provided, or the consequence of its absence and the remedy; these first."""
-    table = Table(*_folded("joint (node)", "the drive ...", "", "by"), title="safety properties of the drives")
     found = [
         ((finding.of.title, *_safety_cells(finding)), f"{drive.joint} ({drive.node_id})")
         for drive in drives
         for finding in drive.safety
     ]
-    order = ["missing", "accepted", "ok"]
-    for (title, verdict, what), joints in _together(found, lambda cells: order.index(cells[1])):
-        table.add_row(joints, title, Text(verdict, style=_SAFETY_COLOURS[verdict]), what)
-    return table
+    return _together("safety properties of the drives", ("the drive ...", "by"), found, _SAFETY_COLOURS)
 
 
-def _together(found: Sequence[tuple[_Cells, str]], rank: Callable[[_Cells], int]) -> list[tuple[_Cells, str]]:
-    """Equal cells once, with their joints, those of the lowest rank first."""
-    joints: dict[_Cells, list[str]] = {}
+def _together(
+    title: str, headings: tuple[str, str], found: Sequence[tuple[tuple[str, str, str], str]], colours: Mapping[str, str]
+) -> Table:
+    """One row for equal cells, with all their joints; the second cell is a verdict, and orders the rows."""
+    joints: dict[tuple[str, str, str], list[str]] = {}
     for cells, joint in found:
         joints.setdefault(cells, []).append(joint)
-    count = len({joint for _, joint in found})
-    shown = {cells: f"all {count}" if len(names) == count > 1 else ", ".join(names) for cells, names in joints.items()}
-    return sorted(shown.items(), key=lambda entry: rank(entry[0]))
+    count, order = len({joint for _, joint in found}), list(colours)
+    table = Table(*_folded("joint (node)", headings[0], "", headings[1]), title=title)
+    for (what, verdict, detail), names in sorted(joints.items(), key=lambda entry: order.index(entry[0][1])):
+        shown = f"all {count}" if len(names) == count > 1 else ", ".join(names)
+        table.add_row(shown, what, Text(verdict, style=colours[verdict]), detail)
+    return table
 
 
 def _safety_cells(finding: SafetyFinding) -> tuple[str, str]:
