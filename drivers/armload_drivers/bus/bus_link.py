@@ -160,7 +160,8 @@ class BusLink:
         while not done():
             left_s = deadline_s - time.monotonic()
             # Without a frame, `pump` has used up the remaining time, on a simulated bus without really waiting.
-            if left_s <= 0.0 or not self.pump(left_s):
+            # A frame counts that arrived while this process did not run; a bus that is never silent ends the wait too.
+            if not self.pump(max(left_s, 0.0)) or left_s <= 0.0:
                 return done()
         return True
 

@@ -89,6 +89,12 @@ def test_silence_is_a_timeout_that_names_the_object():
     assert not channel(bus).answers(od.DEVICE_TYPE, 0.001)
 
 
+def test_an_answer_counts_that_arrived_while_this_process_did_not_run(monkeypatch):
+    seconds = itertools.count()
+    monkeypatch.setattr("armload_drivers.bus.bus_link.time.monotonic", lambda: float(next(seconds)))
+    assert channel(Bus()).read(od.DEVICE_TYPE) == 0x20192
+
+
 def test_an_abort_is_an_answer_too():
     assert channel(Bus()).answers(od.POLARITY, 0.01)
 
