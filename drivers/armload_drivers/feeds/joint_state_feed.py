@@ -6,7 +6,8 @@ Rules of this file:
 - A message that is not later than the last one is dropped. One that is earlier by more than `RESTART_S` comes from a
   publisher that was started again with another clock: its time goes on after the last one.
 - The middleware reports no loss of a publisher that offers best effort only. A gap between two stamps that is half as
-  long again as any of the last `REGULAR` ones is such a loss, unless it is so long that the publisher has paused.
+  long again as any of the last `REGULAR` ones is such a loss, unless it is so long that the publisher has paused, or its
+  clock was set. A program that is too slow loses seconds at once: its wait for messages has then never been in vain.
 """
 
 from __future__ import annotations
@@ -61,6 +62,7 @@ class JointStateCycles:
         self._intervals_ns: deque[int] = deque(maxlen=REGULAR)
         self._reported_lost = self._left_out = self._lost = 0
         self._heard_s = 0.0
+        self._silent = False
         self._count = 0
 
     def take(self, message: JointState, now_s: float, lost: int = 0) -> OverheardCycle | None:
@@ -82,12 +84,13 @@ class JointStateCycles:
         if not (complete and np.isfinite(position[place]).all() and np.isfinite(effort[place]).all()):
             self.incomplete += 1
             return None
-        last_ns = self._last_ns
+        last_ns, waited_s = self._last_ns, 0.0 if self._silent else now_s - self._heard_s
         elapsed_ns = self._elapsed_ns(10**9 * message.header.stamp.sec + message.header.stamp.nanosec, now_s)
         if elapsed_ns is None:
             return None
         if self._count:
-            self._left_out += self._missing(elapsed_ns - last_ns)
+            self._left_out += self._missing(elapsed_ns - last_ns, 1e9 * (waited_s + RESTART_S))
+        self._silent = False
         self._reported_lost += lost
         lost_before, self._lost = self._lost, max(self._reported_lost, self._left_out)
         lost = self._lost - lost_before
@@ -100,11 +103,15 @@ class JointStateCycles:
         """The header stamp, in ns, that belongs to a cycle's time."""
         return (self._offset_ns or 0) + round(1e9 * time_s)
 
-    def _missing(self, interval_ns: int) -> int:
-        """Number of messages that are missing between two stamps."""
+    def hear_nothing(self) -> None:
+        """A wait for messages was in vain: the publisher has paused."""
+        self._silent = True
+
+    def _missing(self, interval_ns: int, longest_ns: float) -> int:
+        """Number of messages that are missing between two stamps, unless they are further apart than a loss can be."""
         usual = self._intervals_ns
-        if len(usual) == REGULAR and 1.5 * max(usual) < interval_ns < 1e9 * RESTART_S:
-            return round(interval_ns / float(np.median(usual))) - 1
+        if len(usual) == REGULAR and interval_ns > 1.5 * max(usual):
+            return round(interval_ns / float(np.median(usual))) - 1 if interval_ns < longest_ns else 0
         usual.append(interval_ns)
         return 0
 
@@ -162,6 +169,8 @@ def joint_state_cycles(
                 useful, lost = True, 0
                 yield cycle
         heard |= useful
+        if not found:
+            states.hear_nothing()
         if not heard and now_s - started_s > patience_s:
             raise BusError(_what_is_missing(topic, states, patience_s))
         if not useful:

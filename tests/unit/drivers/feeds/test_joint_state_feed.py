@@ -77,6 +77,24 @@ def test_a_pause_or_an_irregular_publisher_is_none():
     assert sum(lost_of([4_000_000, 40_000_000])) == 0, "nothing is usual yet"
 
 
+@pytest.mark.parametrize(("silent", "expected"), [(False, 749), (True, 0)])
+def test_seconds_that_a_slow_program_did_not_take_are_lost_but_a_pause_is_none(silent, expected):
+    regular = [message(START_NS + 4_000_000 * k) for k in range(60)]
+    after = [message(START_NS + 4_000_000 * k) for k in range(809, 812)]
+    batches = [regular, [], after] if silent else [regular, after]
+    played = Played(*batches)
+    cycles = [cycle for cycle in islice(cycles_of(played, tick_s=5.0), 64) if cycle is not None]
+    assert [cycle.lost for cycle in cycles] == [0] * 60 + [expected, 0, 0]
+
+
+def test_a_clock_that_was_set_is_no_loss():
+    states = JointStateCycles(NAMES, current=False)
+    for k in range(60):
+        states.take(message(START_NS + 4_000_000 * k), 0.004 * k)
+    assert states.take(message(START_NS + 3_600_000_000_000), 0.24).lost == 0
+    assert states.take(message(START_NS + 3_600_012_000_000), 0.25).lost == 2, "the pause is none of the usual intervals"
+
+
 def test_messages_that_are_not_later_are_dropped():
     states = JointStateCycles(NAMES, current=False)
     assert states.take(message(START_NS), 0.0) is not None
@@ -108,8 +126,8 @@ class Played:
         return next(self._lost, 0)
 
 
-def cycles_of(played, patience_s=3.0):
-    ticks = count()
+def cycles_of(played, patience_s=3.0, tick_s=1.0):
+    ticks = count(step=tick_s)
     states = JointStateCycles(NAMES, current=False)
     return joint_state_cycles(played, "/joint_states", states, patience_s, clock=lambda: float(next(ticks)))
 
