@@ -51,7 +51,8 @@ class PayloadEvent:
         time_s: Time on the clock of the recording's stamps.
         kind: "something acts" as soon as it is noticed in motion; then "changed" if it is another payload, and
             "grasped", "dropped" or "changed tool" once its size is known; "contact" if it is a push, or at rest, and
-            "contact over"; "friction drifting"; "calibration out of date"; "controller told wrong".
+            "contact over"; "nothing evident" if it is neither; "friction drifting"; "calibration out of date";
+            "controller told wrong".
         mass_kg: Change of the payload's mass, or how much more it is than the controller was told; None if unknown or
             not applicable.
         joint: Name of the joint whose friction has changed; None for other events.
@@ -114,6 +115,8 @@ class PayloadEvents:
                 known = np.linalg.norm(found.force_n) > FORCE_SIGMAS * np.linalg.norm(found.force_deviation_n)
                 force_n = tuple(found.force_n.tolist()) if known else None
                 events.append(PayloadEvent(each.since_s, "contact", joints=joints, force_n=force_n))
+            elif each.kind is ForceEventKind.NOTHING:
+                events.append(PayloadEvent(each.time_s, "nothing evident"))
             elif each.kind is ForceEventKind.OVER:
                 events.append(PayloadEvent(each.since_s, "contact over"))
         return tuple(events)

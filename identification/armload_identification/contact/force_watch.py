@@ -63,6 +63,7 @@ class ForceEventKind(StrEnum):
     PAYLOAD = "payload"
     PUSH = "push"
     OVER = "over"
+    NOTHING = "nothing evident"
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +75,7 @@ class ForceEvent:
         time_s: Time of the newest row when it was known.
         since_s: Most likely onset; the time of the notice while nothing is decided.
         joints: (n,) True for joints whose residual showed it at the notice.
-        assessment: What decided; None for a notice and an end.
+        assessment: What decided; None for a notice, an end, and where nothing is evident.
     """
 
     kind: ForceEventKind
@@ -199,14 +200,16 @@ class ForceWatch:
             due_s = self._looks.pop(0)
             found = assess(self._rows, base, self._noise, self._maker.chain, self._noticed_s)
             self._push_end_s = found.push_s[1]
-            events += self._judge(found, now_s, due_s, last=not self._looks)
+            events += self._judge(found, base, now_s, due_s, last=not self._looks)
         if self.state is Force.PUSHED and now_s - self._evident_s >= OVER_S:
             ended_s = min(self._push_end_s, self._evident_s)
             events.append(ForceEvent(ForceEventKind.OVER, now_s, ended_s, self._joints))
             self._resume(payload=True, from_s=self._evident_s + OVER_S)
         return events
 
-    def _judge(self, found: Assessment, now_s: float, due_s: float, *, last: bool) -> list[ForceEvent]:
+    def _judge(
+        self, found: Assessment, base: RememberedState, now_s: float, due_s: float, *, last: bool
+    ) -> list[ForceEvent]:
         """Decide, if it can be decided."""
         sure = due_s >= PAYLOAD_FROM_S and found.odds > SURE
         likely = sure or (last and self.state is Force.ACTING and found.odds > 0.0)
@@ -214,6 +217,9 @@ class ForceWatch:
             event = ForceEvent(ForceEventKind.PAYLOAD, now_s, found.payload_since_s, self._joints, found)
             self._resume(payload=False, from_s=found.payload_since_s + SETTLED_S)
             return [event]
+        if last and self.state is Force.ACTING and found.push_evidence < EVIDENCE:
+            self._resume(payload=True, from_s=base.time_s)
+            return [ForceEvent(ForceEventKind.NOTHING, now_s, self._noticed_s, self._joints)]
         if self.state is Force.ACTING and (found.odds < -PUSH_SURE or last):
             self.state = Force.PUSHED
             return [ForceEvent(ForceEventKind.PUSH, now_s, found.push_s[0], self._joints, found)]

@@ -31,7 +31,7 @@ from armload_identification.contact.contact_levels import (
     INEXACT,
     LEAST_SINCE,
     MOMENT_NM,
-    PAYLOAD_SIZE,
+    PAYLOAD_SIZES,
 )
 from armload_identification.contact.force_rows import PAYLOAD, ForceRows
 from armload_identification.contact.something_acts import ResidualNoise
@@ -47,6 +47,7 @@ class Assessment:
     Attributes:
         odds: Log likelihood of another payload less that of a push, plus what favours the payload: above 0 a payload.
         evidence: Log likelihood of another payload less that of nothing at all.
+        push_evidence: The same of a push.
         payload_since_s: Most likely onset if it is a payload.
         push_s: Most likely onset and end if it is a push; the end is infinite while it lasts.
         force_n: (3,) its force on the arm in the base frame.
@@ -55,6 +56,7 @@ class Assessment:
 
     odds: float
     evidence: float
+    push_evidence: float
     payload_since_s: float
     push_s: tuple[float, float]
     force_n: FloatArray
@@ -104,13 +106,15 @@ def assess(rows: ForceRows, known: RememberedState, noise: ResidualNoise, chain:
     within = (np.arange(count) >= start[:, None]) & (np.arange(count) < end[:, None])
     pushes = _fits(np.swapaxes(jacobians, 1, 2) * _FORCE, inverse, residual, within.astype(float))
     first, last = int(start[pushes.best]), int(end[pushes.best])
-    change, spread = PAYLOAD_SIZE * payloads.b[0], PAYLOAD_SIZE * np.sqrt(payloads.covariance[0, 0])
+    size = PAYLOAD_SIZES[payloads.best % len(PAYLOAD_SIZES)]
+    change, spread = size * payloads.b[0], size * np.sqrt(payloads.covariance[0, 0])
     negative = known.value[0] + change + 3.0 * spread + INEXACT * abs(change) < 0.0
     odds = -np.inf if negative else payloads.logarithm + FAVOUR - pushes.logarithm
     return Assessment(
         odds=odds,
         evidence=payloads.logarithm,
-        payload_since_s=float(means.time_s[payloads.best // len(GRASPED_S)]),
+        push_evidence=pushes.logarithm,
+        payload_since_s=float(means.time_s[payloads.best // (len(GRASPED_S) * len(PAYLOAD_SIZES))]),
         push_s=(float(means.time_s[first]), np.inf if last == count else float(means.time_s[last])),
         force_n=_FORCE[:3] * pushes.b[:3],
         force_deviation_n=_FORCE[:3] * np.sqrt(np.diag(pushes.covariance)[:3]),
@@ -151,11 +155,12 @@ def _payloads(
     onsets: NDArray[np.intp],
     rises_s: tuple[float, ...],
 ) -> _Fits:
-    """The fits of payloads that rise from each onset within each time."""
+    """The fits of payloads of each size that rise from each onset within each time."""
     middle_s, since_s = means.time_s + 0.5 * DECISION_STEP_S, np.repeat(means.time_s[onsets], len(rises_s))[:, None]
     over_s = np.maximum(np.tile(rises_s, onsets.size), 0.5 * DECISION_STEP_S)[:, None]
     shares = np.clip((middle_s - since_s) / over_s, 0.0, 1.0)
-    return _fits(PAYLOAD_SIZE * means.columns[:, :, :PAYLOAD], inverse, residual, shares)
+    of_sizes = (shares[:, None] * np.array(PAYLOAD_SIZES)[:, None]).reshape(-1, means.size)
+    return _fits(means.columns[:, :, :PAYLOAD], inverse, residual, of_sizes)
 
 
 def jacobian(chain: Chain, position_rad: FloatArray) -> FloatArray:

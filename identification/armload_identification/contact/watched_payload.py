@@ -143,6 +143,8 @@ class WatchedPayload:
             self._estimator.exchange(event.since_s)
             self._replay(event.since_s + SETTLED_S)
             self._held = None
+        elif event.kind is ForceEventKind.NOTHING:
+            self._held = None
         elif event.kind is ForceEventKind.PUSH:
             self._onset_s = min(self._onset_s, event.since_s - OVER_S)
         elif event.kind is ForceEventKind.OVER:

@@ -10,6 +10,7 @@ import pytest
 
 from armload_controller.analysis.payload_events import HELD_S, MOVED_S, PayloadEvents
 from armload_drivers.listening.overheard_arm import ToldPayload
+from armload_identification.contact.force_watch import ForceEvent, ForceEventKind
 from tests.live_estimates import live_estimate
 
 N = 3
@@ -48,6 +49,28 @@ def test_contact_begins_and_ends():
     assert events(found(1.0), found(2.0, contact=True), found(3.0, contact=True), found(4.0)) == [
         "contact",
         "contact over",
+    ]
+
+
+def test_forces_in_motion_are_told_with_joints_and_a_size_that_is_determined():
+    shows = np.array([False, True, True])
+    measured = SimpleNamespace(force_n=np.array([30.0, -40.0, 0.0]), force_deviation_n=np.array([3.0, 4.0, 0.0]))
+    unsure = SimpleNamespace(force_n=np.array([30.0, -40.0, 0.0]), force_deviation_n=np.array([30.0, 40.0, 0.0]))
+    happened = [
+        ForceEvent(ForceEventKind.ACTING, 5.1, 5.1, shows),
+        ForceEvent(ForceEventKind.PUSH, 5.6, 5.0, shows, measured),
+        ForceEvent(ForceEventKind.OVER, 7.0, 6.5, shows),
+        ForceEvent(ForceEventKind.PUSH, 9.6, 9.0, shows, unsure),
+        ForceEvent(ForceEventKind.PAYLOAD, 12.0, 11.0, shows, measured),
+        ForceEvent(ForceEventKind.NOTHING, 16.0, 13.0, np.zeros(N, dtype=bool)),
+    ]
+    told = PayloadEvents(CALIBRATION, NAMES).of_forces(happened)
+    assert [(event.time_s, str(event)) for event in told] == [
+        (5.1, "something acts: elbow, wrist"),
+        (5.0, "contact (50 N: 30, -40, 0): elbow, wrist"),
+        (6.5, "contact over"),
+        (9.0, "contact: elbow, wrist"),
+        (16.0, "nothing evident"),
     ]
 
 

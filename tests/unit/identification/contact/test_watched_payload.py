@@ -11,7 +11,7 @@ from armload_identification.pipeline.payload_estimator import PayloadEstimator
 
 FORCE_N = np.array([40.0, -30.0, 10.0])
 BEGIN_S, END_S = 9.0, 9.7
-ACTING, PAYLOAD, PUSH, OVER = ForceEventKind
+ACTING, PAYLOAD, PUSH, OVER, NOTHING = ForceEventKind
 
 
 def watched(moved, seconds, current):
@@ -116,3 +116,18 @@ def test_a_payload_that_is_evident_over_seconds_is_noticed_where_no_window_shows
     events = watched(moved, 8.0, moved.empty).take_events()
     assert [event.kind for event in events[:1]] == ([ACTING] if more > 0.0 else [])
     assert all(event.joints.any() for event in events)
+
+
+def test_a_suspicion_without_evidence_ends_within_three_seconds_and_changes_nothing(moved, monkeypatch):
+    answers = [SUSPECT + 1.0, SUSPECT + 1.0]
+    monkeypatch.setattr(force_watch, "payload_evidence", lambda *_: answers.pop() if len(answers) > 1 else 0.0)
+    watch = watched(moved, 14.0, moved.empty)
+    events = watch.take_events()
+    assert [event.kind for event in events] == [ACTING, NOTHING]
+    assert LOOKS_S[-1] <= events[1].time_s - events[0].time_s < LOOKS_S[-1] + 0.2
+    assert events[1].since_s == events[0].time_s
+    assert watch.force is Force.FREE
+    assert np.array_equal(watch.estimate().theta, plain(moved, 14.0, moved.empty).theta)
+    answers.append(SUSPECT + 1.0)
+    later = watched(moved, 14.0, moved.pushed(FORCE_N, 11.0, 11.7)).take_events()
+    assert [event.kind for event in later] == [ACTING, NOTHING, ACTING, PUSH, OVER]
