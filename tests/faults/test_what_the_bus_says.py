@@ -99,7 +99,7 @@ def test_an_answer_that_comes_late_does_not_disturb_the_removal_of_torque(virtua
     sdo = arm.servos._setups[1].objects.sdo
     sdo.ask(od.MAX_TORQUE)
     arm.servos._link.drain()
-    late = sdo._answers.popleft()
+    late = sdo._client._answers.popleft()
     arm.drives.fail_encoder(3, FROZEN)
     receive, added = arm.bus.recv, []
 
