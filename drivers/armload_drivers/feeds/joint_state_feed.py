@@ -6,8 +6,8 @@ Rules of this file:
 - A message that is not later than the last one is dropped. One that is earlier by more than `RESTART_S` comes from a
   publisher that was started again with another clock: its time goes on after the last one.
 - The middleware reports no loss of a publisher that offers best effort only. A gap between two stamps that is half as
-  long again as any of the last `REGULAR` ones is such a loss, unless it is so long that the publisher has paused, or its
-  clock was set. A program that is too slow loses seconds at once: its wait for messages has then never been in vain.
+  long again as any of the last `REGULAR` ones is such a loss, unless it is so long that the publisher has paused, or
+  its clock was set. A program that is too slow loses seconds at once: its wait for messages was then never in vain.
 """
 
 from __future__ import annotations

@@ -34,8 +34,8 @@ WINDOWS_S: Final = (0.1, 0.25, 0.5, 1.0)
 """Windows over which the residual is averaged."""
 TAIL_SIGMAS: Final = (5.4, 3.7, 3.9, 3.4)
 """Bounds of the test in each window, as standard deviations of a normal variable with the same probability: 48, 28, 30
-and 25 for six joints. The short window has many independent values, and sees an arm swing at 5 Hz after it braked, whose
-mean over longer ones is none: with 4.8, that was an event in a UR10e's run which began 12 s before."""
+and 25 for six joints. The short window has many independent values, and sees an arm swing at 5 Hz after it braked,
+whose mean over longer ones is none: with 4.8, that was an event in a UR10e's run which began 12 s before."""
 WHITE_S: Final = 0.1
 """Time over which the white part of the residual is stated."""
 COLOUR_S: Final = 0.5

@@ -1,5 +1,6 @@
 """SDO access of the master: its frames, and its errors."""
 
+import itertools
 import struct
 
 import can
