@@ -178,7 +178,7 @@ class RunSignals:
         samples = len(self.usable)
         row_s = max(self.row_s, samples * self.interval_s / Rows.most)
         step = max(round(row_s / self.interval_s), 1) * self.spacing
-        half_s = RowMean.half_s * min(row_s / Rows.row_s, 1.0)
+        half_s = RowMean.half_s * min(2.0 * row_s / Rows.row_s, 1.0)
         window = RowWindow.of(samples, self.interval_s, step, periodic=self.periodic, half_s=half_s)
         return window.only(window.usable(self.usable))
 

@@ -30,10 +30,11 @@ class Rows:
     """
 
     fewest: Final = 100
-    """[1] Fewest rows of a period; in a short one they are closer together and their windows shorter.
+    """[1] Fewest rows of a period; in a short one they are closer together, below 5 s with shorter windows.
 
     Origin: measured: 60 simulated er50 with periods of 2 s: masses 1.4 % off (rms), with 20 rows 2.3 %, with 50 1.5
-        %.
+        %. With windows that were shorter from 10 s on, prbt's, of 5 s, showed the ringing of elastic joints: inertias
+        were twice as far off as their intervals said. Never shorter, they hide what periods of 2 s tell.
     Factor of two: twice: masses by up to 1.32 %, centres by up to 14 mm, intervals by -1 to +0 %, other notes on 2
         of 4; half: masses by up to 0.04 %, centres by up to 2 mm.
     """
@@ -444,6 +445,20 @@ class Drift:
     Origin: measured: the six pairs of runs of one day of the UR10e differ by 0.15 % (rms), as much as they are known
         to; its days by 0.1 %.
     Factor of two: of calibrated pairs, twice: intervals by +4 to +50 %; half: by -5 to -23 %.
+    """
+
+    friction: Final = 0.02
+    """[1] Standard deviation of a common change of all friction between these runs.
+
+    Origin: measured: the UR10e's viscous friction within hours (`WITHIN_HOURS`).
+    Factor of two: not measured; 1.5 or 3 % instead: the drift that harsh pairs of prbt show by 0.04 %.
+    """
+
+    refined: Final = 1.0
+    """[1] Standard deviations from which a drift is estimated once more, from where it is corrected.
+
+    Origin: measured: to first order, 1 % of drift of a simulated pair is 0.5 %, 1.4 standard deviations.
+    Factor of two: twice: that pair's interval does not hold; half: not measured.
     """
 
     noted: Final = 3.0

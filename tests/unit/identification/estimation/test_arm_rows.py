@@ -74,6 +74,17 @@ def test_phases_without_a_sample_are_no_holes(pinocchio_arm, fast):
     np.testing.assert_allclose(thinned.peak_rad_s, whole.peak_rad_s, rtol=0.01)
 
 
+@pytest.mark.parametrize(("period_s", "half_s"), [(2.0, 0.064), (5.0, 0.16), (12.0, 0.16)])
+def test_close_rows_of_a_pair_keep_their_window_unless_the_period_is_below_five_seconds(
+    pinocchio_arm, period_s, half_s
+):
+    """A shorter window shows the ringing of elastic joints, of which their encoders show little."""
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(5, period_s=period_s, harmonics=3), True, seed=1, noise=0.0)
+    window = signals_of(run, pinocchio_arm).with_close_rows().row_window()
+    assert len(window.middle) >= 100
+    assert window.half_s == pytest.approx(half_s)
+
+
 def test_the_ends_of_a_run_do_not_make_a_joint_move(pinocchio_arm, fast):
     """Joint 6 is held; at either end the row's window would be filled up with one and the same sample."""
     noise = 2e-5 * np.random.default_rng(3).normal(size=fast.size)

@@ -12,6 +12,7 @@ from armload_identification.estimation.payload_problem import pair_problem
 from armload_identification.estimation.run_drift import RunDrift
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, ONE_SIDED
+from armload_identification.model.regressor import payload_torque
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.recorded_run import Run
 
@@ -43,6 +44,30 @@ def test_torque_of_the_loaded_run_times_a_factor_is_found_as_the_gains_inverse(p
     nominal = RunDrift.of(posterior, None)
     assert nominal.usual == 0.0
     assert nominal.heard
+
+
+def test_gears_that_turn_more_heavily_as_a_whole_are_less_of_a_drift_beside_a_factor_on_friction(
+    pair, known, pinocchio_arm, monkeypatch
+):
+    """3 % more friction in the loaded run: nineteen twentieths of what it looks like without the factor go."""
+    chain, transmission, arm = known
+    loaded, unloaded = pair
+    states = loaded.excitation.trajectory.evaluate(loaded.phase_s)
+    motion = states.position_rad, states.velocity_rad_s, states.acceleration_rad_s2
+    payload_nm = payload_torque(chain, pinocchio_arm.payload.theta, *motion)
+    rigid_nm = arm.body.link_torque(chain, *motion) + payload_nm + motion[2] @ arm.body.rotor_mass_kg_m2
+    more_nm = 0.03 * (arm.body.torque(chain, *motion, payload_nm) - rigid_nm)
+    heavy = replace(loaded, current_a=loaded.current_a + more_nm @ transmission.coupling / transmission.gain_nm_a)
+
+    def drift(run):
+        signal = load_signal(Run.of(run, transmission), Run.of(unloaded, transmission))
+        return RunDrift.of(solve(pair_problem(signal, chain, transmission.coupling, arm).problem), arm).log_factor
+
+    beside = drift(heavy) - drift(loaded)
+    monkeypatch.setattr(Drift, "friction", 1e-6)
+    alone = drift(heavy) - drift(loaded)
+    assert abs(alone) > 0.001
+    assert abs(beside) < 0.05 * abs(alone)
 
 
 def test_its_size_is_in_standard_deviations_of_rows_and_usual_drift():
