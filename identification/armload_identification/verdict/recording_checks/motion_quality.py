@@ -39,11 +39,6 @@ class MotionQuality:
         )
 
     @property
-    def share(self) -> float:
-        """Share of the joints that move long enough, 0 to 1."""
-        return float(np.mean(np.minimum(self.moving_s / EnoughMotion.enough_s, 1.0)))
-
-    @property
     def missing(self) -> str:
         """Motion for a better estimate: 'move joints 4 to 6 at 0.3 rad/s for 10 s'; empty if all joints move."""
         lazy = self.moving_s < EnoughMotion.enough_s

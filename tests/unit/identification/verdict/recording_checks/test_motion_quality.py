@@ -41,12 +41,6 @@ def test_a_joint_that_is_never_fast_is_asked_for_no_more_than_half_its_peak():
     assert measured(np.ones((2, 1)), 2e-4).brisk_rad_s == pytest.approx(2.0 * slow)
 
 
-def test_the_share_of_joints_that_move_counts_parts_of_five_seconds():
-    assert quality([5.0, 90.0]).share == 1.0
-    assert quality([2.5, 90.0]).share == pytest.approx(0.75)
-    assert quality([0.0, 0.0]).share == 0.0
-
-
 def test_what_is_missing_names_the_joints_and_the_slowest_of_their_speeds():
     assert quality([5.0, 6.0]).missing == ""
     missing = quality([9.0, 4.9, 0.0], [0.1, 0.25, 0.2]).missing
