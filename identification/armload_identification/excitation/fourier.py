@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.limit_margins import LimitMargins
 from armload_identification.identification_errors import ModelError
+
+if TYPE_CHECKING:
+    from armload_identification.excitation.limit_margins import LimitMargins
 
 CRITERIA = ("a-optimal", "a-optimal-mean", "a-optimal-max", "d-optimal", "condition-number")
 """Criteria of the design of an excitation."""
