@@ -36,12 +36,14 @@ class WarmUp:
 
     Attributes:
         at_work_s: (p,) time in operation of every point.
+        session: (p,) number of its session, which is operation without a long rest.
         friction_nm: (p, n) difference from the friction after an hour; NaN if a joint hardly moves.
         slope_nm: (n,) b; 0 if it is not significant.
         of_runs_nm: (r, n) increase of each run's friction because the arm is not warm.
     """
 
     at_work_s: FloatArray
+    session: NDArray[np.intp]
     friction_nm: FloatArray
     slope_nm: FloatArray
     of_runs_nm: FloatArray
@@ -96,7 +98,7 @@ def warm_up(runs: Sequence[RunHealth], began: Sequence[datetime]) -> WarmUp | No
         count = np.maximum(known.sum(axis=0), 1)
         levels[rows] = np.where(known, values[rows] - part[rows], 0.0).sum(axis=0) / count
     cold = (_log(np.array(middles)) - _log(WARM_S))[:, None] * slope
-    return WarmUp(time_s, values - levels, slope, cold)
+    return WarmUp(time_s, where, values - levels, slope, cold)
 
 
 def _log(at_work_s: FloatArray | float) -> FloatArray:
