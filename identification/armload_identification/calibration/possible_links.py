@@ -30,6 +30,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.physical_consistency import inside_barrier
+from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PSEUDO_INERTIA_BASIS, SMALLEST_MARGIN, InertialParameters
 from armload_identification.model.regressor import PARAMETERS, body_regressor
@@ -70,6 +71,9 @@ def possible_links(chain: Chain, calibration: ArmCalibration) -> PossibleLinks:
     Args:
         chain: The arm, mounted as it was calibrated.
         calibration: Its base parameters and their covariance.
+
+    Raises:
+        EstimationError: none were found near these parameters.
     """
     n, base, identified = chain.n, calibration.body.base.ravel(), calibration.body.links.ravel()
     rng = np.random.default_rng(_SEED)
@@ -84,7 +88,14 @@ def possible_links(chain: Chain, calibration: ArmCalibration) -> PossibleLinks:
     inverse_rods = np.asarray(np.linalg.inv(_pseudo_inertia(theta)), dtype=np.float64)
     exact, trial = False, theta
     for weight in _WEIGHTS:
-        trial = _nearest(trial, inverse_rods, weight * rows.T @ rows, weight * rows.T @ target)
+        try:
+            trial = _nearest(trial, inverse_rods, weight * rows.T @ rows, weight * rows.T @ target)
+        except np.linalg.LinAlgError as error:
+            if weight > _FIRM_ENOUGH:  # at the edge of the possible, rounding ends the search for still firmer ones
+                break
+            raise EstimationError(
+                "no physically possible links were found near those of the calibration: calibrate from more motion"
+            ) from error
         corrected = trial + (right.T @ (right @ (identified - trial.ravel()))).reshape(n, PARAMETERS)
         exact = _margin(corrected, inverse_rods) > SMALLEST_MARGIN
         if exact:

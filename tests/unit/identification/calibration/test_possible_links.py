@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_identification.calibration import possible_links as module
 from armload_identification.calibration.possible_links import possible_links
+from armload_identification.identification_errors import EstimationError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import body_regressor
@@ -80,3 +82,27 @@ def test_links_that_cannot_exist_become_the_nearest_that_can(calibration, pinocc
     assert found.off == pytest.approx(np.sqrt(np.mean(z**2)), rel=1e-3)
     left = (columns @ (found.links - arm.body.links).ravel()).reshape(-1, N)
     np.testing.assert_allclose(found.left_nm, np.sqrt(np.mean(left**2, axis=0)), rtol=0.3)
+
+
+def test_where_firmer_links_cannot_be_computed_the_last_ones_serve(calibration, pinocchio_arm, links, monkeypatch):
+    impossible = links.copy()
+    impossible[5, 6] = -0.05
+    arm = identified(calibration, pinocchio_arm.chain, impossible)
+    best, nearest = possible_links(pinocchio_arm.chain, arm), module._nearest
+
+    def possible_up_to(limit):
+        weights = iter(module._WEIGHTS)
+
+        def limited(*given):
+            if next(weights) > limit:
+                raise np.linalg.LinAlgError
+            return nearest(*given)
+
+        monkeypatch.setattr(module, "_nearest", limited)
+        return possible_links(pinocchio_arm.chain, arm)
+
+    found = possible_up_to(100.0)
+    assert not found.exact
+    assert best.off <= found.off < 1.2 * best.off + 0.1
+    with pytest.raises(EstimationError, match="calibrate from more motion"):
+        possible_up_to(1.0)
