@@ -73,7 +73,7 @@ def test_what_is_not_determined_or_from_another_robot_file_is_a_note(make_subjec
     (note,) = export("ur10e", payload, "kuka", tmp_path / "b").notes
     assert "was identified with another robot file than the present one of ur10e" in note
     unrecorded = replace(payload, provenance=replace(payload.provenance, recordings_sha256={}))
-    assert not export("ur10e", unrecorded, "kuka", tmp_path / "c").notes, "a payload of a data sheet is of no robot file"
+    assert not export("ur10e", unrecorded, "kuka", tmp_path / "c").notes, "a data sheet is of no robot file"
 
 
 def test_a_calibrated_arm_is_a_description_and_nothing_else(recorded_er50, tmp_path):
