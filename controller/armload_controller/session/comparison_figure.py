@@ -9,9 +9,6 @@ from armload_controller.control_errors import CommissioningError
 from armload_controller.session.feedforward_comparison import FollowingComparison
 from armload_identification.extras import Extra, require_extra
 from armload_identification.report.figures.figure_file import write_figure
-from armload_identification.report.figures.figure_style import BLUE, GREEN, VERMILION
-
-COLORS = (BLUE, GREEN, VERMILION)
 
 
 def require_picture(path: Path) -> None:
@@ -40,6 +37,8 @@ def draw(comparisons: Sequence[FollowingComparison], robot: str, path: Path) -> 
     require_picture(path)
     from matplotlib.figure import Figure
 
+    from armload_identification.report.figures.figure_style import BLUE, GREEN, VERMILION
+
     n = len(comparisons[0].joint_names)
     figure = Figure(figsize=(9.0 * len(comparisons), 1.5 * n + 0.8), layout="constrained")
     axes = figure.subplots(n, len(comparisons), sharex=True, squeeze=False)
@@ -47,7 +46,7 @@ def draw(comparisons: Sequence[FollowingComparison], robot: str, path: Path) -> 
         for i, name in enumerate(comparison.joint_names):
             axis = axes[i, column]
             axis.plot(comparison.phase_s, 1e3 * comparison.without_rad[:, i], color="#999999", label="without")
-            for color, (label, error) in zip(COLORS, comparison.with_rad.items(), strict=False):
+            for color, (label, error) in zip((BLUE, GREEN, VERMILION), comparison.with_rad.items(), strict=False):
                 text = f"{label}: {comparison.less(label, i, 0)}"
                 axis.plot(comparison.phase_s, 1e3 * error[:, i], color=color, lw=0.9, label=text)
             axis.set_ylabel(f"{name}\nmrad", fontsize=8)

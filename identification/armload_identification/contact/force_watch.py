@@ -28,6 +28,7 @@ from armload_identification.contact.contact_levels import (
     HELD_ROWS,
     KNOWN_S,
     LOOK_S,
+    LOOKS_FROM_S,
     LOOKS_S,
     OLD_S,
     OVER_S,
@@ -173,7 +174,7 @@ class ForceWatch:
             if self._above >= HELD_ROWS or ratio > AT_ONCE:
                 return self._begin(float(rows.time_s[k]), np.abs(test.joints[k]) > FAR_SIGMAS)
         now_s = float(rows.time_s[-1])
-        if now_s - self._looked_s >= LOOK_S:
+        if self._seen_s >= LOOKS_FROM_S and now_s - self._looked_s >= LOOK_S:
             self._looked_s = now_s
             before = self._memory.before(now_s - BACK_S + OLD_S)
             if before is not None and payload_evidence(self._rows, before, self._noise, now_s) > SUSPECT:

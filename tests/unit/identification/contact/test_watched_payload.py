@@ -113,7 +113,7 @@ def test_a_second_push_is_noticed_after_the_first(moved):
 @pytest.mark.parametrize("more", [-1.0, 1.0])
 def test_a_payload_that_is_evident_over_seconds_is_noticed_where_no_window_shows_it(moved, monkeypatch, more):
     monkeypatch.setattr(force_watch, "payload_evidence", lambda *_: SUSPECT + more)
-    events = watched(moved, 8.0, moved.empty).take_events()
+    events = watched(moved, 12.0, moved.empty).take_events()
     assert [event.kind for event in events[:1]] == ([ACTING] if more > 0.0 else [])
     assert all(event.joints.any() for event in events)
 

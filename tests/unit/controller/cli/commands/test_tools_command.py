@@ -34,7 +34,7 @@ def test_the_workpiece_of_a_tool_that_is_the_whole_but_lighter(armload, runs, tm
     assert found.exit_code == 0, found.output
     said = " ".join(found.output.split())
     whole = float(re.search(r"The workpiece alone: the whole, ([\d.]+) kg", said)[1])
-    assert whole == pytest.approx(mass, abs=0.002)
+    assert whole == pytest.approx(mass, abs=0.004), "a hundredth of the half width"
     assert f"minus the tool, {mass - 2.0:.4g} kg" in said
     part = (tmp_path / "part.toml").read_text()
     assert float(re.search(r"^mass_kg = ([\d.]+)", part, re.MULTILINE)[1]) == pytest.approx(2.0, abs=0.05)
