@@ -8,6 +8,7 @@ from __future__ import annotations
 from enum import Enum
 
 from msgspec import Struct
+from msgspec.structs import force_setattr
 
 
 class DataType(Enum):
@@ -67,6 +68,7 @@ class Entry(Struct, frozen=True):
         type: Data type.
         access: SDO access.
         mappable: Direction of the PDO that may carry it.
+        key: Index and subindex in one number; follows from them.
     """
 
     index: int
@@ -75,11 +77,11 @@ class Entry(Struct, frozen=True):
     type: DataType
     access: Access = Access.RW
     mappable: Mappable = Mappable.NO
+    key: int = 0
 
-    @property
-    def key(self) -> int:
-        """Index and subindex in one number."""
-        return self.index << 8 | self.subindex
+    def __post_init__(self) -> None:
+        """Compute the key once: the simulated drives look values up by it in every cycle."""
+        force_setattr(self, "key", self.index << 8 | self.subindex)
 
     @property
     def mapping(self) -> int:
