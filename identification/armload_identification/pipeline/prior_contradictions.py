@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.prior_knowledge import EXACT, KnownPayload, Prior
+from armload_identification.estimation.prior_knowledge import EXACT, KnownPayload, Prior, center_row
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.model.payload import CONFIDENCE
@@ -205,8 +205,7 @@ def _prior_within(known: KnownPayload, mean: FloatArray, covariance: FloatArray)
             rows[row, 0], target[row] = 1.0 / (EXACT * mean[0]), 1.0 / EXACT
             rate[row] /= mean[0]
         else:
-            scale = EXACT * mean[0]
-            rows[row, 0], rows[row, quantity] = -mean[quantity] / scale, 1.0 / scale
+            rows[row] = center_row(int(quantity) - 1, float(mean[quantity]), float(mean[0]))
     power, axes = np.linalg.eigh(covariance[np.ix_(ranged, ranged)])
     errors = np.sqrt(np.maximum(power, 0.0))[:, None] * axes.T
     values = known.prior()
