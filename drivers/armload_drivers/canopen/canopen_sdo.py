@@ -38,7 +38,7 @@ class _NoAnswer(SdoCommunicationError):  # type: ignore[misc]
 
 
 class _AnsweredTwice(SdoCommunicationError):  # type: ignore[misc]
-    """One request was answered by two nodes."""
+    """One request was answered by two nodes, or the answer to another client's request for the same object came."""
 
 
 class _PumpedSdoClient(SdoClient):  # type: ignore[misc]
@@ -85,7 +85,10 @@ class _PumpedSdoClient(SdoClient):  # type: ignore[misc]
             return self.read_response()
         what = f"object {answer[2]:02X}{answer[1]:02X}:{answer[3]}"
         if answer[1:4] == earlier:
-            raise _AnsweredTwice(f"{what} was answered twice: two drives have node id {self.rx_cobid - SDO_RX_BASE}")
+            node_id = self.rx_cobid - SDO_RX_BASE
+            raise _AnsweredTwice(
+                f"{what} was answered twice: two drives have node id {node_id}, or another SDO client is active"
+            )
         raise SdoCommunicationError(f"answered for {what}; another SDO client is active")
 
     def ask(self, entry: Entry) -> None:
@@ -161,7 +164,8 @@ class CanopenSdo(SdoChannel):
             ) from error
         except _AnsweredTwice as error:
             raise self.failure(
-                f"{verb} {entry}: {error}", "Give each drive a node id of its own, or unplug one"
+                f"{verb} {entry}: {error}",
+                "Give each drive a node id of its own, or end the other master or configuration tool",
             ) from error
         except SdoCommunicationError as error:
             raise self.failure(

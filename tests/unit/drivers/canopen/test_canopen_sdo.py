@@ -180,6 +180,15 @@ def test_any_other_answer_is_not_passed_over():
         sdo.read(od.DEVICE_TYPE)
 
 
+def test_a_second_answer_to_the_request_before_has_two_possible_causes():
+    """Two drives answered it, or another client read the same object."""
+    answers = iter([[READ], [READ]])
+    sdo = channel(Bus(answers=lambda request: next(answers)))
+    sdo.read(od.DEVICE_TYPE)
+    with pytest.raises(ServoError, match="1000:0 was answered twice: two drives have node id 5, or another SDO client"):
+        sdo.read(od.TARGET_POSITION)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [ASKED[:5], OTHER, struct.pack("<BHBI", 0x80, 0x607A, 0, 0x0800_0000), struct.pack("<BHBI", 0x60, 0x607A, 0, 5)],
