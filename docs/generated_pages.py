@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from armload_controller.cycle.stop_decisions import CAUSES, Cause, StopCategory
+from armload_controller.cycle.stop_decisions import Cause, StopCategory
 from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.state_machine import FAULT_RESET_BIT, POWERED, TRANSITIONS, Command, State, Transition
 
@@ -41,13 +41,13 @@ def stop_page() -> str:
     """The page, Markdown."""
     stops = _rows(
         ("Stop", "Steps, in this order"),
-        [(category.value, "; ".join(step.value for step in category.sequence)) for category in StopCategory],
+        [(category.title, "; ".join(step.value for step in category.sequence)) for category in StopCategory],
     )
-    errors = {cause: [f"`{kind.__name__}`" for kind, found in CAUSES if found is cause] for cause in Cause}
+    errors = {cause: [f"`{kind.__name__}`" for kind in cause.errors] for cause in Cause}
     errors[Cause.PROGRAM].append("any other")
     causes = _rows(
         ("Cause", "Error", "Stop", "What the operator can do"),
-        [(cause.words, ", ".join(errors[cause]), cause.category.value, cause.advice) for cause in Cause],
+        [(cause.words, ", ".join(errors[cause]), cause.category.title, cause.advice) for cause in Cause],
     )
     return f"{_STOPS}{stops}\n{causes}"
 

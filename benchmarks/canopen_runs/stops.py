@@ -201,7 +201,7 @@ def run() -> None:
     for cause in Cause:
         stop = measure(robot, path, cause)
         print(
-            f"  {cause.words:44s} {cause.category.value:15s} "
+            f"  {cause.words:44s} {cause.category.title:15s} "
             f"{stop.deviation_rad * 1e3:9.2f} mrad {stop.standstill_s:11.2f} s"
         )
 

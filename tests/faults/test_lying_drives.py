@@ -108,7 +108,7 @@ def test_a_lie_is_found_in_the_slow_round(watched_servos, rubbing_plant, lie, ca
     ):
         session.run(PATH, "run")
     assert cause_of(caught.value.__cause__) is cause
-    assert str(caught.value).startswith(f"Motion stopped ({cause.category.value}): {cause.words}")
+    assert str(caught.value).startswith(f"Motion stopped ({cause.category.title}): {cause.words}")
     assert servos.log[-2:] == ["stop", "disable"]
     assert servos.log.count("enable") == 1, "the run at full speed was not begun"
 

@@ -37,7 +37,7 @@ def test_the_arm_stays_near_its_path_and_stands(er50, cause):
     deviation_rad, standstill_s = OTHERS.get(cause, BOUNDS[cause.category])
     assert stop.deviation_rad < deviation_rad
     assert 0.0 < stop.standstill_s < standstill_s
-    assert stop.message.startswith(f"Motion stopped ({cause.category.value}): {cause.words}")
+    assert stop.message.startswith(f"Motion stopped ({cause.category.title}): {cause.words}")
     assert cause.advice in stop.message
     assert "While stopping" not in stop.message
 

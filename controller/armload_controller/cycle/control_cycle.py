@@ -133,7 +133,7 @@ def stop_message(error: BaseException, more: str = "", escalation: LoopLost | No
     """
     cause, decisive = cause_of(error), cause_of(escalation or error)
     detail = f": {error}" if str(error) else ""
-    return f"Motion stopped ({decisive.category.value}): {cause.words}{detail}{more}. Next: {decisive.advice}."
+    return f"Motion stopped ({decisive.category.title}): {cause.words}{detail}{more}. Next: {decisive.advice}."
 
 
 class PoweredArm:

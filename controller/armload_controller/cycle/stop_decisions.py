@@ -63,25 +63,19 @@ class StopStep(Enum):
 
 
 class StopCategory(Enum):
-    """How the arm is brought to rest."""
+    """How the arm is brought to rest.
 
-    ALONG_PATH = "along the path"
-    QUICK_STOP = "quick stop"
-    TORQUE_OFF = "torque off"
-    EMERGENCY_STOP = "emergency stop"
+    Attributes:
+        sequence: The steps, in this order.
+    """
 
-    @property
-    def sequence(self) -> tuple[StopStep, ...]:
-        """The steps, in this order."""
-        return _SEQUENCES[self]
+    ALONG_PATH = "along the path", StopStep.RAMP_DOWN, StopStep.QUICK_STOP, StopStep.DISABLE
+    QUICK_STOP = "quick stop", StopStep.QUICK_STOP, StopStep.DISABLE
+    TORQUE_OFF = "torque off", StopStep.DISABLE
+    EMERGENCY_STOP = "emergency stop", StopStep.EMERGENCY_STOP, StopStep.DISABLE
 
-
-_SEQUENCES = {
-    StopCategory.ALONG_PATH: (StopStep.RAMP_DOWN, StopStep.QUICK_STOP, StopStep.DISABLE),
-    StopCategory.QUICK_STOP: (StopStep.QUICK_STOP, StopStep.DISABLE),
-    StopCategory.TORQUE_OFF: (StopStep.DISABLE,),
-    StopCategory.EMERGENCY_STOP: (StopStep.EMERGENCY_STOP, StopStep.DISABLE),
-}
+    def __init__(self, title: str, *sequence: StopStep) -> None:
+        self.title, self.sequence = title, sequence
 
 
 _ALONG, _QUICK, _OFF = StopCategory.ALONG_PATH, StopCategory.QUICK_STOP, StopCategory.TORQUE_OFF
@@ -91,53 +85,58 @@ _ADVICE = files("armload_controller.cycle").joinpath("stop_advice.txt").read_tex
 _ADVICE_BY_NAME = {name: advice for name, _, advice in (line.partition(" ") for line in _ADVICE.splitlines())}
 
 
+class PathDeviation(ControlError):
+    """A setpoint from Ruckig is off the checked path."""
+
+
 class Cause(Enum):
     """Reason why the motion ends early, and the reaction to it.
 
     Attributes:
         words: The reason.
         category: How the arm is stopped; defines the steps.
+        errors: Exceptions that have it; of an exception's classes the nearest one counts.
     """
 
-    OPERATOR = "the operator requested a stop", _ALONG
-    OPERATOR_AGAIN = "the operator requested an immediate stop", _QUICK
-    TERMINATION = "the system requested termination", _ALONG
-    PLUGIN_REQUEST = "a plug-in requested a stop", _ALONG
-    PLUGIN_FAILED = "a plug-in failed", _ALONG
-    PLUGIN_TOO_SLOW = "a plug-in is too slow", _ALONG
-    RECORDING = "the run cannot be recorded", _ALONG
-    LIMIT = "a setpoint exceeds a limit", _QUICK
-    DEVIATION = "the motion would leave the checked path", _QUICK
-    FOLLOWING_ERROR = "a joint does not follow", _QUICK
-    TORQUE = "a joint's torque is not as expected", _QUICK
-    OFFSET = "added torque does not have the expected effect", _ALONG
-    BLOCKED = "the path to the start is blocked", _ALONG
-    BEYOND_LIMIT = "the arm stands beyond a limit", _ALONG
-    STALE = "the drives' feedback is frozen", _QUICK
-    LOOP_LOST = "an axis does not move as commanded", _EMERGENCY
-    VELOCITY = "a velocity contradicts its position", _QUICK
-    TORQUE_MISSING = "a current or torque is not measured", _ALONG
-    TORQUE_REVERSED = "a current or torque has the wrong sign", _ALONG
-    VOLTAGE = "a drive has lost its voltage", _QUICK
-    REMOTE = "a drive takes no commands from the bus", _QUICK
-    INTERNAL_LIMIT = "a drive limits the motion on its own", _QUICK
-    DRIVE_LAG = "a drive reports a following error", _QUICK
-    LATE = "the program is late", _QUICK
-    MISSING_FEEDBACK = "a drive does not answer", _QUICK
-    DRIVE_FAULT = "a drive reports a fault", _QUICK
-    OTHER_MASTER = "another program or tool commands the drives", _QUICK
-    FRAMES = "frames of the bus are lost", _QUICK
-    LINK = "the cable to the drives is unplugged", _OFF
-    WORKING_COUNTER = "a drive takes no part in the frames", _QUICK
-    LEFT_OP = "a drive has left operation by itself", _QUICK
-    HUNG = "the firmware of a drive hangs", _QUICK
-    DRIVE = "a drive does not behave as expected", _QUICK
-    REFUSED = "a setpoint cannot be sent", _QUICK
-    BUS = "the bus failed", _OFF
-    PROGRAM = "the program failed", _QUICK
+    OPERATOR = "the operator requested a stop", _ALONG, OperatorStop, StopRequested
+    OPERATOR_AGAIN = "the operator requested an immediate stop", _QUICK, KeyboardInterrupt
+    TERMINATION = "the system requested termination", _ALONG, TerminationStop
+    PLUGIN_REQUEST = "a plug-in requested a stop", _ALONG, PluginStop
+    PLUGIN_FAILED = "a plug-in failed", _ALONG, PluginFailed
+    PLUGIN_TOO_SLOW = "a plug-in is too slow", _ALONG, PluginTooSlow
+    RECORDING = "the run cannot be recorded", _ALONG, RecordingFailed
+    LIMIT = "a setpoint exceeds a limit", _QUICK, LimitViolation
+    DEVIATION = "the motion would leave the checked path", _QUICK, PathDeviation, InfeasibleMotion
+    FOLLOWING_ERROR = "a joint does not follow", _QUICK, FollowingError
+    TORQUE = "a joint's torque is not as expected", _QUICK, TorqueError
+    OFFSET = "added torque does not have the expected effect", _ALONG, OffsetRefused
+    BLOCKED = "the path to the start is blocked", _ALONG, BlockedWay
+    BEYOND_LIMIT = "the arm stands beyond a limit", _ALONG, BeyondLimit
+    STALE = "the drives' feedback is frozen", _QUICK, StaleFeedback
+    LOOP_LOST = "an axis does not move as commanded", _EMERGENCY, LoopLost
+    VELOCITY = "a velocity contradicts its position", _QUICK, VelocityContradicts
+    TORQUE_MISSING = "a current or torque is not measured", _ALONG, TorqueMissing
+    TORQUE_REVERSED = "a current or torque has the wrong sign", _ALONG, TorqueReversed
+    VOLTAGE = "a drive has lost its voltage", _QUICK, VoltageLost
+    REMOTE = "a drive takes no commands from the bus", _QUICK, RemoteLost
+    INTERNAL_LIMIT = "a drive limits the motion on its own", _QUICK, InternalLimit
+    DRIVE_LAG = "a drive reports a following error", _QUICK, DriveLag
+    LATE = "the program is late", _QUICK, LateCycle
+    MISSING_FEEDBACK = "a drive does not answer", _QUICK, ServoTimeout
+    DRIVE_FAULT = "a drive reports a fault", _QUICK, ServoFault
+    OTHER_MASTER = "another program or tool commands the drives", _QUICK, ForeignMaster, SettingChanged
+    FRAMES = "frames of the bus are lost", _QUICK, FramesLost
+    LINK = "the cable to the drives is unplugged", _OFF, LinkDown
+    WORKING_COUNTER = "a drive takes no part in the frames", _QUICK, WorkingCounterWrong
+    LEFT_OP = "a drive has left operation by itself", _QUICK, DriveLeftOp
+    HUNG = "the firmware of a drive hangs", _QUICK, DriveHung
+    DRIVE = "a drive does not behave as expected", _QUICK, ServoError, DriverError
+    REFUSED = "a setpoint cannot be sent", _QUICK, CommandError
+    BUS = "the bus failed", _OFF, BusError
+    PROGRAM = "the program failed", _QUICK, StateError
 
-    def __init__(self, words: str, category: StopCategory) -> None:
-        self.words, self.category = words, category
+    def __init__(self, words: str, category: StopCategory, *errors: type[BaseException]) -> None:
+        self.words, self.category, self.errors = words, category, errors
 
     @property
     def advice(self) -> str:
@@ -145,55 +144,9 @@ class Cause(Enum):
         return _ADVICE_BY_NAME[self.name]
 
 
-class PathDeviation(ControlError):
-    """A setpoint from Ruckig is off the checked path."""
-
-
-CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
-    (KeyboardInterrupt, Cause.OPERATOR_AGAIN),
-    (OperatorStop, Cause.OPERATOR),
-    (TerminationStop, Cause.TERMINATION),
-    (PluginStop, Cause.PLUGIN_REQUEST),
-    (StopRequested, Cause.OPERATOR),
-    (PluginTooSlow, Cause.PLUGIN_TOO_SLOW),
-    (PluginFailed, Cause.PLUGIN_FAILED),
-    (RecordingFailed, Cause.RECORDING),
-    (LimitViolation, Cause.LIMIT),
-    (PathDeviation, Cause.DEVIATION),
-    (InfeasibleMotion, Cause.DEVIATION),
-    (FollowingError, Cause.FOLLOWING_ERROR),
-    (TorqueError, Cause.TORQUE),
-    (OffsetRefused, Cause.OFFSET),
-    (BlockedWay, Cause.BLOCKED),
-    (BeyondLimit, Cause.BEYOND_LIMIT),
-    (StaleFeedback, Cause.STALE),
-    (VelocityContradicts, Cause.VELOCITY),
-    (TorqueMissing, Cause.TORQUE_MISSING),
-    (TorqueReversed, Cause.TORQUE_REVERSED),
-    (VoltageLost, Cause.VOLTAGE),
-    (RemoteLost, Cause.REMOTE),
-    (InternalLimit, Cause.INTERNAL_LIMIT),
-    (DriveLag, Cause.DRIVE_LAG),
-    (LateCycle, Cause.LATE),
-    (LoopLost, Cause.LOOP_LOST),
-    (ForeignMaster, Cause.OTHER_MASTER),
-    (SettingChanged, Cause.OTHER_MASTER),
-    (ServoFault, Cause.DRIVE_FAULT),
-    (ServoTimeout, Cause.MISSING_FEEDBACK),
-    (CommandError, Cause.REFUSED),
-    (FramesLost, Cause.FRAMES),
-    (LinkDown, Cause.LINK),
-    (WorkingCounterWrong, Cause.WORKING_COUNTER),
-    (DriveLeftOp, Cause.LEFT_OP),
-    (DriveHung, Cause.HUNG),
-    (BusError, Cause.BUS),
-    (ServoError, Cause.DRIVE),
-    (StateError, Cause.PROGRAM),
-    (DriverError, Cause.DRIVE),
-)
-"""Cause of each exception class; the first match applies."""
-
-
 def cause_of(error: BaseException) -> Cause:
     """The cause of an exception."""
-    return next((cause for kind, cause in CAUSES if isinstance(error, kind)), Cause.PROGRAM)
+    return next((_CAUSE_OF[kind] for kind in type(error).__mro__ if kind in _CAUSE_OF), Cause.PROGRAM)
+
+
+_CAUSE_OF = {kind: cause for cause in Cause for kind in cause.errors}
