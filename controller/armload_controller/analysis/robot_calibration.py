@@ -58,7 +58,7 @@ def calibrate(
         return lambda done, total: progress(first + _PARTS * done // total, 2 * _PARTS)
 
     result = calibrate_from_runs(arm, read_runs(arm, several_runs(runs), half(0)), half(_PARTS))
-    return CalibratedArm(arm.description, tuple(arm.joint_names), result, version("armload"))
+    return CalibratedArm(arm.description, tuple(arm.joint_names), result)
 
 
 def calibrate_from_runs(

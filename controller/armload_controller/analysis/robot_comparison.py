@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
 
@@ -54,4 +53,4 @@ def compare(
         corrected = judged, name
     errors = cad_comparison.compare_with_cad(estimate, truth)
     agreement = compare_known(judged, known_payload(truth), tolerance or Tolerance())
-    return PayloadComparison(errors, agreement, corrected, version("armload"))
+    return PayloadComparison(errors, agreement, corrected)

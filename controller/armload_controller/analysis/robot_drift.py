@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 
 from armload_controller.analysis.arm_in_use import Calibration, arm_in_use
 from armload_controller.config.objects_or_paths import FilePath, arm_of, several_runs
@@ -65,5 +64,4 @@ def drift(
         calibration_name=next(iter(used.calibration_sha256)),
         drift=arm_drift(known, health),
         left_out=left_out,
-        armload_version=version("armload"),
     )

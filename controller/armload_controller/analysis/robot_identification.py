@@ -216,7 +216,7 @@ def identify(
         notes.append("The scale is not verified: no payload of the calibration was weighed.")
     identification = replace(identification, notes=(*notes, *identification.notes), scale_verified=verified)
     content = ReportContent(identification)
-    findings = Findings(arm, payload, content, version("armload"))
+    findings = Findings(arm, payload, content)
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
 
 
@@ -300,7 +300,7 @@ def identify_over_time(
         )
     run = recording_of(arm, loaded, "loaded")
     windows = identify_windows(run, used.chain, used.transmission, arm_alone, every_s)
-    return PayloadOverTime(arm.name, windows, run.source, version("armload"))
+    return PayloadOverTime(arm.name, windows, run.source)
 
 
 def validate(
@@ -370,7 +370,7 @@ def findings_from_files(
     if fitted is not None:
         pair = recording_of(arm, fitted[0], "fitted"), recording_of(arm, fitted[1], "fitted")
         shown = payload_validation.validate(pair, used.chain, used.transmission, result, arm=used.known)
-    findings = Findings(arm, result, ReportContent(shown), version("armload"))
+    findings = Findings(arm, result, ReportContent(shown))
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
@@ -54,7 +53,6 @@ class WatchDiary:
             robot=self._robot.name,
             description=self._robot.description,
             watched=self._watched,
-            armload_version=version("armload"),
             time_s=time_s,
             mass_kg=mass_kg,
             half_width_95_kg=width_kg,

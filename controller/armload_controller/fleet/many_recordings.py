@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 
 from armload_controller.config.objects_or_paths import FilePath
@@ -75,6 +74,6 @@ def fleet_report(rows: FilePath, report: FilePath | None = None) -> FleetReview:
         from armload_identification.report.page import write_page
 
         attention = attention_of(review, folder, datetime.now(UTC).date())
-        page = render_fleet_report(review, version("armload"), attention.words, attention.arms)
+        page = render_fleet_report(review, attention.words, attention.arms)
         write_page(Path(report), page)
     return review

@@ -107,7 +107,7 @@ def findings_fields(findings: Findings) -> Row:
     """
     payload, content = findings.payload, findings.content
     row: Row = {"outcome": RowOutcome.IDENTIFIED.value, "robot_name": findings.arm.name}
-    row |= {"joint_names": list(findings.arm.joint_names), "armload_version": findings.armload_version}
+    row |= {"joint_names": list(findings.arm.joint_names)}
     for i, names in enumerate(value_columns()):
         known = bool(payload.determined[i])
         values = (payload.values[i], *payload.interval_95[i])

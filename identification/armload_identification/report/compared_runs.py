@@ -20,7 +20,6 @@ class ComparedRuns:
         calibration_name: Its file.
         drift: The result of the comparison.
         left_out: Name and reason of the runs that could not be used.
-        armload_version: Version of the program.
     """
 
     robot: str
@@ -30,7 +29,6 @@ class ComparedRuns:
     calibration_name: str
     drift: ArmDrift
     left_out: tuple[tuple[str, str], ...]
-    armload_version: str
 
     @property
     def advice(self) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 
 import jinja2
@@ -41,6 +42,7 @@ def _environment() -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.globals |= {"counted": counted, "loads": json.loads, "numeral": numeral, "scientific": scientific}
+    environment.globals["armload_version"] = version("armload")
     return environment
 
 

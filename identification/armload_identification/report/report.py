@@ -36,7 +36,7 @@ from armload_identification.report.payload_in_words import (
     parameter_rows,
     truth_sentence,
 )
-from armload_identification.report.report_content import ReportContent, ReportSubject
+from armload_identification.report.report_content import ReportContent, ReportedPayload
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.signal_constants import Smoothing
@@ -45,11 +45,11 @@ from armload_identification.verdict.joint_words import listed
 _TEMPLATE: Final = "template.html.j2"
 
 
-def render_report(subject: ReportSubject, content: ReportContent) -> str:
+def render_report(subject: ReportedPayload, created: str) -> str:
     """The report.
 
     Args:
-        content: Fit, runs and validation, as far as available.
+        created: Date and time, as printed.
 
     Returns:
         HTML.
@@ -57,7 +57,7 @@ def render_report(subject: ReportSubject, content: ReportContent) -> str:
     Raises:
         ReportError: the names do not fit the joints.
     """
-    payload, names = subject.payload, subject.joint_names
+    payload, content, names = subject.payload, subject.content, subject.arm.joint_names
     if len(names) != len(payload.noise_nm):
         raise ReportError(
             f"{len(names)} joint names for recordings of {len(payload.noise_nm)} joints; give one name per joint"
@@ -71,6 +71,7 @@ def render_report(subject: ReportSubject, content: ReportContent) -> str:
         _TEMPLATE,
         subject=subject,
         content=content,
+        created=created,
         fit=fit,
         headline=headline(payload),
         mass=mass_card(payload),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from armload_identification.model.payload import InertialParameters, PayloadResult
 from armload_identification.pipeline.identification_result import Identification
@@ -11,29 +12,20 @@ from armload_identification.recording.recording import RecordingSource
 from armload_identification.signals.load_signal import LoadSignal
 
 
-@dataclass(frozen=True)
-class ReportSubject:
-    """Subject of the report.
+class ArmDescription(Protocol):
+    """What results contain about an arm; implemented by a robot of the configuration."""
 
-    Attributes:
-        robot: Name of the robot.
-        description: Description of the robot, in one line.
-        joint_names: Names of the joints, from the base to the flange.
-        created: Date and time, as printed.
-        armload_version: Version of the program.
-        simulated: Whether the recordings are of a simulated arm.
-        truth: In simulation, the mounted payload in the frame of the result; else None.
-        payload: The result, as in the payload file.
-    """
+    @property
+    def name(self) -> str:
+        """Name of the robot."""
 
-    robot: str
-    description: str
-    joint_names: tuple[str, ...]
-    created: str
-    armload_version: str
-    simulated: bool
-    truth: InertialParameters | None
-    payload: PayloadResult
+    @property
+    def description(self) -> str:
+        """Description of the robot, in one line."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, from the base to the flange."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,3 +57,26 @@ class ReportContent:
         """The motion to show, and the recording that contains its excitation."""
         runs = self.fitted or self.validation
         return None if runs is None else (runs.signal, runs.sources[0])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReportedPayload:
+    """A payload with everything known about it.
+
+    Attributes:
+        arm: The arm that carried it.
+        payload: Its values, intervals and provenance: the content of the payload file.
+        content: The fit, the runs and the validation, as far as available.
+        truth: In simulation, the mounted payload in the frame of the result; else None.
+    """
+
+    arm: ArmDescription
+    payload: PayloadResult
+    content: ReportContent
+    truth: InertialParameters | None = None
+
+    @property
+    def simulated(self) -> bool:
+        """Whether every recording is marked as made with a simulated arm."""
+        sources = [source for of_runs in self.content.sources for source in of_runs]
+        return bool(sources) and all(source.run().get("simulated", False) for source in sources)

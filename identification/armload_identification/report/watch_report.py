@@ -67,7 +67,6 @@ class WatchHistory:
         robot: Name of the arm.
         description: Description of the arm, in one line.
         watched: The recording, or the bus.
-        armload_version: Version of the program.
         time_s: (N,) moments.
         mass_kg: (N,) estimates.
         half_width_95_kg: (N,) half widths of their intervals.
@@ -80,7 +79,6 @@ class WatchHistory:
     robot: str
     description: str
     watched: str
-    armload_version: str
     time_s: FloatArray
     mass_kg: FloatArray
     half_width_95_kg: FloatArray

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from typing import Any
 from armload_identification.extras import Extra, require_extra
 from armload_identification.identification_errors import NothingMounted
 from armload_identification.recording.recording import RecordingSource
-from armload_identification.results.findings import ArmDescription
+from armload_identification.report.report_content import ArmDescription
 from armload_identification.results.json_document import json_document
 
 
@@ -60,6 +59,5 @@ class ArmWithoutPayload:
             validating=(),
             named=(),
             created=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-            armload_version=version("armload"),
         )
         write_page(Path(path), page)

@@ -29,13 +29,11 @@ class CalibratedArm(PrintedResult):
         description: Description of the arm, in one line.
         joint_names: Names of its joints.
         calibration: Gains, body and friction with their uncertainty: the content of the calibration file.
-        armload_version: Version of the program.
     """
 
     description: str
     joint_names: tuple[str, ...]
     calibration: ArmCalibration
-    armload_version: str
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the calibration file; an existing file is replaced.

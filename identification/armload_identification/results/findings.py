@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from armload_identification.extras import Extra, require_extra
 from armload_identification.files.payload_file import write_payload
-from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
+from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.recording import hashes_by_name
-from armload_identification.report.report_content import ReportContent, ReportSubject
+from armload_identification.report.report_content import ReportedPayload
 from armload_identification.report.verdict_box import VerdictBox, verdict_box
 from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.findings_document import findings_document
@@ -20,32 +20,9 @@ from armload_identification.results.json_document import json_document
 from armload_identification.verdict.agreement import Outcome
 
 
-class ArmDescription(Protocol):
-    """What results contain about an arm; implemented by a robot of the configuration."""
-
-    @property
-    def name(self) -> str:
-        """Name of the robot."""
-
-    @property
-    def description(self) -> str:
-        """Description of the robot, in one line."""
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, from the base to the flange."""
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class Findings(PrintedResult):
+class Findings(PrintedResult, ReportedPayload):
     """A payload with everything known about it; printed as a table.
-
-    Attributes:
-        arm: The arm that carried it.
-        payload: Its values, intervals and provenance: the content of the payload file.
-        content: The fit, the runs and the validation, as far as available.
-        armload_version: Version of the program.
-        truth: In simulation, the mounted payload; else None.
 
     Examples:
         >>> import armload
@@ -56,12 +33,6 @@ class Findings(PrintedResult):
         >>> print(str(found).splitlines()[0])
         Payload of er50 in the flange frame, inertia about its centre of mass
     """
-
-    arm: ArmDescription
-    payload: PayloadResult
-    content: ReportContent
-    armload_version: str
-    truth: InertialParameters | None = None
 
     @property
     def intervals(self) -> dict[str, tuple[float, float] | None]:
@@ -87,12 +58,6 @@ class Findings(PrintedResult):
     def notes(self) -> tuple[str, ...]:
         """Notes to the operator about the fit, one sentence each."""
         return () if self.content.identification is None else self.content.identification.notes
-
-    @property
-    def simulated(self) -> bool:
-        """Whether every recording is marked as made with a simulated arm."""
-        sources = [source for of_runs in self.content.sources for source in of_runs]
-        return bool(sources) and all(source.run().get("simulated", False) for source in sources)
 
     def with_validation_in_provenance(self) -> Findings:
         """The same with the recordings of the validation added to the payload's provenance."""
@@ -123,17 +88,7 @@ class Findings(PrintedResult):
         from armload_identification.report.page import write_page  # matplotlib takes longer to load than a fit
         from armload_identification.report.report import render_report
 
-        subject = ReportSubject(
-            robot=self.arm.name,
-            description=self.arm.description,
-            joint_names=self.arm.joint_names,
-            created=f"{created or datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-            armload_version=self.armload_version,
-            simulated=self.simulated,
-            truth=self.truth,
-            payload=self.payload,
-        )
-        write_page(Path(path), render_report(subject, self.content))
+        write_page(Path(path), render_report(self, f"{created or datetime.now(UTC):%Y-%m-%d %H:%M} UTC"))
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, texts, lists and dictionaries: the schema `armload/payload/1`."""

@@ -24,13 +24,11 @@ class PayloadComparison(PrintedResult):
         errors: Relative errors in the paper's convention.
         agreement: The verdict on mass and centre of mass.
         corrected: The payload with the gains of a calibration, and the calibration's name; None without one.
-        armload_version: Version of the program.
     """
 
     errors: RelativeErrors
     agreement: Agreement
     corrected: tuple[KnownMassCenter, str] | None
-    armload_version: str
 
     @property
     def outcome(self) -> Outcome:

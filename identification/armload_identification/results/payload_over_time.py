@@ -24,13 +24,11 @@ class PayloadOverTime(PrintedResult):
         robot: Name of the arm.
         windows: Windows in the order of time.
         source: Source of the recording.
-        armload_version: Version of the program.
     """
 
     robot: str
     windows: tuple[Window, ...]
     source: RecordingSource
-    armload_version: str
 
     def rows(self) -> list[tuple[str, str, str, str]]:
         """Per window its time, mass, determined coordinates of the centre of mass, and a remark."""

@@ -174,7 +174,7 @@ def report_command(
 
     review = review_fleet(runs)
     attention = attention_of(review, folder, now.date())
-    text = render_fleet_report(review, version("armload"), attention.words, attention.arms)
+    text = render_fleet_report(review, attention.words, attention.arms)
     screen.write(lambda path: write_page(path, text), page)
     for line in suspicion_lines(review, attention):
         screen.result(line)
@@ -198,7 +198,6 @@ def history_command(
 ) -> None:
     """Write a page with charts of every monitored quantity of an arm over all its recordings."""
     from datetime import UTC, datetime
-    from importlib.metadata import version
     from urllib.parse import quote
 
     from armload_identification.extras import Extra, require_extra
@@ -225,7 +224,7 @@ def history_command(
         review_fleet([run for run in runs if run.arm == arm]).arms
     )
     attention = attention_of(review, folder, datetime.now(UTC).date())
-    write_page(page, render_arm_history(found[0], version("armload"), attention.words.get(arm, "")))
+    write_page(page, render_arm_history(found[0], attention.words.get(arm, "")))
     for suspicion in found[0].suspicions:
         screen.result(suspicion.sentence)
     screen.step(f"written: {page}")

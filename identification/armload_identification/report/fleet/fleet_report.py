@@ -26,12 +26,11 @@ _TEMPLATE: Final = "fleet/fleet.html.j2"
 
 
 def render_fleet_report(
-    review: FleetReview, armload_version: str, acknowledged: Mapping[str, str], needing_attention: Collection[str]
+    review: FleetReview, acknowledged: Mapping[str, str], needing_attention: Collection[str]
 ) -> str:
     """The report of a fleet.
 
     Args:
-        armload_version: Version of the program.
         acknowledged: What was said of arms whose findings are acknowledged, by arm.
         needing_attention: Names of the arms with findings that nobody has acknowledged.
 
@@ -41,7 +40,6 @@ def render_fleet_report(
     suspicious = [arm for arm in review.arms if arm.suspicions]
     return rendered(
         _TEMPLATE,
-        armload_version=armload_version,
         arms=len(review.arms),
         runs=sum(arm.runs for arm in review.arms),
         without_result=len(review.problems),
@@ -61,11 +59,10 @@ def render_fleet_report(
     )
 
 
-def render_arm_history(arm: ArmReview, armload_version: str, acknowledged: str = "") -> str:
+def render_arm_history(arm: ArmReview, acknowledged: str = "") -> str:
     """The page of one arm: every monitored quantity over all runs.
 
     Args:
-        armload_version: Version of the program.
         acknowledged: What was said of its findings; empty if they are not acknowledged.
 
     Returns:
@@ -74,9 +71,7 @@ def render_arm_history(arm: ArmReview, armload_version: str, acknowledged: str =
     kinds = list(QuantityKind)
     others = sorted(arm.figures.values(), key=lambda figure: kinds.index(figure.quantity.kind))
     charts = _drawn(arm, [*_suspicious(arm), *others])
-    return rendered(
-        "fleet/arm.html.j2", armload_version=armload_version, arm=arm, charts=charts, acknowledged=acknowledged
-    )
+    return rendered("fleet/arm.html.j2", arm=arm, charts=charts, acknowledged=acknowledged)
 
 
 def _charts(arm: ArmReview, number: int) -> list[Markup]:

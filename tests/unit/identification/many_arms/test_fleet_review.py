@@ -48,7 +48,7 @@ def page_of(review, acknowledged=None):
     """The report; every suspicious arm whose findings are not acknowledged needs attention."""
     known = acknowledged or {}
     needing = [arm.arm for arm in review.arms if arm.suspicions and arm.arm not in known]
-    return render_fleet_report(review, "1.2", known, needing)
+    return render_fleet_report(review, known, needing)
 
 
 def test_what_all_runs_of_an_arm_share_does_not_hide_a_change(monkeypatch):
@@ -293,12 +293,12 @@ def test_a_recording_without_a_result_is_not_measured_in_deviations(review):
 
 def test_the_history_of_an_arm_has_all_its_charts(review):
     (arm,) = (arm for arm in review.arms if arm.arm == "cell03")
-    page = render_arm_history(arm, "1.2", "acknowledged until 2026-12-31: a new gear is ordered")
+    page = render_arm_history(arm, "acknowledged until 2026-12-31: a new gear is ordered")
     titles = re.findall(r"cell03: (.*) over the runs\.</title>", page)
     assert titles == [str(quantity) for quantity in (FRICTIONS[1], MASS, CENTER, *GAINS, FRICTIONS[0], FRICTIONS[2])]
     assert "Friction of joint2 is " in page
     assert "a new gear is ordered" in page
-    assert "No recording has a result." in render_arm_history(replace(arm, figures={}, suspicions=()), "1.2")
+    assert "No recording has a result." in render_arm_history(replace(arm, figures={}, suspicions=()))
 
 
 def test_a_fleet_prints_as_a_table_and_in_a_notebook(review):

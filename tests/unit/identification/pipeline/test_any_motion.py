@@ -259,7 +259,7 @@ def test_a_table_a_document_and_a_picture(known, loaded, tmp_path):
         current_a=np.vstack([loaded.current_a, loaded.current_a[-1] + 1e-3 * np.cos(9.0 * still)[:, None]]),
         name="shift.csv",
     )
-    history = PayloadOverTime("six", identify_windows(run, *known, 10.0), run.source, "0")
+    history = PayloadOverTime("six", identify_windows(run, *known, 10.0), run.source)
     assert str(history).splitlines()[2].startswith("0.0 to 10.0 ")
     document = history.to_dict()
     assert document["windows"][0]["mass_kg"] > 1.0

@@ -8,6 +8,7 @@ from collections import Counter
 from contextlib import contextmanager
 from dataclasses import replace
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,14 +22,14 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.numerals import align, decimals_for, numeral, scientific
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.pipeline.payload_validation import judge, validate
-from armload_identification.recording.run_format import LATENESS_ATTACHMENT
+from armload_identification.recording.run_format import LATENESS_ATTACHMENT, RUN_ATTACHMENT
 from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import center_views
 from armload_identification.report.figures.joint_figures import thin_out, torque_figure
 from armload_identification.report.page import _typeset, rendered, write_page
 from armload_identification.report.payload_in_words import headline, parameter_rows
 from armload_identification.report.report import render_report
-from armload_identification.report.report_content import ReportContent, ReportSubject
+from armload_identification.report.report_content import ReportContent, ReportedPayload
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.verdict.payload_verdict import known_payload
 from armload_identification.verdict.tolerance import Tolerance
@@ -77,18 +78,14 @@ class Page(HTMLParser):
         return [cells for where, cells in self.rows if where == section]
 
 
-def subject(identification, **changes):
-    given = ReportSubject(
-        robot="test arm",
-        description="six joints",
-        joint_names=NAMES,
-        created="2026-01-02 03:04",
-        armload_version="0.1.0",
-        simulated=False,
-        truth=None,
-        payload=payload_result(identification, "0.1.0", "c" * 64),
-    )
-    return replace(given, **changes)
+def subject(identification, truth=None, **changes):
+    arm = SimpleNamespace(**({"name": "test arm", "description": "six joints", "joint_names": NAMES} | changes))
+    payload = payload_result(identification, "0.1.0", "c" * 64)
+    return ReportedPayload(arm, payload, ReportContent(identification), truth)
+
+
+def report_of(about, content):
+    return render_report(replace(about, content=content), "2026-01-02 03:04")
 
 
 def number(text):
@@ -127,13 +124,17 @@ def full_text(clear, validation, pinocchio_arm):
     names = ("<b>base</b>", "a & b", '"elbow"', "wrist_1", "$\\frac$", "手首\x1b[2J\u202e")
     about = subject(
         clear,
-        robot="<script>alert(1)</script>",
+        name="<script>alert(1)</script>",
         description="url & <img src=x>",
         joint_names=names,
-        simulated=True,
         truth=pinocchio_arm.payload,
     )
-    return render_report(about, ReportContent(clear, validation))
+    marked = {RUN_ATTACHMENT: json.dumps({"simulated": True})}
+    fitted, measured = (
+        replace(runs, sources=tuple(replace(source, attachments=marked) for source in runs.sources))
+        for runs in (clear, validation.measured)
+    )
+    return report_of(about, ReportContent(fitted, replace(validation, measured=measured)))
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +158,7 @@ def curves_of_one_joint():
 @pytest.fixture(scope="module")
 def bare_text(noisy):
     with curves_of_one_joint():
-        return render_report(subject(noisy), ReportContent(noisy))
+        return report_of(subject(noisy), ReportContent(noisy))
 
 
 @pytest.fixture(scope="module")
@@ -264,7 +265,7 @@ def test_every_note_is_shown_and_the_gravest_comes_first(bare, noisy, without_cu
         assert re.sub("<.*?>", "", str(_typeset(note[1:]))) in bare.text
     blind = subject(noisy)
     blind = replace(blind, payload=replace(blind.payload, determined=np.zeros(10, bool)))
-    text = Page(render_report(blind, ReportContent(noisy))).text
+    text = Page(report_of(blind, ReportContent(noisy))).text
     assert "requires mass and centre of mass, and mass, cx, cy and cz are not determined." in text
     assert 0 < text.index("Do not use this payload for feed-forward") < text.index(noisy.notes[0][1:60])
 
@@ -303,7 +304,7 @@ def test_the_first_screen_has_the_verdict_and_what_is_wrong(clear, validation, p
     vague = replace(payload, mass_center=None, interval_95=payload.interval_95 + np.array([-1.0, 1.0]))
     unclear = verdict_box(judge(validation.measured, pinocchio_arm.chain, known_payload(vague), Tolerance()), NAMES)
     assert (unclear.kind, unclear.title) == ("missing", "Cannot tell")
-    page = Page(render_report(subject(clear), ReportContent(clear, failed)))
+    page = Page(report_of(subject(clear), ReportContent(clear, failed)))
     assert 0 < page.text.index("Wrong.") < page.text.index("too high") < page.text.index("Physical consistency")
 
 
@@ -364,7 +365,7 @@ def test_the_page_says_what_to_do_next(clear, validation, pinocchio_arm, without
     payload = about.payload
 
     def first_step(about, validation):
-        page = Page(render_report(about, ReportContent(clear, validation)))
+        page = Page(report_of(about, ReportContent(clear, validation)))
         return page.text.partition("What to do next")[2].strip().partition("\n")[0]
 
     assert "armload export" in first_step(about, validation)
@@ -374,7 +375,7 @@ def test_the_page_says_what_to_do_next(clear, validation, pinocchio_arm, without
     assert first_step(about, failed) == "Do not use this payload."
     unknown = replace(payload, determined=np.zeros(10, dtype=bool))
     assert first_step(replace(about, payload=unknown), None).startswith("Do not use this payload yet")
-    page = Page(render_report(subject(clear), ReportContent(clear)))
+    page = Page(report_of(subject(clear), ReportContent(clear)))
     assert page.text.index("What to do next") < page.text.index("record another motion") < page.text.index("Parameters")
 
 
@@ -419,7 +420,7 @@ def test_dropped_rows_and_further_recordings_are_listed(clear, without_curves):
     about = replace(
         about, payload=replace(about.payload, provenance=replace(about.payload.provenance, validation_sha256=more))
     )
-    page = render_report(about, ReportContent(replace(clear, sources=(lossy, clear.sources[1]))))
+    page = report_of(about, ReportContent(replace(clear, sources=(lossy, clear.sources[1]))))
     rows = Page(page).table("provenance")[1:]
     assert rows[0][2].endswith("3 dropped (2 not finite, 1 truncated last row)")
     assert ", ends early" in rows[0][1]
@@ -495,20 +496,20 @@ def test_every_figure_says_what_it_shows(full):
 def test_the_same_inputs_give_the_same_bytes(tmp_path, noisy, bare_text):
     path = tmp_path / "report.html"
     with curves_of_one_joint():
-        write_page(path, render_report(subject(noisy), ReportContent(noisy)))
+        write_page(path, report_of(subject(noisy), ReportContent(noisy)))
     assert path.read_bytes() == bare_text.encode()
 
 
 def test_a_page_that_cannot_be_written_is_an_error_with_its_path(tmp_path, noisy, without_curves):
     path = tmp_path / "missing" / "report.html"
     with pytest.raises(ReportError, match=r"missing/report\.html: the report cannot be written"):
-        write_page(path, render_report(subject(noisy), ReportContent(noisy)))
+        write_page(path, report_of(subject(noisy), ReportContent(noisy)))
     assert issubclass(ReportError, IdentificationError)
 
 
 def test_names_must_fit_the_joints(noisy):
     with pytest.raises(ReportError, match="3 joint names for recordings of 6 joints"):
-        render_report(subject(noisy, joint_names=NAMES[:3]), ReportContent(noisy))
+        report_of(subject(noisy, joint_names=NAMES[:3]), ReportContent(noisy))
 
 
 def test_long_recordings_make_no_long_pages(clear):

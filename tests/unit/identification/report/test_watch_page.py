@@ -19,7 +19,6 @@ def history_of(mass_kg, half_width_95_kg, known):
         robot="er50",
         description="an arm",
         watched="socketcan:can0",
-        armload_version="1.2",
         time_s=moments,
         mass_kg=np.array(mass_kg),
         half_width_95_kg=np.array(half_width_95_kg),
@@ -67,7 +66,7 @@ def parts_of(page):
 def test_names_stay_names_on_a_page_and_in_its_figure(tmp_path):
     """A control character in a name ended a report with a figure in a traceback."""
     plain = replace(history_of([1.0, 1.1], [0.1, 0.1], [True, True]), robot="a `b`", description="c `d`")
-    named = replace(plain, robot=HOSTILE, description=HOSTILE, watched=HOSTILE, armload_version=HOSTILE)
+    named = replace(plain, robot=HOSTILE, description=HOSTILE, watched=HOSTILE)
     named = replace(named, joints=tuple(replace(joint, name=HOSTILE) for joint in plain.joints))
     pages = []
     for number, history in enumerate((plain, named)):

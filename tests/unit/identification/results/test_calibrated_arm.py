@@ -14,7 +14,7 @@ NAMES = ("a", "b", "c", "d", "e", "f")
 
 @pytest.fixture
 def arm(chosen):
-    return CalibratedArm("an arm", NAMES, chosen, "1.2.3")
+    return CalibratedArm("an arm", NAMES, chosen)
 
 
 def test_a_row_says_the_change_its_interval_friction_and_what_is_unexplained(arm):

@@ -28,7 +28,6 @@ SHIFT = PayloadOverTime(
     "arm",
     (window(0.0, 4.2), window(10.0), window(20.0, -0.0001, (True, False, True))),
     SimpleNamespace(path=Path("runs/shift.mcap")),
-    "1.2",
 )
 
 

@@ -205,7 +205,7 @@ def made():
     sure = SimpleNamespace(half_width_95=0.1 * np.ones(10), determined=np.arange(10) < 3)
     found = SimpleNamespace(parameters=body, uncertainty=sure)
     windows = (Window(0.0, 10.0, found, ""), Window(10.0, 20.0, None, "the arm stands still"))
-    history = PayloadOverTime("arm", windows, SimpleNamespace(path=Path("shift.mcap")), "0")
+    history = PayloadOverTime("arm", windows, SimpleNamespace(path=Path("shift.mcap")))
     two, noise = np.zeros(2), np.full(2, 0.01)
     doubts = {
         f"{of}_{kind}{unit}": noise for of, unit in (("gain", ""), ("friction", "_nm")) for kind in ("noise", "doubt")
@@ -218,7 +218,7 @@ def made():
         for number in range(8)
     ]
     worn = arm_drift(SimpleNamespace(n=2, friction_nm=ones, usual_change_nm=noise), runs)
-    weeks = ArmHistory("arm", "", joints, None, "arm.toml", worn, (("other.mcap", "too short"),), "0")
+    weeks = ArmHistory("arm", "", joints, None, "arm.toml", worn, (("other.mcap", "too short"),))
     wiggle = DesignedWiggle(load_robot("prbt"), np.zeros(6), *designed_wiggle(), "armload design")
     decision = AdaptationDecision(1.0, DecisionKind.FED, "", 1.0, 0.1, (0.0, 0.0, 0.1), 0.98, (0.0, 0.0, 0.1))
     four = np.ones(4)
@@ -233,7 +233,7 @@ def made():
         history.to_dict() | {"files": {"picture": None}},
         wiggle.to_dict() | {"files": {"excitation": "wiggle.toml", "picture": "wiggle.png"}},
         weeks.to_dict() | {"files": {"report": None, "picture": None}},
-        printed(CalibratedArm("", joints, arm, "0").to_dict, calibration="arm.toml", report="arm.html"),
+        printed(CalibratedArm("", joints, arm).to_dict, calibration="arm.toml", report="arm.html"),
         printed(partial(feedforward_document, "arm", offset, [compared], [decision]), picture="picture.svg"),
         printed(ArmWithoutPayload(*nothing_on(load_robot("prbt"))).to_dict, report="report.html"),
         nodes_document("socketcan", "can0", [node]),

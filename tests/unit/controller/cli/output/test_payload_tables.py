@@ -40,7 +40,7 @@ def test_ten_values_stand_beside_cad_with_their_error_or_as_not_determined():
     agreement = SimpleNamespace(outcome=Outcome.RIGHT)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(payload_comparison, "agreement_sentences", lambda *_: ["a sentence"])
-        table = payload_comparison.PayloadComparison(result, agreement, None, "0").table()
+        table = payload_comparison.PayloadComparison(result, agreement, None).table()
     assert table.rows[0] == ("m", "1.0000", "1.1000", "10.00 %", "kg")
     assert table.rows[3] == ("c_z", "4.0000", "4.4000", "10.00 %", "m")
     assert table.rows[4][4] == "kg m2"

@@ -44,7 +44,7 @@ def page(monkeypatch):
 
     def page(*arms, acknowledged=None, needing=(), **others):
         review = FleetReview(tuple(arms), others.get("absent", ()), others.get("problems", ()), others.get("odd", ()))
-        return render_fleet_report(review, "1.2", acknowledged or {}, needing)
+        return render_fleet_report(review, acknowledged or {}, needing)
 
     return page
 
@@ -108,7 +108,7 @@ def test_recordings_without_a_result_say_why_once(page):
 
 def test_the_page_of_an_arm_has_all_charts_in_the_order_of_the_kinds(page):
     figures = [figure(each, 1.0, 0.1) for each in (FRICTION, GAIN, MASS)]
-    found = render_arm_history(replace(arm("a", figures), suspicions=(SimpleNamespace(quantity=GAIN),)), "1.2", "known")
+    found = render_arm_history(replace(arm("a", figures), suspicions=(SimpleNamespace(quantity=GAIN),)), "known")
     assert [chart.split("|")[1].split(" over")[0] for chart in found["charts"]] == [
         "a: gain of j2", "a: mass of box", "a: friction of j3"
     ]  # fmt: skip
