@@ -3,7 +3,7 @@
 import json
 import re
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -17,13 +17,12 @@ from armload_controller.fleet.fleet_run import FleetTally, do_jobs, looks
 from armload_controller.fleet.job import Job
 from armload_controller.fleet.job_listing import JobListing, list_jobs
 from armload_controller.fleet.job_table import read_job_table
-from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row, value_columns
+from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row
 from armload_controller.fleet.row_store import RowStore, latest_rows
 from armload_identification.many_arms.arm_runs import Quantity, QuantityKind
 from armload_identification.many_arms.fleet_review import review_fleet
+from tests.fleet_nights import FIRST, NIGHTS, recorded_nights
 
-FIRST = datetime(2026, 3, 1, 22, tzinfo=UTC)
-NIGHTS = 10
 PAGE = Path(__file__).resolve().parents[4] / "controller" / "FLEET.md"
 
 
@@ -118,23 +117,7 @@ def test_a_job_that_fails_is_tried_again_less_and_less_often(tmp_path):
 
 @pytest.fixture
 def nights(tmp_path):
-    """Rows of two arms; one carries 300 g more since the seventh night, and has no result in the last."""
-    with RowStore(tmp_path) as store:
-        for night in range(NIGHTS):
-            for arm in ("one", "two"):
-                job = Job(
-                    f"{arm}{night}", arm, "arms/er50.toml", {"loaded": f"{arm}/{night}.mcap"}, "", "tool", None, None
-                )
-                made = FIRST + timedelta(days=night)
-                row = empty_row(job, "1") | {"recorded_utc": made, "identified_utc": made}
-                if arm == "one" and night == NIGHTS - 1:
-                    store.add(row | {"outcome": RowOutcome.REFUSED.value, "error": "cut short"})
-                    continue
-                mass = 2.0 + 0.001 * (-1) ** night + 0.3 * (arm == "one" and night > 5)
-                row |= dict(zip(value_columns()[0], (mass, mass - 0.02, mass + 0.02), strict=True))
-                row |= {"outcome": RowOutcome.IDENTIFIED.value, "robot_name": "er50", "joint_names": ["a", "b"]}
-                row |= {"gain_change": [0.01, None], "gain_half_width_95": [0.02, None], "friction_nm": [3.0, 4.0]}
-                store.add(row | {"residual_rms_nm": [0.2, 0.1], "noise_nm": [0.1, 0.1]})
+    recorded_nights(tmp_path)
     return tmp_path
 
 
@@ -211,49 +194,6 @@ def test_a_folder_without_rows_says_what_makes_them(tmp_path):
         runs_of(tmp_path)
 
 
-def test_a_second_run_of_nothing_new_starts_no_workers(armload, nights, tmp_path):
-    table = tmp_path / "jobs.csv"
-    table.write_text("arm,robot,loaded\none,er50,none/*.mcap\n")
-    result = armload("fleet", "identify", table, "-o", nights, "--scheduler", "tcp://nobody:1", "--json")
-    assert result.exit_code == 0, (result.output, result.exception)
-    assert json.loads(result.stdout)["remarks"] == [f"{table}, line 2: no file matches none/*.mcap"]
-    assert "nothing new: 0 recordings processed before" in armload("fleet", "identify", table, "-o", nights).stdout
-    both = armload("fleet", "identify", table, "-o", nights, "--scheduler", "tcp://nobody:1", "--workers", "2")
-    assert both.exit_code == 2
-    assert "cannot be combined with --scheduler" in both.output
-
-
-class OneProcess:
-    """Workers' place taken by this process; every job has an outcome decided beforehand."""
-
-    def __init__(self, outcomes):
-        self.outcomes = iter(outcomes)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_error):
-        pass
-
-    def rows(self, jobs):
-        for job in jobs:
-            yield empty_row(job, "1") | {"outcome": next(self.outcomes), "error": "cut short"}
-
-
-@pytest.mark.parametrize(
-    ("outcomes", "status"), [(["refused", "failed"], 1), (["refused", "identified"], 0), (["identified"] * 2, 0)]
-)
-def test_the_exit_status_is_1_if_no_new_recording_gave_a_result(armload, tmp_path, monkeypatch, outcomes, status):
-    table = tmp_path / "jobs.csv"
-    table.write_text("arm,robot,loaded,unloaded\none,er50,a.mcap,a.mcap\ntwo,er50,b.mcap,b.mcap\n")
-    for name in "ab":
-        (tmp_path / f"{name}.mcap").touch()
-    monkeypatch.setattr("armload_controller.fleet.workforce.Workforce", lambda *_given: OneProcess(outcomes))
-    result = armload("fleet", "identify", table, "-o", tmp_path / "rows", "--json")
-    assert result.exit_code == status, (result.output, result.exception)
-    assert json.loads(result.stdout)["outcomes"]["identified"] == outcomes.count("identified")
-
-
 def test_the_page_describes_every_column_and_no_other():
     table = PAGE.read_text("utf-8").partition("\n## The rows\n")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| (`.*?`) \|", table, flags=re.MULTILINE)
@@ -261,27 +201,3 @@ def test_the_page_describes_every_column_and_no_other():
     columns = column_kinds()
     assert [name for name in columns if not any(fnmatch(name, pattern) for pattern in patterns)] == []
     assert [pattern for pattern in patterns if not any(fnmatch(name, pattern) for name in columns)] == []
-
-
-def test_acknowledged_arms_are_listed_and_leave_the_exit_status_at_0(armload, nights):
-    done = armload(
-        "fleet", "acknowledge", nights, "one", "--until", "2999-12-31", "--why", "a new gripper", columns=300
-    )
-    assert done.exit_code == 0, (done.output, done.exception)
-    report = armload("fleet", "report", nights, "--metrics", nights / "fleet.prom", columns=300)
-    assert report.exit_code == 0, report.output
-    assert "to be inspected: none of 2 arms" in report.output
-    assert (
-        "the latest recording gave no result: cut short; acknowledged until 2999-12-31: a new gripper" in report.output
-    )
-    assert "without a result: 1 recording of 1 arm" in report.output
-    assert 'armload_arm_acknowledged{arm="one",model="er50"} 2' in (nights / "fleet.prom").read_text()
-
-
-def test_the_history_of_an_arm_is_a_page(armload, nights):
-    done = armload("fleet", "history", nights, "one", columns=300)
-    assert done.exit_code == 0, (done.output, done.exception)
-    assert "the latest recording gave no result: cut short" in done.output
-    assert "mass of tool" in (nights / "one.html").read_text()
-    refused = armload("fleet", "history", nights, "three")
-    assert "expected one of one, two" in str(refused.exception)
