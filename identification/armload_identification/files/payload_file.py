@@ -8,6 +8,7 @@ narrowed the intervals.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
@@ -15,7 +16,6 @@ from typing import Annotated, Any, Generic, TypeVar
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.files.covariance_table import CovarianceTable, covariance_lines
@@ -132,7 +132,7 @@ class _PayloadFile(Table):
         self._entries_where_determined()
         self._same_as_model()
         self._intervals_from_low_to_high()
-        self._one_residual_per_joint()
+        require_shape("residual.noise_nm", self.residual.noise_nm, self.residual.rms_nm.shape)
 
     def _a_possible_body(self) -> None:
         require_shape("model.center_of_mass_m", self.model.center_of_mass_m, (3,))
@@ -173,9 +173,6 @@ class _PayloadFile(Table):
                     if interval[0] > interval[1]:
                         raise BadValue(f"{section}.{key}", interval.tolist(), "expected [low, high]")
 
-    def _one_residual_per_joint(self) -> None:
-        require_shape("residual.noise_nm", self.residual.noise_nm, self.residual.rms_nm.shape)
-
 
 def _with_keys(entries: list[_Entry]) -> list[tuple[str, _Entry]]:
     """Ten entries with their dotted keys."""
@@ -185,34 +182,33 @@ def _with_keys(entries: list[_Entry]) -> list[tuple[str, _Entry]]:
 
 def format_payload(result: PayloadResult) -> str:
     """The text of a payload file; `parse_payload` gives back the same numbers."""
-    number = toml_text.number
-    values, ranges = [number(v) for v in result.values], _pairs(result.interval_95)
-    flags = ["true" if d else "false" for d in result.determined]
-    model = dict(zip(_KEYS, values, strict=True))
+    table, known, values = toml_text.table, result.known_range, result.values.tolist()
     lines = [
         "# Inertia: tensor elements (ixy = -int xy dm) about the centre of mass, in the axes of the frame.",
-        "[payload]",
-        f"frame = {toml_text.text(result.frame)}",
-        *_entries(values, result.determined),
-        "",
-        "[determined]",
-        *_entries(flags, np.ones(10, dtype=np.bool_)),
-        "",
-        "[interval_95]",
-        *_entries(ranges, result.determined),
-        "",
-        *_known_range_lines(result.known_range),
+        *table("payload", {"frame": result.frame, **grouped_parameters(values, result.determined)}),
+        *table("determined", grouped_parameters(result.determined.tolist())),
+        *table("interval_95", grouped_parameters(result.interval_95.tolist(), result.determined)),
+    ]
+    if known is not None:
+        ranges = grouped_parameters(known.tolist(), np.isfinite(known[:, 0]))
+        lines += ["# Prior knowledge, narrower than the interval from the data alone.", *table("known_range", ranges)]
+    lines += [
         "# Complete and physically possible; values that are not determined are not measurements.",
-        "[model]",
-        f"mass_kg = {values[0]}",
-        f"center_of_mass_m = [{', '.join(values[1:4])}]",
-        f"inertia_kg_m2 = {toml_text.inline({key[1]: model[key] for key in _KEYS[4:]})}",
-        "",
-        *toml_text.table("residual", {"rms_nm": result.residual_rms_nm, "noise_nm": result.noise_nm}),
+        *table("model", grouped_parameters(values) | {"center_of_mass_m": values[1:4]}),
+        *table("residual", {"rms_nm": result.residual_rms_nm, "noise_nm": result.noise_nm}),
         *covariance_lines(result.mass_center),
         *provenance_lines(result.provenance),
     ]
     return "\n".join(lines)
+
+
+def grouped_parameters(values: Sequence[Any], wanted: Iterable[object] = (True,) * 10) -> dict[str, Any]:
+    """Those of ten values that are wanted, by key; centre of mass and inertia have a table each."""
+    table: dict[str, Any] = {}
+    for (group, key), value, there in zip(_KEYS, values, wanted, strict=True):
+        if there:
+            (table.setdefault(group, {}) if group else table)[key] = value
+    return table
 
 
 def write_payload(path: Path, result: PayloadResult) -> None:
@@ -255,48 +251,19 @@ def parse_payload(content: str, source: str = "payload") -> PayloadResult:
         PayloadFileError: naming source, key, value and what was expected.
     """
     tables = parse(content, source, _PayloadFile, PayloadFileError)
-    ranges = tables.interval_95.entries()
     return PayloadResult(
         frame=tables.payload.frame,
         model=tables.model.body(),
         determined=np.array(tables.determined.entries(), dtype=np.bool_),
-        interval_95=np.array([np.full(2, np.nan) if r is None else r for r in ranges]),
+        interval_95=_ranges(tables.interval_95, (np.nan, np.nan)),
         residual_rms_nm=tables.residual.rms_nm,
         noise_nm=tables.residual.noise_nm,
         provenance=tables.provenance.provenance(),
         mass_center=None if tables.covariance is None else tables.covariance.covariance(),
-        known_range=_known_range(tables.known_range),
+        known_range=None if tables.known_range is None else _ranges(tables.known_range, (-np.inf, np.inf)),
     )
 
 
-def _pairs(ends: FloatArray) -> list[str]:
-    """Ten arrays [low, high]."""
-    return [f"[{toml_text.number(low)}, {toml_text.number(high)}]" for low, high in ends]
-
-
-def _known_range_lines(known: FloatArray | None) -> list[str]:
-    """The lines of `[known_range]`; none without any range."""
-    if known is None:
-        return []
-    there = np.isfinite(known[:, 0])
-    heading = ["# Prior knowledge, narrower than the interval from the data alone.", "[known_range]"]
-    return [*heading, *_entries(_pairs(known), there), ""]
-
-
-def _known_range(table: _Entries[NumberList] | None) -> FloatArray | None:
-    """The ranges of a file."""
-    if table is None:
-        return None
-    return np.array([(-np.inf, np.inf) if pair is None else pair for pair in table.entries()])
-
-
-def _entries(values: list[str], wanted: NDArray[np.bool_]) -> list[str]:
-    """The lines of a section: mass, and an inline table each for centre of mass and inertia."""
-    lines = []
-    for group in dict.fromkeys(group for group, _ in _KEYS):
-        present = {k: v for (g, k), v, w in zip(_KEYS, values, wanted, strict=True) if g == group and w}
-        if not group:
-            lines += [f"{key} = {value}" for key, value in present.items()]
-        elif present:
-            lines.append(f"{group} = {toml_text.inline(present)}")
-    return lines
+def _ranges(table: _Entries[NumberList], absent: tuple[float, float]) -> FloatArray:
+    """(10, 2) ranges of a section."""
+    return np.array([absent if pair is None else pair for pair in table.entries()])

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.model.payload import TENSOR_ELEMENTS, InertialParameters, PayloadResult
+from armload_identification.files.payload_file import grouped_parameters
+from armload_identification.model.payload import InertialParameters, PayloadResult
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.recording.recording import RecordingSource
@@ -60,9 +61,9 @@ def payload_fields(payload: PayloadResult) -> dict[str, Any]:
     intervals = [pair if there else None for pair, there in zip(payload.interval_95.tolist(), known, strict=True)]
     return {
         "frame": payload.frame,
-        **_grouped_parameters(values),
-        "determined": _grouped_parameters(known),
-        "interval_95": _grouped_parameters(intervals),
+        **grouped_parameters(values),
+        "determined": grouped_parameters(known),
+        "interval_95": grouped_parameters(intervals),
         "model": body_fields(payload.model),
         "residual_rms_nm": numbers(payload.residual_rms_nm),
         "noise_nm": numbers(payload.noise_nm),
@@ -78,7 +79,7 @@ def payload_fields(payload: PayloadResult) -> dict[str, Any]:
 
 def body_fields(body: InertialParameters) -> dict[str, Any]:
     """A body's ten values."""
-    return _grouped_parameters(body.values.tolist())
+    return grouped_parameters(body.values.tolist())
 
 
 def validation_fields(validation: Validation, joint_names: Sequence[str]) -> dict[str, Any]:
@@ -152,13 +153,4 @@ def _source_fields(source: RecordingSource) -> dict[str, Any]:
         "sha256": source.sha256,
         "rows_read": source.rows_read,
         "rows_dropped": source.rows_dropped,
-    }
-
-
-def _grouped_parameters(values: Sequence[Any]) -> dict[str, Any]:
-    """Ten values in the order of `PARAMETER_NAMES`, in three groups."""
-    return {
-        "mass_kg": values[0],
-        "center_of_mass_m": dict(zip(_AXES, values[1:4], strict=True)),
-        "inertia_kg_m2": dict(zip(TENSOR_ELEMENTS, values[4:], strict=True)),
     }

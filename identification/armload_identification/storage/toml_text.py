@@ -29,7 +29,7 @@ def array(values: Iterable[ArrayLike]) -> str:
 
 
 def value(content: object) -> str:
-    """A text, a truth value, a number, a list of texts, an inline table with quoted keys, or an array of floats."""
+    """A text, a truth value, a number, a list of texts, an inline table, or an array of floats."""
     if isinstance(content, str):
         return text(content)
     if isinstance(content, bool):
@@ -39,17 +39,20 @@ def value(content: object) -> str:
     if isinstance(content, Real):
         return number(float(content))
     if isinstance(content, Mapping):
-        return inline({text(key): value(entry) for key, entry in content.items()})
+        return inline({key: value(entry) for key, entry in content.items()})
     if isinstance(content, Sequence) and all(isinstance(entry, str) for entry in content):
         return "[" + ", ".join(text(entry) for entry in content) + "]"
     return array(content if isinstance(content, Sequence) else np.asarray(content))
 
 
 def table(name: str, values: Mapping[str, object]) -> list[str]:
-    """The lines of a table with its values in order, and an empty line; an entry of an array of tables is `[name]`."""
+    """The lines of a table with its values in order, and an empty line; an entry of an array of tables is `[name]`.
+
+    Keys must be bare or quoted, those of inline tables too.
+    """
     return [f"[{name}]", *(f"{key} = {value(content)}" for key, content in values.items()), ""]
 
 
 def inline(values: Mapping[str, str]) -> str:
-    """An inline table of values that are TOML already; keys must be bare or quoted."""
+    """An inline table of values that are TOML already."""
     return "{ " + ", ".join(f"{key} = {value}" for key, value in values.items()) + " }"
