@@ -14,6 +14,7 @@ from armload_drivers.bus.sync_sources import TimerSync
 from armload_drivers.canopen.canopen_bring_up import CanopenBringUp
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import Identity, OperationMode
+from armload_drivers.cia402.object_dictionary import DEVICE_NAME
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import ServoFault, WrongDevice
 from armload_drivers.servos import JointCommand
@@ -79,7 +80,8 @@ def test_it_is_booted_enabled_moved_and_disabled(bench):
     servos, drives, arm, _ = bench
     servos.connect()
     assert not servos.simulated
-    assert [report.name for report in servos.reports] == ["independent servo amplifier"] * 3
+    names = [setup.objects.sdo.read_text_if_there(DEVICE_NAME) for setup in servos.setups]
+    assert names == ["independent servo amplifier"] * 3
     start = servos.enable().position_rad
     np.testing.assert_allclose(start, arm.coupling @ [drive.position / RAD for drive in drives], atol=1e-6)
     for cycle in range(1, 26):

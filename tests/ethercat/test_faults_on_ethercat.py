@@ -483,7 +483,7 @@ def test_the_watchdog_is_set_and_read_back(settings):
     with open_bring_up(replace(settings, watchdog_s=0.05), interface()) as bring_up:
         found = check(bring_up)
         assert not [row for row in found.steps if row.verdict is Verdict.WRONG]
-        assert {finding.way.text for drive in found.reports for finding in drive.safety if "0420" in finding.way.text}
+        assert {finding.way.text for drive in found.secured for finding in drive.safety if "0420" in finding.way.text}
         held = [setup.objects.held[SYNC_MANAGER_WATCHDOG_US] for setup in bring_up.setups]
         assert held == [50_000] * N
 

@@ -68,7 +68,7 @@ HARMLESS = {"looking for the node", "reading the name"}
 def test_the_steps_of_bring_up_are_these(fault_arm):
     requests = Requests()
     arm = fault_arm(traits={3: DriveTraits(on_request=requests)})
-    requests.setup = arm.servos._setups[1]
+    requests.setup = arm.servos.setups[1]
     arm.servos.connect()
     assert requests.steps == STEPS
     arm.servos.enable()
@@ -83,7 +83,7 @@ def test_an_abort_or_a_timeout_at_every_step(fault_arm, arm_settings, step, verd
     anybody = step == "looking for the node" and verdict == SILENCE
     settings = arm_settings(cycle_s=0.02, identity=Identity(None, None)) if anybody else None
     arm = fault_arm(settings, traits={3: DriveTraits(on_request=requests)})
-    requests.setup = arm.servos._setups[1]
+    requests.setup = arm.servos.setups[1]
     kind = ServoTimeout if verdict == SILENCE else SdoRefused
     if step in SAFETY and verdict != SILENCE:
         if SAFETY[step] is Safety.DISABLE_REACTION:
@@ -112,7 +112,7 @@ def test_an_abort_or_a_timeout_at_every_step(fault_arm, arm_settings, step, verd
 def test_where_only_simulations_are_allowed_nobody_silent_is_reset(fault_arm):
     requests = Requests("looking for the node", SILENCE)
     arm = fault_arm(traits={3: DriveTraits(on_request=requests)})
-    requests.setup = arm.servos._setups[1]
+    requests.setup = arm.servos.setups[1]
     arm.heard()
     with pytest.raises(ServoTimeout, match="only simulated drives are allowed") as raised:
         arm.servos.connect()

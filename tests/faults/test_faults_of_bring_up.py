@@ -247,15 +247,14 @@ def test_what_a_drive_lacks_is_reported(virtual_arm, arm_settings):
     lacks = frozenset({0x1029, 0x6007, 0x605A, 0x6076, 0x607E, 0x608F})
     arm = virtual_arm(accepting(arm_settings(), "master_lost", "quick_stop"), traits={3: DriveTraits(absent=lacks)})
     arm.servos.connect()
-    reports = {report.node_id: report for report in arm.servos.reports}
-    assert {int(text[:4], 16) for text in reports[3].missing} == lacks
-    assert {finding.of for finding in reports[3].safety if finding.way is None} == {
+    setups = {setup.settings.node_id: setup for setup in arm.servos.setups}
+    assert {entry.index for entry in setups[3].objects.missing} == lacks
+    assert {finding.of for finding in setups[3].safety if finding.way is None} == {
         Safety.MASTER_LOST,
         Safety.QUICK_STOP,
     }
-    assert reports[2].missing == ()
-    assert all(finding.way is not None for finding in reports[2].safety)
-    assert reports[2].name == "armload simulated drive, joint_2"
+    assert setups[2].objects.missing == []
+    assert all(finding.way is not None for finding in setups[2].safety)
 
 
 WITHOUT = {
@@ -313,7 +312,7 @@ def test_only_the_reaction_to_disabling_has_a_way_that_needs_nothing_of_the_driv
     assert set(Safety) - set(WITHOUT) == {Safety.DISABLE_REACTION}
     arm = virtual_arm(traits={3: DriveTraits(absent=frozenset({0x605B, 0x605C}))})
     arm.servos.connect()
-    (finding,) = (found for found in arm.servos.reports[1].safety if found.of is Safety.DISABLE_REACTION)
+    (finding,) = (found for found in arm.servos.setups[1].safety if found.of is Safety.DISABLE_REACTION)
     assert finding.found == "this master removes torque at standstill only"
     assert [reason for _, reason in finding.obstacles] == ["no 605B"]
 
@@ -326,7 +325,7 @@ def test_a_drive_that_is_held_by_its_brake_after_a_quick_stop_needs_one(virtual_
 
     arm = virtual_arm(traits={3: DriveTraits(on_request=not_six)})
     arm.servos.connect()
-    (finding,) = (found for found in arm.servos.reports[1].safety if found.of is Safety.QUICK_STOP)
+    (finding,) = (found for found in arm.servos.setups[1].safety if found.of is Safety.QUICK_STOP)
     assert finding.found == "605A = 2 (ramp, then held by the brake)"
     without_brake = virtual_arm(arm_settings(has_brake=False), traits={3: DriveTraits(on_request=not_six)})
     with pytest.raises(MissingSafety, match="the axis has no brake"):
@@ -337,7 +336,7 @@ def test_an_object_that_does_not_keep_what_is_written_is_no_way(virtual_arm):
     """A drive that confirms writes but keeps the old value: the first way does not count, the second does."""
     arm = virtual_arm(traits={3: DriveTraits(forgets=frozenset({0x6007, 0x6072}))})
     arm.servos.connect()
-    found = {finding.of: finding for finding in arm.servos.reports[1].safety}
+    found = {finding.of: finding for finding in arm.servos.setups[1].safety}
     assert found[Safety.MASTER_LOST].found.startswith("1029 = 0")
     assert found[Safety.MASTER_LOST].obstacles[0][1] == "6007 reads 1 after 3 was written"
     assert found[Safety.TORQUE_LIMIT].found == "6072 = max_torque_permille", "it has the value already"
@@ -367,7 +366,7 @@ def test_why_an_object_is_no_way_is_said(virtual_arm, arm_settings, code, words)
 def test_an_object_that_not_every_drive_has_is_only_reported(virtual_arm, index):
     arm = virtual_arm(traits={3: DriveTraits(absent=frozenset({index}))})
     arm.servos.connect()
-    assert {int(text[:4], 16) for text in arm.servos.reports[1].missing} == {index}
+    assert {entry.index for entry in arm.servos.setups[1].objects.missing} == {index}
 
 
 @pytest.mark.parametrize("subindex", [1, 2])
@@ -377,7 +376,7 @@ def test_half_an_interpolation_time_is_none(virtual_arm, subindex):
 
     arm = virtual_arm(traits={3: DriveTraits(on_request=missing)})
     arm.servos.connect()
-    assert [text[:6] for text in arm.servos.reports[1].missing] == [f"60C2:{subindex}"]
+    assert [str(entry)[:6] for entry in arm.servos.setups[1].objects.missing] == [f"60C2:{subindex}"]
 
 
 @pytest.mark.parametrize("part", [b"\x91\x60\x01", b"\x91\x60\x02"], ids=["numerator", "denominator"])
@@ -399,7 +398,7 @@ def test_half_a_gear_ratio_is_none(virtual_arm, part, value):
 
     arm.bus.recv = recv
     arm.servos.connect()
-    assert arm.servos._setups[1].settings.counts_per_rad == arm.arm.drives[1].counts_per_rad
+    assert arm.servos.setups[1].settings.counts_per_rad == arm.arm.drives[1].counts_per_rad
 
 
 def test_a_missing_target_is_not_replaced_by_another_torque(virtual_arm):

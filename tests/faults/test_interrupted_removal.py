@@ -105,7 +105,7 @@ def refusing(arm, node_id, error):
     def writes(*args):
         raise error
 
-    arm.servos._setups[1]._sdo.write = writes
+    arm.servos.setups[1]._sdo.write = writes
 
 
 @pytest.mark.parametrize("error", [RuntimeError("a defect"), MemoryError()])
@@ -144,7 +144,7 @@ def test_a_last_write_that_fails_does_not_hide_an_axis_that_falls(virtual_arm):
     def silent(*, on):
         raise BusError("no answer")
 
-    arm.servos._setups[0].watch_master = silent
+    arm.servos.setups[0].watch_master = silent
     with pytest.raises(AxisMoves):
         arm.servos.disable()
     assert not any(arm.plant.powered)
@@ -406,7 +406,7 @@ def test_nothing_is_sent_if_a_drive_that_was_slow_turns_out_to_be_enabled(virtua
         timeouts=QUICK,
         traits={node: DriveTraits(identity=identity) for node in (2, 3, 5)},
     )
-    setup, asked = arm.servos._setups[0], []
+    setup, asked = arm.servos.setups[0], []
     identify = setup.identify_before_reset
     setup.identify_before_reset = lambda: bool(asked.append(None) or len(asked) > 1) and identify()
     setup.read_powered_state = lambda: State.OPERATION_ENABLED

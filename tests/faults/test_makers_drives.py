@@ -460,9 +460,9 @@ def drives_of(fault_arm, arm_settings, request):
     return make
 
 
-def numbers(report):
+def numbers(setup):
     """Number of the way found for each property; 0 for none."""
-    return {f.of.key: 0 if f.way is None else 1 + f.of.ways_on(Fieldbus.CANOPEN).index(f.way) for f in report.safety}
+    return {f.of.key: 0 if f.way is None else 1 + f.of.ways_on(Fieldbus.CANOPEN).index(f.way) for f in setup.safety}
 
 
 @pytest.mark.parametrize("name", [name for name, row in ROWS.items() if row.expected is not None])
@@ -471,7 +471,7 @@ def test_a_drive_that_is_used(drives_of, name):
     row = ROWS[name]
     arm = drives_of(row, row.consents)
     arm.enable()
-    assert [numbers(report) for report in arm.servos.reports] == [row.expected] * len(NODES)
+    assert [numbers(setup) for setup in arm.servos.setups] == [row.expected] * len(NODES)
     assert {key for key, number in row.expected.items() if not number} == set(row.consents) - {CONSENT}
     start_rad = arm.start_rad
     feedback = arm.move(15)
@@ -535,7 +535,7 @@ def test_reactions_that_a_drive_has_otherwise_after_a_reset_are_set(drives_of):
 def test_a_device_type_is_reported_as_a_whole(drives_of):
     arm = drives_of(ROWS["a device type with more bits"], ())
     arm.servos.connect()
-    assert [report.device_type for report in arm.servos.reports] == [0x0022_0192] * 3
+    assert [setup.device_type for setup in arm.servos.setups] == [0x0022_0192] * 3
 
 
 def test_a_device_type_that_is_no_drives_is_refused(fault_arm):
@@ -579,6 +579,6 @@ def test_drives_of_two_makers_on_one_arm(fault_arm, arm_settings):
     settings = arm_settings(identity=Identity(None, None))
     arm = fault_arm(replace(settings, cycle_s=0.02), traits=traits)
     arm.enable()
-    assert [numbers(report)["master_lost"] for report in arm.servos.reports] == [1, 2, 1]
+    assert [numbers(setup)["master_lost"] for setup in arm.servos.setups] == [1, 2, 1]
     arm.move()
     arm.comes_to_rest()

@@ -47,7 +47,7 @@ def test_a_setting_changed_over_another_cable_is_found_within_two_seconds(fault_
     arm = fault_arm()
     arm.enable()
     entry, value = CHANGES[name]
-    before = arm.servos._setups[1].objects.held[entry]
+    before = arm.servos.setups[1].objects.held[entry]
     arm.drives.set_object(3, entry, value)
     # A sign that changes in motion is a jump of the position; it is noticed before it is read.
     with pytest.raises(LoopLost if name == "607E" else SettingChanged) as raised:
@@ -63,7 +63,7 @@ def test_a_setting_changed_over_another_cable_is_found_within_two_seconds(fault_
 def test_every_setting_of_every_drive_is_read_within_two_seconds(virtual_arm):
     arm = virtual_arm()
     start = enabled(arm)
-    held = [(0x600 + setup.settings.node_id, entry) for setup in arm.servos._setups for entry in setup.objects.held]
+    held = [(0x600 + setup.settings.node_id, entry) for setup in arm.servos.setups for entry in setup.objects.held]
     wanted = {(cob_id, e.index, e.subindex) for cob_id, e in held if e.index not in range(0x1600, 0x1C00)}
     assert len(wanted) > 60
     arm.frames(0)
@@ -96,7 +96,7 @@ def test_an_answer_that_comes_late_does_not_disturb_the_removal_of_torque(virtua
     """The request sent last in motion is answered while torque is removed by SDO."""
     arm = virtual_arm()
     move(arm, enabled(arm), 40)
-    sdo = arm.servos._setups[1].objects.sdo
+    sdo = arm.servos.setups[1].objects.sdo
     sdo.ask(od.MAX_TORQUE)
     arm.servos._link.drain()
     late = sdo._client._answers.popleft()

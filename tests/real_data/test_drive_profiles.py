@@ -54,7 +54,7 @@ def test_a_profile_brings_its_makers_drive_into_motion(virtual_arm, shared_data,
         plant=IdealPlant(np.zeros(1)),
     )
     arm.servos.connect()
-    assert {finding.of.key for finding in arm.servos.reports[0].safety if finding.way is None} == set(
+    assert {finding.of.key for finding in arm.servos.setups[0].safety if finding.way is None} == set(
         own.get("accept_missing", ())
     )
     assert arm.servos.enable().position_rad == pytest.approx(np.zeros(1), abs=1e-4)

@@ -47,8 +47,8 @@ def test_its_ways_and_consents_are_those_of_the_file(robot, shared_data):
     with simulated_arm(robot, SessionLoad.UNLOADED, [described]) as servos:
         servos.connect()
         assert servos.simulated, "the description leaves the identity open, so it is the simulation's"
-        for report in servos.reports:
-            missing = {finding.of for finding in report.safety if finding.way is None}
-            accepted = {finding.of for finding in report.safety if finding.accepted}
+        for setup in servos.setups:
+            missing = {finding.of for finding in setup.safety if finding.way is None}
+            accepted = {finding.of for finding in setup.safety if finding.accepted}
             assert missing == accepted
             assert missing == {Safety.MASTER_LOST, Safety.SETPOINTS_LOST, Safety.QUICK_STOP, Safety.FAULT_REACTION}

@@ -16,8 +16,6 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from msgspec import Struct
-
 from armload_drivers.bring_up.drive_dialogue import DriveDialogue
 from armload_drivers.bring_up.drive_objects import DriveObjects
 from armload_drivers.bring_up.drive_securing import require_safety, secure
@@ -65,30 +63,6 @@ _NO_EFFORT = (
 )
 
 
-class DriveReport(Struct, frozen=True):
-    """Findings on one drive.
-
-    Attributes:
-        joint: Name of its joint.
-        node_id: Node id.
-        name: Device name (1008); empty if not reported.
-        identity: 1018, as reported.
-        polarity: 607E; 0 if not reported.
-        missing: Objects that the drive lacks, or that do not hold the required value, as text.
-        safety: Findings on every safety property; empty before they were checked.
-        device_type: 1000; its upper half contains more than the mark of a CiA 402 drive.
-    """
-
-    joint: str
-    node_id: int
-    name: str
-    identity: Identity
-    polarity: int
-    missing: tuple[str, ...]
-    safety: tuple[SafetyFinding, ...]
-    device_type: int
-
-
 class DriveSetup(DriveDialogue, ABC):
     """Bring-up of one drive on either bus; its arguments are those of `DriveDialogue`.
 
@@ -97,15 +71,17 @@ class DriveSetup(DriveDialogue, ABC):
         objects: Its objects, and the values that must not change before the drive is configured again.
         identity: 1018, as reported when the drive was identified; empty before.
         device_type: 1000, as reported when the drive was identified; 0 before.
+        polarity: 607E, as read with the scale; 0 if not reported.
+        safety: Findings on every safety property; empty before they were checked.
     """
 
     def __init__(self, drive: DriveSettings, arm: ArmSettings, sdo: SdoChannel, timeouts: Timeouts) -> None:
         super().__init__(drive, arm, sdo, timeouts)
         self.objects = DriveObjects(sdo)
         self.identity = Identity(None, None)
-        self.device_type = self._polarity = 0
+        self.device_type = self.polarity = 0
         self._rated_current_a: float | None = None
-        self._safety: tuple[SafetyFinding, ...] = ()
+        self.safety: tuple[SafetyFinding, ...] = ()
 
     def check_identity(self) -> Identity:
         """Check device type and identity against the configuration or, if it states none, the device description.
@@ -172,11 +148,8 @@ class DriveSetup(DriveDialogue, ABC):
             ("mode", self._select_mode),
         )
 
-    def configure(self) -> int:
+    def configure(self) -> None:
         """Check and write everything that concerns only this drive, in PRE-OPERATIONAL.
-
-        Returns:
-            Polarity (607E); 0 if the drive does not report it.
 
         Raises:
             WrongDevice: a mode or scale contradicts the configuration.
@@ -185,7 +158,6 @@ class DriveSetup(DriveDialogue, ABC):
         """
         for _, step in (*self.reading_steps(), *self.writing_steps()):
             step()
-        return self._polarity
 
     def secure(self, units: ArmUnits) -> None:
         """Provide the safety properties; requires the units of all drives, because motors may be coupled.
@@ -195,8 +167,8 @@ class DriveSetup(DriveDialogue, ABC):
             ServoError: the drive does not answer.
         """
         values = SafetyValues(self.settings, self._arm, units, self._rated_current_a)
-        self._safety = secure(self.objects, values)
-        require_safety(self.objects, values, self._safety)
+        self.safety = secure(self.objects, values)
+        require_safety(self.objects, values, self.safety)
         # Only verified here; the watch itself starts with the cycle.
         self.watch_master(on=False)
 
@@ -229,19 +201,6 @@ class DriveSetup(DriveDialogue, ABC):
         self.require_disabled()
         self.objects.require_held()
 
-    def report(self) -> DriveReport:
-        """The findings."""
-        return DriveReport(
-            joint=self.settings.joint,
-            node_id=self.settings.node_id,
-            name=self._read_name(),
-            identity=self.identity,
-            polarity=self._polarity,
-            missing=tuple(str(entry) for entry in self.objects.missing),
-            safety=self._safety,
-            device_type=self.device_type,
-        )
-
     def read_units(self) -> AxisUnits:
         """The drive's scale, from the configuration and the drive. Only reads.
 
@@ -250,16 +209,11 @@ class DriveSetup(DriveDialogue, ABC):
             ServoError: an SDO failed.
         """
         self._read_scale()
-        return AxisUnits.of(self.settings, self._polarity)
+        return AxisUnits.of(self.settings, self.polarity)
 
     def _wrong(self, what: str, remedy: str) -> ServoError:
         """Error of a drive that contradicts the configuration, at the present step."""
         return self._sdo.failure(what, remedy, WrongDevice)
-
-    def _read_name(self) -> str:
-        """Device name."""
-        self._sdo.step = "reading the name"
-        return self._sdo.read_text_if_there(od.DEVICE_NAME)
 
     def _check_axes(self) -> None:
         """Require a drive of one axis: nothing here watches or stops a second one."""
@@ -333,7 +287,7 @@ class DriveSetup(DriveDialogue, ABC):
         self._sdo.step = "reading the scaling"
         read, optional = self.objects.read, self._sdo.read_if_there
         polarity = read(od.POLARITY)
-        self._polarity = polarity or 0
+        self.polarity = polarity or 0
         if polarity is not None:
             self.objects.held[od.POLARITY] = polarity
         torque, current_ma = read(od.RATED_TORQUE_MNM), optional(od.RATED_CURRENT_MA)
@@ -448,9 +402,10 @@ def _named(mode: OperationMode) -> str:
     return f"{int(mode)} ({mode.name})"
 
 
-def arm_with(arm: ArmSettings, setups: Sequence[DriveSetup]) -> ArmSettings:
-    """The arm's settings with the scales that its drives reported."""
-    return replace(arm, drives=tuple(setup.settings for setup in setups))
+def configured_units(arm: ArmSettings, setups: Sequence[DriveSetup]) -> ArmUnits:
+    """The arm's units with the scales and polarities that its drives reported."""
+    scaled = replace(arm, drives=tuple(setup.settings for setup in setups))
+    return ArmUnits(scaled, [setup.polarity for setup in setups])
 
 
 def stated(found: Identity) -> str:

@@ -15,9 +15,8 @@ from functools import partial
 
 from armload_drivers.bring_up.arm_bring_up import ArmBringUp
 from armload_drivers.bring_up.description_check import description_gaps
-from armload_drivers.bring_up.drive_bring_up import DriveReport, DriveSetup, Step, arm_with, is_simulation, stated
+from armload_drivers.bring_up.drive_bring_up import DriveSetup, Step, configured_units, is_simulation, stated
 from armload_drivers.cia402.arm_settings import ArmSettings, Identity
-from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.driver_errors import ServoError, WrongDevice
 
@@ -56,11 +55,11 @@ class ArmCheck:
 
     Attributes:
         steps: Every step on every drive, joint by joint.
-        reports: Findings on each drive, its safety properties among them, if these were examined.
+        secured: The drives whose safety properties were examined: all or none.
     """
 
     steps: tuple[Check, ...]
-    reports: tuple[DriveReport, ...] = ()
+    secured: tuple[DriveSetup, ...] = ()
 
 
 def check(bring_up: ArmBringUp) -> ArmCheck:
@@ -89,14 +88,12 @@ def check(bring_up: ArmBringUp) -> ArmCheck:
         what = "requires the scale of every drive, and not all drives have passed"
         rows += [_row(setup, "safety", Verdict.NOT_DONE, what) for setup in setups]
         return ArmCheck((*_by_joint(rows, arm), *strangers))
-    units = ArmUnits(arm_with(arm, setups), [setup.report().polarity for setup in setups])
+    units = configured_units(arm, setups)
     for setup in setups:
         _passed(setup, (("safety", partial(setup.secure, units)),), rows)
-    reports = tuple(setup.report() for setup in setups)
-    for setup, report in zip(setups, reports, strict=True):
-        if report.missing:
-            rows.append(_row(setup, "objects", Verdict.MISSING, "; ".join(report.missing)))
-    return ArmCheck((*_by_joint(rows, arm), *strangers), reports)
+        if setup.objects.missing:
+            rows.append(_row(setup, "objects", Verdict.MISSING, "; ".join(map(str, setup.objects.missing))))
+    return ArmCheck((*_by_joint(rows, arm), *strangers), tuple(setups))
 
 
 def _strangers(bring_up: ArmBringUp) -> list[Check]:

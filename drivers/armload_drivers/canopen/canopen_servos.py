@@ -66,14 +66,14 @@ class CanopenServos(CyclicServos):
         answering = answering_drives(self._can_setups, self._arm, self._link)
         require_no_strangers(self._link, self._arm, self._timeouts.scan_s)
         powered = powered_drives(answering, self._arm, self._link)
-        for setup in reset_drives(self._setups, powered, self._link, self._timeouts.boot_s):
+        for setup in reset_drives(self.setups, powered, self._link, self._timeouts.boot_s):
             setup.require_alive()
         for node in self._can_nodes:
             node.booted = False
         self._taken_over = ", ".join(drive.setup.settings.joint for drive in powered)
         units = self._configure()
-        for node, report in zip(self._can_nodes, self.reports, strict=True):
-            if any(finding.of is Safety.DRIVE_LOST and finding.way is None for finding in report.safety):
+        for node, setup in zip(self._can_nodes, self.setups, strict=True):
+            if any(finding.of is Safety.DRIVE_LOST and finding.way is None for finding in setup.safety):
                 node.heartbeat_limit_s = math.inf
         self._running = CanopenCycle(self._arm, self._can_nodes, self._link, self._sync, units, self._rhythms)
         self._phase = Phase.CONNECTED

@@ -21,7 +21,7 @@ from enum import Enum, auto
 from typing import Any
 
 from armload_core.arrays import FloatArray
-from armload_drivers.bring_up.drive_bring_up import DriveReport, DriveSetup, arm_with, is_simulation
+from armload_drivers.bring_up.drive_bring_up import DriveSetup, configured_units, is_simulation
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.state_machine import State
@@ -62,7 +62,7 @@ class CyclicServos(ABC):
         n: Number of joints.
         cycle_s: Duration of one cycle.
         simulated: Whether every drive has the simulation's identity; known after `connect`.
-        reports: Findings of `connect`, per joint.
+        setups: Bring-up of the drives, with the findings of `connect`.
     """
 
     def __init__(
@@ -71,8 +71,7 @@ class CyclicServos(ABC):
         self.n = len(arm.drives)
         self.cycle_s = arm.cycle_s
         self.simulated = False
-        self.reports: tuple[DriveReport, ...] = ()
-        self._arm, self._setups, self._nodes, self._timeouts = arm, setups, nodes, timeouts
+        self._arm, self.setups, self._nodes, self._timeouts = arm, setups, nodes, timeouts
         self._phase = Phase.NEW
         self._running: ArmCycle[Any] | None = None
         self._removal: TorqueRemoval | None = None
@@ -88,12 +87,12 @@ class CyclicServos(ABC):
 
     def _configure(self) -> ArmUnits:
         """Check and configure drives that were restarted; the units of the arm. Raises as `connect`."""
-        identities = [setup.check_identity() for setup in self._setups]
-        polarities = [setup.configure() for setup in self._setups]
-        units = ArmUnits(arm_with(self._arm, self._setups), polarities)
-        for setup in self._setups:
+        identities = [setup.check_identity() for setup in self.setups]
+        for setup in self.setups:
+            setup.configure()
+        units = configured_units(self._arm, self.setups)
+        for setup in self.setups:
             setup.secure(units)
-        self.reports = tuple(setup.report() for setup in self._setups)
         self.simulated = all(map(is_simulation, identities))
         return units
 
@@ -107,7 +106,7 @@ class CyclicServos(ABC):
         """
         self._require(Phase.CONNECTED)
         self._require_configured()
-        return self._cycle.units.joint_position_rad([setup.read_position() for setup in self._setups])
+        return self._cycle.units.joint_position_rad([setup.read_position() for setup in self.setups])
 
     def enable(self) -> JointFeedback:
         """Bring every drive to OPERATION ENABLED, holding its present position.
@@ -332,15 +331,15 @@ class CyclicServos(ABC):
     def _begin_cycles(self) -> None:
         """Preset targets and start the drives, unless one is not as `connect` has left it."""
         self._require_configured()
-        for setup in self._setups:
+        for setup in self.setups:
             setup.require_as_configured()
-        for node, setup in zip(self._nodes, self._setups, strict=True):
+        for node, setup in zip(self._nodes, self.setups, strict=True):
             node.target_counts = node.position_counts = setup.hold_present_position()
             node.offset_permille = 0
             setup.watch_master(on=True)
         self._keep_brakes_closed()
-        self._settings = SettingsWatch([setup.objects for setup in self._setups], self.cycle_s)
-        self._removal = TorqueRemoval(self._cycle, self._nodes, self._setups, self._timeouts)
+        self._settings = SettingsWatch([setup.objects for setup in self.setups], self.cycle_s)
+        self._removal = TorqueRemoval(self._cycle, self._nodes, self.setups, self._timeouts)
         try:
             self._cycle.begin()
             self._require_started()
@@ -351,7 +350,7 @@ class CyclicServos(ABC):
 
     def _keep_brakes_closed(self) -> None:
         """If the arm is opened to test its brakes, keep all closed, or none if one drive refuses."""
-        braked = [setup for setup in self._setups if self._arm.brakes_closed and setup.settings.has_brake]
+        braked = [setup for setup in self.setups if self._arm.brakes_closed and setup.settings.has_brake]
         try:
             for setup in braked:
                 setup.keep_brake_closed()
@@ -365,7 +364,7 @@ class CyclicServos(ABC):
         """End the cycles and the drives' watch on their master; no drive carries torque any more."""
         self._cycle.end()
         self._phase = Phase.CONNECTED
-        for node, setup in zip(self._nodes, self._setups, strict=True):
+        for node, setup in zip(self._nodes, self.setups, strict=True):
             if not (node.lost or node.restarted or node.is_gone):
                 setup.watch_master(on=False)
                 if self._arm.brakes_closed and node.settings.has_brake:

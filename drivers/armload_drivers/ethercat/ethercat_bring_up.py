@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from armload_drivers.bring_up.arm_bring_up import ArmBringUp
-from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_with
+from armload_drivers.bring_up.drive_bring_up import DriveSetup, configured_units
 from armload_drivers.bring_up.inspection import ArmStatus, FoundNode, describe, drive_status
 from armload_drivers.bring_up.powered_drive import PoweredDrive, powered_drives
 from armload_drivers.cia402 import object_dictionary as od
@@ -121,7 +121,7 @@ class EthercatBringUp(ArmBringUp):
         """A drive takes a fault reset only with process data: all drives run cycles for it, without torque."""
         for other in self.setups:
             other.configure()
-        units = ArmUnits(arm_with(self.arm, self.setups), [other.report().polarity for other in self.setups])
+        units = configured_units(self.arm, self.setups)
         node = next(node for node in self.nodes if node.settings.joint == setup.settings.joint)
         cycle = self.cycle(units)
         for each, other in zip(self.nodes, self.setups, strict=True):

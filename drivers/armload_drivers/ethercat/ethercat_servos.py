@@ -47,10 +47,10 @@ class EthercatServos(CyclicServos):
         """
         self._require(Phase.NEW)
         self._bring_up.find()
-        for setup in self._setups:
+        for setup in self.setups:
             setup.check_identity()
         self._bring_up.require_no_strangers()
-        for drive in self._bring_up.powered_drives(self._setups):
+        for drive in self._bring_up.powered_drives(self.setups):
             raise drive.refusal()
         self._running = self._ethercat_cycle = self._bring_up.cycle(self._configure())
         self._phase = Phase.CONNECTED

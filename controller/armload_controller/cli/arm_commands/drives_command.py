@@ -96,8 +96,8 @@ def check_command(
         found = check(bring_up)
     rows = found.steps
     screen.table(check_table(rows))
-    if found.reports:
-        screen.table(safety_table(found.reports))
+    if found.secured:
+        screen.table(safety_table(found.secured))
     wrong = sum(row.verdict in {Verdict.WRONG, Verdict.NOT_DONE} for row in rows)
     missing = sum(row.verdict is Verdict.MISSING for row in rows)
     left = [f"{count} {what}" for count, what in ((wrong, "wrong or not done"), (missing, "missing")) if count]

@@ -8,7 +8,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from armload_controller.session.brake_test import BrakeFinding
-from armload_drivers.bring_up.drive_bring_up import DriveReport
+from armload_drivers.bring_up.drive_bring_up import DriveSetup
 from armload_drivers.bring_up.drive_check import Check
 from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
 from armload_drivers.cia402.drive_safety import SafetyFinding
@@ -54,10 +54,10 @@ def check_table(rows: Sequence[Check]) -> Table:
     return _together("bring-up short of enabling", ("step", "what"), found, _COLOURS)
 
 
-def safety_table(drives: Sequence[DriveReport]) -> Table:
+def safety_table(drives: Sequence[DriveSetup]) -> Table:
     """One row per property and how it is provided, or the consequence of its absence and the remedy; these first."""
     found = [
-        ((finding.of.title, *_safety_cells(finding)), f"{drive.joint} ({drive.node_id})")
+        ((finding.of.title, *_safety_cells(finding)), f"{drive.settings.joint} ({drive.settings.node_id})")
         for drive in drives
         for finding in drive.safety
     ]

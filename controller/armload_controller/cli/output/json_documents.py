@@ -42,8 +42,8 @@ def checks_document(robot: str, found: ArmCheck, tried: Sequence[BrakeFinding] =
     checks = [asdict(row) | {"verdict": row.verdict.value} for row in found.steps]
     safety = [
         {
-            "joint": drive.joint,
-            "node_id": drive.node_id,
+            "joint": drive.settings.joint,
+            "node_id": drive.settings.node_id,
             "properties": [
                 {
                     "property": finding.of.key,
@@ -59,7 +59,7 @@ def checks_document(robot: str, found: ArmCheck, tried: Sequence[BrakeFinding] =
                 for finding in drive.safety
             ],
         }
-        for drive in found.reports
+        for drive in found.secured
     ]
     brakes = [asdict(finding) | {"holds": finding.holds} for finding in tried]
     return json_document("checks", {"robot": robot, "checks": checks, "safety": safety, "brakes": brakes})

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from armload_drivers.bring_up.drive_bring_up import arm_with, is_simulation
+from armload_drivers.bring_up.drive_bring_up import configured_units, is_simulation
 from armload_drivers.bring_up.drive_objects import DriveObjects
 from armload_drivers.bring_up.drive_securing import require_safety
 from armload_drivers.bus.bus_link import BusLink
@@ -166,7 +166,8 @@ def test_configured_it_has_mode_cycle_and_pdos(bench):
     made = bench(polarity=0x80)
     assert [name for name, _ in made.setup.reading_steps()] == ["axes", "modes", "scaling", "objects", "reference"]
     assert [name for name, _ in made.setup.writing_steps()] == ["cycle", "setpoints", "feedback", "mode"]
-    assert made.setup.configure() == 0x80
+    made.setup.configure()
+    assert made.setup.polarity == 0x80
     values = made.values
     assert values[od.MODE_DISPLAY.key] == 8
     assert values[od.CYCLE_PERIOD_US.key] == 10_000
@@ -219,14 +220,12 @@ def test_a_scale_is_read_where_the_configuration_has_none_and_compared_where_it_
         bench({"rated_torque_nm": 150.0}, drive_arm=drive_arm).setup.read_units()
 
 
-def test_a_drive_without_607e_and_1008_has_no_polarity_and_no_name(bench):
-    made = bench(absent=frozenset({0x607E, 0x1008, 0x6085}))
-    assert made.setup.configure() == 0
-    report = made.setup.report()
-    assert report.name == ""
-    assert any("607E" in missing for missing in report.missing)
+def test_a_drive_without_607e_has_no_polarity(bench):
+    made = bench(absent=frozenset({0x607E, 0x6085}))
+    made.setup.configure()
+    assert made.setup.polarity == 0
+    assert od.POLARITY in made.setup.objects.missing
     assert od.POLARITY not in made.setup.objects.held
-    assert "joint_2" in bench().setup.report().name
 
 
 @pytest.mark.parametrize(
@@ -253,9 +252,8 @@ def secured(made):
 
 def test_secured_it_has_every_safety_property_and_watches_nobody_yet(bench):
     made = secured(bench())
-    report = made.setup.report()
-    assert {finding.of for finding in report.safety} == set(Safety)
-    assert not any(finding.refused for finding in report.safety)
+    assert {finding.of for finding in made.setup.safety} == set(Safety)
+    assert not any(finding.refused for finding in made.setup.safety)
     assert made.values[od.HEARTBEAT_CONSUMER.key] == 0
     assert made.values[od.ABORT_CONNECTION_OPTION.key] != 0
 
@@ -277,7 +275,7 @@ def test_a_property_that_the_drive_lacks_is_refused_unless_accepted(bench):
     with pytest.raises(MissingSafety, match="following_error"):
         secured(bench(absent=lacking))
     made = secured(bench({"accept_missing": frozenset({"following_error"})}, absent=lacking))
-    (finding,) = (finding for finding in made.setup.report().safety if finding.way is None)
+    (finding,) = (finding for finding in made.setup.safety if finding.way is None)
     assert finding.of is Safety.FOLLOWING_ERROR
     assert finding.accepted
     assert not finding.refused
@@ -286,7 +284,7 @@ def test_a_property_that_the_drive_lacks_is_refused_unless_accepted(bench):
 
 def test_require_safety_names_no_more_than_what_is_refused(bench):
     made = secured(bench())
-    findings = made.setup.report().safety
+    findings = made.setup.safety
     assert require_safety(made.setup.objects, None, findings) is None
 
 
@@ -399,8 +397,8 @@ def test_the_masters_node_is_the_highest_that_nobody_has(arm_settings):
 def test_the_arm_gets_the_scales_that_its_drives_reported(bench, arm_settings):
     made = bench({"rated_torque_nm": None}, drive_arm=arm_settings())
     made.setup.read_units()
-    arm = arm_with(made.arm, [made.setup])
-    assert [drive.rated_torque_nm for drive in arm.drives] == [pytest.approx(200.0)]
+    units = configured_units(made.arm, [made.setup])
+    assert [axis.torque_nm_per_permille for axis in units.axes] == [pytest.approx(0.2)]
 
 
 def test_the_simulation_is_known_by_vendor_and_product():

@@ -115,8 +115,8 @@ def test_check_reports_what_is_missing_and_what_must_not_be(bench):
     refused = [row for row in found.steps if row.verdict is Verdict.WRONG]
     assert [(row.node_id, row.step) for row in refused] == [(3, "safety")]
     assert "accept_missing" in refused[0].detail
-    assert [[f.of for f in drive.safety if f.refused] for drive in found.reports] == [[], [Safety.QUICK_STOP], []]
-    assert [len(drive.safety) for drive in found.reports] == [len(Safety)] * 3
+    assert [[f.of for f in drive.safety if f.refused] for drive in found.secured] == [[], [Safety.QUICK_STOP], []]
+    assert [len(drive.safety) for drive in found.secured] == [len(Safety)] * 3
 
 
 def test_check_of_an_arm_in_order_and_of_one_that_is_not_there(bench):

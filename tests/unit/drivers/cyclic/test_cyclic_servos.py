@@ -35,7 +35,7 @@ def object_of(arm, node_id, entry):
 
 def test_before_connecting_nothing_but_closing_is_allowed(arm):
     servos = arm.servos
-    assert (servos.n, servos.cycle_s, servos.simulated, servos.reports) == (3, arm.arm.cycle_s, False, ())
+    assert (servos.n, servos.cycle_s, servos.simulated) == (3, arm.arm.cycle_s, False)
     for step in (servos.standing_rad, servos.enable, servos.stop, servos.disable):
         with pytest.raises(StateError, match="are new"):
             step()
@@ -51,7 +51,7 @@ def test_connecting_energises_nothing_and_says_what_it_found(arm):
     arm.servos.connect()
     assert not any(arm.plant.powered)
     assert arm.servos.simulated
-    assert len(arm.servos.reports) == 3
+    assert all(setup.safety for setup in arm.servos.setups)
     np.testing.assert_allclose(arm.servos.standing_rad(), arm.arm.coupling @ [0.1, -0.2, 0.3], atol=1e-5)
     arm.servos.stop()
     arm.servos.disable()
@@ -177,7 +177,7 @@ def test_torque_that_could_not_be_removed_is_what_closing_reports_first(arm):
     def keeps(*_):
         raise ServoTimeout(3, "joint_3", "", "silent", "")
 
-    for setup in arm.servos._setups:
+    for setup in arm.servos.setups:
         setup.remove_torque = keeps
     for node in arm.servos._nodes:
         node.machine.drop = node.restart = lambda: None

@@ -38,7 +38,7 @@ def test_it_is_read_without_a_warning_and_describes_every_object(eds, virtual_ar
     arm = virtual_arm(traits={node: DriveTraits(description=described) for node in (2, 3, 5)})
     arm.servos.connect()
     assert arm.servos.simulated
-    assert all(report.missing == () for report in arm.servos.reports)
+    assert not any(setup.objects.missing for setup in arm.servos.setups)
     arm.servos.enable()
     arm.servos.stop()
 

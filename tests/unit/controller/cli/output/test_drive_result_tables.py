@@ -1,12 +1,12 @@
 """The tables of `armload drives`: nodes and safety properties."""
 
 import io
+from types import SimpleNamespace
 
 from rich.console import Console
 
 from armload_controller.cli.console_text import fitted
 from armload_controller.cli.output.drive_result_tables import check_table, found_table, safety_table
-from armload_drivers.bring_up.drive_bring_up import DriveReport
 from armload_drivers.bring_up.drive_check import Check, Verdict
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
@@ -24,7 +24,7 @@ def rows(text):
 
 
 def report(number, findings):
-    return DriveReport(f"joint_{number}", number, "", Identity(None, None), 0, (), findings, 402)
+    return SimpleNamespace(settings=SimpleNamespace(joint=f"joint_{number}", node_id=number), safety=findings)
 
 
 def test_a_property_is_given_or_what_a_person_must_do_is_said():
