@@ -11,8 +11,7 @@ as a point mass.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
-from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,66 +35,40 @@ QUARTER_TURNS = tuple(
 """The 24 rotations by quarter turns about the axes: all right-handed orders and signs of three axes."""
 
 
-class InertiaSource(Enum):
-    """Source of the written inertia."""
-
-    MEASURED = "measured"
-    MODEL = "model"
-    POINT_MASS = "point mass"
-
-
-@dataclass(frozen=True, eq=False)
-class WrittenInertia:
+class WrittenInertia(NamedTuple):
     """The inertia written to a file.
 
     Attributes:
-        source: Its source.
         tensor_kg_m2: (3, 3) about the centre of mass, in the flange's axes; zero for a point mass.
-        undetermined: Elements of the format that the data do not determine.
+        statement: One sentence for the exported text.
     """
 
-    source: InertiaSource
     tensor_kg_m2: FloatArray
-    undetermined: tuple[str, ...]
-
-    @property
-    def statement(self) -> str:
-        """One sentence for the exported text."""
-        names = ", ".join(self.undetermined)
-        if self.source is InertiaSource.MEASURED:
-            return "Inertia: measured; all elements written here are determined."
-        if self.source is InertiaSource.MODEL:
-            return (
-                f"Inertia: NOT DETERMINED by the measurement: {names}. For these, the values of the model that "
-                "completes the measured ones to a physically possible body are written. They are not measurements."
-            )
-        return (
-            f"Inertia: NOT DETERMINED by the measurement: {names}. Zero is written: a point mass in the centre of "
-            "mass, the controller's own default."
-        )
+    statement: str
 
 
-def complete_inertia(payload: PayloadResult, elements: tuple[str, ...]) -> WrittenInertia:
-    """The inertia for a format that needs a complete one.
+def complete_inertia(
+    payload: PayloadResult, elements: tuple[str, ...], *, or_point_mass: bool = False
+) -> WrittenInertia:
+    """The inertia for a format.
 
     Args:
         elements: Elements of the format.
+        or_point_mass: Whether the controller interprets zero as a point mass.
     """
-    undetermined = _undetermined(payload, elements)
-    source = InertiaSource.MODEL if undetermined else InertiaSource.MEASURED
-    return WrittenInertia(source, payload.model.inertia_about_com, undetermined)
-
-
-def inertia_or_point_mass(payload: PayloadResult, elements: tuple[str, ...]) -> WrittenInertia:
-    """The inertia for a controller that interprets zero as a point mass.
-
-    Args:
-        elements: Elements of the format.
-    """
-    undetermined = _undetermined(payload, elements)
-    if undetermined == elements:
-        return WrittenInertia(InertiaSource.POINT_MASS, np.zeros((3, 3)), undetermined)
-    return complete_inertia(payload, elements)
+    tensor_kg_m2 = payload.model.inertia_about_com
+    undetermined = tuple(name for name in elements if not payload.determined[PARAMETER_NAMES.index(name)])
+    if not undetermined:
+        return WrittenInertia(tensor_kg_m2, "Inertia: measured; all elements written here are determined.")
+    begin = f"Inertia: NOT DETERMINED by the measurement: {', '.join(undetermined)}."
+    if or_point_mass and undetermined == elements:
+        default = "Zero is written: a point mass in the centre of mass, the controller's own default."
+        return WrittenInertia(np.zeros((3, 3)), f"{begin} {default}")
+    return WrittenInertia(
+        tensor_kg_m2,
+        f"{begin} For these, the values of the model that completes the measured ones to a physically possible body "
+        "are written. They are not measurements.",
+    )
 
 
 def principal_inertia(tensor_kg_m2: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -115,8 +88,3 @@ def principal_inertia(tensor_kg_m2: FloatArray) -> tuple[FloatArray, FloatArray]
     right_handed = axes * np.sign(np.linalg.det(axes))
     rotation = max((right_handed @ turn for turn in QUARTER_TURNS), key=np.trace)
     return np.diag(rotation.T @ tensor_kg_m2 @ rotation), rotation
-
-
-def _undetermined(payload: PayloadResult, elements: tuple[str, ...]) -> tuple[str, ...]:
-    """The elements that the data do not determine."""
-    return tuple(name for name in elements if not payload.determined[PARAMETER_NAMES.index(name)])

@@ -25,7 +25,7 @@ import math
 import numpy as np
 
 from armload_controller.export.exported_payload import ExportSubject
-from armload_controller.export.inertia import TENSOR, inertia_or_point_mass, principal_inertia
+from armload_controller.export.inertia import TENSOR, complete_inertia, principal_inertia
 from armload_controller.export.load_data.makers_flange import in_makers_flange
 from armload_controller.export.template import written
 from armload_controller.export.text_format import bracketed, load_data
@@ -38,7 +38,7 @@ LONGEST_NAME = 32
 def export_abb(subject: ExportSubject) -> dict[str, str]:
     """A RAPID module with the payload as persistent loaddata."""
     payload = in_makers_flange(subject)
-    inertia = inertia_or_point_mass(payload, TENSOR)
+    inertia = complete_inertia(payload, TENSOR, or_point_mass=True)
     principal_kg_m2, rotation = principal_inertia(inertia.tensor_kg_m2)
     moments = dict(zip(("ix", "iy", "iz"), principal_kg_m2, strict=True))
     fields = load_data(subject, inertia, mass=payload.model.mass_kg, **moments) | {

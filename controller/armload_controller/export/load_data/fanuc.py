@@ -26,7 +26,7 @@ from __future__ import annotations
 import numpy as np
 
 from armload_controller.export.exported_payload import ExportSubject
-from armload_controller.export.inertia import MOMENTS, inertia_or_point_mass
+from armload_controller.export.inertia import MOMENTS, complete_inertia
 from armload_controller.export.load_data.makers_flange import in_makers_flange
 from armload_controller.export.template import written
 from armload_controller.export.text_format import load_data
@@ -38,7 +38,7 @@ KG_M2_PER_KGF_CM_S2 = 0.0980665
 def export_fanuc(subject: ExportSubject) -> dict[str, str]:
     """The lines of the payload screen."""
     payload = in_makers_flange(subject)
-    inertia = inertia_or_point_mass(payload, MOMENTS)
+    inertia = complete_inertia(payload, MOMENTS, or_point_mass=True)
     numbers = {"mass": payload.model.mass_kg} | dict(zip("xyz", payload.model.center_of_mass_m * 1e2, strict=True))
     numbers |= zip(("ix", "iy", "iz"), np.diag(inertia.tensor_kg_m2) / KG_M2_PER_KGF_CM_S2, strict=True)
     text = written("load_data/fanuc", "#", load_data(subject, inertia, **numbers))

@@ -26,7 +26,7 @@ import numpy as np
 from armload_controller.control_errors import ExportError
 from armload_controller.export.body_parameters import TRANSITION_S
 from armload_controller.export.exported_payload import ExportSubject
-from armload_controller.export.inertia import TENSOR, inertia_or_point_mass
+from armload_controller.export.inertia import TENSOR, complete_inertia
 from armload_controller.export.load_data.makers_flange import in_makers_flange
 from armload_controller.export.template import written
 from armload_controller.export.text_format import bracketed, load_data, positional
@@ -44,7 +44,7 @@ def export_ur(subject: ExportSubject) -> dict[str, str]:
     """
     payload = in_makers_flange(subject)
     body = payload.model
-    inertia = inertia_or_point_mass(payload, TENSOR)
+    inertia = complete_inertia(payload, TENSOR, or_point_mass=True)
     elements = tensor_elements(inertia.tensor_kg_m2)
     if np.abs(elements).max() > GREATEST_ELEMENT_KG_M2:
         raise ExportError(

@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 
 from armload_controller.export.exported_payload import ExportSubject
-from armload_controller.export.inertia import MOMENTS, inertia_or_point_mass
+from armload_controller.export.inertia import MOMENTS, complete_inertia
 from armload_controller.export.load_data.makers_flange import in_makers_flange
 from armload_controller.export.template import written
 from armload_controller.export.text_format import bracketed, load_data
@@ -32,7 +32,7 @@ from armload_controller.export.text_format import bracketed, load_data
 def export_yaskawa(subject: ExportSubject) -> dict[str, str]:
     """A preset file with one tool."""
     payload = in_makers_flange(subject)
-    inertia = inertia_or_point_mass(payload, MOMENTS)
+    inertia = complete_inertia(payload, MOMENTS, or_point_mass=True)
     fields = load_data(subject, inertia, mass=payload.model.mass_kg) | {
         "com": bracketed(payload.model.center_of_mass_m * 1e3),
         "moi": bracketed(np.diag(inertia.tensor_kg_m2)),
