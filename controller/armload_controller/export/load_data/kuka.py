@@ -21,14 +21,14 @@ References:
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia, principal_inertia
 from armload_controller.export.load_data.makers_flange import in_makers_flange
 from armload_controller.export.template import written
 from armload_controller.export.text_format import load_data
-from armload_core.arrays import FloatArray
+from armload_identification.model.chain import rpy_rad
 
 
 def export_kuka(subject: ExportSubject) -> dict[str, str]:
@@ -37,16 +37,7 @@ def export_kuka(subject: ExportSubject) -> dict[str, str]:
     inertia = complete_inertia(payload, TENSOR)
     principal_kg_m2, rotation = principal_inertia(inertia.tensor_kg_m2)
     numbers = {"mass": payload.model.mass_kg} | dict(zip("xyz", payload.model.center_of_mass_m * 1e3, strict=True))
-    numbers |= zip("abc", map(math.degrees, _abc_rad(rotation)), strict=True)
+    numbers |= zip("abc", np.degrees(rpy_rad(rotation)[::-1]), strict=True)
     numbers |= zip(("jx", "jy", "jz"), principal_kg_m2, strict=True)
     text = written("load_data/kuka", ";", load_data(subject, inertia, **numbers))
     return {f"{subject.identifier}_kuka_load_data.txt": text}
-
-
-def _abc_rad(rotation: FloatArray) -> tuple[float, float, float]:
-    """A, B, C of R = Rz(A) Ry(B) Rx(C)."""
-    return (
-        math.atan2(rotation[1, 0], rotation[0, 0]),
-        -math.asin(max(-1.0, min(1.0, rotation[2, 0]))),
-        math.atan2(rotation[2, 1], rotation[2, 2]),
-    )
