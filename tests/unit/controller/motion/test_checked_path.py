@@ -128,6 +128,15 @@ def test_what_was_checked_is_what_is_run():
     np.testing.assert_allclose(plan_leg(path.slow.leg, CYCLE_S).position_rad[0], path.start_rad, atol=1e-12)
 
 
+def test_the_measured_leg_goes_on_where_it_ended():
+    path = checked()
+    first, third = path.measured.leg, path.again(2).leg
+    assert isinstance(path.again(1), CheckedLeg)
+    assert path.again(1).leg.start_s == pytest.approx(first.start_s + first.end_s)
+    assert (third.start_s, third.end_s) == pytest.approx((first.start_s + 2.0 * first.end_s, 3.0 * first.end_s))
+    assert third.path is first.path
+
+
 # Joint limits ---------------------------------------------------------------------------------------------------
 
 

@@ -292,13 +292,16 @@ def test_a_timer_that_is_far_too_late_is_not_chased(clock):
     assert kernel.asked_s == pytest.approx(0.9 * PERIOD_S)
 
 
-@pytest.mark.parametrize("period_s", [0.3 * PERIOD_S, 2.0 * PERIOD_S, -5.0])
-def test_a_period_that_is_no_latency_steers_nothing(sync, period_s):
+@pytest.mark.parametrize(
+    ("share", "steers"), [(-500.0, False), (0.5, False), (0.51, True), (1.49, True), (1.5, False), (2.0, False)]
+)
+def test_a_period_that_is_no_latency_steers_nothing(sync, share, steers):
     sync._steer(1.1 * PERIOD_S)
     asked_s = sync._asked_s
     assert asked_s < PERIOD_S
-    sync._steer(period_s)
-    assert sync._asked_s == asked_s
+    sync._steer(share * PERIOD_S)
+    assert (sync._asked_s != asked_s) is steers
+    assert (sync._asked_s > asked_s) is (steers and share < 1.0)
 
 
 # The broadcast manager, as far as it needs no interface ------------------------------------------------------------

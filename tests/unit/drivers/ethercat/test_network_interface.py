@@ -139,6 +139,8 @@ def test_a_line_is_used_if_nobody_sends_and_no_drive_is_in_op(monkeypatch, line,
         (1 << 12, ["CAP_NET_RAW"]),
         (1 << 13, ["CAP_NET_ADMIN"]),
         (0, ["CAP_NET_RAW", "CAP_NET_ADMIN"]),
+        (0x1FF_FFFF_FFFF, []),
+        (0x1FF_FFFF_CFFF, ["CAP_NET_RAW", "CAP_NET_ADMIN"]),
     ],
 )
 def test_rights_that_are_lacking_are_named(monkeypatch, rights, lacking):

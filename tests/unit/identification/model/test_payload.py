@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,6 +15,9 @@ from armload_identification.model.payload import (
     DETERMINED_SHARE,
     PSEUDO_INERTIA_BASIS,
     InertialParameters,
+    PayloadResult,
+    Provenance,
+    derived,
     value_scale,
 )
 
@@ -101,11 +106,6 @@ def test_anything_but_ten_finite_numbers_is_refused(theta):
         InertialParameters(theta)
 
 
-def test_an_inertia_that_is_not_symmetric_is_refused():
-    with pytest.raises(ModelError, match="not symmetric"):
-        InertialParameters.from_center_of_mass(1.0, [0, 0, 0], [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]])
-
-
 def test_a_body_without_mass_has_no_centre():
     with pytest.raises(ModelError, match="no centre of mass"):
         _ = InertialParameters(np.zeros(10)).center_of_mass_m
@@ -119,3 +119,62 @@ def test_the_scales_of_the_values_are_those_of_the_payload_file():
 def test_the_pseudo_inertia_is_linear_in_the_parameters():
     body = body_of(*masses(3))
     np.testing.assert_allclose(np.tensordot(body.theta, PSEUDO_INERTIA_BASIS, axes=1), body.pseudo_inertia, atol=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_derivatives_of_the_ten_values_are_those_of_finite_differences(seed):
+    body = body_of(*masses(seed))
+    values, slope = derived(body)
+    np.testing.assert_array_equal(values, body.values)
+    for place, step in enumerate(1e-6 * np.eye(10)):
+        ahead, behind = (InertialParameters(body.theta + side * step).values for side in (1.0, -1.0))
+        np.testing.assert_allclose(slope[:, place], (ahead - behind) / 2e-6, atol=1e-7)
+
+
+def result(known, width=0.02):
+    body = InertialParameters.from_center_of_mass(2.0, [0.05, 0.0, -0.1], 0.01 * np.eye(3))
+    interval = np.where(np.array(known)[:, None], body.values[:, None] + np.array([-0.5, 0.5]) * width, np.nan)
+    return PayloadResult("flange", body, np.array(known), interval, np.ones(6), np.ones(6), Provenance("1", "a", {}))
+
+
+@pytest.mark.parametrize(("unknown", "ready"), [(None, True), (0, False), (3, False), (4, True), (9, True)])
+def test_mass_and_centre_are_what_a_feed_forward_requires(unknown, ready):
+    assert result([place != unknown for place in range(10)]).feedforward_ready is ready
+
+
+def test_the_table_has_the_digits_that_the_interval_justifies_and_no_number_for_the_unknown():
+    table = result([place != 2 for place in range(10)]).table()
+    assert table.title == "Payload in the flange frame, inertia about its centre of mass"
+    assert table.headings == ("parameter", "estimate", "95 % interval", "unit")
+    assert table.rows[0] == ("mass", "2.000", "1.990 to 2.010", "kg")
+    assert table.rows[2] == ("cy", "not determined", "", "m")
+    assert [row[3] for row in table.rows] == ["kg", "m", "m", "m", *["kg m2"] * 6]
+    assert table.text_columns == (0, 3)
+    assert result([True] * 10, width=2e-4).table().rows[0][1:3] == ("2.00000", "1.99990 to 2.00010")
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: InertialParameters.from_center_of_mass(1.0, [0.0, 0.0], np.eye(3)), r"\(2,\), inertia \(3, 3\)"),
+        (lambda: InertialParameters.from_center_of_mass(1.0, [0.0] * 3, np.eye(2)), r"\(3,\), inertia \(2, 2\)"),
+        (lambda: InertialParameters.from_pseudo_inertia(np.eye(3)), r"shape \(3, 3\); expected \(4, 4\)"),
+        (lambda: body_of(*masses(1)).transformed(np.eye(3)), r"pose has shape \(3, 3\); expected \(4, 4\)"),
+    ],
+)
+def test_other_shapes_are_refused(make, text):
+    with pytest.raises(ModelError, match=text):
+        make()
+
+
+@pytest.mark.parametrize(("asymmetry", "refused"), [(0.5e-9, False), (2e-9, True), (np.nan, True)])
+def test_a_tensor_is_symmetric_to_a_billionth(asymmetry, refused):
+    inertia = np.eye(3)
+    inertia[0, 1] = asymmetry
+    with pytest.raises(ModelError, match="is not symmetric") if refused else nullcontext():
+        InertialParameters.from_center_of_mass(1.0, np.zeros(3), inertia)
+
+
+def test_a_body_without_matter_has_no_margin():
+    assert InertialParameters(np.zeros(10)).margin == -np.inf
+    assert not InertialParameters(np.zeros(10)).is_physical

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 
 import numpy as np
 import pyarrow as pa
@@ -12,6 +13,8 @@ import pytest
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.formats.parquet_reader import ParquetReader, _numbers
+from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import ReadingOptions
 from tests.three_joints import NAMES, POSITION, TIME, TORQUE, assert_read
 
@@ -50,13 +53,13 @@ def test_times_of_a_parquet_table_may_be_dates_and_durations(tmp_path, kind, uni
     np.testing.assert_allclose(np.diff(read_recording(path).time_s), np.diff(TIME), atol=1e-6)
 
 
-def lerobot(folder, episodes=1, names=NAMES):
+def lerobot(folder, episodes=1, names=tuple(f"{name}.pos" for name in NAMES), position=POSITION):
     (folder / "meta").mkdir(parents=True)
     (folder / "data" / "chunk-000").mkdir(parents=True)
-    info = {"codebase_version": "v3.0", "features": {"observation.state": {"names": [f"{n}.pos" for n in names]}}}
+    info = {"codebase_version": "v3.0", "features": {"observation.state": {"names": names}}}
     (folder / "meta" / "info.json").write_text(json.dumps(info))
     table = {
-        "observation.state": pa.FixedSizeListArray.from_arrays(POSITION.ravel(), 3),
+        "observation.state": pa.FixedSizeListArray.from_arrays(position.ravel(), 3),
         "observation.effort": pa.array(TORQUE.tolist()),
         "action": pa.FixedSizeListArray.from_arrays(POSITION.ravel(), 3),
         "timestamp": TIME.astype(np.float32),
@@ -74,6 +77,103 @@ def test_a_lerobot_data_set(tmp_path):
     (tmp_path / "set" / "meta" / "info.json").write_text("[" * 100_000)
     with pytest.raises(RecordingError, match=r"info\.json: cannot be read"):
         read_recording(tmp_path / "set")
+
+
+@pytest.mark.parametrize(
+    ("names", "found"),
+    [
+        ({"motors": ["a.pos", "b", "c.pos.x"]}, ("a", "b", "c.pos.x")),
+        ({}, ()),
+        (None, ()),
+        (5, ()),
+        ([1, 2, 3], ("1", "2", "3")),
+    ],
+)
+def test_joints_are_named_as_far_as_the_description_names_them(tmp_path, names, found):
+    assert read_recording(lerobot(tmp_path / "set", names=names)).joint_names == found
+
+
+@pytest.mark.parametrize("emptied", ["info.json", "file-000.parquet"])
+def test_a_folder_without_description_or_tables_is_no_data_set(tmp_path, emptied):
+    folder = lerobot(tmp_path / "set")
+    for path in folder.rglob("*.parquet" if emptied.startswith("file") else emptied):
+        path.unlink()
+    text = "cannot be read: .* Copy the data set again" if emptied == "info.json" else r"no data/chunk-\*/file-\*"
+    with pytest.raises(RecordingError, match=text):
+        ParquetReader(folder, ReadingOptions())
+
+
+LIMITS_RAD = np.array([[-1.5, 1.5], [-1.5, 1.5], [-1.5, 1.5]])
+"""The positions reach 0.78, 1 and 0.445 rad."""
+
+
+def in_unit(tmp_path, position, limits_rad=LIMITS_RAD, joints=tuple(NAMES)):
+    reader = ParquetReader(
+        lerobot(tmp_path / "set", position=position), ReadingOptions(joint_names=joints, position_limits_rad=limits_rad)
+    )
+    account = ReadingAccount()
+    return np.vstack([block.position_rad for block in reader.blocks(account)]), account.remarks
+
+
+@pytest.mark.parametrize(
+    ("scale", "limits_rad", "degrees"),
+    [
+        (1.0, LIMITS_RAD, False),
+        (1.59, LIMITS_RAD, False),
+        (1.61, LIMITS_RAD, True),
+        (50.0, LIMITS_RAD, True),
+        (50.0, None, False),
+        (50.0, 100.0 * LIMITS_RAD, True),
+        (-50.0, 100.0 * LIMITS_RAD, True),
+        (91.0, LIMITS_RAD, True),
+        (92.0, LIMITS_RAD, False),
+        (-92.0, LIMITS_RAD, False),
+    ],
+)
+def test_positions_are_in_degrees_if_they_can_only_be_degrees(tmp_path, scale, limits_rad, degrees):
+    """No joint reaches more than two turns, whatever its limits are; a tenth of a radian beyond them is forgiven."""
+    position = scale * POSITION
+    found, remarks = in_unit(tmp_path, position, limits_rad)
+    np.testing.assert_allclose(found, np.radians(position) if degrees else position)
+    assert bool(remarks) is degrees
+    if degrees:
+        assert remarks[0].startswith(f"observation.state reaches {np.abs(position).max():.4g}, beyond the arm's limits")
+
+
+def test_limits_are_those_of_the_joints_by_name(tmp_path):
+    wide = np.array([[-0.6, 0.6], [-1.5, 1.5], [-1.5, 1.5]])
+    assert not in_unit(tmp_path / "same", POSITION, wide, ("wrist", "shoulder", "elbow"))[1]
+    assert in_unit(tmp_path / "other", POSITION, wide, ("shoulder", "wrist", "elbow"))[1]
+
+
+@pytest.mark.parametrize(
+    ("ends", "refused"), [((100.0, -100.0), True), ((100.0, 99.0), False), ((-100.0, -100.0), True)]
+)
+def test_what_ends_at_a_hundred_in_two_joints_may_be_percent(tmp_path, ends, refused):
+    position = 50.0 * POSITION
+    position[7, :2] = ends
+    limits_rad = 10.0 * LIMITS_RAD
+    with pytest.raises(RecordingError, match="so it may be in percent") if refused else nullcontext():
+        assert in_unit(tmp_path, position, limits_rad)[1]
+
+
+@pytest.mark.parametrize(
+    ("lists", "text"),
+    [
+        ([[1.0], None, [1.0]], "a list without a number for each joint"),
+        ([[1.0], [1.0, 2.0], []], "lists of different lengths"),
+        ([[1.0, 2.0], [1.0]], "a list without a number for each joint"),
+        ([], "a list without a number for each joint"),
+    ],
+)
+def test_every_row_of_lists_has_a_number_for_each_joint(lists, text):
+    with pytest.raises(ValueError, match=text):
+        _numbers(pa.array(lists, pa.list_(pa.float64())))
+
+
+def test_missing_numbers_are_nan():
+    np.testing.assert_array_equal(_numbers(pa.array([1, None, 3])), [[1.0], [np.nan], [3.0]])
+    np.testing.assert_array_equal(_numbers(pa.array([[1, None], [3, 4]])), [[1.0, np.nan], [3.0, 4.0]])
 
 
 def test_of_a_data_set_of_several_episodes_one_is_chosen(tmp_path):
