@@ -11,10 +11,10 @@ import io
 import os
 import time
 from array import array
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from itertools import chain, count
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -61,6 +61,7 @@ class Recorder:
 
     Attributes:
         rows: Number of rows written.
+        partial: The file of a run that has not ended, or has ended with an error.
 
     Raises:
         CommissioningError: the file exists or cannot be written.
@@ -81,11 +82,11 @@ class Recorder:
         self._started_ns: int | None = None
         self._events_channel: int | None = None
         self._framed_s = -float("inf")
-        self._path, self._partial = path, _partial_of(path)
+        self._path, self.partial = path, _partial_of(path)
         if path.exists():
             raise CommissioningError(f"{path} exists: recordings are never overwritten, choose another --output")
         try:
-            self._file: io.BufferedWriter = self._partial.open("xb")
+            self._file: io.BufferedWriter = self.partial.open("xb")
             self._begin(attachments)
         except OSError as error:
             raise CommissioningError(f"{path}: {error.strerror}: choose an --output that can be written") from error
@@ -99,7 +100,7 @@ class Recorder:
         try:
             self._writer.start(profile="", library="armload")
             for name, text in attachments.items():
-                self._writer.add_attachment(0, 0, name, _media_type(name), text.encode())
+                self._attach(name, text.encode())
             schema = self._writer.register_schema(SCHEMA_NAME, "jsonschema", orjson.dumps(MESSAGE_SCHEMA))
             self._channel = self._writer.register_channel(TOPIC, "json", schema)
             if self._frames is not None:
@@ -110,7 +111,7 @@ class Recorder:
             with suppress(OSError):
                 self._file.close()
             with suppress(OSError):
-                self._partial.unlink()
+                self.partial.unlink()
             raise
 
     def attach(self, name: str, text: str) -> None:
@@ -123,35 +124,26 @@ class Recorder:
         Raises:
             RecordingFailed: it could not be written.
         """
-        try:
-            self._writer.add_attachment(0, 0, name, _media_type(name), text.encode())
+        with self._writing():
+            self._attach(name, text.encode())
             self._file.flush()
-        except OSError as error:
-            raise self._failed(error) from error
 
     @property
     def measured(self) -> tuple[FloatArray, FloatArray]:
         """Phases and times of the rows within the measured periods."""
         return np.array(self._phase_s), np.array(self._time_s)
 
-    @property
-    def partial(self) -> Path:
-        """The file of a run that has not ended, or has ended with an error."""
-        return self._partial
-
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         failure: OSError | None = None
 
         def name_it() -> None:
             if not self.rows:
-                self._partial.unlink()
+                self.partial.unlink()
             elif error is None and failure is None:
-                self._partial.rename(self._path)
+                self.partial.rename(self._path)
 
         for step in (self._attach_lateness, self._writer.finish, self._flush_to_disk, self._file.close, name_it):
             try:
@@ -159,7 +151,8 @@ class Recorder:
             except OSError as problem:
                 failure = failure or problem
         if failure is not None and error is None:
-            raise self._failed(failure) from failure
+            with self._writing():
+                raise failure
 
     def on_cycle(self, step: CycleStep) -> None:
         """Record the last command with the feedback that belongs to it."""
@@ -199,7 +192,7 @@ class Recorder:
         if target_torque_nm is not None:
             row["target_torque_nm"] = target_torque_nm
         data = orjson.dumps(row, option=orjson.OPT_SERIALIZE_NUMPY)
-        try:
+        with self._writing():
             self._writer.add_message(self._channel, stamp_ns, data, stamp_ns, feedback.cycle)
             self.rows += 1
             if phase_s is not None:
@@ -213,8 +206,6 @@ class Recorder:
                 self._writer.flush()
                 self._require_there()
                 self._flushed_s = feedback.time_s
-        except OSError as error:
-            raise self._failed(error) from error
 
     def write_event(self, time_s: float, event: Mapping[str, object]) -> None:
         """Record an event of the recorded arm; before the first row there is none.
@@ -229,13 +220,11 @@ class Recorder:
         if self._started_ns is None:
             return
         stamp_ns = self._started_ns + round(time_s * 1e9)
-        try:
+        with self._writing():
             if self._events_channel is None:
                 schema = self._writer.register_schema(EVENT_SCHEMA_NAME, "jsonschema", orjson.dumps(event_schema()))
                 self._events_channel = self._writer.register_channel(EVENTS_TOPIC, "json", schema)
             self._writer.add_message(self._events_channel, stamp_ns, orjson.dumps(event), stamp_ns)
-        except OSError as error:
-            raise self._failed(error) from error
 
     def _require_there(self) -> None:
         """Refuse to continue writing a file that was removed.
@@ -244,23 +233,30 @@ class Recorder:
             RecordingFailed: it was removed, or its folder was.
         """
         if os.fstat(self._file.fileno()).st_nlink == 0:
-            raise RecordingFailed(f"{self._partial} was removed while it was being written")
+            raise RecordingFailed(f"{self.partial} was removed while it was being written")
 
     def _attach_lateness(self) -> None:
         """Attach how late the cycles were, if there were any."""
         counted = {} if self._lateness is None else self._lateness.counted()
         if counted:
-            self._writer.add_attachment(
-                0, 0, LATENESS_ATTACHMENT, _media_type(LATENESS_ATTACHMENT), orjson.dumps(counted)
-            )
+            self._attach(LATENESS_ATTACHMENT, orjson.dumps(counted))
+
+    def _attach(self, name: str, content: bytes) -> None:
+        kind = "application/json" if name.endswith(".json") else "application/toml"
+        self._writer.add_attachment(0, 0, name, kind, content)
 
     def _flush_to_disk(self) -> None:
         """Force the data to disk, so that a file with its final name is complete there."""
         self._file.flush()
         os.fsync(self._file.fileno())
 
-    def _failed(self, error: OSError) -> RecordingFailed:
-        return RecordingFailed(f"{self._partial} could not be written: {error.strerror}")
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Raises RecordingFailed for an error of the file."""
+        try:
+            yield
+        except OSError as error:
+            raise RecordingFailed(f"{self.partial} could not be written: {error.strerror}") from error
 
 
 def phase_of(reference: Reference) -> float | None:
@@ -301,14 +297,6 @@ def joint_row(
 
 def _partial_of(path: Path) -> Path:
     """A free name for the incomplete run; files of earlier attempts are kept."""
-    attempt = 1
-    while True:
-        suffix = ".partial.mcap" if attempt == 1 else f".partial-{attempt}.mcap"
-        partial = path.with_name(path.stem + suffix)
-        if not partial.exists():
-            return partial
-        attempt += 1
-
-
-def _media_type(name: str) -> str:
-    return "application/json" if name.endswith(".json") else "application/toml"
+    suffixes = chain(("",), (f"-{attempt}" for attempt in count(2)))
+    partials = (path.with_name(f"{path.stem}.partial{suffix}.mcap") for suffix in suffixes)
+    return next(partial for partial in partials if not partial.exists())
