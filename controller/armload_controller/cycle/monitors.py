@@ -57,9 +57,9 @@ class LateCycle(ControlError):
         super().__init__(f"{skipped} cycles skipped in a row, {allowed} allowed")
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(eq=False, slots=True)
 class CycleSummary:
-    """Counts of a run.
+    """Counts of a run so far.
 
     Attributes:
         cycles: Setpoints sent.
@@ -82,6 +82,9 @@ class FollowingMonitor:
     Args:
         limits: Limits with the following error windows.
         max_skipped_cycles: Greatest number of cycles that may be skipped in a row.
+
+    Attributes:
+        summary: The counts.
     """
 
     name = "monitor"
@@ -90,11 +93,7 @@ class FollowingMonitor:
         n = len(limits.joint_names)
         self._limits = limits
         self._max_skipped = max_skipped_cycles
-        self._cycles = 0
-        self._missing = np.zeros(n)
-        self._worst_rad = np.zeros(n)
-        self._skipped = 0
-        self._duration_s = 0.0
+        self.summary = CycleSummary(0, 0.0, np.zeros(n), 0, np.zeros(n))
         self._last_s = float("nan")
 
     def on_cycle(self, step: CycleStep) -> None:
@@ -119,18 +118,15 @@ class FollowingMonitor:
         if feedback.skipped_cycles > self._max_skipped:
             raise LateCycle(feedback.skipped_cycles, self._max_skipped)
 
-    def summary(self) -> CycleSummary:
-        """The counts so far."""
-        return CycleSummary(self._cycles, self._duration_s, self._missing.copy(), self._skipped, self._worst_rad.copy())
-
     def _count(self, feedback: JointFeedback, error_rad: FloatArray) -> None:
         if feedback.time_s <= self._last_s:
             raise StaleFeedback(f"feedback of cycle {feedback.cycle} was repeated")
-        self._cycles += 1
-        self._duration_s += feedback.time_s - self._last_s
-        self._missing += feedback.missing
-        self._skipped += feedback.skipped_cycles
-        np.maximum(self._worst_rad, error_rad, out=self._worst_rad)
+        counts = self.summary
+        counts.cycles += 1
+        counts.duration_s += feedback.time_s - self._last_s
+        counts.missing += feedback.missing
+        counts.skipped += feedback.skipped_cycles
+        np.maximum(counts.following_error_rad, error_rad, out=counts.following_error_rad)
         self._last_s = feedback.time_s
 
 

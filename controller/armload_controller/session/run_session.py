@@ -295,7 +295,7 @@ class RunSession:
             self._slow_rounds_done.add(path)
         if course.slow_only:
             _show_remarks(self._servos, display)
-            return monitors[0].summary()
+            return monitors[0].summary
         addition = "" if added is None else " with added torque"
         consent.require(
             self._servos,
@@ -309,7 +309,7 @@ class RunSession:
             times += 1
             question = course.more()
         _show_remarks(self._servos, display)
-        return monitors[0].summary()
+        return monitors[0].summary
 
     def hold(self, plugins: Sequence[CyclePlugin], work: Callable[[Hold], T], *, warning: str = "") -> T:
         """Enable the arm and hold its present position during some work.

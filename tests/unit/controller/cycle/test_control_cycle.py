@@ -111,7 +111,7 @@ def run(tmp_path):
             window = TorqueWindow(LIMITS.joint_names, TRANSMISSION, TORQUE_MAX_NM, CYCLE_S, None)
             cycle = Cycle(servos, LIMITS, gate, control, [recorder, monitor, window, *plugins], stopwatch)
             run_leg(cycle, path, leg or path.measured, lambda done: None)
-        return monitor.summary(), cycle
+        return monitor.summary, cycle
 
     return run
 

@@ -54,10 +54,10 @@ def run(force_n, from_s=3.0, payload="block", load=SessionLoad.LOADED, robot=ROB
     try:
         run_leg(cycle, PATH, PATH.measured, lambda done: None)
     except MotionError as error:
-        return monitor.summary().duration_s, error
+        return monitor.summary.duration_s, error
     finally:
         servos.close()
-    return monitor.summary().duration_s, None
+    return monitor.summary.duration_s, None
 
 
 @pytest.mark.parametrize("force_n", [(0.0, 0.0, -250.0), (0.0, 450.0, 0.0), (200.0, -100.0, 200.0)])
