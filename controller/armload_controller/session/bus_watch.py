@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +12,13 @@ import numpy as np
 from armload_controller.analysis.payload_watch import HeardBus, PayloadWatch, WatchedMoment
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import CommissioningError
-from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.session.robot_recorder import robot_recorder
 from armload_controller.session.run_session import SessionLoad
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.listening.overheard_arm import OverheardCycle, ToldPayload
 from armload_identification.recording.reading_options import Effort
-from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, OVERHEARD, RUN_ATTACHMENT
+from armload_identification.recording.run_format import OVERHEARD
 
 
 def recorder_of(robot: Robot, path: Path, load: SessionLoad | None) -> Recorder:
@@ -33,15 +31,7 @@ def recorder_of(robot: Robot, path: Path, load: SessionLoad | None) -> Recorder:
     Raises:
         CommissioningError: the file exists or cannot be written.
     """
-    run = {
-        "armload_version": version("armload"),
-        "robot": robot.name,
-        "joints": list(robot.joint_names),
-        "overheard": True,
-        **({} if load is None else {"load": load}),
-    }
-    attachments = {CONFIGURATION_ATTACHMENT: robot.text, RUN_ATTACHMENT: json.dumps(run)}
-    return Recorder(path, attachments, frames=ArmFrames(robot.chain, robot.joint_names))
+    return robot_recorder(robot, path, {"overheard": True} | ({} if load is None else {"load": load}))
 
 
 def _effort_of_drives(robot: Robot) -> Effort:

@@ -10,13 +10,11 @@ of the first.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
-from importlib.metadata import version
 from math import inf, sqrt
 from pathlib import Path
 
@@ -26,13 +24,13 @@ from armload_controller.analysis.stated_drift import NOTHING_STATED, StatedDrift
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_recordings import read_of
 from armload_controller.control_errors import CommissioningError
-from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.lateness import Lateness
 from armload_controller.cycle.monitors import CycleSummary
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.session.flange_check import loaded_doubts, unloaded_doubts
+from armload_controller.session.robot_recorder import robot_recorder
 from armload_controller.session.run_session import (
     WHOLE,
     Course,
@@ -50,7 +48,7 @@ from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.payload import PayloadResult
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phase_advance import even_advance
-from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
+from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
 
 ROLES = ("identification", "validation")
 """Excitations of a commissioning: the payload is identified from the first and validated on the second."""
@@ -139,9 +137,6 @@ def _record(session: RunSession, arm: ArmInUse, role: str, path: CheckedPath, pl
     robot, directory = session.robot, plan.directory
     weighed = {"mass_kg": plan.mass_kg} if session.load is SessionLoad.LOADED and plan.mass_kg is not None else {}
     run = {
-        "armload_version": version("armload"),
-        "robot": robot.name,
-        "joints": list(robot.joint_names),
         "load": session.load,
         "role": role,
         "simulated": session.simulated,
@@ -151,19 +146,14 @@ def _record(session: RunSession, arm: ArmInUse, role: str, path: CheckedPath, pl
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         **weighed,
     }
-    attachments = {
-        CONFIGURATION_ATTACHMENT: robot.text,
-        EXCITATION_ATTACHMENT: format_excitation(path.excitation),
-        RUN_ATTACHMENT: json.dumps(run),
-    }
-    name, frames = f"{session.load}: {role}", ArmFrames(robot.chain, robot.joint_names)
+    name, attached = f"{session.load}: {role}", {EXCITATION_ATTACHMENT: format_excitation(path.excitation)}
     unloaded = recording_path(directory, SessionLoad.UNLOADED, role)
     look: Callable[[SlowRoundRows], list[str]] = partial(unloaded_doubts, robot, arm)
     if session.load is SessionLoad.LOADED:  # which may be recorded first
         look = partial(loaded_doubts, robot, arm, unloaded) if unloaded.is_file() else WHOLE.look
     lateness = Lateness(path.cycle_s, None if robot.bus.in_virtual_time else time.monotonic)
     file = recording_path(directory, session.load, role)
-    with Recorder(file, attachments, frames=frames, lateness=lateness) as recorder:
+    with robot_recorder(robot, file, run, lateness, **attached) as recorder:
         asking = plan.until is not None and session.load is SessionLoad.LOADED and role == ROLES[0]
         more = partial(_more_periods, session, name, path, plan, recorder) if asking else WHOLE.more
         summary = session.run(path, name, recorder=recorder, course=Course(look, plan.slow_only, more))
