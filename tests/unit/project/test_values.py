@@ -5,7 +5,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
 STATES = {
-    "Dictionary", "DraftedFile", "FleetTally", "GroupState", "PluginTiming", "ReadingAccount", "Screen", "_EvenStretch",
+    "CycleSummary", "Dictionary", "DraftedFile", "FleetTally", "GroupState", "PluginTiming", "ReadingAccount", "Screen",
+    "_EvenStretch",
 }  # fmt: skip
 """Those that are filled or counted up while something runs; the screen gets a keyboard when an arm moves."""
 MESSAGES = ROOT / "drivers" / "armload_drivers" / "feeds" / "ros2_messages.py"
