@@ -1,12 +1,27 @@
 """The table of a drive's safety properties, without a bus."""
 
 import re
+from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace as replace_struct
 
+from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import VendorSetting
-from armload_drivers.cia402.drive_safety import Safety, acceptance, has_a_way, property_of
+from armload_drivers.cia402.drive_safety import (
+    Safety,
+    SafetyFinding,
+    SafetyValues,
+    Setting,
+    acceptance,
+    has_a_way,
+    master_watch,
+    property_of,
+    settings_of,
+)
 from armload_drivers.cia402.object_dictionary import DataType, Entry
+from armload_drivers.cia402.process_data.drive_scale import RATING_TOLERANCE
+from armload_drivers.cia402.process_data.drive_units import ArmUnits
 
 
 def test_every_property_says_what_is_lost_without_it_and_how_each_way_is_verified():
@@ -69,3 +84,61 @@ def test_ways_that_the_configuration_opens(arm_settings):
 def test_advice_keeps_what_was_accepted_before(arm_settings):
     drive = arm_settings(accept_missing=frozenset({"quick_stop"})).drives[0]
     assert acceptance((Safety.MASTER_LOST,), drive) == 'accept_missing = ["master_lost", "quick_stop"]'
+
+
+@pytest.mark.parametrize(
+    ("configured", "reported", "reason"),
+    [
+        (5.0, None, "6075 reports no rated current"),
+        (5.0, 0.0, "6075 reports no rated current"),
+        (None, 5.0, ""),
+        (5.0, 5.0 * (1.0 + 0.99 * RATING_TOLERANCE), ""),
+        (5.0, 5.5, "6075 reports 5.5 A, the configuration 5 A"),
+    ],
+)
+def test_a_torque_limit_in_the_drive_needs_its_rated_current(arm_settings, configured, reported, reason):
+    (way,) = [way for way in Safety.TORQUE_LIMIT.ways if 0x6073 in {setting.entry.index for setting in way.settings}]
+    drive = replace(arm_settings().drives[0], rated_current_a=configured)
+    assert way.condition(drive, reported) == reason
+
+
+def test_required_values_follow_from_drive_and_arm(arm_settings):
+    arm = replace(arm_settings(), cycle_s=0.01, heartbeat_s=0.1, max_missing_cycles=3)
+    units = ArmUnits(arm)
+
+    def values(place, settings=arm):
+        return SafetyValues(settings.drives[place], settings, units, None)
+
+    assert values(0).setpoint_timeout_ms == 100
+    assert values(0, replace(arm, heartbeat_s=0.01)).setpoint_timeout_ms == 40
+    assert master_watch(arm) == arm.master_node_id << 16 | 250
+    for place, drive in enumerate(arm.drives):
+        per_rad = abs(units.axes[place].counts_per_rad)
+        assert values(place).following_error_counts == round(drive.following_error_rad * per_rad)
+        assert values(place).position_limits_counts == units.position_limits_counts(place)
+    limit = Setting(od.MAX_TORQUE, lambda given: given.drive.max_torque_permille)
+    assert limit.wanted(values(0)) == arm.drives[0].max_torque_permille
+    assert Setting(od.MAX_TORQUE, 7).wanted(values(0)) == 7
+
+
+def test_a_finding_tells_its_way_or_each_obstacle_once(arm_settings):
+    way = Safety.QUICK_STOP.ways[0]
+    assert SafetyFinding(Safety.QUICK_STOP, way, False, ()).found == way.text
+    obstacles = (("605A = 6", "is not there"), ("605A = 2", "is not there"), ("other", "reads back 3"))
+    missing = SafetyFinding(Safety.QUICK_STOP, None, False, obstacles)
+    assert missing.found == "is not there; reads back 3"
+    assert missing.refused
+    assert not replace_struct(missing, accepted=True).refused
+    assert not SafetyFinding(Safety.QUICK_STOP, way, False, ()).refused
+
+
+def test_the_settings_of_a_vendors_way_are_those_of_its_property(arm_settings):
+    entries = [Entry(0x3001, number, "vendor's setting", DataType.U32) for number in (1, 2)]
+    given = tuple(
+        VendorSetting(entry, 5, of) for entry, of in zip(entries, ("torque_limit", "quick_stop"), strict=True)
+    )
+    drive = arm_settings(vendor_settings=given).drives[0]
+    (vendor,) = [way for way in Safety.TORQUE_LIMIT.ways if way.by_vendor]
+    assert settings_of(vendor, Safety.TORQUE_LIMIT, drive) == (Setting(entries[0], 5),)
+    own = Safety.QUICK_STOP.ways[0]
+    assert settings_of(own, Safety.QUICK_STOP, drive) == own.settings

@@ -29,7 +29,7 @@ def compared(make_subject):
         judged = known_payload(payload)
         agreement = compare_known(judged, known_payload(cad), Tolerance())
         corrected = (judged, "arm.calibration.toml") if with_calibration else None
-        return PayloadComparison(compare_with_cad(payload, cad), agreement, corrected, "1.2.3")
+        return PayloadComparison(compare_with_cad(payload, cad), agreement, corrected)
 
     return compared
 
