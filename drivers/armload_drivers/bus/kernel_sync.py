@@ -31,7 +31,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.bus.sync_sources import Clock, SyncTick, sync_data
+from armload_drivers.bus.sync_sources import Clock, SyncSource, SyncTick, sync_data
 from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
 from armload_drivers.cia402.timeouts import FEEDBACK_SHARE
 from armload_drivers.driver_errors import BusError, ForeignMaster
@@ -134,7 +134,7 @@ class BroadcastManager:
         )
 
 
-class BcmSync:
+class BcmSync(SyncSource):
     """SYNC from the kernel, with a credit renewed by the cycle.
 
     Args:
@@ -151,13 +151,9 @@ class BcmSync:
         clock: Clock = time.monotonic,
         stamp_clock: Clock = time.time,
     ) -> None:
-        self._producer = producer
-        self._clock, self._stamp_clock = clock, stamp_clock
+        super().__init__(clock)
+        self._producer, self._stamp_clock = producer, stamp_clock
         self._forget(0.0, 0)
-
-    def now_s(self) -> float:
-        """Time on the monotonic clock."""
-        return self._clock()
 
     def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
         """Subscribe to SYNC; the first `next` starts it."""

@@ -13,9 +13,10 @@ the caller hangs, is stopped or dies.
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from itertools import cycle
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import can
 
@@ -40,18 +41,26 @@ class SyncTick(NamedTuple):
     skipped: int
 
 
-class SyncSource(Protocol):
+class SyncSource(ABC):
     """A source of SYNC.
+
+    Args:
+        clock: Monotonic clock, on which SYNCs are stamped.
 
     Attributes:
         heard: Whether its own SYNCs are received back; if not, any SYNC received is from another node.
     """
 
-    heard: bool
+    heard = False
+
+    def __init__(self, clock: Clock = time.monotonic) -> None:
+        self._clock = clock
 
     def now_s(self) -> float:
         """Time in s on the clock of the SYNC stamps."""
+        return self._clock()
 
+    @abstractmethod
     def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
         """Start counting periods: the first SYNC is due one period from now.
 
@@ -60,6 +69,7 @@ class SyncSource(Protocol):
             counter: Overflow value of the SYNC counter (1019); 0 sends SYNC without one.
         """
 
+    @abstractmethod
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
         """Wait for, and if necessary send, the next SYNC.
 
@@ -67,6 +77,7 @@ class SyncSource(Protocol):
             on_sync: Called after all frames of earlier SYNCs and before any frame of this one.
         """
 
+    @abstractmethod
     def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
         """Pump the bus until the feedback of the last SYNC is complete, or the time for it is over.
 
@@ -75,7 +86,7 @@ class SyncSource(Protocol):
             DriverError: no node is left that could answer.
         """
 
-    def end(self, link: BusLink) -> None:
+    def end(self, link: BusLink) -> None:  # noqa: B027 - SYNC that this process sends ends with the calls of `next`
         """Stop SYNC until the next `begin`. Idempotent."""
 
 
@@ -90,22 +101,8 @@ def sync_messages(counter: int = 0) -> Iterator[can.Message]:
     return cycle([can.Message(arbitration_id=SYNC_DEFAULT_COB_ID, data=data, is_extended_id=False) for data in each])
 
 
-class TimerSync:
-    """SYNC at absolute deadlines, sent by the calling thread.
-
-    Args:
-        clock: Monotonic clock.
-    """
-
-    heard = False
-
-    def __init__(self, clock: Clock = time.monotonic) -> None:
-        self._clock = clock
-        self._messages = sync_messages()
-
-    def now_s(self) -> float:
-        """Time on the monotonic clock."""
-        return self._clock()
+class TimerSync(SyncSource):
+    """SYNC at absolute deadlines, sent by the calling thread."""
 
     def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
         """Set the first deadline."""
@@ -125,6 +122,3 @@ class TimerSync:
     def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
         """Wait for a share of the cycle."""
         link.pump_until(complete, FEEDBACK_SHARE * self._cycle_s)
-
-    def end(self, link: BusLink) -> None:
-        """Nothing to stop."""

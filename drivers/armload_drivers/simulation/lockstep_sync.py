@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.bus.sync_sources import SyncTick, sync_messages
+from armload_drivers.bus.sync_sources import SyncSource, SyncTick, sync_messages
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
 
-class LockstepSync:
+class LockstepSync(SyncSource):
     """Sends SYNC immediately, after advancing time by one period.
 
     When SYNC has been sent, the drives have already acted (`lockstep_bus`): feedback not received by then is missing.
@@ -18,16 +18,9 @@ class LockstepSync:
         clock: The clock, shared with the simulated drives.
     """
 
-    heard = False
-
     def __init__(self, clock: VirtualClock) -> None:
-        self._clock = clock
-        self._cycle_s = 0.0
-        self._messages = sync_messages()
-
-    def now_s(self) -> float:
-        """Virtual time."""
-        return self._clock()
+        super().__init__(clock)
+        self._virtual = clock
 
     def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
         """Set the period."""
@@ -37,7 +30,7 @@ class LockstepSync:
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
         """Advance time by one period and send SYNC."""
         link.drain()
-        self._clock.advance(self._cycle_s)
+        self._virtual.advance(self._cycle_s)
         on_sync()
         link.send(next(self._messages))
         return SyncTick(self._clock(), 0)
@@ -50,7 +43,4 @@ class LockstepSync:
         """
         link.drain()
         if not complete():
-            self._clock.require_follower()
-
-    def end(self, link: BusLink) -> None:
-        """Nothing to stop."""
+            self._virtual.require_follower()
