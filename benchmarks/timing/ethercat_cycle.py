@@ -97,7 +97,7 @@ def over_ethercat() -> np.ndarray:
     with tempfile.TemporaryDirectory() as folder:
         arm = load_robot(str(write_robot(Path(folder), max_missing_cycles=PATIENCE))).drives.settings
     with (
-        EthercatLine(os.environ["WITH_ETHERCAT"]) as line,
+        closing(EthercatLine(os.environ["WITH_ETHERCAT"])) as line,
         closing(EthercatServos(arm, line, DeadlineClock())) as servos,
     ):
         return _spent_us(servos)

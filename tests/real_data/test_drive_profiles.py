@@ -10,7 +10,6 @@ from armload_controller.config.drive_profiles import read_profile, shipped_profi
 from armload_controller.config.tables.drive_tables import OF_THE_JOINT, DriveTable
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import ArmSettings
-from armload_drivers.cia402.process_data.process_image import temperature_entry
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from tests.ideal_plant import IdealPlant
 
@@ -45,7 +44,7 @@ def test_a_profile_brings_its_makers_drive_into_motion(virtual_arm, shared_data,
     table = msgspec.convert({**ARM, **profile.drive.given(), **own}, DriveTable)
     stated = dict(zip(OF_THE_JOINT, ("joint_1", -3.0, 3.0, 2.0, 5.0, None), strict=True))
     drive = table.settings(stated, None)
-    found = described.find(temperature_entry(drive))
+    found = described.find(drive.temperature.entry("temperature"))
     assert found is not None
     assert found.type is drive.temperature.type
     arm = virtual_arm(

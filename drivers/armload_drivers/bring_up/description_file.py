@@ -16,14 +16,10 @@ def read_description(path: Path) -> DeviceDescription:
         DescriptionError: the file cannot be read, or is not a description of a CiA 402 drive.
     """
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):  # opening a pipe waits for a writer, and a device may be endless
+        if not stat.S_ISREG(path.stat().st_mode):  # opening a pipe waits for a writer, and a device may be endless
             raise DescriptionError(path.name, "", "", "not a regular file; give an EDS or DCF file")
-        if status.st_size > LARGEST_BYTES:
-            raise DescriptionError(
-                path.name, "", "", f"larger than {LARGEST_BYTES} bytes; this is not an EDS or DCF file"
-            )
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(LARGEST_BYTES + 1)  # the parser refuses a larger file
     except OSError as error:
         raise DescriptionError(path.name, "", "", f"cannot be read: {error.strerror}") from error
     return parse_description(data, path.name)

@@ -16,7 +16,7 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
 from armload_drivers.cia402.emergency import describe
 from armload_drivers.cia402.object_dictionary import Entry
-from armload_drivers.cia402.process_data.process_image import setpoint_entries, temperature_entry
+from armload_drivers.cia402.process_data.process_image import setpoint_entries
 from armload_drivers.cia402.state_machine import POWERED, MasterMachine, State, decode
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import SdoRefused, ServoFault, StatuswordError, TransitionError
@@ -68,11 +68,11 @@ class DriveDialogue:
 
     def read_temperature_celsius(self) -> float | None:
         """The configured temperature; None if none is configured or the drive does not have the object."""
-        entry, configured = temperature_entry(self.settings), self.settings.temperature
-        if entry is None or configured is None:
+        configured = self.settings.temperature
+        if configured is None:
             return None
         self._sdo.step = "reading the temperature"
-        value = self._sdo.read_real_if_there(entry)
+        value = self._sdo.read_real_if_there(configured.entry("temperature"))
         return None if value is None else value * configured.per_unit
 
     def read_position(self) -> int:

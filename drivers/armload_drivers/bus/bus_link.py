@@ -125,10 +125,7 @@ class BusLink:
         Raises:
             BusError: the bus failed or is off.
         """
-        try:
-            message = self._backlog.popleft() if self._backlog else self._bus.recv(timeout_s)
-        except (can.CanError, OSError) as error:
-            raise self._deaf(error) from error
+        message = self._backlog.popleft() if self._backlog else self._receive(timeout_s)
         if message is None:
             return False
         if message.is_error_frame:
@@ -174,11 +171,7 @@ class BusLink:
         try:
             return self._bus.recv(timeout_s)
         except (can.CanError, OSError) as error:
-            raise self._deaf(error) from error
-
-    def _deaf(self, error: Exception) -> BusError:
-        """The error for a bus that nothing can be read from."""
-        return BusError(f"receiving failed: {error}. Is the interface up and its adapter connected?")
+            raise BusError(f"receiving failed: {error}. Is the interface up and its adapter connected?") from error
 
     def _error_frame(self, message: can.Message) -> None:
         """Record an error of the controller; bus-off raises."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 
 from armload_core.arrays import FloatArray
-from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
+from armload_drivers.cia402.object_dictionary import Access, DataType, Entry, Mappable, PdoDirection
 
 if TYPE_CHECKING:
     from armload_drivers.cia402.eds_parser import DeviceDescription
@@ -61,6 +61,10 @@ class VendorObject(Struct, frozen=True):
     subindex: int
     type: DataType
     per_unit: float
+
+    def entry(self, name: str, mappable: Mappable = Mappable.NO) -> Entry:
+        """The object, with a name for messages."""
+        return Entry(self.index, self.subindex, f"vendor's {name}", self.type, Access.RO, mappable)
 
 
 class VendorSetting(Struct, frozen=True):

@@ -19,7 +19,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from enum import IntEnum
 from threading import Lock
 from typing import Any
@@ -130,14 +130,6 @@ class EthercatLine:
         except ConnectionError as error:
             raise BusError(f"interface {interface} cannot be opened: {error}") from error
         self.worker.submit(lambda: None).result()  # started now: a thread inherits the priority of its starter
-
-    def __enter__(self) -> EthercatLine:
-        """Nothing is sent."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Leave the bus."""
-        self.close()
 
     def close(self) -> None:
         """Put all drives in INIT and close the interface. Idempotent."""
@@ -380,5 +372,5 @@ def open_line(interface: str) -> Iterator[EthercatLine]:
         raise BusError(rights)
     with claimed(interface):
         require_quiet(interface)
-        with EthercatLine(interface) as line:
+        with closing(EthercatLine(interface)) as line:
             yield line

@@ -14,7 +14,7 @@ import socket
 import struct
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from armload_drivers.driver_errors import BusError, ForeignMaster
@@ -211,16 +211,13 @@ def require_quiet(interface: str) -> None:
         ForeignMaster: another master's frames are received.
         BusError: a drive is in OP, or none answers.
     """
-    monitor = FrameMonitor(interface)
-    try:
+    with closing(FrameMonitor(interface)) as monitor:
         if monitor.hears(LISTEN_S):
             raise ForeignMaster(
                 f"another master sends EtherCAT frames on {interface}. Two masters cannot share an arm: stop the other "
                 "program"
             )
         count, states = monitor.drives_and_states()
-    finally:
-        monitor.close()
     if not count:
         raise BusError(f"no EtherCAT drive answers on {interface}: is the first drive powered and connected?")
     if states & _OP:

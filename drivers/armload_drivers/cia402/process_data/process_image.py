@@ -23,7 +23,7 @@ from msgspec import Struct
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback, FixedPdo, OperationMode
-from armload_drivers.cia402.object_dictionary import Access, Entry, Mappable, PdoDirection
+from armload_drivers.cia402.object_dictionary import Entry, Mappable, PdoDirection
 from armload_drivers.cia402.process_data.frame_part import FramePart, frame_part
 
 MAX_PDO_BITS = 64
@@ -124,19 +124,10 @@ def offset_entry(drive: DriveSettings) -> Entry:
 
 def effort_entry(drive: DriveSettings) -> Entry:
     """Object that reports the motor's effort."""
-    vendor = drive.vendor_effort
-    if vendor is not None:
-        return Entry(vendor.index, vendor.subindex, "vendor's effort", vendor.type, Access.RO, Mappable.TPDO)
+    if drive.vendor_effort is not None:
+        return drive.vendor_effort.entry("effort", Mappable.TPDO)
     of_16, of_32 = _EFFORT[drive.feedback]
     return of_16 if drive.effort_bits == of_16.type.bits else of_32
-
-
-def temperature_entry(drive: DriveSettings) -> Entry | None:
-    """Configured object for a temperature, if any; it is not mapped to a PDO."""
-    configured = drive.temperature
-    if configured is None:
-        return None
-    return Entry(configured.index, configured.subindex, "vendor's temperature", configured.type, Access.RO)
 
 
 def _layout(direction: PdoDirection, number: int, node_id: int, entries: list[Entry]) -> PdoLayout:

@@ -11,7 +11,7 @@ from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, DriveSettin
 from armload_drivers.cia402.eds_parser import DeviceDescription
 from armload_drivers.cia402.object_dictionary import Access, DataType, Entry
 from armload_drivers.cia402.process_data.drive_units import AxisUnits, milliseconds
-from armload_drivers.cia402.process_data.process_image import effort_entry, offset_entry, temperature_entry
+from armload_drivers.cia402.process_data.process_image import effort_entry, offset_entry
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.simulation.drives.sdo_server import Dictionary
 
@@ -167,9 +167,8 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
     effort = effort_entry(settings)
     if effort.key not in dictionary.entries:
         dictionary.add(effort, 0)
-    temperature = temperature_entry(settings)
-    if temperature is not None and settings.temperature is not None:
-        dictionary.add(temperature, round(CELSIUS / settings.temperature.per_unit))
+    if settings.temperature is not None:
+        dictionary.add(settings.temperature.entry("temperature"), round(CELSIUS / settings.temperature.per_unit))
     if not settings.torque_offset:
         dictionary.remove([od.TORQUE_OFFSET.index])
     if settings.rated_current_a is None:

@@ -15,7 +15,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from queue import SimpleQueue
-from types import TracebackType
 from typing import Self
 
 import can
@@ -79,13 +78,12 @@ class SimulatedDrives:
         self._wire = _lockstep(bus)
         self._now_s = self._wall_s = clock()
         self._messages: dict[int, can.Message] = {}
-        self._setpoint_routes: dict[int, list[tuple[SimulatedDrive, Pdo]]] = {}
+        self._setpoint_routes: dict[int, list[tuple[SimulatedDrive, Pdo]]] | None = None
         self._calls: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._started = False
         self._failure: Exception | None = None
-        self._routes_valid = False
         chosen = {} if traits is None else traits
         self._drives = {
             drive.node_id: SimulatedDrive(
@@ -170,12 +168,7 @@ class SimulatedDrives:
         self.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def fail(self, node_id: int, code: int, *, persistent: bool = False) -> None:
@@ -271,11 +264,10 @@ class SimulatedDrives:
         if cob_id == od.SYNC_DEFAULT_COB_ID:
             self._sync(len(data), message.timestamp, bus)
             return
-        if not self._routes_valid:
-            self._build_routes()
-        routes = self._setpoint_routes.get(cob_id)
-        if routes is not None:
-            for drive, pdo in routes:
+        if self._setpoint_routes is None:
+            self._setpoint_routes = self._built_routes()
+        if cob_id in self._setpoint_routes:
+            for drive, pdo in self._setpoint_routes[cob_id]:
                 drive.setpoints(pdo, data, self._now_s)
         elif cob_id == od.NMT_COB_ID:
             self._command(data, bus)
@@ -336,16 +328,16 @@ class SimulatedDrives:
 
     def _invalidate_routes(self) -> None:
         """Rebuild the routes before the next frame: COB-IDs may have changed."""
-        self._routes_valid = False
+        self._setpoint_routes = None
 
-    def _build_routes(self) -> None:
-        """Map every COB-ID to the RPDOs that receive it."""
-        self._setpoint_routes = {}
+    def _built_routes(self) -> dict[int, list[tuple[SimulatedDrive, Pdo]]]:
+        """The RPDOs that receive each COB-ID."""
+        routes: dict[int, list[tuple[SimulatedDrive, Pdo]]] = {}
         for drive in self._drives.values():
             for pdo in drive.rpdos:
                 if pdo.cob_id is not None:
-                    self._setpoint_routes.setdefault(pdo.cob_id, []).append((drive, pdo))
-        self._routes_valid = True
+                    routes.setdefault(pdo.cob_id, []).append((drive, pdo))
+        return routes
 
     def _send(self, cob_id: int, data: bytes) -> None:
         """Send a frame; if that fails, the frame is lost, as on a real drive."""

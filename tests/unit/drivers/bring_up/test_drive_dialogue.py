@@ -7,7 +7,6 @@ import pytest
 from armload_drivers.bring_up.drive_dialogue import DriveDialogue
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import OperationMode, VendorObject
-from armload_drivers.cia402.process_data.process_image import temperature_entry
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import ServoError, ServoFault
@@ -86,7 +85,7 @@ def test_values_of_what_the_drive_has(talk):
 def test_a_temperature_is_in_the_configured_unit(talk):
     dialogue, sdo = talk({}, temperature=VendorObject(0x3210, 2, od.DataType.I16, 0.1))
     assert dialogue.read_temperature_celsius() is None
-    sdo.values = {temperature_entry(dialogue.settings): struct.pack("<h", -55)}
+    sdo.values = {dialogue.settings.temperature.entry("temperature"): struct.pack("<h", -55)}
     assert dialogue.read_temperature_celsius() == pytest.approx(-5.5)
     assert talk({})[0].read_temperature_celsius() is None
 

@@ -1,5 +1,6 @@
 """Mailbox requests, with a library that compares answers as SOEM does."""
 
+from contextlib import closing
 from types import SimpleNamespace
 
 import pytest
@@ -53,7 +54,7 @@ def line(drive, monkeypatch):
     )  # fmt: skip
     monkeypatch.setattr(ethercat_line, "soem", lambda: library)
     monkeypatch.setattr(EthercatLine, "request", lambda self, state, place=None: None)
-    with EthercatLine("eth1") as line:
+    with closing(EthercatLine("eth1")) as line:
         line.find()
         yield line
 

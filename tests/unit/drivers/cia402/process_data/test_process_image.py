@@ -15,7 +15,7 @@ from armload_drivers.cia402.arm_settings import (
     VendorObject,
 )
 from armload_drivers.cia402.object_dictionary import DataType, PdoDirection
-from armload_drivers.cia402.process_data.process_image import drive_image, effort_entry, target_entry, temperature_entry
+from armload_drivers.cia402.process_data.process_image import drive_image, effort_entry, target_entry
 
 pytestmark = pytest.mark.pure
 
@@ -168,8 +168,7 @@ def test_a_setpoint_of_another_mode_or_an_offset_is_sent_as_0(word):
 
 
 def test_a_temperature_is_read_by_sdo_and_no_pdo_carries_it():
-    assert temperature_entry(DRIVE) is None
     drive = replace(DRIVE, temperature=VendorObject(0x3201, 1, DataType.I16, 0.1))
-    entry = temperature_entry(drive)
+    entry = drive.temperature.entry("temperature")
     assert (entry.index, entry.subindex, entry.type, entry.mappable) == (0x3201, 1, DataType.I16, od.Mappable.NO)
     assert drive_image(drive) == drive_image(DRIVE)
