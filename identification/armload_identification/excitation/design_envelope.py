@@ -10,17 +10,18 @@ are in `fourier` (joints), `torque_limits` (torque), `workspace` (clearances) an
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.fourier import FourierBounds, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.limit_margins import PER_JOINT, LimitMargins
 from armload_identification.excitation.torque_limits import TorqueLimits
 from armload_identification.identification_errors import ExcitationError
+from armload_identification.model.finite_array import finite_array
 
 CLEARANCE_SCALE_M = 0.2
 """A sphere this deep inside an obstacle has the same excess as a speed of twice its limit."""
@@ -29,42 +30,22 @@ _ORDERS = 4
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class ExcitationLimits:
+class ExcitationLimits(FourierBounds):
     """Limits of the motion of n joints.
-
-    Attributes:
-        position_min_rad: (n,) least position.
-        position_max_rad: (n,) greatest position.
-        velocity_max_rad_s: (n,) greatest speed.
-        acceleration_max_rad_s2: (n,) greatest acceleration.
-        jerk_max_rad_s3: (n,) greatest jerk.
 
     Raises:
         ExcitationError: shapes differ, a range is empty, or a limit is not a finite number above 0.
     """
 
-    position_min_rad: FloatArray
-    position_max_rad: FloatArray
-    velocity_max_rad_s: FloatArray
-    acceleration_max_rad_s2: FloatArray
-    jerk_max_rad_s3: FloatArray
-
     def __post_init__(self) -> None:
-        shape = np.shape(self.position_min_rad)
-        names = [field.name for field in fields(self)]
-        for name in names:
-            array = np.array(getattr(self, name), dtype=np.float64)
-            if array.shape != shape or array.ndim != 1 or not np.all(np.isfinite(array)):
-                raise ExcitationError(f"{name} is {array.tolist()}; expected {shape} finite numbers")
-            object.__setattr__(self, name, array)
-        for i in range(shape[0]):
-            low, high = self.position_min_rad[i], self.position_max_rad[i]
+        n = np.size(self.position_min_rad)
+        for name in FourierBounds.__slots__:
+            above = None if name.startswith("position") else 0.0
+            values = finite_array(name, getattr(self, name), (n,), above=above, error=ExcitationError)
+            object.__setattr__(self, name, values)
+        for i, (low, high) in enumerate(zip(self.position_min_rad, self.position_max_rad, strict=True)):
             if not low < high:
                 raise ExcitationError(f"joint {i + 1}: positions from {low} to {high} rad; expected min < max")
-            for name, unit in zip(names[2:], ("rad/s", "rad/s2", "rad/s3"), strict=True):
-                value = getattr(self, name)[i]
-                if not value > 0.0:
-                    raise ExcitationError(f"joint {i + 1}: {name} is {value} {unit}; expected above 0")
 
     def reduced(self, position_margin_rad: float, rate_share: float) -> ExcitationLimits:
         """Tighter limits, to leave room for the ramps and the servo.
@@ -80,7 +61,7 @@ class ExcitationLimits:
             raise ExcitationError(
                 f"margin {position_margin_rad} rad, share {rate_share}; expected at least 0, and above 0 up to 1"
             )
-        low, high, *rates = (getattr(self, field.name) for field in fields(self))
+        low, high, *rates = (getattr(self, name) for name in FourierBounds.__slots__)
         return ExcitationLimits(
             low + position_margin_rad, high - position_margin_rad, *(rate_share * rate for rate in rates)
         )

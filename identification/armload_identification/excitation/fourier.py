@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
+from armload_identification.model.finite_array import finite_array, set_arrays
 
 if TYPE_CHECKING:
     from armload_identification.excitation.limit_margins import LimitMargins
@@ -84,28 +85,20 @@ class FourierTrajectory:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.base_frequency_hz) and self.base_frequency_hz > 0.0):
             raise ModelError(f"base_frequency_hz is {self.base_frequency_hz}; expected a number above 0")
-        for name in ("offset_rad", "sin_rad", "cos_rad"):
-            array = np.array(getattr(self, name), dtype=np.float64)
-            if not np.all(np.isfinite(array)):
-                raise ModelError(f"{name} contains a number that is not finite: {array.tolist()}")
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
-        shape = self.sin_rad.shape
-        fits = len(shape) == 2 and shape[1] > 0 and self.cos_rad.shape == shape
-        if not fits or self.offset_rad.shape != shape[:1]:
-            raise ModelError(
-                f"offset_rad has shape {self.offset_rad.shape}, sin_rad {shape}, cos_rad "
-                f"{self.cos_rad.shape}; expected (n,), (n, H), (n, H)"
-            )
-        omega = 2.0 * np.pi * self.base_frequency_hz * np.arange(1, self.harmonics + 1)
-        a, b = self.sin_rad, self.cos_rad
-        orders = [
-            (a, b),
-            (-omega * b, omega * a),
-            (-(omega**2) * a, -(omega**2) * b),
-            (omega**3 * b, -(omega**3) * a),
+        sine = finite_array("sin_rad", self.sin_rad, (None, None))
+        if not sine.size:
+            raise ModelError(f"sin_rad has shape {sine.shape}; expected a joint and a harmonic or more")
+        cosine = finite_array("cos_rad", self.cos_rad, sine.shape)
+        offset = finite_array("offset_rad", self.offset_rad, sine.shape[:1])
+        omega = 2.0 * np.pi * self.base_frequency_hz * np.arange(1, sine.shape[1] + 1)
+        rates = [
+            (sine, cosine),
+            (-omega * cosine, omega * sine),
+            (-(omega**2) * sine, -(omega**2) * cosine),
+            (omega**3 * cosine, -(omega**3) * sine),
         ]
-        object.__setattr__(self, "_all_orders", np.hstack([np.hstack(order).T for order in orders]))
+        orders = np.hstack([np.hstack(rate).T for rate in rates])
+        set_arrays(self, {"offset_rad": offset, "sin_rad": sine, "cos_rad": cosine, "_all_orders": orders})
 
     @property
     def n(self) -> int:

@@ -26,6 +26,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import CRITERIA, ROBUST_CRITERIA
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.model.chain import Chain
+from armload_identification.model.finite_array import finite_array
 from armload_identification.model.payload import REFERENCE_LENGTH_M, InertialParameters
 from armload_identification.model.regressor import payload_regressor
 
@@ -191,9 +192,7 @@ def named_criterion(
         raise ExcitationError(f"criterion is {name!r}; expected one of {', '.join(CRITERIA)}")
     if name == "condition-number":
         return condition_number(chain)
-    noise = np.asarray(torque_noise_nm, dtype=np.float64)
-    if noise.shape != (chain.n,) or not np.all(noise > 0.0):
-        raise ExcitationError(f"torque_noise_nm is {noise.tolist()}; expected {chain.n} numbers above 0")
+    noise = finite_array("torque_noise_nm", torque_noise_nm, (chain.n,), above=0.0, error=ExcitationError)
     payloads = tuple(payload_set) if name in ROBUST_CRITERIA else (expected_payload,)
     if not payloads:
         raise ExcitationError(f"criterion {name} needs a set of payloads; none is given")

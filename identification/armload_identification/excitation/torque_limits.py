@@ -29,9 +29,9 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.derivative_bounds import rate_bounds, torque_curvature
 from armload_identification.excitation.fourier import FourierTrajectory
-from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
+from armload_identification.model.finite_array import finite_array
 from armload_identification.model.payload import InertialParameters
 
 SURPLUS_SHARE = 0.002
@@ -65,11 +65,7 @@ class TorqueLimits:
     _mixing: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        available = np.array(self.available_nm, dtype=np.float64)
-        if available.shape != (self.chain.n,) or not np.all((available > 0.0) & (available < np.inf)):
-            raise ModelError(
-                f"torque for arm and payload is {available.tolist()} N m; expected {self.chain.n} numbers above 0"
-            )
+        available = finite_array("torque for arm and payload, in N m,", self.available_nm, (self.chain.n,), above=0.0)
         object.__setattr__(self, "available_nm", available)
         object.__setattr__(self, "_mixing", np.eye(self.chain.n) if self.coupling is None else self.coupling)
         loaded = ArmDynamics(self.chain, self.body.carrying(self.chain, self.payload))
@@ -106,10 +102,9 @@ class TorqueLimits:
         Raises:
             ModelError: a share out of range, or shapes that do not fit.
         """
-        share = np.asarray(arm_share, dtype=np.float64)
-        if share.shape != (chain.n,) or not np.all((share >= 0.0) & (share < 1.0)):
-            raise ModelError(f"the arm's share of the torque is {share.tolist()}; expected {chain.n} numbers in [0, 1)")
-        return cls(chain, ArmBody.massless(chain.n), payload, (1.0 - share) * np.asarray(torque_max_nm))
+        share = finite_array("the arm's share of the torque", arm_share, (chain.n,), least=0.0)
+        left = finite_array("one minus the arm's share of the torque", 1.0 - share, (chain.n,), above=0.0)
+        return cls(chain, ArmBody.massless(chain.n), payload, left * np.asarray(torque_max_nm))
 
     def of_axes(self, coupling: FloatArray, available_nm: FloatArray) -> TorqueLimits:
         """The same demand on the motors behind the joints.

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmDynamics
-from armload_identification.model.links_and_drives import LinksAndDrives, require_finite
+from armload_identification.model.finite_array import finite_array
+from armload_identification.model.links_and_drives import LinksAndDrives
 from armload_identification.model.regressor import PARAMETERS
 
 
@@ -61,9 +61,8 @@ class BodyModel(LinksAndDrives):
         n = self.n
         shapes = {"base": (n, PARAMETERS), "torque_delay_s": ()}
         for field in fields(self)[len(fields(LinksAndDrives)) :]:
-            require_finite(field.name, getattr(self, field.name), shapes.get(field.name, (n,)))
-        if (self.reversal_speed_rad_s <= 0.0).any():
-            raise ModelError("the body's reversal speeds must be above 0")
+            finite_array(f"{field.name} of the body", getattr(self, field.name), shapes.get(field.name, (n,)))
+        finite_array("reversal_speed_rad_s of the body", self.reversal_speed_rad_s, (n,), above=0.0)
 
     def link_torque(self, chain: Chain, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """Torque of the links, Y beta.

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
+from armload_identification.model.finite_array import finite_array, set_arrays
 
 _GIMBAL_LOCK = 1e-9
 _ROTATION_TOLERANCE = 1e-6
@@ -43,15 +44,15 @@ class Chain:
     packed: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        placement = _finite_array("placement", self.placement, (None, 4, 4))
+        placement = finite_array("placement", self.placement, (None, 4, 4))
         n = placement.shape[0]
         if n == 0:
             raise ModelError("a chain needs at least one joint; placement is empty")
         if n > kernels.MOST_JOINTS:
             raise ModelError(f"a chain of {n} joints; expected at most {kernels.MOST_JOINTS}")
-        axis = _finite_array("axis", self.axis, (n, 3))
-        flange = _finite_array("flange", self.flange, (4, 4))
-        gravity = _finite_array("gravity_m_s2", self.gravity_m_s2, (3,))
+        axis = finite_array("axis", self.axis, (n, 3))
+        flange = finite_array("flange", self.flange, (4, 4))
+        gravity = finite_array("gravity_m_s2", self.gravity_m_s2, (3,))
         _require_poses(np.concatenate([placement, flange[None]]))
         length = np.sqrt(np.sum(axis**2, axis=1))
         for i in range(n):
@@ -61,9 +62,7 @@ class Chain:
                 )
         axis /= length[:, None]
         arrays = {"placement": placement, "axis": axis, "flange": flange, "gravity_m_s2": gravity}
-        for name, array in (arrays | {"packed": _pack(placement, axis, flange, gravity)}).items():
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+        set_arrays(self, arrays | {"packed": _pack(placement, axis, flange, gravity)})
 
     @property
     def n(self) -> int:
@@ -105,7 +104,7 @@ class Chain:
         References:
             Craig, Introduction to Robotics, 3rd ed. 2005, eq. (3.6).
         """
-        table = _finite_array("rows", rows, (None, 4))
+        table = finite_array("rows", rows, (None, 4))
         placement = np.array([_rot_x(al) @ _shift(a, 0.0, d) @ _rot_z(off) for al, a, d, off in table])
         return cls(placement.reshape(-1, 4, 4), _z_axes(len(table)), np.asarray(flange), np.asarray(gravity_m_s2))
 
@@ -129,10 +128,10 @@ class Chain:
         References:
             Siciliano et al., Robotics: Modelling, Planning and Control, 2009, eq. (2.52).
         """
-        table = _finite_array("rows", rows, (None, 4))
+        table = finite_array("rows", rows, (None, 4))
         link = [_rot_z(off) @ _shift(a, 0.0, d) @ _rot_x(al) for al, a, d, off in table]
         placement = np.array([np.eye(4), *link[:-1]][: len(link)]).reshape(-1, 4, 4)
-        end = _finite_array("flange", flange, (4, 4))
+        end = finite_array("flange", flange, (4, 4))
         return cls(placement, _z_axes(len(table)), link[-1] @ end if link else end, np.asarray(gravity_m_s2))
 
     @classmethod
@@ -156,8 +155,8 @@ class Chain:
         Raises:
             ModelError: as the class.
         """
-        origin = _finite_array("xyz_m", xyz_m, (None, 3))
-        angles = _finite_array("rpy_rad", rpy_rad, (len(origin), 3))
+        origin = finite_array("xyz_m", xyz_m, (None, 3))
+        angles = finite_array("rpy_rad", rpy_rad, (len(origin), 3))
         placement = np.array([pose_from_xyz_rpy(p, a) for p, a in zip(origin, angles, strict=True)])
         return cls(placement.reshape(-1, 4, 4), np.asarray(axis), np.asarray(flange), np.asarray(gravity_m_s2))
 
@@ -186,7 +185,7 @@ class Chain:
         Raises:
             ModelError: q has another shape or is not finite.
         """
-        angle = _finite_array("q", q, (self.n,))
+        angle = finite_array("q", q, (self.n,))
         poses = np.empty((self.n + 1, 4, 4))
         pose = np.eye(4)
         for i in range(self.n):
@@ -209,8 +208,8 @@ def pose_from_xyz_rpy(xyz_m: ArrayLike, rpy_rad: ArrayLike) -> FloatArray:
     Raises:
         ModelError: another shape, or not finite.
     """
-    position = _finite_array("xyz_m", xyz_m, (3,))
-    roll, pitch, yaw = _finite_array("rpy_rad", rpy_rad, (3,))
+    position = finite_array("xyz_m", xyz_m, (3,))
+    roll, pitch, yaw = finite_array("rpy_rad", rpy_rad, (3,))
     pose = _rot_z(yaw) @ _rotation(np.array([0.0, 1.0, 0.0]), pitch) @ _rot_x(roll)
     pose[:3, 3] = position
     return pose
@@ -258,20 +257,6 @@ def _turn_z_onto(axis: FloatArray) -> FloatArray:
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """(3,) cross product; numpy's takes five times as long for a single one."""
     return a[[1, 2, 0]] * b[[2, 0, 1]] - a[[2, 0, 1]] * b[[1, 2, 0]]
-
-
-def _finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
-    """A finite float copy of the given shape, None matching any length."""
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"{name} is not an array of numbers: {error}") from error
-    wanted = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ")"
-    if array.ndim != len(shape) or any(s is not None and s != a for s, a in zip(shape, array.shape, strict=True)):
-        raise ModelError(f"{name} has shape {array.shape}; expected {wanted}")
-    if not np.all(np.isfinite(array)):
-        raise ModelError(f"{name} contains a number that is not finite: {array.tolist()}")
-    return array
 
 
 def _require_poses(poses: FloatArray) -> None:

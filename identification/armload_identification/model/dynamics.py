@@ -16,6 +16,7 @@ from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
+from armload_identification.model.finite_array import finite_array
 from armload_identification.model.links_and_drives import DRIVE_FIELDS, LinksAndDrives
 from armload_identification.model.payload import InertialParameters
 
@@ -37,9 +38,7 @@ class ArmBody(LinksAndDrives):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in DRIVE_FIELDS:
-            values = getattr(self, name)
-            if np.any(values < 0.0):
-                raise ModelError(f"{name} is {values.tolist()}; expected {self.n} numbers, none below 0")
+            finite_array(f"{name} of the body", getattr(self, name), (self.n,), least=0.0)
 
     @classmethod
     def massless(cls, n: int) -> ArmBody:

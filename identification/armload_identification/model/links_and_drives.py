@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
+from armload_identification.model.finite_array import finite_array, set_arrays
 from armload_identification.model.regressor import PARAMETERS
 
 DRIVE_FIELDS: Final = ("rotor_inertia_kg_m2", "viscous_nm_s_rad", "coulomb_nm")
@@ -43,36 +43,17 @@ class LinksAndDrives:
     rotor_mass_kg_m2: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        links = np.array(self.links, dtype=np.float64)
-        if links.ndim != 2 or links.shape[1] != PARAMETERS or not np.all(np.isfinite(links)):
-            raise ModelError(f"links are {links.tolist()}; expected ten finite numbers per joint")
-        object.__setattr__(self, "links", links)
-        for name in DRIVE_FIELDS:
-            values = np.array(getattr(self, name), dtype=np.float64)
-            require_finite(name, values, links.shape[:1])
-            object.__setattr__(self, name, values)
-        coupling = np.array(self.coupling, dtype=np.float64)
-        require_finite("coupling", coupling, (self.n, self.n))
-        if np.linalg.matrix_rank(coupling) < self.n:
+        links = finite_array("links of the body", self.links, (None, PARAMETERS))
+        n = len(links)
+        drives = {name: finite_array(f"{name} of the body", getattr(self, name), (n,)) for name in DRIVE_FIELDS}
+        coupling = finite_array("coupling of the body", self.coupling, (n, n))
+        if np.linalg.matrix_rank(coupling) < n:
             raise ModelError(f"the body's coupling {coupling.tolist()} has no inverse; expected q_joint = C q_axis")
-        object.__setattr__(self, "coupling", coupling)
         to_axis = np.linalg.inv(coupling)
-        object.__setattr__(self, "rotor_mass_kg_m2", to_axis.T * self.rotor_inertia_kg_m2 @ to_axis)
+        rotors = to_axis.T * drives["rotor_inertia_kg_m2"] @ to_axis
+        set_arrays(self, {"links": links, **drives, "coupling": coupling, "rotor_mass_kg_m2": rotors})
 
     @property
     def n(self) -> int:
         """Number of joints."""
         return int(self.links.shape[0])
-
-
-def require_finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> None:
-    """Raise unless a field has the expected shape and finite values.
-
-    Raises:
-        ModelError: naming the field, its shape or its numbers, and what was expected.
-    """
-    array = np.asarray(value)
-    if array.shape != shape:
-        raise ModelError(f"{name} of the body has shape {array.shape}; expected {shape}")
-    if not np.isfinite(array).all():
-        raise ModelError(f"{name} of the body contains a number that is not finite: {array.tolist()}")

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
+from armload_identification.model.finite_array import finite_array, set_arrays
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.numerals import decimals_for
 from armload_identification.result_table import PrintedResult, ResultTable
@@ -62,11 +63,7 @@ class InertialParameters:
     theta: FloatArray
 
     def __post_init__(self) -> None:
-        theta = np.array(self.theta, dtype=np.float64)
-        if theta.shape != (10,) or not np.all(np.isfinite(theta)):
-            raise ModelError(f"theta is {theta.tolist()}; expected ten finite numbers")
-        theta.flags.writeable = False
-        object.__setattr__(self, "theta", theta)
+        set_arrays(self, {"theta": finite_array("theta", self.theta, (10,))})
 
     @classmethod
     def from_center_of_mass(
@@ -84,13 +81,9 @@ class InertialParameters:
         Raises:
             ModelError: another shape, or a tensor that is not symmetric.
         """
-        center = np.asarray(center_of_mass_m, dtype=np.float64)
-        inertia = np.asarray(inertia_kg_m2, dtype=np.float64)
-        if center.shape != (3,) or inertia.shape != (3, 3):
-            raise ModelError(
-                f"centre of mass has shape {center.shape}, inertia {inertia.shape}; expected (3,) and (3, 3)"
-            )
-        if not np.abs(inertia - inertia.T).max() <= 1e-9 * np.abs(inertia).max():  # also True for nan
+        center = finite_array("centre of mass", center_of_mass_m, (3,))
+        inertia = finite_array("inertia", inertia_kg_m2, (3, 3))
+        if np.abs(inertia - inertia.T).max() > 1e-9 * np.abs(inertia).max():
             raise ModelError(f"inertia {inertia.tolist()} is not symmetric")
         about_origin = inertia + mass_kg * (center @ center * np.eye(3) - np.outer(center, center))
         return cls(np.concatenate([[mass_kg], mass_kg * center, tensor_elements(about_origin)]))
@@ -105,9 +98,7 @@ class InertialParameters:
         Raises:
             ModelError: another shape.
         """
-        matrix = np.asarray(pseudo_inertia, dtype=np.float64)
-        if matrix.shape != (4, 4):
-            raise ModelError(f"pseudo-inertia has shape {matrix.shape}; expected (4, 4)")
+        matrix = finite_array("pseudo-inertia", pseudo_inertia, (4, 4))
         sigma = matrix[:3, :3]
         inertia = np.trace(sigma) * np.eye(3) - sigma
         return cls(np.concatenate([[matrix[3, 3]], matrix[:3, 3], tensor_elements(inertia)]))
@@ -184,9 +175,7 @@ class InertialParameters:
         Raises:
             ModelError: another shape.
         """
-        matrix = np.asarray(pose, dtype=np.float64)
-        if matrix.shape != (4, 4):
-            raise ModelError(f"pose has shape {matrix.shape}; expected (4, 4)")
+        matrix = finite_array("pose", pose, (4, 4))
         return InertialParameters.from_pseudo_inertia(matrix @ self.pseudo_inertia @ matrix.T)
 
 
@@ -304,14 +293,9 @@ def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:
     slope[1:4, 0] = -first / mass**2
     slope[1:4, 1:4] = np.eye(3) / mass
     slope[4:, 4:] = np.eye(6)
-    steiner = np.zeros((6, 3))
-    for row in range(3):
-        for other in range(3):
-            if other != row:
-                steiner[row, other] = -2.0 * first[other]
-    for row, (one, two) in enumerate(((0, 1), (0, 2), (1, 2)), start=3):
-        steiner[row, one] = first[two]
-        steiner[row, two] = first[one]
+    # By each element of s: of s s^T - (s^T s) 1.
+    by_each = [np.outer(e, first) + np.outer(first, e) - 2.0 * (e @ first) * np.eye(3) for e in np.eye(3)]
+    steiner = np.column_stack([tensor_elements(part) for part in by_each])
     slope[4:, 1:4] = steiner / mass
     # Euler's theorem: the Steiner part is of degree two in s, so its value is half of s times its gradient.
     slope[4:, 0] = -0.5 * steiner @ first / mass**2

@@ -17,6 +17,7 @@ from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
+from armload_identification.model.finite_array import finite_array
 
 PARAMETERS = kernels.BODY_PARAMETERS
 """Length of theta."""
@@ -34,10 +35,7 @@ def feedforward_model(chain: Chain, theta: ArrayLike) -> FloatArray:
     Raises:
         ModelError: theta is not ten finite numbers.
     """
-    parameters = np.asarray(theta, dtype=np.float64)
-    if parameters.shape != (PARAMETERS,) or not np.all(np.isfinite(parameters)):
-        raise ModelError(f"theta is {parameters.tolist()}; expected ten finite numbers")
-    return np.concatenate([chain.packed, parameters])
+    return np.concatenate([chain.packed, finite_array("theta", theta, (PARAMETERS,))])
 
 
 def payload_torque(chain: Chain, theta: ArrayLike, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:

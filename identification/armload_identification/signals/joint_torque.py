@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError, RecordingError
+from armload_identification.model.finite_array import finite_array, set_arrays
 from armload_identification.signals.signal_constants import NominalGain, ReportedTorque
 
 if TYPE_CHECKING:
@@ -49,51 +50,31 @@ class Transmission:
     _from_current: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        gain, coupling, torque_gain, deviation, covariance = (
-            np.array(part, dtype=np.float64)
-            for part in (self.gain_nm_a, self.coupling, self.torque_gain, self.deviation, self.covariance)
-        )
-        if gain.ndim != 1 or coupling.shape != (gain.size, gain.size):
-            raise ModelError(
-                f"gains have shape {gain.shape} and the coupling {coupling.shape}; expected (n,) and (n, n)"
-            )
-        if not (np.isfinite(gain).all() and (gain > 0.0).all()):
-            raise ModelError(f"gains are {gain.tolist()} N m/A; expected numbers above 0")
-        if not np.isfinite(coupling).all() or np.linalg.matrix_rank(coupling) < gain.size:
+        n = np.size(self.gain_nm_a)
+        gain = finite_array("gain_nm_a", self.gain_nm_a, (n,), above=0.0)
+        coupling = finite_array("coupling", self.coupling, (n, n))
+        if np.linalg.matrix_rank(coupling) < n:
             raise ModelError(f"the coupling {coupling.tolist()} cannot be inverted; expected q = C q_axis")
-        calibrated = np.array(self.calibrated if np.size(self.calibrated) else np.zeros(gain.size), dtype=bool)
-        if covariance.size:
+        torque_gain = self.torque_gain if np.size(self.torque_gain) else np.ones(n)
+        calibrated = self.calibrated if np.size(self.calibrated) else np.zeros(n)
+        calibrated = finite_array("calibrated", calibrated, (n,)).astype(bool)
+        deviation, covariance = self.deviation, self.covariance
+        if np.size(covariance):
             deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        elif not deviation.size:
+        elif not np.size(deviation):
             deviation = np.where(calibrated, 0.0, NominalGain.deviation)
-        if calibrated.shape != gain.shape or deviation.shape != gain.shape:
-            raise ModelError(
-                f"{calibrated.size} calibration flags and {deviation.size} deviations for {gain.size} gains; "
-                "expected one per gain"
-            )
-        if not (np.isfinite(deviation).all() and (deviation >= 0.0).all()):
-            raise ModelError(f"the gains' relative deviations are {deviation.tolist()}; expected numbers of at least 0")
-        covariance = covariance if covariance.size else np.diag(deviation**2)
-        torque_gain = torque_gain if torque_gain.size else np.ones(gain.size)
-        if covariance.shape != coupling.shape or torque_gain.shape != gain.shape:
-            raise ModelError(
-                f"the gains' covariance has shape {covariance.shape}, and there are {torque_gain.size} gains of "
-                f"reported torque for {gain.size} axes; expected (n, n) and one per axis"
-            )
-        if not (np.isfinite(torque_gain).all() and (torque_gain > 0.0).all()):
-            raise ModelError(f"gains of reported torque are {torque_gain.tolist()}; expected numbers above 0")
+        deviation = finite_array("deviation of the gains", deviation, (n,), least=0.0)
+        covariance = covariance if np.size(covariance) else np.diag(deviation**2)
         arrays: dict[str, NDArray[Any]] = {
             "gain_nm_a": gain,
             "coupling": coupling,
             "calibrated": calibrated,
             "deviation": deviation,
-            "covariance": covariance,
-            "torque_gain": torque_gain,
+            "covariance": finite_array("covariance of the gains", covariance, (n, n)),
+            "torque_gain": finite_array("torque_gain", torque_gain, (n,), above=0.0),
             "_from_current": gain[:, None] * np.linalg.inv(coupling),
         }
-        for name, array in arrays.items():
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+        set_arrays(self, arrays)
 
     def gains(self, *, from_torque: bool) -> Gains:
         """The gains that a recording's torque is computed with.

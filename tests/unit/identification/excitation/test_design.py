@@ -13,7 +13,7 @@ from armload_identification.excitation.design import DesignResult, optimal_excit
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
 from armload_identification.excitation.design_search import PeriodRange, SearchSettings, SlowRound
 from armload_identification.excitation.excitation_file import format_excitation, parse_excitation
-from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.fourier import FourierBounds, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
 from armload_identification.excitation.information import Criterion, named_criterion
@@ -160,7 +160,7 @@ def test_progress_is_reported_after_every_start():
 
 def test_an_arm_that_cannot_show_all_ten_still_gets_a_motion():
     head = ARM.head(2)
-    limits = ExcitationLimits(*(getattr(LIMITS, name)[:2] for name in LIMITS.__slots__))
+    limits = ExcitationLimits(*(getattr(LIMITS, name)[:2] for name in FourierBounds.__slots__))
     result = optimal_excitation(
         criterion_of("a-optimal", head),
         wide(head, limits),
@@ -201,7 +201,9 @@ class Crowded:
         np.eye(3),
     )
     torque_nm = np.array([900.0, 1250.0, 450.0])
-    joints = ExcitationLimits(*(getattr(LIMITS, name) for name in LIMITS.__slots__[:4]), np.array([40.0, 40.0, 40.0]))
+    joints = ExcitationLimits(
+        *(getattr(LIMITS, name) for name in FourierBounds.__slots__[:4]), np.array([40.0, 40.0, 40.0])
+    )
     spheres = (
         Sphere(1, np.array([0.08, 0.0, 0.0]), 0.3),
         Sphere(2, np.array([0.34, 0.0, 0.0]), 0.2),

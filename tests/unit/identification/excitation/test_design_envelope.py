@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M, Envelope, ExcitationLimits
-from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.fourier import FourierBounds, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace
 from armload_identification.excitation.torque_limits import TorqueLimits
@@ -143,11 +143,11 @@ def test_reduced_limits_leave_the_room_asked_for():
     ("arguments", "words"),
     [
         (([1.0], [-1.0], [1.0], [1.0], [1.0]), "joint 1: positions from 1.0 to -1.0 rad"),
-        (([-1.0], [1.0], [0.0], [1.0], [1.0]), "joint 1: velocity_max_rad_s is 0.0 rad/s"),
-        (([-1.0], [1.0], [1.0], [-1.0], [1.0]), "joint 1: acceleration_max_rad_s2 is -1.0 rad/s2"),
-        (([-1.0], [1.0], [1.0], [1.0], [0.0]), "joint 1: jerk_max_rad_s3 is 0.0 rad/s3"),
+        (([-1.0], [1.0], [0.0], [1.0], [1.0]), r"velocity_max_rad_s is \[0.0\]; expected numbers above 0"),
+        (([-1.0], [1.0], [1.0], [-1.0], [1.0]), r"acceleration_max_rad_s2 is \[-1.0\]; expected numbers above 0"),
+        (([-1.0], [1.0], [1.0], [1.0], [0.0]), r"jerk_max_rad_s3 is \[0.0\]; expected numbers above 0"),
         (([-1.0], [1.0, 2.0], [1.0], [1.0], [1.0]), "position_max_rad"),
-        (([-np.inf], [1.0], [1.0], [1.0], [1.0]), "position_min_rad is .*finite"),
+        (([-np.inf], [1.0], [1.0], [1.0], [1.0]), "position_min_rad contains a number that is not finite"),
     ],
 )
 def test_limits_that_make_no_sense_are_refused(arguments, words):
@@ -156,6 +156,6 @@ def test_limits_that_make_no_sense_are_refused(arguments, words):
 
 
 def test_parts_of_different_arms_are_refused(envelope):
-    head = ExcitationLimits(*(getattr(JOINTS, name)[:2] for name in JOINTS.__slots__))
+    head = ExcitationLimits(*(getattr(JOINTS, name)[:2] for name in FourierBounds.__slots__))
     with pytest.raises(ExcitationError, match="limits of 2 joints, torque of 3"):
         Envelope(head, envelope.torque, envelope.workspace)

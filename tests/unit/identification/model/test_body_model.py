@@ -31,8 +31,8 @@ BODY = BodyModel(
 @pytest.mark.parametrize(
     ("changed", "reason"),
     [
-        ({"links": np.zeros((3, 9))}, "ten finite numbers per joint"),
-        ({"links": np.full((3, 10), np.inf)}, "ten finite numbers per joint"),
+        ({"links": np.zeros((3, 9))}, r"links of the body has shape \(3, 9\); expected \(n, 10\)"),
+        ({"links": np.full((3, 10), np.inf)}, "links of the body contains a number that is not finite"),
         ({"base": np.ones((2, 10), dtype=bool)}, r"base of the body has shape \(2, 10\); expected \(3, 10\)"),
         ({"rotor_inertia_kg_m2": np.zeros(2)}, r"rotor_inertia_kg_m2 .*\(2,\); expected \(3,\)"),
         ({"coulomb_nm": np.array([0.0, np.nan, 0.0])}, "coulomb_nm of the body contains a number that is not finite"),
@@ -41,7 +41,7 @@ BODY = BodyModel(
         ({"load_friction": np.zeros(4)}, r"load_friction .*expected \(3,\)"),
         ({"root_nm": np.array([0.0, 0.0, np.inf])}, "root_nm of the body contains a number that is not finite"),
         ({"torque_delay_s": np.nan}, "torque_delay_s of the body contains a number that is not finite"),
-        ({"reversal_speed_rad_s": THREE}, "reversal speeds must be above 0"),
+        ({"reversal_speed_rad_s": THREE}, "reversal_speed_rad_s of the body is .* expected numbers above 0"),
     ],
 )
 def test_a_body_that_does_not_fit_is_refused(changed, reason):

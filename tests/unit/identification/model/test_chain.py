@@ -161,5 +161,5 @@ def test_a_chain_that_makes_no_sense_is_refused(change, words):
 
 def test_positions_of_the_wrong_number_are_refused():
     chain = Chain.from_standard_dh(STANDARD, FLANGE, GRAVITY)
-    with pytest.raises(ModelError, match=r"q has shape \(5,\); expected \(6\)"):
+    with pytest.raises(ModelError, match=r"q has shape \(5,\); expected \(6,\)"):
         chain.forward(np.zeros(5))

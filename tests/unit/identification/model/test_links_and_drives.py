@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.links_and_drives import LinksAndDrives, require_finite
+from armload_identification.model.finite_array import finite_array
+from armload_identification.model.links_and_drives import LinksAndDrives
 
 pytestmark = pytest.mark.pure
 
@@ -33,9 +34,9 @@ def test_coupled_rotors_have_the_energy_of_their_axes():
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"links": np.zeros((2, 9))}, "ten finite numbers per joint"),
-        ({"links": np.zeros(10)}, "ten finite numbers per joint"),
-        ({"links": np.full((2, 10), np.nan)}, "ten finite numbers per joint"),
+        ({"links": np.zeros((2, 9))}, r"links of the body has shape \(2, 9\); expected \(n, 10\)"),
+        ({"links": np.zeros(10)}, r"links of the body has shape \(10,\); expected \(n, 10\)"),
+        ({"links": np.full((2, 10), np.nan)}, "links of the body contains a number that is not finite"),
         ({"coulomb_nm": np.zeros(3)}, r"coulomb_nm of the body has shape \(3,\); expected \(2,\)"),
         ({"viscous_nm_s_rad": [0.0, np.inf]}, "viscous_nm_s_rad of the body contains a number that is not finite"),
         ({"rotor_inertia_kg_m2": np.zeros((2, 1))}, r"expected \(2,\)"),
@@ -56,6 +57,14 @@ def test_values_are_copies():
 
 
 def test_a_field_is_checked_by_shape_first():
-    require_finite("a", [1.0], (1,))
+    finite_array("a", [1.0], (1,))
     with pytest.raises(ModelError, match="shape"):
-        require_finite("a", [np.nan, 1.0], (1,))
+        finite_array("a", [np.nan, 1.0], (1,))
+
+
+def test_only_what_is_asked_for_may_be_at_the_bound():
+    np.testing.assert_array_equal(finite_array("a", [0.0], (None,), least=0.0), [0.0])
+    with pytest.raises(ModelError, match=r"a is \[-1e-09\]; expected numbers of at least 0"):
+        finite_array("a", [-1e-9], (None,), least=0.0)
+    with pytest.raises(ModelError, match=r"a is \[0.0\]; expected numbers above 0"):
+        finite_array("a", [0.0], (None,), above=0.0)
