@@ -13,14 +13,13 @@ import struct
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 from enum import IntEnum
+from types import SimpleNamespace
+
+from canopen.sdo import SdoServer as CanopenServer
+from canopen.sdo import constants
+from canopen.sdo.exceptions import SdoAbortedError
 
 from armload_drivers.cia402.object_dictionary import Access, DataType, Entry
-
-_INITIATE = struct.Struct("<BHB")
-_ABORT = struct.Struct("<BHBI")
-_SIZE = struct.Struct("<I")
-_SEGMENT = 7
-_EXPEDITED, _SIZED, _TOGGLE, _LAST = 0x02, 0x01, 0x10, 0x01
 
 
 class Abort(IntEnum):
@@ -138,100 +137,74 @@ class Dictionary:
             self.reactions[key]()
 
 
-class SdoServer:
-    """Answers one client.
+class SdoServer(CanopenServer):  # type: ignore[misc]
+    """canopen's server, for one client, without its network: a frame is answered by a frame.
+
+    An error in what an object does is not an answer: it is raised, where canopen's server would refuse the transfer.
 
     Args:
-        dictionary: The objects.
+        dictionary: Objects it serves.
     """
 
     def __init__(self, dictionary: Dictionary) -> None:
+        node = SimpleNamespace(
+            object_dictionary=None,
+            get_data=lambda index, subindex, check_readable: dictionary.upload(index, subindex),
+            set_data=lambda index, subindex, data, check_writable: dictionary.download(index, subindex, bytes(data)),
+        )
+        super().__init__(0, 0, node)
         self._dictionary = dictionary
-        self._index = 0
-        self._subindex = 0
-        self._toggle = 0
-        self._outgoing: bytes | None = None
-        self._incoming: bytearray | None = None
+        self._index = self._subindex = 0
+        self._uploads = False
+        self._answer: bytes | None = None
 
     def receive(self, request: bytes) -> bytes | None:
-        """Process a request and return the answer of eight bytes; None if there is none."""
-        if len(request) != 8:
-            return self._abort(Abort.UNKNOWN_COMMAND)
-        command = request[0]
-        handler = {
-            0: self._download_segment,
-            1: self._initiate_download,
-            2: self._initiate_upload,
-            3: self._upload_segment,
-        }.get(command >> 5)
-        if command >> 5 == 4:
-            self._outgoing, self._incoming = None, None
-            return None
+        """Answer one frame from a client.
+
+        Args:
+            request: Data of the frame.
+
+        Returns:
+            Data of the answer, or None if there is none.
+        """
+        self._answer = None
         try:
-            if handler is None:
-                _, self._index, self._subindex = _INITIATE.unpack_from(request)
+            self._serve(request)
+        except (SdoAbort, SdoAbortedError) as refusal:
+            self._buffer = None
+            self.abort(refusal.code)
+        return self._answer
+
+    def send_response(self, response: bytes | bytearray) -> None:
+        """Keep the answer."""
+        self._answer = bytes(response)
+
+    def _serve(self, request: bytes) -> None:
+        """Act on a request; a segment without a transfer, a block transfer and a short frame are refused."""
+        command = request[0] if len(request) == 8 else 0xFF
+        match command & 0xE0:
+            case constants.REQUEST_UPLOAD:
+                self._uploads = True
+                self.init_upload(request)
+            case constants.REQUEST_SEGMENT_UPLOAD if self._uploads and self._buffer:
+                self.segmented_upload(command)
+            case constants.REQUEST_DOWNLOAD:
+                self._uploads = False
+                self.init_download(self._sized(request))
+            case constants.REQUEST_SEGMENT_DOWNLOAD if not self._uploads and self._buffer is not None:
+                self.segmented_download(command, request)
+                self._buffer = None if command & constants.NO_MORE_DATA else self._buffer
+            case constants.REQUEST_ABORTED:
+                self._buffer = None
+            case other:
+                if other > constants.REQUEST_ABORTED and len(request) == 8:
+                    _, self._index, self._subindex = constants.SDO_STRUCT.unpack_from(request)
                 raise SdoAbort(Abort.UNKNOWN_COMMAND)
-            return handler(command, request)
-        except SdoAbort as refusal:
-            return self._abort(refusal.code)
 
-    def _abort(self, code: Abort) -> bytes:
-        """Abort frame for the present transfer."""
-        self._outgoing, self._incoming = None, None
-        return _ABORT.pack(0x80, self._index, self._subindex, code)
-
-    def _initiate_upload(self, _: int, request: bytes) -> bytes:
-        """Answer a read: with the data if they fit into the frame, else with their size."""
-        _, self._index, self._subindex = _INITIATE.unpack_from(request)
-        data = self._dictionary.upload(self._index, self._subindex)
-        if 0 < len(data) <= 4:
-            head = _INITIATE.pack(0x43 | (4 - len(data)) << 2, self._index, self._subindex)
-            return head + data.ljust(4, b"\0")
-        self._outgoing, self._toggle = data, 0
-        return _INITIATE.pack(0x41, self._index, self._subindex) + _SIZE.pack(len(data))
-
-    def _upload_segment(self, command: int, _: bytes) -> bytes:
-        """Send the next seven bytes."""
-        if self._outgoing is None:
-            raise SdoAbort(Abort.UNKNOWN_COMMAND)
-        self._check_toggle(command)
-        data, rest = self._outgoing[:_SEGMENT], self._outgoing[_SEGMENT:]
-        self._outgoing = rest or None
-        head = self._toggle_bit() | (_SEGMENT - len(data)) << 1 | (0 if rest else _LAST)
-        return bytes([head]) + data.ljust(_SEGMENT, b"\0")
-
-    def _initiate_download(self, command: int, request: bytes) -> bytes:
-        """Process a write: immediately if it is expedited, else after its segments."""
-        _, self._index, self._subindex = _INITIATE.unpack_from(request)
-        if command & _EXPEDITED:
-            size = 4 - (command >> 2 & 3) if command & _SIZED else self._expected_size()
-            self._dictionary.download(self._index, self._subindex, bytes(request[4 : 4 + size]))
-        else:
-            self._incoming, self._toggle = bytearray(), 0
-        return _INITIATE.pack(0x60, self._index, self._subindex).ljust(8, b"\0")
-
-    def _expected_size(self) -> int:
-        """Size of the object in bytes, for clients that do not state how many they send."""
-        entry = self._dictionary.entries.get(self._index << 8 | self._subindex)
-        return 4 if entry is None else entry.type.bits // 8
-
-    def _download_segment(self, command: int, request: bytes) -> bytes:
-        """Collect up to seven bytes and write the object after the last."""
-        if self._incoming is None:
-            raise SdoAbort(Abort.UNKNOWN_COMMAND)
-        self._check_toggle(command)
-        self._incoming += request[1 : 8 - (command >> 1 & 7)]
-        if command & _LAST:
-            data, self._incoming = bytes(self._incoming), None
-            self._dictionary.download(self._index, self._subindex, data)
-        return bytes([0x20 | self._toggle_bit()]).ljust(8, b"\0")
-
-    def _check_toggle(self, command: int) -> None:
-        """Check that the toggle bit alternates, starting with 0."""
-        if bool(command & _TOGGLE) != bool(self._toggle):
-            raise SdoAbort(Abort.TOGGLE)
-
-    def _toggle_bit(self) -> int:
-        """Toggle bit of this answer; flips it for the next."""
-        bit, self._toggle = self._toggle, self._toggle ^ _TOGGLE
-        return bit
+    def _sized(self, request: bytes) -> bytes:
+        """A download with its size, which a client need not announce: then it is the object's."""
+        entry = self._dictionary.entries.get(request[2] << 16 | request[1] << 8 | request[3])
+        if request[0] & (constants.EXPEDITED | constants.SIZE_SPECIFIED) != constants.EXPEDITED or entry is None:
+            return request
+        unused = 4 - min(4, entry.type.bits // 8)
+        return bytes([request[0] | constants.SIZE_SPECIFIED | unused << 2]) + request[1:]
