@@ -32,6 +32,36 @@ def test_the_new_phase_and_the_paths_belong_together(slowness, path_s):
     assert pace.phase_of(path_s + 3.0) - phase_s == pytest.approx(pace.lasts_s)
 
 
+@pytest.mark.parametrize("samples", [8, 16, 64])
+@pytest.mark.parametrize("seed", range(3))
+def test_between_samples_the_slowness_keeps_to_its_bounds_which_are_close(samples, seed):
+    """Closer with more samples: by the square of their distance for w, by the distance itself for w'."""
+    pace = Pace(3.0, np.random.default_rng(seed).uniform(2.0, 5.0, 8))
+    least, first, second = pace.bounds(samples)
+    fine = 100
+    knots_s = np.linspace(0.0, 3.0, samples * fine + 1)
+    _, rate, change, third = pace.evaluate(np.array([pace.phase_of(path_s) for path_s in knots_s[:-1]]))
+    w, slope = 1.0 / rate, -change / rate**3
+    bend = (3.0 * slope**2 - third / rate**5) / w
+
+    def of_intervals(values):
+        values = np.append(values, values[0])
+        return np.array([values[fine * k : fine * k + fine + 1] for k in range(samples)])
+
+    step_s = 3.0 / samples
+    np.testing.assert_allclose(second, np.abs(of_intervals(bend)).max(axis=1), rtol=1e-3, atol=1e-3)
+    true_first = np.abs(of_intervals(slope)).max(axis=1)
+    assert (first >= true_first - 1e-9).all()
+    assert (first <= true_first + second * step_s / 2.0 + 1e-9).all()
+    true_least = of_intervals(w).min(axis=1)
+    assert (least <= true_least + 1e-9).all()
+    assert (least >= true_least - second * step_s**2 / 8.0 - 1e-9).all()
+    g, of_first, of_second = pace.rates
+    assert (rate.max(), np.abs(change).max(), np.abs(third).max()) <= (g, of_first, of_second)
+    assert g == pytest.approx(rate.max(), rel=1e-4)
+    assert of_first == pytest.approx(np.abs(change).max(), rel=0.05)
+
+
 @pytest.mark.parametrize("order", range(3))
 def test_derivatives_to_the_new_phase_are_those_of_finite_differences(order):
     names = ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3")
