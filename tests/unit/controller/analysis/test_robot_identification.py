@@ -5,13 +5,17 @@ import shutil
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 import armload
+from armload_controller.analysis import robot_identification
 from armload_identification.identification_errors import (
     EstimationError,
+    NoPayloadMass,
     RecordingError,
 )
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
@@ -80,3 +84,75 @@ def test_joints_that_are_called_otherwise_are_taken_in_their_order_and_that_is_s
     assert not any("None of the recorded" in note for note in armload.identify("er50", *runs).notes)
     with pytest.raises(RecordingError, match=r"Exchange the two files.* None of the recorded joints \(base, "):
         armload.identify("er50", *other[::-1])
+
+
+# Notes and causes --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("rated_kg", "told"), [(16.0, False), (9.0, True)])
+def test_more_than_the_rated_payload_is_told(recorded_er50, rated_kg, told):
+    robot = armload.load_robot("er50")
+    robot = robot.with_tables(robot=structs.replace(robot.tables.robot, rated_payload_kg=rated_kg))
+    today = recorded_er50 / "runs" / "today"
+    pair = [armload.read_recording(today / f"{load}_identification.mcap", robot) for load in ("loaded", "unloaded")]
+    notes = armload.identify(robot, *pair).notes
+    assert any("more than its rated payload of 9 kg" in note for note in notes) is told
+
+
+def session(log_factor=0.0):
+    return SimpleNamespace(log_factor=log_factor, deviation=0.03, origin="as stated")
+
+
+@pytest.mark.parametrize(
+    ("error", "unnamed", "drift", "text"),
+    [
+        (RecordingError("bad"), "Joints were taken in order.", None, "bad Joints were taken in order."),
+        (RecordingError("bad"), None, session(), "bad"),
+        (
+            NoPayloadMass("no mass.", 0.1, 0.2),
+            None,
+            session(),
+            "no mass. This allows for a drift of all gains of 3 % (as",
+        ),
+        (NoPayloadMass("no mass.", 0.1, 0.2), None, session(0.01), "no mass."),
+        (NoPayloadMass("no mass.", 0.1, 0.2), "in order", None, "no mass."),
+        (EstimationError("other"), "in order", session(), "other"),
+    ],
+)
+def test_errors_name_what_may_have_caused_them(error, unnamed, drift, text):
+    with pytest.raises(type(error)) as caught, robot_identification._explained(unnamed, drift):
+        raise error
+    assert str(caught.value).startswith(text)
+    assert (str(caught.value) == text) is (not text.endswith("(as"))
+    if isinstance(error, NoPayloadMass):
+        assert (caught.value.mass_kg, caught.value.half_width_kg) == (0.1, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("weighed_kg", "gains", "verified"),
+    [
+        ((2.0, np.nan), (), True),
+        ((np.nan,), (True, True), False),
+        (None, (True, True), True),
+        (None, (True, False), False),
+    ],
+)
+def test_a_weighed_payload_or_calibrated_gains_verify_the_scale(weighed_kg, gains, verified):
+    payloads = weighed_kg and [SimpleNamespace(weighed_kg=value) for value in weighed_kg]
+    calibration = payloads and SimpleNamespace(payloads=payloads)
+    used = SimpleNamespace(calibration=calibration, transmission=SimpleNamespace(calibrated=np.array(gains)))
+    assert robot_identification._scale_verified(used) is verified
+
+
+@pytest.mark.parametrize(
+    ("every_s", "refused"), [(robot_identification.SHORTEST_WINDOW_S, False), (1.99, True), (np.nan, True)]
+)
+def test_windows_are_not_too_short(recorded_er50, monkeypatch, every_s, refused):
+    monkeypatch.setattr(robot_identification, "identify_windows", lambda *given: (given[-1],))
+    today = recorded_er50 / "runs" / "today"
+    given = ("er50", today / "loaded_identification.mcap", every_s)
+    if not refused:
+        assert armload.identify_over_time(*given, calibration=today / "arm.calibration.toml").windows == (every_s,)
+        return
+    with pytest.raises(EstimationError, match=r"windows of .* s: expected .* s or more; 10 to 20 s of fast motion"):
+        armload.identify_over_time(*given, calibration=today / "arm.calibration.toml")

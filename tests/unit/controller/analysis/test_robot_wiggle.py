@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from armload_controller.analysis.robot_excitation import design_envelope
-from armload_controller.analysis.robot_wiggle import WiggleRequest
+from armload_controller.analysis.robot_wiggle import DesignedWiggle, WiggleRequest
 from armload_controller.analysis.robot_wiggle import _center_pose as center_pose
 from armload_controller.analysis.robot_wiggle import _limits_about as limits_about
 from armload_controller.analysis.robot_wiggle import _require_gains as require_gains
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
+from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import ExcitationError
 
 AT = np.array([0.1, 0.2, -0.3, 0.4, 0.5, 0.6])
@@ -91,3 +92,59 @@ def test_a_speed_limit_is_the_lower_one(robot, edited):
     for stated, used in ((0.2, 0.2), (0.4, 0.3)):
         own = load_robot(edited("[workspace]", f"[limits]\ntcp_speed_m_s = {stated}\n\n[workspace]", "prbt"))
         assert limits_about(own, AT, request).speed.speed_m_s == used
+
+
+# What is told of a design ----------------------------------------------------------------------------------------
+
+
+class Points:
+    """Points of the arm, the fastest at 0.25 m/s."""
+
+    def greatest_on(self, trajectory):
+        return np.array([0.1, 0.25, 0.2])
+
+
+@pytest.fixture
+def designed():
+    """A motion of two joints by 0.1 rad and 0.2 rad about a pose, and some number of periods."""
+
+    def designed(periods=3):
+        trajectory = FourierTrajectory(0.5, np.array([1.0, 2.0]), np.array([[0.1], [0.2]]), np.zeros((2, 1)))
+        payloads = SimpleNamespace(
+            expected=SimpleNamespace(mass_kg=4.0), assumed_envelopes=("the gripper is a sphere",)
+        )
+        arm = SimpleNamespace(
+            name="er50", joint_names=("base", "elbow"), payloads=payloads, limits=SimpleNamespace(points=Points())
+        )
+        wiggle = SimpleNamespace(half_width_kg=0.05, trajectory=trajectory, periods=periods, seed=1, tried=2)
+        leg = SimpleNamespace(start_s=1.0, end_s=9.5)
+        path = SimpleNamespace(measured=SimpleNamespace(leg=leg), slow_round_s=61.4)
+        return DesignedWiggle(arm, np.array([0.9, 2.0]), wiggle, None, path, "")
+
+    return designed
+
+
+def test_the_figures_of_a_design(designed):
+    found = designed()
+    assert (found.share, found.measured_s, found.speed_m_s) == (0.0125, 8.5, 0.25)
+    np.testing.assert_allclose(found.amplitude_rad, [0.2, 0.2], rtol=1e-4)
+    document = found.to_dict()
+    assert {key: document[key] for key in ("robot", "expected_kg", "half_width_95_kg", "period_s", "periods")} == {
+        **{"robot": "er50", "expected_kg": 4.0, "half_width_95_kg": 0.05, "period_s": 2.0, "periods": 3}
+    }
+    assert {key: document[key] for key in ("measured_s", "slow_round_s", "speed_m_s")} == {
+        **{"measured_s": 8.5, "slow_round_s": 61.4, "speed_m_s": 0.25}
+    }
+    assert document["joints"] == [
+        {"name": "base", "at_rad": 0.9, "amplitude_rad": pytest.approx(0.2, rel=1e-4)},
+        {"name": "elbow", "at_rad": 2.0, "amplitude_rad": pytest.approx(0.2, rel=1e-4)},
+    ]
+
+
+@pytest.mark.parametrize(("periods", "words"), [(1, "1 period of 2 s"), (3, "3 periods of 2 s")])
+def test_the_lines_about_a_design(designed, periods, words):
+    first, second, third, last = str(designed(periods)).splitlines()
+    assert first == f"{words}, 8.5 s with ramps, determine 4 kg to within 0.05 kg, 1.2 % (95 %)"
+    assert second == "joints move by 11.5, 11.5 degrees about [0.9, 2.0] rad"
+    assert "no point of the arm is faster than 0.25 m/s; the preceding slow round takes 61 s at" in third
+    assert last == "the gripper is a sphere"

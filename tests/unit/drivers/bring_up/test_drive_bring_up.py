@@ -1,5 +1,6 @@
 """Bring-up of one drive over SDO, with a simulated drive at the other end: what is read, required and written."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import can
@@ -33,6 +34,7 @@ from armload_drivers.simulation.drives.drive_dictionary import CELSIUS, DriveTra
 from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
 from armload_drivers.simulation.plant_interface import PlantAxis
 from tests.ideal_plant import IdealPlant
+from tests.scripted_sdo import ScriptedSdo
 
 SHORT = Timeouts(probe_s=0.01, sdo_s=0.01, mode_s=0.02, fault_reset_s=0.05)
 MASTER = 127
@@ -405,3 +407,142 @@ def test_the_simulation_is_known_by_vendor_and_product():
     assert is_simulation(replace(SIMULATION_IDENTITY, revision=9))
     assert not is_simulation(replace(SIMULATION_IDENTITY, product_code=9))
     assert not is_simulation(replace(SIMULATION_IDENTITY, vendor_id=9))
+
+
+# What a drive may lack or contradict, object by object ---------------------------------------------------------------
+
+
+@pytest.fixture
+def scripted(arm_settings):
+    """The bring-up of a drive that has just these objects."""
+
+    def scripted(values, refusals=None, **changes):
+        arm = arm_settings(**changes)
+        sdo = ScriptedSdo(values, refusals)
+        return CanopenSetup(arm.drives[0], arm, sdo, SHORT), sdo
+
+    return scripted
+
+
+@pytest.mark.parametrize(
+    ("there", "changes", "text"),
+    [
+        ({od.POSITION_ACTUAL: bytes(4)}, {}, None),
+        ({od.SECOND_CONTROLWORD: 0}, {"second_axis_unused": True}, None),
+        (
+            {od.SECOND_CONTROLWORD: 0},
+            {},
+            "it has 6840:0 controlword of a second axis, and only the first axis is watched",
+        ),
+        ({od.POSITION_ACTUAL: bytes(1), od.SECOND_POSITION: 0}, {}, "several axes with one node id: it has"),
+        ({od.POSITION_ACTUAL: bytes(4), od.SECOND_POSITION: 0}, {}, None),
+        ({od.POSITION_ACTUAL: bytes(1)}, {}, None),
+    ],
+)
+def test_a_drive_has_one_axis(scripted, there, changes, text):
+    setup, _ = scripted(there, **changes)
+    with pytest.raises(WrongDevice, match=text) if text else nullcontext():
+        setup._check_axes()
+
+
+@pytest.mark.parametrize(
+    ("there", "bit", "said"),
+    [
+        ({}, None, "no 607C, no 6098"),
+        ({od.HOME_OFFSET: 0}, None, "home offset (607C) is 0"),
+        ({od.HOME_OFFSET: -5, od.HOMING_METHOD: 35}, None, "home offset (607C) is -5, homing method (6098) is 35"),
+        ({od.STATUSWORD: 1 << 8}, 8, "no 607C, no 6098"),
+        ({od.STATUSWORD: 0xFEFF}, 8, None),
+    ],
+)
+def test_a_position_needs_its_reference_where_the_drive_reports_it(scripted, there, bit, said):
+    setup, _ = scripted(there, homed_bit=bit)
+    if said is not None:
+        assert setup._check_reference() == said
+        return
+    with pytest.raises(ServoError, match=r"the axis is not homed: bit 8 of the statusword \(6041\) is 0"):
+        setup._check_reference()
+
+
+CSP, IP = 1 << 7, 1 << 6
+"""Bits of 6502."""
+
+
+@pytest.mark.parametrize(
+    ("modes", "there", "text"),
+    [
+        (CSP, [od.TARGET_POSITION], None),
+        (0, [od.TARGET_POSITION], None),
+        (None, [od.TARGET_POSITION], None),
+        (IP, [od.TARGET_POSITION, od.INTERPOLATION_SETPOINT], 'is not offered, only .*Set mode = "ip"'),
+        (IP, [od.TARGET_POSITION], "is not offered, only .*the drive lacks 60C1:1"),
+        (CSP, [], "the drive has no 607A:0 target position, which mode 8 .CYCLIC_SYNCHRONOUS_POSITION. requires"),
+        (CSP | IP, [od.INTERPOLATION_SETPOINT], 'the drive has no 607A:0.*Set mode = "ip"'),
+        (CSP, [od.INTERPOLATION_SETPOINT], "the drive has no 607A:0"),
+    ],
+)
+def test_the_mode_is_one_that_the_drive_offers_with_its_setpoint(scripted, modes, there, text):
+    setup, _ = scripted({od.SUPPORTED_MODES: modes} if modes is not None else {})
+    setup._sdo.values.update(dict.fromkeys(there, 0))
+    with pytest.raises(WrongDevice, match=text) if text else nullcontext() as caught:
+        setup._check_mode()
+    if text and "Set mode" not in text:
+        assert "Set mode" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "refusals", "text"),
+    [
+        ({od.MODE: 0, od.MODE_DISPLAY: 8}, None, None),
+        ({od.MODE: 0}, None, None),
+        ({od.MODE_DISPLAY: 8}, None, None),
+        ({od.MODE_DISPLAY: 7}, None, r"the drive has no 6060:0 .*, and 6061 does not report mode 8 .*, but 7"),
+        ({}, None, "and 6061 does not report mode 8 .*, but None"),
+        ({od.MODE: 0, od.MODE_DISPLAY: 7}, None, "6061 reports mode 7 after 0.02 s, 8 was requested"),
+        ({od.MODE: 0, od.MODE_DISPLAY: 8}, {("write", od.MODE): 0x0609_0030}, "6060 refuses mode 8 .* with 0x06090030"),
+        ({od.MODE: 0, od.MODE_DISPLAY: 8}, {("write", od.MODE): 0x0800_0000}, "said the drive"),
+    ],
+)
+def test_the_mode_is_written_and_must_be_reported(scripted, values, refusals, text):
+    setup, sdo = scripted(values, refusals)
+    with pytest.raises(ServoError, match=text) if text else nullcontext():
+        setup._select_mode()
+    if text is None:
+        assert sdo.numbers(od.MODE) == ([8] if od.MODE in values else [])
+        shown = od.MODE_DISPLAY if od.MODE_DISPLAY in values else od.MODE
+        assert setup.objects.held[shown] == 8
+
+
+@pytest.mark.parametrize(
+    ("found", "text"),
+    [
+        ({}, None),
+        ({"vendor_id": 3}, r"vendor id \(1018\) is 0x00000003 instead of 0x00000002"),
+        ({"product_code": None}, r"product code \(1018\) is nothing instead of 0x00000007"),
+        ({"revision": 2}, r"revision \(1018\) is 0x00000002 instead of 0x00000001"),
+        ({"serial": 10}, r"serial number \(1018\) is 0x0000000A instead of 0x00000009"),
+    ],
+)
+def test_every_number_of_the_identity_that_is_configured_counts(scripted, found, text):
+    numbers = {"vendor_id": 2, "product_code": 7, "revision": 1, "serial": 9}
+    entries = dict(zip(numbers, (od.VENDOR_ID, od.PRODUCT_CODE, od.REVISION, od.SERIAL_NUMBER), strict=True))
+    reported = {entries[name]: value for name, value in (numbers | found).items() if value is not None}
+    setup, _ = scripted({od.DEVICE_TYPE: 0x0002_0192} | reported, identity=Identity(**numbers))
+    with pytest.raises(WrongDevice, match=text) if text else nullcontext():
+        assert setup.check_identity() == Identity(**numbers)
+
+
+@pytest.mark.parametrize(
+    ("entry", "usable", "advice"),
+    [
+        (od.TORQUE_OFFSET, [], "Set torque_offset = false; feed-forward is then refused on this drive"),
+        (od.STATUSWORD, [], "A joint requires 6041: use other firmware, or another drive"),
+        (od.CURRENT_ACTUAL, [od.TORQUE_ACTUAL], 'It has 6077:0 torque actual value: set feedback = "torque"'),
+        (od.TORQUE_ACTUAL, [od.CURRENT_ACTUAL], 'It has 6078:0 current actual value: set feedback = "current"'),
+    ],
+)
+def test_what_is_missing_can_be_avoided_by_the_configuration(scripted, entry, usable, advice):
+    setup, _ = scripted({})
+    assert setup.instead_of(entry, lambda other: other in usable) == advice
+    if usable:
+        assert "set feedback" not in setup.instead_of(entry, lambda other: False)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.chain import Chain, pose_from_xyz_rpy
+from armload_identification.model.chain import Chain, pose_from_xyz_rpy, rpy_rad
 from armload_identification.model.regressor import payload_regressor
 
 pytestmark = pytest.mark.pure
@@ -163,3 +163,41 @@ def test_positions_of_the_wrong_number_are_refused():
     chain = Chain.from_standard_dh(STANDARD, FLANGE, GRAVITY)
     with pytest.raises(ModelError, match=r"q has shape \(5,\); expected \(6,\)"):
         chain.forward(np.zeros(5))
+
+
+@pytest.mark.parametrize(
+    "angles",
+    [
+        (0.1, -0.2, 0.3),
+        (3.0, 1.5, -3.0),
+        (-2.0, -1.5, 2.0),
+        (0.0, 0.0, 0.0),
+        (0.4, np.pi / 2, 0.0),
+        (0.4, -np.pi / 2, 0.0),
+    ],
+)
+def test_a_rotation_has_its_roll_pitch_and_yaw(angles):
+    rotation = pose_from_xyz_rpy(np.zeros(3), angles)[:3, :3]
+    np.testing.assert_allclose(rpy_rad(rotation), angles, atol=1e-7)
+
+
+def test_in_gimbal_lock_the_yaw_is_part_of_the_roll():
+    """Only their difference, or sum, is a rotation: Rz(y) Ry(90 deg) Rx(r) depends on r - y."""
+    for pitch, sign in ((np.pi / 2, -1.0), (-np.pi / 2, 1.0)):
+        rotation = pose_from_xyz_rpy(np.zeros(3), (0.5, pitch, 0.2))[:3, :3]
+        np.testing.assert_allclose(rpy_rad(rotation), [0.5 + sign * 0.2, pitch, 0.0], atol=1e-7)
+
+
+BASE = np.eye(4)
+
+
+def test_the_hash_of_the_kinematics_tells_arms_apart_to_a_nanometre_and_ignores_gravity():
+    def arm(x_m=0.3, gravity_m_s2=(0.0, 0.0, -9.81), flange=BASE):
+        return Chain.from_origins([(x_m, 0.0, 0.0)], [(0.0, 0.0, 0.0)], [(0.0, 0.0, 1.0)], flange, gravity_m_s2)
+
+    own = arm().kinematics_sha256
+    assert arm(0.3 + 1e-11).kinematics_sha256 == own
+    assert arm(gravity_m_s2=(9.81, 0.0, 0.0)).kinematics_sha256 == own
+    assert arm(0.3 + 2e-9).kinematics_sha256 != own
+    assert arm(flange=pose_from_xyz_rpy((0.0, 0.0, 2e-9), (0.0, 0.0, 0.0))).kinematics_sha256 != own
+    assert arm(-0.0).kinematics_sha256 == arm(0.0).kinematics_sha256

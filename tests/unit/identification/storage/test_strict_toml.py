@@ -1,6 +1,6 @@
 """Strict TOML: an error in a file is one sentence with file, key, value and the nearest key."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import pytest
 from msgspec import Meta, field
@@ -10,6 +10,7 @@ from armload_identification.storage.strict_toml import (
     BadValue,
     NumberList,
     NumberRows,
+    SymmetricRows,
     Table,
     Text,
     parse,
@@ -206,3 +207,47 @@ def test_what_cannot_be_opened_is_one_sentence(tmp_path):
 def test_values_from_elsewhere_are_checked_the_same_way():
     with pytest.raises(FileError, match=r"command line: drive\.node_id is 0: expected at least 1"):
         validated({"node_id": 0, "rated_current_a": 1.0}, "command line", Drive, FileError, within="drive")
+
+
+class Matrix(Table):
+    content = "a matrix"
+
+    rows: SymmetricRows
+    kind: Literal["a", "b"] = "a"
+    count: int | float = 1
+    sizes: Annotated[list[int], Meta(min_length=1, max_length=2)] = field(default_factory=lambda: [1])
+
+
+@pytest.mark.parametrize(
+    ("text", "rows"),
+    [
+        ("[[2.0], [0.5, 3.0]]", [[2.0, 0.5], [0.5, 3.0]]),
+        ("[[2.0, 0.5], [0.25, 3.0]]", [[2.0, 0.5], [0.25, 3.0]]),
+        ("[[1], [2, 4], [3, 5, 6]]", [[1.0, 2.0, 3.0], [2.0, 4.0, 5.0], [3.0, 5.0, 6.0]]),
+        ("[[7]]", [[7.0]]),
+    ],
+)
+def test_a_symmetric_matrix_may_end_at_its_diagonal(text, rows):
+    assert parse(f"rows = {text}", "a.toml", Matrix, FileError).rows.tolist() == rows
+
+
+@pytest.mark.parametrize("text", ["[[1, 2], [3]]", "[]", "5", "[1, 2]", '[["a"]]', "[[nan]]"])
+def test_any_other_shape_is_no_matrix(text):
+    with pytest.raises(FileError, match=r"a\.toml: rows"):
+        parse(f"rows = {text}", "a.toml", Matrix, FileError)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('kind = "c"', "expected 'a' or 'b'"),
+        ("kind = 5", "expected 'a' or 'b'"),
+        ('count = "x"', "expected a whole number or a number"),
+        ("sizes = []", "1 item"),
+        ("sizes = [1, 2, 3]", "2 items"),
+    ],
+)
+def test_what_was_expected_is_in_the_terms_of_toml(line, words):
+    with pytest.raises(FileError) as caught:
+        parse(f"rows = [[1]]\n{line}", "a.toml", Matrix, FileError)
+    assert words in str(caught.value)
