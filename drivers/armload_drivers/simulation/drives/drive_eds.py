@@ -6,10 +6,12 @@ References:
 
 from __future__ import annotations
 
-from importlib.resources import files
-from string import Template
+from io import StringIO
+from itertools import groupby
 
 import numpy as np
+from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVariable
+from canopen.objectdictionary.eds import export_eds
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings
@@ -21,11 +23,8 @@ from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
 from armload_drivers.simulation.plant_interface import PlantAxis, StandingPlant
 
 _CODES = {kind: code for code, kind in reversed(DATA_TYPES.items())}
-_MANDATORY = (0x1000, 0x1001, 0x1018)
-_VARIABLE, _ARRAY, _RECORD = 7, 8, 9
 _PDO_COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
-_PDO_MAPPING = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
-_RECORDS = frozenset({0x1018, 0x1200, 0x60C2})
+_RECORDS = (range(0x1018, 0x1019), range(0x1200, 0x1C00), range(0x60C2, 0x60C3))
 _COB_IDS = frozenset({od.EMERGENCY_COB_ID.key, od.SDO_RX_COB_ID.key, od.SDO_TX_COB_ID.key})
 _BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 
@@ -45,64 +44,39 @@ def drive_eds(drive: DriveSettings, cycle_s: float) -> str:
         send=lambda cob_id, data: None,
         rerouted=lambda: None,
     )
-    dictionary = simulated.dictionary
-    indices = sorted({entry.index for entry in dictionary.entries.values()})
-    sections = [_head(drive, dictionary)]
-    for title, chosen in (
-        ("MandatoryObjects", [index for index in indices if index in _MANDATORY]),
-        ("OptionalObjects", [i for i in indices if i not in _MANDATORY and not 0x2000 <= i < 0x6000]),
-        ("ManufacturerObjects", [i for i in indices if 0x2000 <= i < 0x6000]),
-    ):
-        rows = [f"{number}=0x{index:04X}" for number, index in enumerate(chosen, start=1)]
-        sections.append("\n".join([f"[{title}]", f"SupportedObjects={len(chosen)}", *rows]))
-    for index in indices:
-        entries = sorted((e for e in dictionary.entries.values() if e.index == index), key=lambda e: e.subindex)
-        sections += _object(index, entries, dictionary, drive.node_id)
-    return "\n\n".join(sections) + "\n"
+    dictionary, described = simulated.dictionary, ObjectDictionary()
+    about, values = described.device_information, dictionary.values
+    about.vendor_name, about.product_name, about.order_code = "armload", "armload simulated drive", "SIM"
+    about.vendor_number, about.product_number = values[od.VENDOR_ID.key], values[od.PRODUCT_CODE.key]
+    about.revision_number, about.granularity, about.simple_boot_up_slave = values[od.REVISION.key], 8, True
+    about.nr_of_RXPDO, about.nr_of_TXPDO = len(simulated.rpdos), len(simulated.tpdos)
+    about.simple_boot_up_master = about.dynamic_channels_supported = about.group_messaging = False
+    about.LSS_supported, about.allowed_baudrates = False, {1000 * rate for rate in _BIT_RATES}
+    entries = sorted(dictionary.entries.values(), key=lambda entry: entry.key)
+    for index, of_index in groupby(entries, lambda entry: entry.index):
+        first, *others = (_variable(entry, dictionary, drive.node_id) for entry in of_index)
+        if not others and not first.subindex:
+            described.add_object(first)
+            continue
+        kind = ODRecord if any(index in indices for indices in _RECORDS) else ODArray
+        described.add_object(kind(f"object {index:04X}", index))
+        for variable in (first, *others):
+            described[index].add_member(variable)
+    written = StringIO()
+    file = {"FileName": f"{drive.joint}.eds", "FileVersion": 1, "FileRevision": 1, "EdsVersion": "4.0"}
+    export_eds(described, written, file | {"Description": "armload simulated CiA 402 drive"})
+    return written.getvalue()
 
 
-def _head(drive: DriveSettings, dictionary: Dictionary) -> str:
-    """[FileInfo], [DeviceInfo] and [DummyUsage]."""
-    values = dictionary.values
-    rates = "\n".join(f"BaudRate_{rate}=1" for rate in _BIT_RATES)
-    receive, transmit = (
-        len({entry.index for entry in dictionary.entries.values() if first <= entry.index < first + 0x200})
-        for first in (0x1400, 0x1800)
-    )
-    fields = {
-        "joint": drive.joint,
-        "vendor_id": f"0x{values[od.VENDOR_ID.key]:08X}",
-        "product_code": f"0x{values[od.PRODUCT_CODE.key]:08X}",
-        "revision": f"0x{values[od.REVISION.key]:08X}",
-        "rates": rates,
-        "receive": receive,
-        "transmit": transmit,
-    }
-    return Template(files(__package__).joinpath("eds_head.in").read_text("ascii")).substitute(fields).rstrip("\n")
-
-
-def _object(index: int, entries: list[Entry], dictionary: Dictionary, node_id: int) -> list[str]:
-    """The sections of one object: itself, or a record and its sub-indices."""
-    if len(entries) == 1 and entries[0].subindex == 0:
-        return [_variable(f"{index:04X}", entries[0], dictionary, node_id)]
-    is_record = index in _RECORDS or any(index in indices for indices in (*_PDO_COMMUNICATION, *_PDO_MAPPING))
-    kind = _RECORD if is_record else _ARRAY
-    title = f"[{index:04X}]\nParameterName=object {index:04X}\nObjectType=0x{kind:X}\nSubNumber={len(entries)}"
-    return [title, *(_variable(f"{index:04X}sub{e.subindex:X}", e, dictionary, node_id) for e in entries)]
-
-
-def _variable(title: str, entry: Entry, dictionary: Dictionary, node_id: int) -> str:
-    """The section of one value."""
-    allowed = dictionary.allowed.get(entry.key)
-    limits = f"\nLowLimit={min(allowed)}\nHighLimit={max(allowed)}" if allowed and len(allowed) > 1 else ""
-    return f"""\
-[{title}]
-ParameterName={entry.name}
-ObjectType=0x{_VARIABLE:X}
-DataType=0x{_CODES[entry.type]:04X}
-AccessType={_access(entry)}
-DefaultValue={_default(entry, dictionary, node_id)}
-PDOMapping={int(entry.mappable is not Mappable.NO)}{limits}"""
+def _variable(entry: Entry, dictionary: Dictionary, node_id: int) -> ODVariable:
+    """One value."""
+    variable, allowed = ODVariable(entry.name, entry.index, entry.subindex), dictionary.allowed.get(entry.key)
+    variable.data_type, variable.access_type = _CODES[entry.type], _access(entry)
+    variable.default_raw = _default(entry, dictionary, node_id)
+    variable.pdo_mappable = entry.mappable is not Mappable.NO
+    if allowed and len(allowed) > 1:
+        variable.min, variable.max = min(allowed), max(allowed)
+    return variable
 
 
 def _access(entry: Entry) -> str:
