@@ -116,9 +116,7 @@ class EmptySlowRound:
         yield "", self._fit(self.position_rad, self.torque_nm, self.flange).misfit
         yield from self._tilts()
         for joint, name in enumerate(self.joint_names):
-            yield from self._reversed(joint, name)
-            yield from self._gears(joint, name)
-            yield from self._zeros(joint, name)
+            yield from self._of_joint(joint, name)
         for one, other in combinations(range(len(self.joint_names)), 2):
             order = list(range(len(self.joint_names)))
             order[one], order[other] = other, one
@@ -154,39 +152,25 @@ class EmptySlowRound:
                     fit.misfit,
                 )
 
-    def _reversed(self, joint: int, name: str) -> Iterator[tuple[str, float]]:
-        """An axis that turns the other way."""
-        sign = np.ones(len(self.joint_names))
-        sign[joint] = -1.0
-        fit = self._fit(sign * self.position_rad, sign * self.torque_nm)
-        yield f"{name} seems to turn the other way: reverse its axis in the file or the polarity (607E)", fit.misfit
+    def _of_joint(self, joint: int, name: str) -> Iterator[tuple[str, float]]:
+        """An axis that turns the other way, another gear ratio (which changes position and torque), another zero."""
+        is_joint = np.arange(len(self.joint_names)) == joint
 
-    def _gears(self, joint: int, name: str) -> Iterator[tuple[str, float]]:
-        """Another gear ratio, which changes position and torque."""
-        best = min((self._scaled(joint, ratio), ratio) for ratio in RATIOS)
-        text = f"{name} seems to turn {best[1]:.2f} times as far as reported: divide its gear_ratio by {best[1]:.2f}"
-        yield text, best[0]
+        def scaled(factor: float) -> float:
+            scale = np.where(is_joint, factor, 1.0)
+            noise_nm = self.noise_nm / np.abs(scale)
+            return self._fit(scale * self.position_rad, self.torque_nm / scale, noise=noise_nm).misfit
 
-    def _scaled(self, joint: int, ratio: float) -> float:
-        """Misfit if a joint turns `ratio` times as far."""
-        factor = np.ones(len(self.joint_names))
-        factor[joint] = ratio
-        return self._fit(factor * self.position_rad, self.torque_nm / factor, noise=self.noise_nm / factor).misfit
-
-    def _zeros(self, joint: int, name: str) -> Iterator[tuple[str, float]]:
-        """Another zero."""
-        best = min((self._displaced(joint, zero), zero) for zero in ZEROS_RAD)
+        yield f"{name} seems to turn the other way: reverse its axis in the file or the polarity (607E)", scaled(-1.0)
+        misfit, ratio = min((scaled(ratio), ratio) for ratio in RATIOS)
+        yield f"{name} seems to turn {ratio:.2f} times as far as reported: divide its gear_ratio by {ratio:.2f}", misfit
+        moved = ((self._fit(self.position_rad + zero * is_joint, self.torque_nm).misfit, zero) for zero in ZEROS_RAD)
+        misfit, zero = min(moved)
         yield (
-            f"{name} seems to stand at {degrees(best[1]):+.0f} degrees where it reports zero: reference it again, "
+            f"{name} seems to stand at {degrees(zero):+.0f} degrees where it reports zero: reference it again, "
             "or turn its placement in the file",
-            best[0],
+            misfit,
         )
-
-    def _displaced(self, joint: int, zero_rad: float) -> float:
-        """Misfit if a joint stands at `zero_rad` where it reports 0."""
-        zero = np.zeros(len(self.joint_names))
-        zero[joint] = zero_rad
-        return self._fit(self.position_rad + zero, self.torque_nm).misfit
 
     def _fit(
         self,

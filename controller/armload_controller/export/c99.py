@@ -47,7 +47,7 @@ from armload_controller.export.straight_line.c_function import c_statements
 from armload_controller.export.straight_line.planar_groups import planar_groups
 from armload_controller.export.straight_line.precision import Precision
 from armload_controller.export.template import filled, written
-from armload_controller.export.text_format import comment, exact, provenance, spdx
+from armload_controller.export.text_format import c_heading, comment, exact, provenance, spdx
 from armload_core.arrays import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.reading_options import Effort
@@ -107,15 +107,15 @@ def export_c(subject: ExportSubject, precision: Precision = Precision.DOUBLE) ->
     if subject.calibration is not None and subject.estimator is not None:
         effort = _EFFORT[subject.calibration.effort]
         body = subject.calibration.body
-        texts = estimator_texts(name, _headed(subject, about), subject.chain, body, subject.estimator, effort)
+        texts = estimator_texts(name, c_heading(subject, about), subject.chain, body, subject.estimator, effort)
         fields |= {"sources": f"{name}.c {name}_estimator.c", "headers": f"{name}.h {name}.hpp {name}_estimator.h"}
     source = [*about[:2], f"C99; needs math.h. Written by a generator; see {name}.h."]
     return texts | {
         f"{name}.h": filled(
-            "c_code/payload.h", fields | {"about": _headed(subject, about), "contract": _contract(subject)}
+            "c_code/payload.h", fields | {"about": c_heading(subject, about), "contract": _contract(subject)}
         ),
-        f"{name}.c": filled("c_code/payload.c", fields | {"about": _headed(subject, source)}),
-        f"{name}.hpp": filled("c_code/payload.hpp", fields | {"about": _headed(subject, [about[0], "C++17."])}),
+        f"{name}.c": filled("c_code/payload.c", fields | {"about": c_heading(subject, source)}),
+        f"{name}.hpp": filled("c_code/payload.hpp", fields | {"about": c_heading(subject, [about[0], "C++17."])}),
         "CMakeLists.txt": filled(
             "c_code/CMakeLists.txt", fields | {"about": "\n".join([spdx(subject, "#"), *comment([about[0]], "#")])}
         ),
@@ -208,13 +208,3 @@ def _table(values: FloatArray, precision: Precision) -> str:
     """(rows, arrays, n) numbers as the inside of an initialiser."""
     rows = (",\n     ".join(f"{{{precision.listed(array)}}}" for array in row) for row in values)
     return ",\n".join(f"    {{{row}}}" for row in rows)
-
-
-def _headed(subject: ExportSubject, paragraphs: list[str]) -> str:
-    """The inside of a file's first C comment: its licence, and paragraphs."""
-    return f"{spdx(subject, ' *')}\n{_block(paragraphs)}"
-
-
-def _block(paragraphs: list[str]) -> str:
-    """The inside of a C comment; a name cannot end it."""
-    return "\n".join(comment([p.replace("*/", "* /") for p in paragraphs], " *"))

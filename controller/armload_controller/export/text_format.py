@@ -82,6 +82,12 @@ def comment(paragraphs: Iterable[str], prefix: str) -> list[str]:
     return lines
 
 
+def c_heading(subject: ExportSubject, paragraphs: Iterable[str]) -> str:
+    """The inside of a file's first C comment, which no name can end: its licence, and paragraphs."""
+    lines = comment([paragraph.replace("*/", "* /") for paragraph in paragraphs], " *")
+    return "\n".join([spdx(subject, " *"), *lines])
+
+
 def xml_comment(paragraphs: Iterable[str]) -> list[str]:
     """Paragraphs as one XML comment."""
     # two hyphens, of which "---" has two pairs, would end the comment

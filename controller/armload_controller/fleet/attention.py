@@ -16,7 +16,7 @@ from datetime import date, datetime
 from pathlib import Path
 
 from armload_controller.control_errors import ConfigurationError, FleetError
-from armload_identification.many_arms.fleet_review import ArmReview, FleetReview
+from armload_identification.many_arms.fleet_review import FleetReview
 from armload_identification.storage.replace_file import replace_file
 
 _FILE = "acknowledged.jsonl"
@@ -112,16 +112,12 @@ def attention_of(review: FleetReview, folder: Path, today: date) -> Attention:
 def findings_of(review: FleetReview) -> Iterator[Finding]:
     """All findings: suspicions, and arms without a recent recording."""
     for arm in review.arms:
-        yield from _suspicions(arm)
+        for found in arm.suspicions:
+            kind = found.cause.value if found.quantity is None else f"{found.cause.value}, {found.quantity}"
+            yield Finding(arm.arm, arm.model, kind, found.sentence)
     for gone in review.absent:
         text = f"no recent recording, the latest is of {gone.latest:%Y-%m-%d}"
         yield Finding(gone.arm, gone.model, "no recent recording", text)
-
-
-def _suspicions(arm: ArmReview) -> Iterator[Finding]:
-    for found in arm.suspicions:
-        kind = found.cause.value if found.quantity is None else f"{found.cause.value}, {found.quantity}"
-        yield Finding(arm.arm, arm.model, kind, found.sentence)
 
 
 def acknowledgements(folder: Path) -> list[Acknowledgement]:

@@ -162,16 +162,6 @@ def _rated_current_known(drive: DriveSettings, rated_current_a: float | None) ->
     return ""
 
 
-def _torque_limit_set(drive: DriveSettings, rated_current_a: float | None) -> str:
-    """The configuration must state that the limit is set."""
-    return "" if drive.torque_limit_in_drive else "torque_limit_in_drive is not set to true in the configuration"
-
-
-def _has_brake(drive: DriveSettings, rated_current_a: float | None) -> str:
-    """The axis must have a brake."""
-    return "" if drive.has_brake else "the axis has no brake"
-
-
 def _vendor(what: str) -> Way:
     """A way by manufacturer-specific objects."""
     return Way(f"the manufacturer's object for {what} (`vendor_settings`)", by_vendor=True)
@@ -216,7 +206,9 @@ class Safety(Enum):
         Way(
             "a limit set in the drive (`torque_limit_in_drive = true`)",
             note="only by the integrator's statement: nothing is read, and on a real arm the operator must confirm",
-            condition=_torque_limit_set,
+            condition=lambda drive, _: (
+                "" if drive.torque_limit_in_drive else "torque_limit_in_drive is not set to true in the configuration"
+            ),
         ),
     )
     MASTER_LOST = (
@@ -277,7 +269,7 @@ class Safety(Enum):
             "605A = 2 (ramp, then held by the brake)",
             (Setting(od.QUICK_STOP_OPTION, QUICK_STOP_AND_LEAVE),),
             "the axis has a brake",
-            condition=_has_brake,
+            condition=lambda drive, _: "" if drive.has_brake else "the axis has no brake",
         ),
         _vendor("the quick stop"),
     )

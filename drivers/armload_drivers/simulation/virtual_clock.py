@@ -17,7 +17,7 @@ class VirtualClock:
 
     def __init__(self) -> None:
         self._time_ns = 0
-        self._end: Callable[[], str] = _no_follower
+        self._end: Callable[[], str] = lambda: "none are running"
 
     def __call__(self) -> float:
         """Present time in seconds."""
@@ -48,8 +48,3 @@ class VirtualClock:
         why = self._end()
         if why:
             raise SimulationError(f"the simulated drives no longer act: {why}")
-
-
-def _no_follower() -> str:
-    """Reason for a clock without a follower."""
-    return "none are running"

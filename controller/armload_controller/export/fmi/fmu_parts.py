@@ -29,7 +29,7 @@ from armload_controller.export.compiled_library import compiled_library
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
 from armload_controller.export.template import filled
-from armload_controller.export.text_format import comment, exact, printable, provenance, spdx
+from armload_controller.export.text_format import c_heading, exact, printable, provenance
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 """Date of every file inside, fixed so that the same payload gives the same bytes."""
@@ -136,14 +136,11 @@ def sources(subject: ExportSubject, wrapper: str) -> tuple[dict[str, str], str]:
     start = [variable.start for variable in variables(subject) if variable.causality == "parameter"]
     values = ",\n".join(f"    {exact(value)}" for value in start if value is not None)
     token = hashlib.sha256("".join((*code.values(), values)).encode()).hexdigest()
-    about = [spdx(subject, " *")]
-    about += comment(
-        [provenance(subject), "An FMU for model exchange and co-simulation; see modelDescription.xml."], " *"
-    )
+    about = [provenance(subject), "An FMU for model exchange and co-simulation; see modelDescription.xml."]
     fields = {
         "name": name,
         "GUARD": name.upper(),
-        "about": "\n".join(about).replace("*/", "* /"),
+        "about": c_heading(subject, about),
         "token": token,
         "start": values,
         "theta_of": filled("c_code/theta_of.c", {}),
