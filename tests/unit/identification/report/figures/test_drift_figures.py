@@ -1,12 +1,14 @@
 """The control charts: a row for each joint, a column for each quantity, each labelled once."""
 
+from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from armload_identification.pipeline.arm_drift import Monitored
-from armload_identification.report.figures.drift_figures import charts_drawing
+from armload_identification.pipeline.warm_up import WARM_S
+from armload_identification.report.figures.drift_figures import charts_drawing, warm_up_drawing
 from armload_identification.verdict.control_limits import control_chart
 
 NAMES = ("shoulder", "elbow", "wrist")
@@ -44,3 +46,54 @@ def test_a_gain_is_drawn_in_per_cent_and_a_residual_as_a_ratio(grid):
         points = np.concatenate([line.get_ydata() for line in grid[1][column].lines if line.get_marker() in {"o", "D"}])
         values = charts[tuple(Monitored)[column]][1].values
         np.testing.assert_allclose(np.sort(points), np.sort(drawn(values)))
+
+
+@pytest.mark.parametrize(
+    ("hours", "label", "places"),
+    [
+        ((0, 24, 72), "", [0.0, 1.0, 3.0]),
+        ((0, 0, 0), "run", [1.0, 2.0, 3.0]),
+        ((), "run", [1.0, 2.0, 3.0]),
+    ],
+)
+def test_runs_stand_at_their_days_if_these_differ_else_at_their_numbers(hours, label, places):
+    begun = datetime(2026, 3, 1, tzinfo=UTC)
+    found = drift()
+    found.runs, found.began = range(3), tuple(begun + timedelta(hours=each) for each in hours)
+    found.charts = {
+        quantity: tuple(control_chart(np.array([0.1, 0.2, 0.3]), *[np.full(3, 0.1)] * 2, 0.1, 9) for _ in NAMES)
+        for quantity in Monitored
+    }
+    axes = charts_drawing(found, NAMES).axes[-1]
+    x = np.concatenate([line.get_xdata() for line in axes.lines if line.get_marker() in {"o", "D"}])
+    np.testing.assert_allclose(np.sort(x) - (np.min(x) if len(set(hours)) > 1 else 0.0), places, atol=1e-9)
+    assert axes.get_xlabel() == label
+    assert axes.get_yscale() == "linear"
+
+
+class Warming:
+    """Two of four joints warm up; the runs lasted up to `longest_s`."""
+
+    slope_nm = np.array([0.5, 0.0, 0.2, 0.0])
+
+    def __init__(self, longest_s):
+        self.at_work_s = np.array([60.0, longest_s])
+        self.friction_nm = np.arange(8.0).reshape(2, 4)
+
+    def curve_nm(self, work_s):
+        return work_s[:, None] * np.ones(4)
+
+
+@pytest.mark.parametrize(("longest_s", "until_min"), [(300.0, WARM_S / 60.0), (2.0 * WARM_S, WARM_S / 30.0)])
+def test_friction_is_drawn_over_the_minutes_in_operation_with_a_curve_where_it_changes(longest_s, until_min):
+    axes = warm_up_drawing(Warming(longest_s), ("a", "b", "c", "d")).axes
+    assert [each.get_title() for each in axes[:4]] == ["1 a", "2 b", "3 c", "4 d"]
+    assert [each.axison for each in axes] == [True] * 4 + [False] * 2
+    for joint, each in enumerate(axes[:4]):
+        points, *curve = each.lines
+        np.testing.assert_allclose(points.get_xydata(), [[1.0, joint], [longest_s / 60.0, 4.0 + joint]])
+        assert len(curve) == (joint in (0, 2))
+        assert (each.get_ylabel(), each.get_xlabel()) == ("friction, N m", "minutes in operation")
+        for line in curve:
+            np.testing.assert_allclose(line.get_xdata()[[0, -1]], [0.0, until_min])
+            np.testing.assert_allclose(line.get_ydata(), 60.0 * line.get_xdata())

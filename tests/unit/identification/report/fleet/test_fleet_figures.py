@@ -1,15 +1,17 @@
 """A chart in the size of a word: limits, runs and outliers to scale."""
 
 import re
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from armload_identification.many_arms.arm_runs import Quantity, QuantityKind
 from armload_identification.report.figures.figure_style import BLUE, VERMILION
-from armload_identification.report.fleet.fleet_figures import strip
+from armload_identification.report.fleet import fleet_figures
+from armload_identification.report.fleet.fleet_figures import chart_figure, strip
 
 WIDTH, HEIGHT, MARGIN = 96.0, 18.0, 2.5
 
@@ -61,3 +63,28 @@ def test_runs_of_one_moment_are_in_the_middle_and_nothing_divides_by_zero():
     circles, _, svg = drawn([0.0, 0.0], limit=0.0, days=(0, 0))
     assert [x for x, _, _ in circles] == pytest.approx([WIDTH / 2] * 2)
     assert not re.search("nan|inf", svg)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "title", "scale"),
+    [
+        (QuantityKind.MASS, "box", "mass of box, kg", 1.0),
+        (QuantityKind.GAIN, "a", "gain of a, %", 100.0),
+    ],
+)
+@pytest.mark.parametrize("twins", [0.5, None])
+def test_a_chart_is_in_the_unit_of_its_quantity_about_its_centre(monkeypatch, kind, name, title, scale, twins):
+    figures = []
+    monkeypatch.setattr(fleet_figures, "inline_svg", lambda figure, *_: figures.append(figure) or "svg")
+    shown = figure([0.0, 0.25, -0.25], outside=(1,))
+    shown.chart.level, shown.chart.changes = np.zeros(3), ()
+    shown.recorded = [moment.replace(tzinfo=UTC) for moment in shown.recorded]
+    shown.quantity, shown.center = Quantity(kind, name), 2.0
+    shown.twins = twins and SimpleNamespace(level=twins)
+    assert chart_figure(shown, "id", "a title") == "svg"
+    ((axes,),) = [found.axes for found in figures]
+    assert axes.get_title() == title
+    _, usual, loud, *level = axes.lines
+    np.testing.assert_allclose(usual.get_ydata(), scale * np.array([2.0, 1.75]))
+    np.testing.assert_allclose(loud.get_ydata(), scale * np.array([2.25]))
+    assert [line.get_ydata()[0] for line in level] == ([scale * twins] if twins else [])
