@@ -1,13 +1,20 @@
 """`armload commission`: recordings that are taken up later, and arguments that are checked before the arm is opened."""
 
+import json
 import os
+import re
 import shutil
+from contextlib import nullcontext
+from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from armload_controller.cli.arm_commands import commission_command
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError
-from armload_controller.session.commissioning import read_pair
+from armload_controller.session.commissioning import ROLES, read_pair
 from armload_identification.identification_errors import EstimationError
 
 
@@ -65,3 +72,87 @@ def test_a_drift_that_cannot_be_used_is_refused_before_anything_moves(armload, t
     result = armload("commission", "er50", "--output", tmp_path / "run", *stated)
     assert isinstance(result.exception, EstimationError)
     assert not (tmp_path / "run").exists()
+
+
+# Halves of a commissioning, without an arm ---------------------------------------------------------------------------
+
+
+@pytest.fixture
+def recorded_halves(monkeypatch):
+    """Loads that the command has recorded; nothing is moved, and nothing evaluated."""
+    halves = []
+
+    def record_half(arm, load, open_servos, operator, plan):
+        halves.append((str(load), plan))
+        for role in ROLES:
+            (plan.directory / f"{load}_{role}.mcap").touch()
+        return [SimpleNamespace(duration_s=30.0, missing=np.array([1, 2]), skipped=4)] * 2
+
+    def evaluate(arm, plan, tolerance, created):
+        raise EstimationError(f"evaluated with {tolerance.mass_share:g}")
+
+    monkeypatch.setattr("armload_controller.session.commissioning.record_half", record_half)
+    monkeypatch.setattr("armload_controller.session.commissioning_results.evaluate", evaluate)
+    monkeypatch.setattr("armload_controller.session.arm_access.open_arm", None)
+    return halves
+
+
+def test_both_halves_are_recorded_and_evaluated(armload, recorded_halves, tmp_path):
+    result = armload("commission", "prbt", "--output", tmp_path, "--mass-kg", "2", "--tolerance", "0.05", "0.01")
+    assert str(result.exception) == "evaluated with 0.05"
+    assert [load for load, _ in recorded_halves] == ["unloaded", "loaded"]
+    assert {(plan.directory, plan.mass_kg, plan.slow_only) for _, plan in recorded_halves} == {(tmp_path, 2.0, False)}
+    assert "payload 'gripper' mounted on the simulated flange\n" in result.output
+    assert re.search(
+        r"unloaded: 60 s of motion in 0 s \(.* times real time\), 6 feedback frames missing, 8 cycles sk", result.output
+    )
+
+
+def test_the_empty_half_says_how_to_go_on_and_the_loaded_one_requires_it(armload, recorded_halves, tmp_path):
+    words = ("commission", "prbt", "--runs")
+    assert "--runs loaded requires --output: the folder used by" in str(armload(*words, "loaded").exception)
+    missing = armload(*words, "loaded", "--output", tmp_path / "none")
+    assert "unloaded_identification.mcap is missing: create it with" in str(missing.exception)
+    assert not (tmp_path / "none").exists()
+    result = armload(*words, "unloaded", "--output", tmp_path, "--json", columns=500)
+    assert result.exit_code == 0, (result.output, result.exception)
+    assert f"recorded: {tmp_path}. Mount the payload, then: --runs loaded --output {tmp_path}" in result.stderr
+    assert json.loads(result.stdout)["files"] == {"directory": str(tmp_path)}
+    again = armload(*words, "unloaded", "--output", tmp_path)
+    assert "already contains these recordings, which are never overwritten" in str(again.exception)
+    loaded = armload(*words, "loaded", "--output", tmp_path)
+    assert str(loaded.exception) == "evaluated with 0.02"
+    assert [load for load, _ in recorded_halves] == ["unloaded", "loaded"]
+    assert "mounted on the simulated flange" not in loaded.output
+
+
+def test_slow_rounds_alone_have_no_periods_to_repeat(armload, tmp_path):
+    result = armload("commission", "prbt", "--output", tmp_path / "a", "--slow-only", "--until", "1%", columns=300)
+    assert result.exit_code == 2
+    assert "no periods are run with --slow-only" in result.output
+
+
+@pytest.mark.parametrize(
+    ("given", "answer", "refused"), [(True, None, False), (False, True, False), (False, False, True)]
+)
+def test_the_payload_is_mounted_before_a_real_arm_goes_on(given, answer, refused):
+    asked = []
+    consent = SimpleNamespace(given=given, ask=lambda question: asked.append(question) or answer)
+    arm = load_robot("prbt").with_bus("socketcan", "can0")
+    with pytest.raises(CommissioningError, match="Continue later with --runs loaded") if refused else nullcontext():
+        commission_command._have_payload_mounted(arm, None, consent)
+    question = "The drives are off, the brakes are on. Is the payload mounted and the workspace clear?"
+    assert asked == ([] if given else [question])
+    settings = replace(arm.drives.settings.drives[0], has_brake=False)
+    arm = SimpleNamespace(drives=SimpleNamespace(settings=SimpleNamespace(drives=[settings])))
+    assert commission_command.mounting_question(arm).startswith("The drives are off. Is the payload mounted")
+
+
+@pytest.mark.parametrize("there", [(), ("payload.toml", "report.html"), ("payload.toml", "arm.calibration.toml")])
+def test_only_files_that_were_written_are_named(tmp_path, there):
+    for name in there:
+        (tmp_path / name).touch()
+    keys = {"payload.toml": "payload", "report.html": "report", "arm.calibration.toml": "calibration"}
+    assert commission_command._files(tmp_path) == {"directory": tmp_path} | {
+        keys[name]: tmp_path / name for name in there
+    }

@@ -3,14 +3,25 @@
 import io
 from types import SimpleNamespace
 
+import pytest
 from rich.console import Console
 
 from armload_controller.cli.console_text import fitted
-from armload_controller.cli.output.drive_result_tables import check_table, found_table, safety_table
+from armload_controller.cli.output.drive_result_tables import (
+    brake_table,
+    bus_line,
+    check_table,
+    found_table,
+    safety_table,
+    status_table,
+)
+from armload_controller.session.brake_test import BrakeFinding
 from armload_drivers.bring_up.drive_check import Check, Verdict
-from armload_drivers.bring_up.inspection import FoundNode
+from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.drive_safety import Safety, SafetyFinding
+from armload_drivers.cia402.emergency import describe
+from armload_drivers.cia402.state_machine import State
 
 
 def shown(table):
@@ -71,3 +82,53 @@ def test_a_node_that_is_no_drive_shows_its_device_type():
     drive, other = rows(shown(found_table(nodes)))
     assert (drive[1], drive[5:]) == ("servo", ["IP CSP", "master_lost"])
     assert (other[1], other[6]) == ("unnamed, not a CiA 402 drive: device type 0x00220811", "-")
+
+
+def test_a_brake_holds_or_does_not_or_was_not_tried():
+    found = [
+        BrakeFinding("base", tried_nm=0.0, response=0.0, moved_rad=0.0),
+        BrakeFinding("elbow", tried_nm=12.34, response=0.987, moved_rad=0.00012),
+        BrakeFinding("wrist", tried_nm=2.0, response=1.0, moved_rad=0.25),
+    ]
+    assert rows(shown(brake_table(found))) == [
+        ["base", "", "", "", "not tried: no brake, or no 60B2"],
+        ["elbow", "12.3", "99 %", "0.0001", "holds"],
+        ["wrist", "2.0", "100 %", "0.2500", "does not hold"],
+    ]
+
+
+def status(**changes):
+    given = {"state": State.SWITCH_ON_DISABLED, "position_rad": -0.000001, "effort": 1.5, "effort_unit": "A"}
+    given |= {"error_code": None, "temperature_celsius": None, "trouble": ""}
+    return SimpleNamespace(joint="elbow", node_id=3, **given | changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "cells"),
+    [
+        ({}, [State.SWITCH_ON_DISABLED.title, "+0.00000", "+1.500 A", "-"]),
+        ({"position_rad": None, "effort": None}, [State.SWITCH_ON_DISABLED.title, "-", "-", "-"]),
+        ({"state": None, "trouble": "no answer"}, ["?", "", "", "no answer"]),
+        ({"error_code": 0x2310}, [State.SWITCH_ON_DISABLED.title, "+0.00000", "+1.500 A", describe(0x2310)]),
+    ],
+)
+@pytest.mark.parametrize("celsius", [None, 41.6])
+def test_what_a_drive_does_not_report_is_a_dash_and_a_column_nobody_fills_is_not_there(changes, cells, celsius):
+    drives = [status(**changes)] + ([status(temperature_celsius=celsius)] if celsius else [])
+    first, *others = rows(shown(status_table(ArmStatus(tuple(drives), None, 0, False))))
+    silent = changes.get("state", "") is None
+    warm = [] if celsius is None else [""] if silent else ["-"]
+    assert first == ["elbow", "3", *cells[:3], *warm, cells[3]]
+    assert [row[5] for row in others] == (["42"] if celsius else [])
+
+
+@pytest.mark.parametrize(
+    ("load", "passive", "line"),
+    [
+        (0.1234, False, "bus load 12.3 %, 4 error frames"),
+        (0.0, True, "bus load 0.0 %, 4 error frames, error passive"),
+        (None, False, "EtherCAT: drives in PREOP, no process data"),
+    ],
+)
+def test_the_bus_is_a_line(load, passive, line):
+    assert bus_line(ArmStatus((), load, 4, passive)) == line
