@@ -20,12 +20,16 @@ class Extra(StrEnum):
     IDENTIFY = "identify"
     REPORT = "report"
     FLEET = "fleet"
+    ROS = "ros"
+    PARQUET = "parquet"
 
 
 _LIBRARIES: Final = {
     Extra.IDENTIFY: {"scipy": "SciPy"},
     Extra.REPORT: {"matplotlib": "Matplotlib", "jinja2": "Jinja"},
     Extra.FLEET: {"distributed": "Dask", "pyarrow": "PyArrow", "fsspec": "fsspec", "cryptography": "cryptography"},
+    Extra.ROS: {"rosbags": "rosbags"},
+    Extra.PARQUET: {"pyarrow": "PyArrow"},
 }
 
 

@@ -63,7 +63,7 @@ class RobotStrength:
                 if left <= 0.0:
                     expected = f"expected less than the {usable[i]:g} N m that a motion may use"
                     raise self.source.refused(f"body.links[{i + 1}].coulomb_nm", float(body.coulomb_nm[i]), expected)
-            return TorqueLimits.from_body(chain, body, payload, usable)
+            return TorqueLimits(chain, body, payload, usable - body.coulomb_nm)
         self._require_shares(
             "required to design an excitation: the greatest fraction of torque_max_nm that the arm's own links, rotor "
             "and friction need; or a [body] instead"

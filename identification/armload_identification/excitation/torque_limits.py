@@ -73,22 +73,6 @@ class TorqueLimits:
         object.__setattr__(self, "_models", (loaded, empty) if np.any(self.body.links) else (loaded,))
 
     @classmethod
-    def from_body(
-        cls, chain: Chain, body: ArmBody, payload: InertialParameters, torque_max_nm: FloatArray
-    ) -> TorqueLimits:
-        """Limits from a model of the arm.
-
-        Args:
-            body: Its links, rotors and friction.
-            payload: The heaviest one expected, in the flange frame.
-            torque_max_nm: (n,) greatest torque of each joint.
-
-        Raises:
-            ModelError: Coulomb friction takes all of a joint's torque, or shapes that do not fit.
-        """
-        return cls(chain, body, payload, np.asarray(torque_max_nm) - body.coulomb_nm)
-
-    @classmethod
     def from_share(
         cls, chain: Chain, arm_share: FloatArray, payload: InertialParameters, torque_max_nm: FloatArray
     ) -> TorqueLimits:

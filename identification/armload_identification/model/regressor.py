@@ -10,6 +10,8 @@ Arrays are converted and checked here before they are passed to the kernels.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -58,11 +60,7 @@ def payload_torque(chain: Chain, theta: ArrayLike, q: ArrayLike, dq: ArrayLike, 
     References:
         Chen 2016, eqs. (2), (5).
     """
-    model = feedforward_model(chain, theta)
-    states, single = _states(chain, q, dq, ddq)
-    out = np.empty_like(states[0])
-    kernels.payload_torque_into(model, *states, out)
-    return out[0] if single else out
+    return _of_states(kernels.payload_torque_into, feedforward_model(chain, theta), chain.n, (), (q, dq, ddq))
 
 
 def payload_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
@@ -82,10 +80,7 @@ def payload_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike)
     References:
         Chen 2016, eqs. (4), (5).
     """
-    states, single = _states(chain, q, dq, ddq)
-    out = np.empty((states[0].shape[0], chain.n, PARAMETERS))
-    kernels.payload_regressor_into(chain.packed, *states, out)
-    return out[0] if single else out
+    return _of_states(kernels.payload_regressor_into, chain.packed, chain.n, (PARAMETERS,), (q, dq, ddq))
 
 
 def body_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
@@ -106,10 +101,7 @@ def body_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) ->
     References:
         Chen 2016, eq. (1), the part without friction.
     """
-    states, single = _states(chain, q, dq, ddq)
-    out = np.zeros((states[0].shape[0], chain.n, PARAMETERS * chain.n))
-    kernels.body_regressor_into(chain.packed, *states, out)
-    return out[0] if single else out
+    return _of_states(kernels.body_regressor_into, chain.packed, chain.n, (PARAMETERS * chain.n,), (q, dq, ddq))
 
 
 def rotor_columns(ddq: FloatArray, coupling: FloatArray) -> FloatArray:
@@ -126,16 +118,20 @@ def rotor_columns(ddq: FloatArray, coupling: FloatArray) -> FloatArray:
     return np.asarray((ddq @ to_axis.T)[:, :, None] * to_axis[None, :, :])
 
 
-def _states(
-    chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike
-) -> tuple[tuple[FloatArray, FloatArray, FloatArray], bool]:
-    """q, dq, ddq as C-contiguous (N, n), and whether they were a single sample."""
-    position, velocity, acceleration = (np.ascontiguousarray(a, dtype=np.float64) for a in (q, dq, ddq))
-    shape = position.shape
-    for name, state in (("q", position), ("dq", velocity), ("ddq", acceleration)):
-        if state.ndim not in (1, 2) or state.shape[-1] != chain.n or state.shape != shape:
-            raise ModelError(
-                f"{name} has shape {state.shape}, q has {shape}; expected one shape (N, {chain.n}) or ({chain.n},)"
-            )
-    rows = (-1, chain.n)
-    return (position.reshape(rows), velocity.reshape(rows), acceleration.reshape(rows)), len(shape) == 1
+def _of_states(
+    kernel: Callable[..., None],
+    packed: FloatArray,
+    n: int,
+    columns: tuple[int, ...],
+    states: tuple[ArrayLike, ArrayLike, ArrayLike],
+) -> FloatArray:
+    """(N, n, *columns) that a kernel makes of q, dq, ddq; (n, *columns) of a single sample."""
+    arrays = [np.ascontiguousarray(state, dtype=np.float64) for state in states]
+    shape = arrays[0].shape
+    for name, array in zip(("q", "dq", "ddq"), arrays, strict=True):
+        if array.ndim not in (1, 2) or array.shape[-1] != n or array.shape != shape:
+            raise ModelError(f"{name} has shape {array.shape}, q has {shape}; expected one shape (N, {n}) or ({n},)")
+    rows = [array.reshape(-1, n) for array in arrays]
+    out = np.zeros((len(rows[0]), n, *columns))
+    kernel(packed, *rows, out)
+    return out[0] if len(shape) == 1 else out

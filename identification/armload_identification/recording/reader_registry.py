@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from armload_identification.extras import Extra, require_extra
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.formats.csv_reader import CsvReader
 from armload_identification.recording.formats.extension_reader import open_extension
@@ -32,10 +33,9 @@ def open_ros(path: Path, start: bytes, options: ReadingOptions) -> RecordingRead
     mcap = start.startswith(MAGIC) and start[_PROFILE_AT:].startswith(_ROS_PROFILE)
     if not (folder or mcap or start.startswith((_SQLITE, _ROS_1))):
         return None
-    try:
-        from armload_identification.recording.formats.ros_reader import RosReader
-    except ImportError as error:
-        raise _missing(path, "a ROS bag", "ros", error) from error
+    require_extra(Extra.ROS, f"{path}: a ROS bag")
+    from armload_identification.recording.formats.ros_reader import RosReader
+
     return RosReader(path, options)
 
 
@@ -63,10 +63,9 @@ def open_parquet(path: Path, start: bytes, options: ReadingOptions) -> Recording
     """The reader of Parquet tables, and of LeRobot data sets (folders)."""
     if not start.startswith(_PARQUET) and not (path.is_dir() and (path / "meta" / "info.json").is_file()):
         return None
-    try:
-        from armload_identification.recording.formats.parquet_reader import ParquetReader
-    except ImportError as error:
-        raise _missing(path, "a Parquet table", "parquet", error) from error
+    require_extra(Extra.PARQUET, f"{path}: a Parquet table")
+    from armload_identification.recording.formats.parquet_reader import ParquetReader
+
     return ParquetReader(path, options)
 
 
@@ -115,10 +114,3 @@ def _start_of(path: Path) -> bytes:
         if not start.strip() and not any(rest.strip() for rest in iter(lambda: file.read(_START_BYTES), b"")):
             raise RecordingError(f"{path}: the file is empty. Give a recording with rows of numbers.")
     return start
-
-
-def _missing(path: Path, what: str, extra: str, error: ImportError) -> RecordingError:
-    return RecordingError(
-        f"{path}: {what} needs {error.name or 'a library'}, which is not installed. "
-        f"Install it: pip install 'armload[{extra}]'."
-    )

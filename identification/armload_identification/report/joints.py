@@ -70,7 +70,7 @@ def joint_rows(
         "ratio": _column(_residual_over_noise(residual_rms_nm, signal.noise_nm), 2),
         "loss": _column(_PERCENT * signal.smoothing_loss),
         "mismatch": _column(_MRAD * signal.mismatch_rad),
-        "position_fit": _column(_MRAD * signal.position_fit_rad),
+        "position_fit": _column(_MRAD * signal.loaded.position_fit_rad),
     }
     return tuple(
         JointRow(

@@ -106,11 +106,6 @@ class LoadSignal:
         """Whole periods averaged in the loaded and the unloaded run; (1, 1) without a period, 0 for a prediction."""
         return self.loaded.periods, self.unloaded.periods
 
-    @property
-    def position_fit_rad(self) -> FloatArray:
-        """(n,) RMS of the loaded run's measured position about the fitted one."""
-        return self.loaded.position_fit_rad
-
     @cached_property
     def empty_arm(self) -> Motion:
         """The unloaded run, with the noise and validity of the difference."""
@@ -332,14 +327,10 @@ def _require_same_excitation(loaded: Recording, unloaded: Recording) -> None:
 
 
 def _same_series(one: FourierTrajectory, two: FourierTrajectory) -> bool:
-    """Whether two series agree to rounding."""
-    return (
-        one.sin_rad.shape == two.sin_rad.shape
-        and bool(np.isclose(one.base_frequency_hz, two.base_frequency_hz))
-        and np.allclose(one.offset_rad, two.offset_rad)
-        and np.allclose(one.sin_rad, two.sin_rad)
-        and np.allclose(one.cos_rad, two.cos_rad)
-    )
+    """Whether two series have the same harmonics and coefficients."""
+    parts = ("base_frequency_hz", "offset_rad", "sin_rad", "cos_rad")
+    same_shape = one.sin_rad.shape == two.sin_rad.shape
+    return same_shape and all(np.allclose(getattr(one, name), getattr(two, name)) for name in parts)
 
 
 def _require_same_path(loaded: Recording, unloaded: Recording, one: Motion, two: Motion) -> FloatArray:

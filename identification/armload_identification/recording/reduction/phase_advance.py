@@ -219,22 +219,18 @@ def interruptions(recording: Recording) -> int:
     """How often a run was paused or slowed down within the periods of its excitation."""
     if recording.average is not None:
         return recording.average.interruptions
-    if recording.phase_s is None or not whole_periods(recording):
+    if not whole_periods(recording):
         return 0
-    rows = np.isfinite(recording.phase_s)
-    phase, trajectory = periodic_phase(recording)
-    return PhaseAdvance.of(phase, recording.time_s[rows], trajectory.period_s).interruptions
+    period_s = periodic_phase(recording)[1].period_s
+    return PhaseAdvance.of(*phase_and_time(recording), period_s).interruptions
 
 
 def measured_periods(recording: Recording) -> int:
     """Number of whole periods that were measured; of an interrupted run, how often every phase was at least."""
-    if recording.average is not None or recording.phase_s is None or recording.excitation is None:
-        return whole_periods(recording)
-    rows = np.isfinite(recording.phase_s)
-    if not whole_periods(recording):
-        return 0
-    period_s = recording.excitation.trajectory.period_s
-    return PhaseAdvance.of(recording.phase_s[rows], recording.time_s[rows], period_s).periods
+    periods = whole_periods(recording)
+    if recording.average is not None or recording.excitation is None or not periods:
+        return periods
+    return PhaseAdvance.of(*phase_and_time(recording), recording.excitation.trajectory.period_s).periods
 
 
 def even_advance(phase: FloatArray, time_s: FloatArray, trajectory: FourierTrajectory) -> PhaseAdvance | None:
@@ -255,10 +251,17 @@ def whole_periods(recording: Recording) -> int:
     """Number of whole periods in a recording, or in its average; 0 without an excitation."""
     if recording.average is not None:
         return recording.average.periods
-    if recording.phase_s is None or recording.excitation is None:
+    if recording.excitation is None:
         return 0
-    phase = recording.phase_s[np.isfinite(recording.phase_s)]
+    phase = phase_and_time(recording)[0]
     return whole(phase, recording.excitation.trajectory.period_s) if phase.size > 1 else 0
+
+
+def phase_and_time(recording: Recording) -> tuple[FloatArray, FloatArray]:
+    """(P,) phases of the rows within the periods, and their time stamps; none without a known excitation."""
+    phase = np.full(recording.size, np.nan) if recording.phase_s is None else recording.phase_s
+    rows = np.isfinite(phase)
+    return phase[rows], recording.time_s[rows]
 
 
 def phases_per_period(recording: Recording) -> int:
@@ -273,11 +276,11 @@ def periodic_phase(recording: Recording) -> tuple[FloatArray, FourierTrajectory]
     Raises:
         RecordingError: no whole period.
     """
-    if recording.phase_s is None or recording.excitation is None or whole_periods(recording) == 0:
+    if recording.excitation is None or whole_periods(recording) == 0:
         raise RecordingError(
             f"{recording.source.path}: no whole period of a known excitation. Record at least one period."
         )
-    phase = recording.phase_s[np.isfinite(recording.phase_s)]
+    phase = phase_and_time(recording)[0]
     return phase, shortest_period(phase, recording.excitation.trajectory)
 
 

@@ -214,7 +214,7 @@ class Crowded:
     floor = HalfSpace("floor", np.array([0.0, 0.0, 1.0]), -0.4, (1, 2, 3, 4))
     table = Box("table", pose_from_xyz_rpy([0.9, 0.5, -0.2], [0.0, 0.0, 0.5]), np.array([0.4, 0.6, 0.6]), (2, 3, 4))
     workspace = Workspace(ARM, spheres, (floor,), (table,), ((1, 4),))
-    envelope = Envelope(joints, TorqueLimits.from_body(ARM, body, PAYLOAD, torque_nm), workspace)
+    envelope = Envelope(joints, TorqueLimits(ARM, body, PAYLOAD, torque_nm - body.coulomb_nm), workspace)
 
     def designed(
         self, executor: Executor | None = None, base_frequency_hz=0.1, harmonics=2, seed=3, restarts=1
@@ -320,7 +320,7 @@ def test_a_chosen_period_is_as_fast_as_the_path_allows(crowded):
 
 
 def test_an_arm_that_cannot_even_stand_is_reported():
-    weak = TorqueLimits.from_body(ARM, Crowded.body, PAYLOAD, np.array([60.0, 60.0, 40.0]))
+    weak = TorqueLimits(ARM, Crowded.body, PAYLOAD, np.array([60.0, 60.0, 40.0]) - Crowded.body.coulomb_nm)
     with pytest.raises(
         ExcitationError, match=r"none of 1 starts .* within all limits; .* requires \d+\.\d % more torque than joint 3 "
     ):

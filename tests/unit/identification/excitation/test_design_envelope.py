@@ -34,7 +34,7 @@ def envelope(any_arm, any_body) -> Envelope:
     floor = HalfSpace("floor", np.array([0.0, 0.0, 1.0]), -0.3, (1, 2, 3, 4))
     return Envelope(
         JOINTS,
-        TorqueLimits.from_body(chain, body, any_body(rng), np.array([200.0, 150.0, 80.0])),
+        TorqueLimits(chain, body, any_body(rng), np.array([200.0, 150.0, 80.0]) - body.coulomb_nm),
         Workspace(chain, spheres, (floor,), (), ((0, 4), (1, 3))),
         SpeedLimit(ArmPoints(chain, np.array([0.1, 0.0, 0.2])), 0.8),
     )

@@ -31,7 +31,7 @@ class Case:
         self.chain, self.links = any_arm(rng, N)
         self.payload = any_body(rng)
         body = ArmBody(np.array([link.theta for link in self.links]), ROTOR, VISCOUS, COULOMB, COUPLING)
-        self.limits = TorqueLimits.from_body(self.chain, body, self.payload, MAX_NM)
+        self.limits = TorqueLimits(self.chain, body, self.payload, MAX_NM - body.coulomb_nm)
         self.path = FourierTrajectory(
             0.2, rng.uniform(-1, 1, N), rng.normal(size=(N, 3)) * 0.3, rng.normal(size=(N, 3)) * 0.3
         )
@@ -145,7 +145,7 @@ def test_the_bound_on_the_motors_holds_between_the_samples(case, axes):
 def test_limits_that_leave_nothing_are_refused(case):
     body = ArmBody(np.zeros((N, 10)), np.zeros(N), np.zeros(N), MAX_NM, np.eye(N))
     with pytest.raises(ModelError, match="torque for arm and payload"):
-        TorqueLimits.from_body(case.chain, body, case.payload, MAX_NM)
+        TorqueLimits(case.chain, body, case.payload, MAX_NM - body.coulomb_nm)
     with pytest.raises(ModelError, match="share of the torque"):
         TorqueLimits.from_share(case.chain, np.ones(N), case.payload, MAX_NM)
     with pytest.raises(ModelError, match="share of the torque"):

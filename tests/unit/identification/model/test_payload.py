@@ -156,8 +156,14 @@ def test_the_table_has_the_digits_that_the_interval_justifies_and_no_number_for_
 @pytest.mark.parametrize(
     ("make", "text"),
     [
-        (lambda: InertialParameters.from_center_of_mass(1.0, [0.0, 0.0], np.eye(3)), r"\(2,\), inertia \(3, 3\)"),
-        (lambda: InertialParameters.from_center_of_mass(1.0, [0.0] * 3, np.eye(2)), r"\(3,\), inertia \(2, 2\)"),
+        (
+            lambda: InertialParameters.from_center_of_mass(1.0, [0.0, 0.0], np.eye(3)),
+            r"centre of mass has .*\(2,\); expected \(3,\)",
+        ),
+        (
+            lambda: InertialParameters.from_center_of_mass(1.0, [0.0] * 3, np.eye(2)),
+            r"inertia has shape \(2, 2\); expected \(3, 3\)",
+        ),
         (lambda: InertialParameters.from_pseudo_inertia(np.eye(3)), r"shape \(3, 3\); expected \(4, 4\)"),
         (lambda: body_of(*masses(1)).transformed(np.eye(3)), r"pose has shape \(3, 3\); expected \(4, 4\)"),
     ],
@@ -167,11 +173,13 @@ def test_other_shapes_are_refused(make, text):
         make()
 
 
-@pytest.mark.parametrize(("asymmetry", "refused"), [(0.5e-9, False), (2e-9, True), (np.nan, True)])
+@pytest.mark.parametrize(
+    ("asymmetry", "refused"), [(0.5e-9, ""), (2e-9, "is not symmetric"), (np.nan, "a number that is not finite")]
+)
 def test_a_tensor_is_symmetric_to_a_billionth(asymmetry, refused):
     inertia = np.eye(3)
     inertia[0, 1] = asymmetry
-    with pytest.raises(ModelError, match="is not symmetric") if refused else nullcontext():
+    with pytest.raises(ModelError, match=refused) if refused else nullcontext():
         InertialParameters.from_center_of_mass(1.0, np.zeros(3), inertia)
 
 

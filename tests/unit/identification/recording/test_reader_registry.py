@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from armload_identification.identification_errors import RecordingError
+from armload_identification.identification_errors import ExtraMissing, RecordingError
 from armload_identification.recording import reader_registry
 from armload_identification.recording.reader_registry import reader_of
 from armload_identification.recording.reading_options import ReadingOptions
@@ -93,14 +93,15 @@ def test_only_data_sets_have_episodes(opened):
 
 
 @pytest.mark.parametrize(
-    ("module", "content", "what", "extra"),
-    [("ros_reader", ROS_2, "a ROS bag", "ros"), ("parquet_reader", b"PAR1", "a Parquet table", "parquet")],
+    ("library", "content", "what", "extra"),
+    [
+        ("rosbags", ROS_2, "a ROS bag needs rosbags", "ros"),
+        ("pyarrow", b"PAR1", "a Parquet table needs PyArrow", "parquet"),
+    ],
 )
-def test_a_library_that_is_missing_is_named_with_its_extra(opened, monkeypatch, module, content, what, extra):
-    monkeypatch.setitem(sys.modules, f"{FORMATS}.{module}", None)
-    with pytest.raises(RecordingError) as caught:
+def test_a_library_that_is_missing_is_named_with_its_extra(opened, monkeypatch, library, content, what, extra):
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ExtraMissing) as caught:
         opened("a.bin", content)
-    assert f"a.bin: {what} needs {FORMATS}.{module}, which is not installed. Install it: pip install" in str(
-        caught.value
-    )
+    assert f"a.bin: {what}, which a plain installation does not include. Install it: pip install" in str(caught.value)
     assert str(caught.value).endswith(f"'armload[{extra}]'.")

@@ -19,7 +19,7 @@ def signal(noise_nm=(0.5, 0.25), loss=(0.0, 0.0)):
         noise_nm=np.array(noise_nm),
         smoothing_loss=np.array(loss),
         mismatch_rad=np.array([0.0012, 0.0001]),
-        position_fit_rad=np.array([0.00005, 0.00002]),
+        loaded=SimpleNamespace(position_fit_rad=np.array([0.00005, 0.00002])),
     )
 
 

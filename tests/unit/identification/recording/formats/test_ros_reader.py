@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import builtins
 import bz2
 import sqlite3
 import struct
+import sys
 import tracemalloc
 from contextlib import closing
 
@@ -15,7 +15,7 @@ import zstandard
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from armload_identification.identification_errors import RecordingError
+from armload_identification.identification_errors import ExtraMissing, RecordingError
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.formats.ros_reader import _DEFINITIONS
 from armload_identification.recording.read_boundary import MOST_BYTES
@@ -352,15 +352,8 @@ def test_bags_that_cannot_be_read_are_refused_in_a_sentence(bag, state, store, t
 
 def test_without_the_library_its_command_is_named(bag, state, monkeypatch):
     path = bag(states(state))
-    load = builtins.__import__
-
-    def absent(name, *rest):
-        if name.endswith("ros_reader"):
-            raise ImportError("No module named 'rosbags'", name="rosbags")
-        return load(name, *rest)
-
-    monkeypatch.setattr(builtins, "__import__", absent)
-    with pytest.raises(RecordingError, match=r"needs rosbags, which is not installed.*pip install 'armload\[ros\]'"):
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    with pytest.raises(ExtraMissing, match=r"needs rosbags, which a plain installation .*pip install 'armload\[ros\]'"):
         read_recording(path)
 
 
