@@ -197,17 +197,15 @@ def _require_gains(calibration: ArmCalibration, mass_share: float) -> None:
 
 def _center_pose(robot: Robot, at_rad: Sequence[float]) -> FloatArray:
     """The pose that the motion is centred on."""
-    if len(at_rad):
-        at = np.asarray(at_rad, dtype=np.float64)
-        if at.shape != (robot.n,) or not np.isfinite(at).all():
-            expected = f"expected {robot.n} positions in rad"
-            raise ConfigurationError("the command line", "--at-rad", list(at_rad), expected)
-        return at
     excitation = robot.excitations.get("identification")
-    if excitation is None:
-        expected = f"expected {robot.n} positions in rad, as {robot.file} has no excitation"
-        raise ConfigurationError("the command line", "--at-rad", None, expected)
-    return excitation.trajectory.offset_rad
+    if not len(at_rad) and excitation is not None:
+        return excitation.trajectory.offset_rad
+    at = np.asarray(at_rad, dtype=np.float64)
+    if at.shape != (robot.n,) or not np.isfinite(at).all():
+        why = "" if len(at_rad) else f", as {robot.file} has no excitation"
+        expected = f"expected {robot.n} positions in rad{why}"
+        raise ConfigurationError("the command line", "--at-rad", list(at_rad) or None, expected)
+    return at
 
 
 def _limits_about(robot: Robot, at: FloatArray, request: WiggleRequest) -> Envelope:

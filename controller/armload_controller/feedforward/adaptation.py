@@ -151,16 +151,10 @@ class AdaptationDecision:
             found: The estimate, if any.
             body: The body fed from then on; None if nothing is fed.
         """
-        return cls(
-            time_s,
-            kind,
-            reason,
-            None if found is None else found.mass_kg,
-            None if found is None else float(found.half_width_95[0]),
-            None if found is None else tuple(found.values[1:].tolist()),
-            None if body is None else body.mass_kg,
-            None if body is None else tuple(body.center_of_mass_m.tolist()),
-        )
+        nothing = None, None, None
+        estimate = found and (found.mass_kg, float(found.half_width_95[0]), tuple(found.values[1:].tolist()))
+        fed = body and (body.mass_kg, tuple(body.center_of_mass_m.tolist()))
+        return cls(time_s, kind, reason, *(estimate or nothing), *(fed or nothing[:2]))
 
     def __str__(self) -> str:
         """One line of text."""

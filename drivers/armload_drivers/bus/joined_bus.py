@@ -62,6 +62,7 @@ class JoinedBus(can.BusABC):
     Attributes:
         everywhere: Whether frames of the arm's nodes are sent to, and received from, every bus.
         bits: Worst-case bits of all frames sent and received, by bus.
+        parts: The buses.
     """
 
     def __init__(
@@ -77,17 +78,12 @@ class JoinedBus(can.BusABC):
         self.channel_info = " and ".join(str(bus.channel_info) for bus in buses)
         self.everywhere = False
         self.bits = [0] * len(buses)
-        self._buses, self._role, self._cycle_s, self._in_lockstep = tuple(buses), role, cycle_s, in_lockstep
+        self.parts, self._role, self._cycle_s, self._in_lockstep = tuple(buses), role, cycle_s, in_lockstep
         self._owner = {node_id: number for number, nodes in enumerate(members) for node_id in nodes}
         self._all = tuple(range(len(buses)))
         self._heads: list[can.Message | None] = [None] * len(buses)
         self._relayed_s = 0.0
         self._skews_s: deque[float] = deque(maxlen=_MOST_SKEWS)
-
-    @property
-    def parts(self) -> tuple[can.BusABC, ...]:
-        """The buses."""
-        return self._buses
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame to the buses that it is for; all are tried before an error is raised.
@@ -100,7 +96,7 @@ class JoinedBus(can.BusABC):
         targets = self._targets(msg.arbitration_id, msg.data)
         for number in targets:
             try:
-                self._buses[number].send(msg, timeout)
+                self.parts[number].send(msg, timeout)
                 self.bits[number] += FRAME_BITS[msg.dlc]
             except (can.CanError, OSError) as error:
                 failure = failure or error
@@ -137,7 +133,7 @@ class JoinedBus(can.BusABC):
 
     def listen(self, listener: Callable[[can.Message], None] | None) -> None:
         """In lockstep: act on frames as they are sent; see `simulation.lockstep_bus`."""
-        for number, bus in enumerate(self._buses):
+        for number, bus in enumerate(self.parts):
             part: Any = bus
             part.listen(None if listener is None else self._passed_on(number, listener))
 
@@ -153,7 +149,7 @@ class JoinedBus(can.BusABC):
     def shutdown(self) -> None:
         """Close all buses. Idempotent."""
         super().shutdown()
-        for bus in self._buses:
+        for bus in self.parts:
             bus.shutdown()
 
     # Routes --------------------------------------------------------------------------------------------------
@@ -190,14 +186,14 @@ class JoinedBus(can.BusABC):
             return
         self._relayed_s = now_s
         for number in self._all[1:]:
-            self._buses[number].send(message)
+            self.parts[number].send(message)
             self.bits[number] += FRAME_BITS[message.dlc]
         self._skews_s.append(time.time() - message.timestamp)
 
     def _oldest(self) -> can.Message | None:
         """The oldest frame that has been received, of those that concern the arm."""
         while True:
-            for number, bus in enumerate(self._buses):
+            for number, bus in enumerate(self.parts):
                 if self._heads[number] is None:
                     self._heads[number] = bus.recv(0.0)
             waiting = [(head.timestamp, number) for number, head in enumerate(self._heads) if head is not None]
@@ -211,9 +207,9 @@ class JoinedBus(can.BusABC):
     def _wait(self, longest_s: float) -> None:
         """Wait until a frame is received, or the time is over."""
         try:
-            sockets = [bus.fileno() for bus in self._buses]
+            sockets = [bus.fileno() for bus in self.parts]
         except NotImplementedError:
-            for number, bus in enumerate(self._buses):
+            for number, bus in enumerate(self.parts):
                 self._heads[number] = bus.recv(min(longest_s, POLL_S))
         else:
             select.select(sockets, (), (), longest_s)
