@@ -21,7 +21,7 @@ _DH_KEYS: Final = ("alpha_rad", "a_m", "d_m", "theta_rad")
 _CONVENTIONS: Final = ("modified-dh", "standard-dh", "joint-origins")
 
 
-class _Interview:
+class Interview:
     """Questions that are repeated until the answer is valid."""
 
     def __init__(self, ask: Ask, say: Callable[[str], None]) -> None:
@@ -84,7 +84,7 @@ def interviewed(ask: Ask, say: Callable[[str], None]) -> ArmDraft:
     Returns:
         The arm; limits without an answer are NaN.
     """
-    talk = _Interview(ask, say)
+    talk = Interview(ask, say)
     name = talk.text("Name of the arm [my_arm]: ", "my_arm")
     joints = 0
     while not FEWEST_JOINTS <= joints <= MOST_JOINTS:
@@ -123,7 +123,7 @@ def interviewed(ask: Ask, say: Callable[[str], None]) -> ArmDraft:
     )
 
 
-def _kinematics(talk: _Interview, convention: str, joints: int) -> tuple[tuple[str, ...], str, Chain | str]:
+def _kinematics(talk: Interview, convention: str, joints: int) -> tuple[tuple[str, ...], str, Chain | str]:
     """Rows, flange, and the chain or the reason why it is invalid."""
     origins = convention == "joint-origins"
     what = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -66,7 +67,11 @@ def init(
     if urdf is None and not attended():
         raise ConfigurationError("command line", "URDF", None, "required if there is no terminal to ask at")
     if payload_kg is None and attended():
-        payload_kg = _asked_payload(screen)
+        from armload_controller.new_robot.arm_interview import Interview
+
+        question = "Maximum payload of the arm, including the tool, in kg; empty to fill in later: "
+        payload_kg = Interview(screen.ask, screen.step).positive(question)
+        payload_kg = None if isnan(payload_kg) else payload_kg
     arm, workspace = _arm(screen, urdf, base, flange, payload_kg, output)
     arm = named(arm, name)
     if simulated:
@@ -118,8 +123,6 @@ class _Designed:
 
 def _require_twin(arm: ArmDraft, payload_kg: float | None, has_drives: bool) -> None:
     """Refuse a simulated twin without sufficient data."""
-    from math import isnan
-
     from armload_controller.control_errors import ConfigurationError
 
     if has_drives:
@@ -131,21 +134,6 @@ def _require_twin(arm: ArmDraft, payload_kg: float | None, has_drives: bool) -> 
         raise ConfigurationError(
             "command line", "--simulated", None, "only for a URDF with mass, effort, velocity and range of every joint"
         )
-
-
-def _asked_payload(screen: Screen) -> float | None:
-    """The arm's maximum payload in kg, asked from the operator; None if left open."""
-    while True:
-        answer = screen.ask("Maximum payload of the arm, including the tool, in kg; empty to fill in later: ").strip()
-        if not answer:
-            return None
-        try:
-            mass_kg = float(answer)
-        except ValueError:
-            mass_kg = 0.0
-        if 0.0 < mass_kg < float("inf"):
-            return mass_kg
-        screen.step(f"  {answer!r}: expected a mass above 0")
 
 
 def _arm(
