@@ -10,7 +10,7 @@ from armload_controller.fleet.attention import attention_of
 from armload_controller.fleet.fleet_rows import runs_of
 from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
 from armload_controller.fleet.row_store import RowStore
-from armload_controller.fleet.workforce import Workforce
+from armload_controller.fleet.workforce import workforce
 from armload_controller.session.folder_claim import claimed
 from armload_identification.argument_types import path_of
 from armload_identification.extras import Extra, require_extra
@@ -50,7 +50,7 @@ def fleet(jobs: FilePath, output: FilePath, *, workers: int | None = None, sched
         listing, new = new_jobs(table, store)
         if not new:
             return FleetTally.before(listing, new)
-        with Workforce(scheduler, workers) as force:
+        with workforce(scheduler, workers) as force:
             return do_jobs(listing, new, store, force.rows)
 
 

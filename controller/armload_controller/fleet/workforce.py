@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from importlib.metadata import version
 from itertools import islice
 from typing import Any, Final
@@ -45,8 +45,9 @@ _CONFIGURATION: Final = {
 _CONNECT_TIMEOUT_S: Final = 30.0
 
 
-class Workforce:
-    """Workers with all modules loaded before the first job.
+@contextmanager
+def workforce(scheduler: str | None = None, workers: int | None = None) -> Iterator[Workforce]:
+    """Workers with all modules loaded before the first job, until the end of the block.
 
     Args:
         scheduler: Address of an existing scheduler, such as tls://host:8786; if not given, a cluster is started on
@@ -56,38 +57,36 @@ class Workforce:
     Raises:
         FleetError: the scheduler does not answer, or a worker has another version of armload.
     """
+    import dask
+    import distributed
 
-    def __init__(self, scheduler: str | None = None, workers: int | None = None) -> None:
-        self._scheduler, self._workers = scheduler, workers or len(os.sched_getaffinity(0))
-        self._stack = ExitStack()
-        self._client: Any = None
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(_CONFIGURATION))
+        address, security = scheduler, None
+        try:
+            if address is None:
+                security = _own_security()
+                address = stack.enter_context(_cluster(workers or len(os.sched_getaffinity(0)), security))
+            client = stack.enter_context(distributed.Client(address, timeout=_CONNECT_TIMEOUT_S, security=security))
+        except (OSError, ValueError, TypeError, RuntimeError) as problem:
+            raise FleetError(
+                f"no scheduler at {address}: {problem}; check `scheduler=` and its certificates "
+                "(controller/FLEET.md, Where it runs)"
+            ) from problem
+        _require_same_version(client, scheduler)
+        yield Workforce(client, scheduler)
 
-    def __enter__(self) -> Workforce:
-        import dask
-        import distributed
 
-        with ExitStack() as stack:
-            stack.enter_context(dask.config.set(_CONFIGURATION))
-            address = self._scheduler
-            try:
-                security = None
-                if address is None:
-                    security = _own_security()
-                    address = stack.enter_context(_cluster(self._workers, security))
-                self._client = stack.enter_context(
-                    distributed.Client(address, timeout=_CONNECT_TIMEOUT_S, security=security)
-                )
-            except (OSError, ValueError, TypeError, RuntimeError) as problem:
-                raise FleetError(
-                    f"no scheduler at {address}: {problem}; check `scheduler=` and its certificates "
-                    "(controller/FLEET.md, Where it runs)"
-                ) from problem
-            self._require_same_version()
-            self._stack = stack.pop_all()
-        return self
+class Workforce:
+    """Workers that run jobs.
 
-    def __exit__(self, *exception: Any) -> None:
-        self._stack.__exit__(*exception)
+    Args:
+        client: Dask's client of their scheduler.
+        scheduler: Its address, for messages; None for a cluster on this machine.
+    """
+
+    def __init__(self, client: Any, scheduler: str | None) -> None:
+        self._client, self._scheduler = client, scheduler
 
     @property
     def threads(self) -> int:
@@ -135,17 +134,18 @@ class Workforce:
             if 2 * len(given) <= 3 * threads:  # half of those that waited are running: asked for each job is too often
                 threads = hand_out()
 
-    def _require_same_version(self) -> None:
-        """Load the modules in every worker, and compare versions."""
-        own = _loaded_version()
-        try:
-            there: dict[str, str] = self._client.run(_loaded_version)
-        except Exception as trouble:
-            raise FleetError(
-                f"the workers cannot run armload ({trouble}); install armload {own} in their environment"
-            ) from trouble
-        if problem := version_problem(own, set(there.values()), self._scheduler):
-            raise FleetError(problem)
+
+def _require_same_version(client: Any, scheduler: str | None) -> None:
+    """Load the modules in every worker, and compare versions."""
+    own = _loaded_version()
+    try:
+        there: dict[str, str] = client.run(_loaded_version)
+    except Exception as trouble:
+        raise FleetError(
+            f"the workers cannot run armload ({trouble}); install armload {own} in their environment"
+        ) from trouble
+    if problem := version_problem(own, set(there.values()), scheduler):
+        raise FleetError(problem)
 
 
 def version_problem(own: str, there: set[str], scheduler: str | None) -> str:

@@ -71,7 +71,7 @@ def identify_command(
     """
     from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
     from armload_controller.fleet.recording_row import RowOutcome
-    from armload_controller.fleet.workforce import Workforce
+    from armload_controller.fleet.workforce import workforce
     from armload_identification.extras import Extra, require_extra
     from armload_identification.numerals import counted
 
@@ -86,7 +86,7 @@ def identify_command(
         else:
             try:
                 with (
-                    Workforce(given.scheduler, given.workers) as force,
+                    workforce(given.scheduler, given.workers) as force,
                     screen.track("identifying", len(jobs), rate=True) as progress,
                 ):
                     tally = do_jobs(listing, jobs, store, force.rows, progress)
@@ -112,12 +112,12 @@ def watch_command(
 
     from armload_controller.fleet.fleet_run import FleetTally, looks
     from armload_controller.fleet.job_listing import JobListing
-    from armload_controller.fleet.workforce import Workforce
+    from armload_controller.fleet.workforce import workforce
     from armload_identification.extras import Extra, require_extra
 
     require_extra(Extra.FLEET, "armload fleet")
     try:
-        with given.claimed_store() as store, Workforce(given.scheduler, given.workers) as force:
+        with given.claimed_store() as store, workforce(given.scheduler, given.workers) as force:
             screen.step(
                 f"watching {given.table}, every {every_s:g} s; a recording is processed once it has not changed "
                 "between two checks. Ctrl-C ends it"

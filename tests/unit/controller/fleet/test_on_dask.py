@@ -21,7 +21,7 @@ from armload_controller.fleet.fleet_run import do_jobs, new_jobs
 from armload_controller.fleet.job import Job
 from armload_controller.fleet.job_processing import run_job
 from armload_controller.fleet.row_store import RowStore, read_rows
-from armload_controller.fleet.workforce import Workforce, row_of, version_problem
+from armload_controller.fleet.workforce import row_of, version_problem, workforce
 from armload_controller.session.folder_claim import claimed
 
 IDENTIFY = (sys.executable, "-c", "from armload_controller.cli.entry import main; main()", "fleet", "identify")
@@ -127,7 +127,7 @@ def local(tmp_path_factory):
     import distributed
 
     missing = str(tmp_path_factory.mktemp("local") / "none.mcap")
-    with Workforce(workers=1) as force:
+    with workforce(workers=1) as force:
         address = force._client.scheduler.address
         refusals = []
         for stranger in (distributed.Security(), distributed.Security.temporary()):
@@ -187,7 +187,7 @@ def behind_tls(recorded_er50, tmp_path_factory):
         )
         with cluster:
             address = cluster.scheduler_address
-            with RowStore(jobs) as store, Workforce(address) as force:
+            with RowStore(jobs) as store, workforce(address) as force:
                 listing, new = new_jobs(table, store)
                 tally = do_jobs(listing, new, store, force.rows)
                 copies = copied_for(force)
@@ -243,7 +243,7 @@ def taken_as_workers_join(cluster, force):
 
 def refusal(address):
     with pytest.raises(FleetError) as refused:
-        Workforce(address).__enter__()
+        workforce(address).__enter__()
     return str(refused.value)
 
 

@@ -56,7 +56,7 @@ def test_the_exit_status_is_1_if_no_new_recording_gave_a_result(armload, tmp_pat
     table.write_text("arm,robot,loaded,unloaded\none,er50,a.mcap,a.mcap\ntwo,er50,b.mcap,b.mcap\n")
     for name in "ab":
         (tmp_path / f"{name}.mcap").touch()
-    monkeypatch.setattr("armload_controller.fleet.workforce.Workforce", lambda *_given: OneProcess(outcomes))
+    monkeypatch.setattr("armload_controller.fleet.workforce.workforce", lambda *_given: OneProcess(outcomes))
     result = armload("fleet", "identify", table, "-o", tmp_path / "rows", "--json")
     assert result.exit_code == status, (result.output, result.exception)
     assert json.loads(result.stdout)["outcomes"]["identified"] == outcomes.count("identified")
@@ -123,7 +123,7 @@ class Looks:
 def test_watching_tells_remarks_and_mistakes_until_it_is_ended(armload, tmp_path, monkeypatch, words, period_s):
     looks = Looks([JobListing((), ("line 2: no file",)), ConfigurationError("jobs.csv", "line 3", "x", "expected y")])
     monkeypatch.setattr("armload_controller.fleet.fleet_run.looks", looks)
-    monkeypatch.setattr("armload_controller.fleet.workforce.Workforce", lambda *_given: OneProcess([]))
+    monkeypatch.setattr("armload_controller.fleet.workforce.workforce", lambda *_given: OneProcess([]))
     result = armload("fleet", "watch", tmp_path / "jobs.csv", "-o", tmp_path, *words, columns=300)
     assert result.exit_code == 0, (result.output, result.exception)
     assert looks.period_s == period_s
@@ -148,7 +148,7 @@ def test_ctrl_c_says_that_the_rest_can_be_done_later(armload, tmp_path, monkeypa
     table = tmp_path / "jobs.csv"
     table.write_text("arm,robot,loaded\none,er50,a.mcap\n")
     (tmp_path / "a.mcap").touch()
-    monkeypatch.setattr("armload_controller.fleet.workforce.Workforce", lambda *_given: OneProcess([]))
+    monkeypatch.setattr("armload_controller.fleet.workforce.workforce", lambda *_given: OneProcess([]))
     monkeypatch.setattr("armload_controller.fleet.fleet_run.do_jobs", stopped)
     result = armload("fleet", "identify", table, "-o", tmp_path / "rows", columns=300)
     assert result.exit_code != 0
