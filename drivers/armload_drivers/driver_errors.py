@@ -30,6 +30,8 @@ DriverError
 
 from __future__ import annotations
 
+from typing import Self
+
 
 class DriverError(Exception):
     """Root of all errors that `armload_drivers` raises."""
@@ -136,6 +138,24 @@ class SdoRefused(ServoError):
 
 class WrongDevice(ServoError):
     """A node answers, but is not the configured device."""
+
+    @classmethod
+    def unnamed(cls, node_id: int, named: int, where: str) -> Self:
+        """A drive that the configuration does not name.
+
+        Args:
+            node_id: Its node id, or its place in the line.
+            named: Number of drives that the configuration names.
+            where: "on the bus" or "in the line".
+        """
+        return cls(
+            node_id,
+            "no configured joint",
+            "looking for other drives",
+            f"a CiA 402 drive that the configuration does not name; it names {named}",
+            f"Is this the right arm, with all its joints configured? List drives {where} that do not belong to it in "
+            "other_nodes",
+        )
 
 
 class MissingSafety(ServoError):

@@ -6,7 +6,6 @@ import json
 from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from armload_controller.control_errors import CommissioningError, RecordingFailed
@@ -44,9 +43,7 @@ class DecisionLog:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self._executor.shutdown(wait=True)
         with suppress(OSError):  # of lines that were not written, which is reported below
             self._file.close()

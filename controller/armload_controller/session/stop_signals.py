@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, Self
 
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, StopRequested, TerminationStop
@@ -69,9 +69,7 @@ class StopSignals:
                 self._previous_handlers[number] = signal.signal(number, on_signal)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_exception: object) -> None:
         for number, handler in self._previous_handlers.items():
             signal.signal(number, handler)
 

@@ -75,11 +75,4 @@ def require_no_strangers(link: BusLink, arm: ArmSettings, wait_s: float) -> None
                     "Both would obey this arm's setpoints. Give each drive a node id of its own, or unplug one",
                 )
         elif any(device_type is not None and od.is_drive(device_type) for device_type in device_types):
-            raise WrongDevice(
-                node_id,
-                "no configured joint",
-                "looking for other drives",
-                f"a CiA 402 drive that the configuration does not name; it names {len(arm.drives)}",
-                "Is this the right arm, with all its joints configured? List drives on the bus that do not belong to "
-                "it in other_nodes",
-            )
+            raise WrongDevice.unnamed(node_id, len(arm.drives), "on the bus")

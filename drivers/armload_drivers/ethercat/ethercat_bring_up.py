@@ -71,14 +71,7 @@ class EthercatBringUp(ArmBringUp):
             except ServoError:
                 continue  # a device without objects
             if od.is_drive(device_type):
-                raise WrongDevice(
-                    node_id,
-                    "no configured joint",
-                    "looking for other drives",
-                    f"a CiA 402 drive that the configuration does not name; it names {len(self.arm.drives)}",
-                    "Is this the right arm, with all its joints configured? List drives in the line that do not belong "
-                    "to it in other_nodes",
-                )
+                raise WrongDevice.unnamed(node_id, len(self.arm.drives), "in the line")
 
     def powered_drives(self, setups: Sequence[DriveSetup]) -> list[PoweredDrive]:
         """In PREOP only something else than a master on the line can have enabled a drive, such as its maker's tool."""
