@@ -58,11 +58,11 @@ STEPS = [
     "checking the mode", "reading the scaling", "looking for the objects of its PDOs",
     "checking the reference", "setting the cycle",
     "mapping the receive PDO 1", "switching unused PDOs off", "mapping the transmit PDO 1", "selecting the mode",
-    *SAFETY, "configuring the heartbeat consumer", "reading the name",
+    *SAFETY, "configuring the heartbeat consumer",
 ]  # fmt: skip
 LATER = ["checking the state", "comparing the settings", "presetting the target"]
-HARMLESS = {"looking for the node", "reading the name"}
-"""A node that answers with an abort is present, and a missing name is no error."""
+HARMLESS = {"looking for the node"}
+"""A node that answers with an abort is present."""
 
 
 def test_the_steps_of_bring_up_are_these(fault_arm):
@@ -92,7 +92,7 @@ def test_an_abort_or_a_timeout_at_every_step(fault_arm, arm_settings, step, verd
         with pytest.raises(MissingSafety, match=SAFETY[step].key):
             arm.servos.connect()
         return
-    if step in HARMLESS and not (step == "reading the name" and verdict == SILENCE):
+    if step in HARMLESS:
         arm.servos.connect()
         arm.servos.enable()
         return
