@@ -6,6 +6,7 @@ The C function `theta_of` (`c_code/theta_of.c.in`) converts them, in this order,
 from __future__ import annotations
 
 from armload_controller.export.exported_payload import ExportSubject
+from armload_identification.model.payload import tensor_elements
 
 PARAMETERS = (
     ("mass", "kg", "mass"),
@@ -23,6 +24,5 @@ TRANSITION_S = 0.5
 def body_values(subject: ExportSubject) -> tuple[float, ...]:
     """Ten values of the parameters, from the complete model."""
     body = subject.payload.model
-    i = body.inertia_about_com
-    elements = (i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2])
-    return tuple(float(value) for value in (body.mass_kg, *body.center_of_mass_m, *elements))
+    values = (body.mass_kg, *body.center_of_mass_m, *tensor_elements(body.inertia_about_com))
+    return tuple(float(value) for value in values)

@@ -34,10 +34,9 @@ from armload_controller.export.c_code.self_test import VECTORS, self_test
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
 from armload_controller.export.straight_line.arm_functions import (
+    AT_REST,
     Function,
-    any_gravity,
     any_torque,
-    gravity_of,
     into_own,
     link_torque_of,
     regressor_of,
@@ -127,10 +126,10 @@ def _functions(subject: ExportSubject, precision: Precision) -> dict[str, str]:
     chain, payload = subject.chain, subject.payload.model
     functions = {
         "torque": torque_of(chain, payload),
-        "gravity": gravity_of(chain, payload),
+        "gravity": torque_of(chain, payload, AT_REST),
         "regressor": regressor_of(chain),
         "compute": any_torque(chain),
-        "compute_gravity": any_gravity(chain),
+        "compute_gravity": any_torque(chain, AT_REST),
         "into_own": into_own(chain),
     }
     fields: dict[str, str] = {}

@@ -24,6 +24,8 @@ from armload_identification.model.payload import InertialParameters
 
 STATE: Final = ("q_rad", "dq_rad_s", "ddq_rad_s2")
 """Names of the arrays with the joint state."""
+AT_REST: Final = STATE[:1]
+"""The same of an arm at rest."""
 THETA: Final = "theta"
 """Name of a payload's ten parameters, given with every call."""
 _NEGLIGIBLE = 4e-15
@@ -55,24 +57,21 @@ class Function:
         return self.graph.operations(self.elements)
 
 
-def torque_of(chain: Chain, payload: InertialParameters) -> Function:
-    """Torque of one payload: q_rad, dq_rad_s, ddq_rad_s2 -> torque_nm."""
-    return _of_one_payload(chain, payload, STATE)
+def torque_of(chain: Chain, payload: InertialParameters, state: tuple[str, ...] = STATE) -> Function:
+    """Torque of one payload, whose numbers are constants: state, or q_rad `AT_REST`, -> torque_nm."""
+    first_moment = payload.transformed(planar_groups(chain).flange).theta[1:3]
+    # the last frame is rotated about its axis so that the first moment lies in its x z plane: one more zero
+    turn_rad = float(np.arctan2(first_moment[1], first_moment[0]))
+    arm, graph = _arm(chain, state, turn_rad)
+    theta = _without_rounding(payload.transformed(arm.flange).theta)
+    torque = specialised_torque(arm, [graph.constant(float(value)) for value in theta])
+    return Function(graph, state, {"torque_nm": torque})
 
 
-def gravity_of(chain: Chain, payload: InertialParameters) -> Function:
-    """Torque of one payload at rest: q_rad -> torque_nm."""
-    return _of_one_payload(chain, payload, STATE[:1])
-
-
-def any_torque(chain: Chain) -> Function:
-    """Torque of any payload: state and theta, from `into_own`, -> torque_nm."""
-    return _of_any_payload(chain, STATE)
-
-
-def any_gravity(chain: Chain) -> Function:
-    """Torque at rest of any payload: q_rad and theta, from `into_own`, -> torque_nm."""
-    return _of_any_payload(chain, STATE[:1])
+def any_torque(chain: Chain, state: tuple[str, ...] = STATE) -> Function:
+    """Torque of any payload: state, or q_rad `AT_REST`, and theta, from `into_own`, -> torque_nm."""
+    arm, graph = _arm(chain, state)
+    return Function(graph, (*state, THETA), {"torque_nm": specialised_torque(arm, graph.inputs(THETA, 10))})
 
 
 def regressor_of(chain: Chain) -> Function:
@@ -104,23 +103,6 @@ def into_own(chain: Chain) -> Function:
         terms = [float(factor) * value for factor, value in zip(row, theta, strict=True)]
         own.append(reduce(operator.add, terms))
     return Function(graph, (THETA,), {"own": own})
-
-
-def _of_one_payload(chain: Chain, payload: InertialParameters, state: tuple[str, ...]) -> Function:
-    """The payload's numbers as constants."""
-    first_moment = payload.transformed(planar_groups(chain).flange).theta[1:3]
-    # the last frame is rotated about its axis so that the first moment lies in its x z plane: one more zero
-    turn_rad = float(np.arctan2(first_moment[1], first_moment[0]))
-    arm, graph = _arm(chain, state, turn_rad)
-    theta = _without_rounding(payload.transformed(arm.flange).theta)
-    torque = specialised_torque(arm, [graph.constant(float(value)) for value in theta])
-    return Function(graph, state, {"torque_nm": torque})
-
-
-def _of_any_payload(chain: Chain, state: tuple[str, ...]) -> Function:
-    """The payload's numbers as inputs."""
-    arm, graph = _arm(chain, state)
-    return Function(graph, (*state, THETA), {"torque_nm": specialised_torque(arm, graph.inputs(THETA, 10))})
 
 
 def _arm(chain: Chain, state: tuple[str, ...], about_last_axis_rad: float = 0.0) -> tuple[SpecialisedArm, Graph]:
