@@ -46,9 +46,7 @@ class PrintedResult(ABC):
         ]
         return "\n".join([*filter(None, [table.title]), *lines, *table.sentences])
 
-    def __repr__(self) -> str:
-        """The same, so that a prompt shows it."""
-        return str(self)
+    __repr__ = __str__  # so that a prompt shows it
 
     def _repr_html_(self) -> str:
         """The table for a notebook."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Protocol
 
 from armload_identification.recording.csv_columns import CsvColumns
@@ -49,7 +50,7 @@ class RecordingReader(Protocol):
     """
 
     kind: str
-    attachments: Mapping[str, str]
+    attachments: Mapping[str, str] = MappingProxyType({})
 
     def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
         """Read the file from its beginning.

@@ -6,7 +6,7 @@ own reason), or text instead of a number. Nothing is filled in.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import islice, pairwise
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.column_names import columns_by_name
-from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.row_block import RowBlock
 from armload_identification.recording.text_table import TextTable, echoed_columns, is_number, seconds_of_stamp
@@ -27,7 +27,7 @@ _LONGEST_LINE_BYTES: Final = 2**20
 _BLOCK_LINES: Final = 2**12
 
 
-class CsvReader:
+class CsvReader(RecordingReader):
     """Reads a table with or without a header line.
 
     Args:
@@ -35,7 +35,6 @@ class CsvReader:
     """
 
     kind = "csv"
-    attachments: Mapping[str, str] = {}
 
     def __init__(self, path: Path, options: ReadingOptions) -> None:
         self._path, self._options = path, options

@@ -16,7 +16,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.extensions import ExtensionGroup, extension
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.row_block import QUANTITIES, RowBlock, parts_of, require_shapes
 from armload_identification.storage.regular_file import hash_of_files
@@ -42,15 +42,13 @@ def open_extension(path: Path, start: bytes, options: ReadingOptions) -> Extensi
     return ExtensionReader(path, function, package)
 
 
-class ExtensionReader:
+class ExtensionReader(RecordingReader):
     """Yields the arrays of a package's function in blocks of rows.
 
     Args:
         function: The package's function.
         package: Name and version of the package, for messages.
     """
-
-    attachments: Mapping[str, str] = {}
 
     def __init__(self, path: Path, function: ReadArrays, package: str) -> None:
         self.kind = path.suffix.removeprefix(".").lower()

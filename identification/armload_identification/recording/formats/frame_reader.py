@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -11,7 +11,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.column_names import columns_by_name
-from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.row_block import RowBlock, hash_of, parts_of
 
@@ -28,7 +28,7 @@ class DataFrame(Protocol):
         """One column."""
 
 
-class FrameReader:
+class FrameReader(RecordingReader):
     """Reads a frame; an index with a name, or of times, as pandas has it, is a column too.
 
     Args:
@@ -41,7 +41,6 @@ class FrameReader:
     """
 
     kind = "frame"
-    attachments: Mapping[str, str] = {}
 
     def __init__(self, frame: DataFrame, name: Path, options: ReadingOptions) -> None:
         self._name = name

@@ -27,7 +27,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.formats.unpacking import require_bounded, unpacked
 from armload_identification.recording.read_boundary import MOST_BYTES
-from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.row_block import RowBlock
 from armload_identification.recording.run_format import MAGIC, RUN_ATTACHMENT, TOPIC
 from armload_identification.storage.regular_file import hash_of_files
@@ -52,7 +52,7 @@ _SCHEMA_ERRORS: Final = (KeyError, TypeError, ValueError, AttributeError)
 """Exceptions of a message that does not follow the schema."""
 
 
-class McapReader:
+class McapReader(RecordingReader):
     """Reads the topic `run_format.TOPIC`.
 
     Args:

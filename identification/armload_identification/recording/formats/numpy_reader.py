@@ -8,7 +8,7 @@ unpickled.
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,7 +17,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.column_names import arrays_by_name
-from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.row_block import RowBlock
 from armload_identification.storage.regular_file import hash_of_files
 
@@ -27,7 +27,7 @@ _MOST_JOINTS: Final = 1024
 _MOST_NAME_BYTES: Final = 2**20
 
 
-class NumpyReader:
+class NumpyReader(RecordingReader):
     """Reads the arrays of an archive in blocks of rows.
 
     Raises:
@@ -35,7 +35,6 @@ class NumpyReader:
     """
 
     kind = "npz"
-    attachments: Mapping[str, str] = {}
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -26,7 +26,7 @@ from armload_identification.recording.column_names import arrays_by_name, column
 from armload_identification.recording.column_units import DEGREE_RAD, unit_factor
 from armload_identification.recording.csv_columns import QUANTITIES_BY_KEY, CsvColumns
 from armload_identification.recording.joint_names import JointNames
-from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.row_block import RowBlock
 from armload_identification.storage.regular_file import hash_of_files, read_whole
@@ -44,7 +44,7 @@ _SLACK_RAD: Final = 0.1
 _BLOCK_ROWS: Final = 2**13
 
 
-class ParquetReader:
+class ParquetReader(RecordingReader):
     """Reads a table, or the data of a LeRobot folder.
 
     Args:
@@ -57,7 +57,6 @@ class ParquetReader:
     """
 
     kind = "parquet"
-    attachments: Mapping[str, str] = {}
 
     def __init__(self, path: Path, options: ReadingOptions) -> None:
         self._path, self._episode, self._options = path, options.episode, options

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import re
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
@@ -33,7 +33,7 @@ from armload_identification.recording.formats.mcap_reader import require_small_c
 from armload_identification.recording.formats.unpacking import require_bounded, unpacked
 from armload_identification.recording.joint_names import JointNames
 from armload_identification.recording.read_boundary import MOST_BYTES
-from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.row_block import RowBlock
 from armload_identification.storage.regular_file import hash_of_files, read_whole
@@ -98,7 +98,7 @@ class _Choice:
         return list(compress(quantities, (True, self.velocity, self.effort)))
 
 
-class RosReader:
+class RosReader(RecordingReader):
     """Reads the joint states of a ROS 2 bag.
 
     Args:
@@ -110,7 +110,6 @@ class RosReader:
     """
 
     kind = "ros2"
-    attachments: Mapping[str, str] = {}
 
     def __init__(self, path: Path, options: ReadingOptions) -> None:
         self._path, self._options = path, options
