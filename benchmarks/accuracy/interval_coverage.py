@@ -1,8 +1,10 @@
 """Coverage of the 95 % intervals on four arms: nominal and calibrated pairs, single runs, both plants.
 
-Every seed draws the errors of the gains as their priors state them, and payloads. Both excitations with the empty arm,
-with a heavy payload that was weighed, and with one that was not, calibrate the arm; another payload is identified on
-one of them. The Panda is simulated by Pinocchio, and has no harsh plant.
+Every seed draws what the priors state, and payloads: the errors of the gains; their drift from run to run; another
+friction on the day of the identification, with the gears' loss by the load, than on that of the calibration. Both
+excitations with the empty arm, with a heavy payload that was weighed, and with one that was not, calibrate the arm;
+another payload is identified on one of them. Exact gains do not drift. The Panda is simulated by Pinocchio, and has no
+harsh plant.
 
     python -m benchmarks.accuracy.interval_coverage [SEEDS [FIRST_SEED [ARM...]]]
 """
@@ -13,6 +15,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from enum import StrEnum
 from functools import cache
 from itertools import product
@@ -22,7 +25,9 @@ import numpy as np
 from armload_controller.config.robot import Robot, load_robot
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import EffortFeedback
+from armload_identification.calibration.calibration_result import COLD
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
+from armload_identification.estimation.estimation_constants import Drift
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PARAMETER_NAMES
@@ -32,7 +37,7 @@ from benchmarks.arms import sagging_panda
 from benchmarks.arms.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid
 from benchmarks.arms.calibrated import calibrated, identified_with
 from benchmarks.arms.drafted_arm import PAYLOAD_KG, drafted_arm
-from benchmarks.arms.sagging_panda import SaggingPanda
+from benchmarks.arms.sagging_panda import Effects, SaggingPanda
 from benchmarks.arms.setups import Twin, shipped_motion, twin_spec
 from benchmarks.arms.simulated_recordings import DriveScales, record
 from benchmarks.arms.steady_state import SteadyPeriod, steady_period
@@ -47,6 +52,8 @@ WIDEST = 1.2
 HEAVY = 4
 """Number of payloads of an arm, the heaviest, of which one is weighed."""
 ROLES = ("identification", "validation")
+FRICTION = (1.0 - np.sqrt(1.5) * COLD, 1.0, 1.0 + np.sqrt(1.5) * COLD)
+"""Factors on all friction on another day: their standard deviation is the prior's."""
 PANDA = "panda"
 LIGHT_PAYLOADS = tuple(payload for payload in PRBT_PAYLOADS if payload.mass_kg <= PAYLOAD_KG)
 SHELF = {"prbt": PRBT_PAYLOADS, "er50": ER50_PAYLOADS, "drafted": LIGHT_PAYLOADS, PANDA: LIGHT_PAYLOADS}
@@ -126,10 +133,13 @@ def deviations(name: str, twin: Twin, seed: int) -> dict[Mode, FloatArray]:
     other, carried = rng.permutation([index for index, payload in enumerate(shelf) if payload is not weighed])[:2]
     role, truth = ROLES[rng.integers(len(ROLES))], shelf[carried].inertial().values
 
-    def recorded(role: str, payload: Cuboid | None, error: FloatArray = error) -> Recording:
-        return _recorded(name, twin, role, payload, error, rng)
+    friction = FRICTION[rng.integers(len(FRICTION))]
 
-    pair = recorded(role, shelf[carried]), recorded(role, None)
+    def recorded(role: str, payload: Cuboid | None, friction: float = 1.0) -> Recording:
+        drift = rng.normal(0.0, Drift.between_runs / np.sqrt(2.0))
+        return _recorded(name, twin, role, payload, friction, (1.0 + error) * (1.0 + drift) - 1.0, rng)
+
+    pair = recorded(role, shelf[carried], friction), recorded(role, None, friction)
     calibration = calibrated(
         [
             MountedRun(recorded(on, payload), payload.what if payload else "")
@@ -147,8 +157,8 @@ def deviations(name: str, twin: Twin, seed: int) -> dict[Mode, FloatArray]:
     if twin is Twin.NORMATIVE:
         right = np.zeros(chain.n)
         exact = Transmission(nominal.gain_nm_a, nominal.coupling, np.ones(chain.n, dtype=bool))
-        same = recorded(role, shelf[carried], right), recorded(role, None, right)
-        cases[Mode.EXACT] = (None, *same, chain, exact)
+        loaded, unloaded = (_recorded(name, twin, role, on, friction, right, rng) for on in (shelf[carried], None))
+        cases[Mode.EXACT] = (None, loaded, unloaded, chain, exact)
     found = {}
     for mode, case in cases.items():
         try:
@@ -168,14 +178,20 @@ def _arm(name: str) -> tuple[Chain, Transmission, bool]:
 
 
 def _recorded(
-    name: str, twin: Twin, role: str, payload: Cuboid | None, error: FloatArray, rng: np.random.Generator
+    name: str,
+    twin: Twin,
+    role: str,
+    payload: Cuboid | None,
+    friction: float,
+    error: FloatArray,
+    rng: np.random.Generator,
 ) -> Recording:
     """A run with noise and gain errors."""
     if name == PANDA:
-        loaded, unloaded = _panda(role, payload).pair(int(rng.integers(2**31)), error, with_phase=True)
+        loaded, unloaded = _panda(role, payload, friction).pair(int(rng.integers(2**31)), error, with_phase=True)
         return unloaded if payload is None else loaded
     periods = _robot(name).excitations[role].periods
-    return record(_period(name, twin, role, payload), _scales(name), periods, rng, error)
+    return record(_period(name, twin, role, payload, friction), _scales(name), periods, rng, error)
 
 
 @cache
@@ -190,16 +206,18 @@ def _scales(name: str) -> DriveScales:
 
 
 @cache
-def _panda(role: str, payload: Cuboid | None) -> SaggingPanda:
+def _panda(role: str, payload: Cuboid | None, friction: float) -> SaggingPanda:
     motion = sagging_panda.excitation(1 + ROLES.index(role))
-    return SaggingPanda(motion=motion, payload=sagging_panda.PAYLOAD if payload is None else payload.inertial())
+    body = sagging_panda.PAYLOAD if payload is None else payload.inertial()
+    return SaggingPanda(Effects(friction=friction), motion, body)
 
 
 @cache
-def _period(name: str, twin: Twin, role: str, payload: Cuboid | None) -> SteadyPeriod:
+def _period(name: str, twin: Twin, role: str, payload: Cuboid | None, friction: float) -> SteadyPeriod:
     """A period of a shipped excitation, with its slow round, from MuJoCo or the cache."""
     motion = shipped_motion(_robot(name), role=role)
     spec = twin_spec(_robot(name), twin, None if payload is None else payload.rigid_body())
+    spec = replace(spec, friction_scale=friction * spec.friction_scale)
     return steady_period(spec, motion.streaming, motion.trajectory)
 
 

@@ -106,6 +106,7 @@ class Effects:
         delay_s: Delay of the reported torque behind the position.
         coloured: Share of the noise's variance that is coloured.
         noise: Factor on the noise of torque and encoders.
+        friction: Factor on all friction.
     """
 
     sag_rad: float = SAG_RAD
@@ -113,6 +114,7 @@ class Effects:
     delay_s: float = DELAY_S
     coloured: float = COLOURED
     noise: float = 1.0
+    friction: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +152,7 @@ class SaggingPanda:
         links = self._link_torque(loaded, q, dq, ddq)
         direction = np.tanh(dq / TURN_OVER_RAD_S)
         friction = direction * (COULOMB_NM + self.effects.load_friction * np.abs(links)) + VISCOUS_NM_S_RAD * dq
-        return position, links + ROTOR_KG_M2 * ddq + friction
+        return position, links + ROTOR_KG_M2 * ddq + self.effects.friction * friction
 
     def _moved(self, time_s: FloatArray, sag: np.ndarray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Commanded motion plus sag: position, velocity and acceleration, (K, 7) each, by analytic derivatives."""

@@ -439,12 +439,12 @@ class Elasticity:
 class Drift:
     """Gains that drift between the two runs of a pair (`run_drift`)."""
 
-    between_runs: Final = 0.0015
+    between_runs: Final = 0.001
     """[1] Standard deviation of the drift of all gains together between runs that follow each other.
 
-    Origin: measured: the six pairs of runs of one day of the UR10e differ by 0.15 % (rms), as much as they are known
-        to; its days by 0.1 %.
-    Factor of two: of calibrated pairs, twice: intervals by +4 to +50 %; half: by -5 to -23 %.
+    Origin: physics: warm magnets lose about 0.1 % of their torque per kelvin. Seven pairs of runs of one day of the
+        UR10e most likely show none, and at most 0.25 % (95 %).
+    Factor of two: not measured; 0.15 % instead: of calibrated pairs, intervals by up to +27 %, of nominal ones by +3 %.
     """
 
     friction: Final = 0.02

