@@ -1,12 +1,18 @@
 """`armload init`: from a URDF to a robot file and its excitations, and refusals."""
 
 import json
+from contextlib import nullcontext
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from armload_controller.cli.commands import init_command
+from armload_controller.cli.screen import Screen
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
+from armload_identification.identification_errors import ExcitationError
 
 LIMIT = '<limit lower="-1.5" upper="1.5" velocity="2" effort="120"/>'
 JOINT = (
@@ -89,3 +95,108 @@ def test_nothing_is_replaced_and_nothing_asked_without_a_terminal(armload, urdf,
     heavy = armload("init", urdf(), "--payload-kg", "3000", "--output", tmp_path / "heavy.toml")
     assert "expected a payload that this joint can carry" in str(heavy.exception)
     assert not (tmp_path / "heavy.toml").exists()
+
+
+# Steps of the command ----------------------------------------------------------------------------------------------
+
+
+class Person(Screen):
+    """Answers one question after the other, and notes what is said."""
+
+    def __init__(self, *answers):
+        super().__init__()
+        self.answers, self.said = list(answers), []
+
+    def ask(self, question):
+        return self.answers.pop(0)
+
+    def step(self, text):
+        self.said.append(text)
+
+
+@pytest.mark.parametrize(
+    ("answers", "mass_kg", "said"),
+    [
+        (("", ), None, []),
+        ((" 3.5 ",), 3.5, []),
+        (("three", "0", "-1", "inf", "nan", "2"), 2.0, ["three", "0", "-1", "inf", "nan"]),
+    ],
+)  # fmt: skip
+def test_the_payload_is_asked_for_until_it_is_a_mass_or_left_open(answers, mass_kg, said):
+    person = Person(*answers)
+    assert init_command._asked_payload(person) == mass_kg
+    assert person.said == [f"  {answer!r}: expected a mass above 0" for answer in said]
+
+
+@pytest.mark.parametrize(
+    ("holes", "has_bus", "designed", "text"),
+    [
+        (["a"], True, True, "fill these in, then `armload drives check new/my.toml`"),
+        (["a"], False, False, "fill these in"),
+        ([], True, False, "`armload design new/my.toml --seed 1 --output my_identification.toml`"),
+        ([], False, True, "use your own recordings with `armload identify new/my.toml ...`, or fill in the drives in"),
+        ([], True, True, "`armload drives check new/my.toml`"),
+    ],
+)
+def test_the_next_step_is_the_first_that_is_missing(holes, has_bus, designed, text):
+    drafted = SimpleNamespace(holes=holes, unchecked=("gear ratios",))
+    found = init_command._next_step(Path("new/my.toml"), drafted, has_bus=has_bus, designed=designed)
+    assert found.startswith(text)
+    person = Person()
+    init_command._show_open_points(person, drafted)
+    missing = ["to be filled in; the file is refused until then:", "  a"] if holes else []
+    assert person.said == [*missing, "assumed, to be checked:", "  gear ratios"]
+
+
+def test_without_a_scan_or_a_description_the_drives_are_left_open(monkeypatch):
+    assert init_command._bus(6, None, 500_000, None, Path("my.toml")) is None
+    asked = []
+    monkeypatch.setattr(
+        "armload_controller.session.arm_access.nodes_on", lambda *given: asked.append(given) or ["node"]
+    )
+    monkeypatch.setattr("armload_controller.new_robot.drive_drafts.drives_found", lambda nodes, n, _: (nodes, n))
+    bus = init_command._bus(6, "socketcan:can3", 500_000, None, Path("my.toml"))
+    assert asked == [("socketcan", "can3", 500_000)]
+    assert (bus.drives, bus.interface, bus.channel, bus.bitrate) == ((["node"], 6), "socketcan", "can3", 500_000)
+
+
+@pytest.mark.parametrize(
+    ("failing", "excitations", "problem", "narrower"),
+    [
+        ((), ("my_identification.toml", "my_validation.toml"), None, 0),
+        (("wide",), ("my_identification.toml", "my_validation.toml"), None, 1),
+        (("wide", "narrow"), None, "none in narrow", 1),
+    ],
+)
+def test_excitations_are_sought_in_narrower_ranges(monkeypatch, tmp_path, failing, excitations, problem, narrower):
+    searched = []
+
+    class Found:
+        def save(self, path):
+            path.write_text("excitation")
+
+    def design(file, *, search, progress):
+        box = Path(file).read_text()
+        searched.append((box, search.seed, search.restarts))
+        if box in failing:
+            raise ExcitationError(f"none in {box}")
+        return Found()
+
+    robot = "armload_controller.analysis.robot_excitation"
+    monkeypatch.setattr(f"{robot}.design", design)
+    monkeypatch.setattr(f"{robot}.design_envelope", lambda robot: None)
+    monkeypatch.setattr("armload_controller.config.robot.load_robot", lambda path: None)
+    monkeypatch.setattr("armload_controller.new_robot.arm_draft.within", lambda arm, box: box)
+    monkeypatch.setattr(
+        "armload_controller.new_robot.design_range.design_range", lambda *_given: (("wide", "narrow"), "roomiest")
+    )
+    person = Person()
+    person.track = lambda *_given: nullcontext()
+    made = init_command._designed(person, tmp_path / "my.toml", "arm", lambda box: SimpleNamespace(text=box), 5)
+    assert (made.names, made.problem, made.roomiest_rad) == (excitations, problem, "roomiest")
+    narrowed = [text for text in person.said if text.startswith("none found in this part")]
+    assert len(narrowed) == narrower
+    assert searched[0] == ("wide", 1, 5)
+    if excitations:
+        assert [(seed, restarts) for _, seed, restarts in searched[-2:]] == [(1, 5), (2, 5)]
+        assert all((tmp_path / name).is_file() for name in excitations)
