@@ -1,4 +1,4 @@
-"""When a drive counts as hung: no answers, and no change."""
+"""What the state of a drive means: configured, lost, restarted, or hung, with no answers and no change."""
 
 import math
 
@@ -8,8 +8,9 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.axis_course import AxisCourse
 from armload_drivers.cia402.process_data.frame_part import FramePart
 from armload_drivers.cia402.process_data.process_image import effort_entry, target_entry
-from armload_drivers.driver_errors import DriveHung
+from armload_drivers.driver_errors import DriveHung, DriveLeftOp, ServoError, ServoTimeout
 from armload_drivers.ethercat.ethercat_drive import HUNG_REQUESTS, HUNG_S, EthercatDrive
+from armload_drivers.ethercat.ethercat_line import STATE_ERROR, LineState
 
 CYCLE_S = 0.01
 
@@ -74,3 +75,88 @@ def test_its_attributes_are_few_enough_to_be_looked_up_fast(drive):
     """Instances with more than 30 do not share their keys in Python 3.11, and each look-up in a cycle is a search."""
     assert len(vars(drive)) <= 30
     assert len(vars(drive.course)) <= 30
+
+
+PREOP, SAFEOP, OP = (state.value for state in (LineState.PREOP, LineState.SAFEOP, LineState.OP))
+
+
+@pytest.mark.parametrize(
+    ("status", "in_op", "restarted", "configured"),
+    [
+        (OP, True, False, False),
+        (OP | STATE_ERROR, True, False, False),
+        (SAFEOP, False, False, False),
+        (PREOP, False, False, True),
+        (LineState.INIT.value, False, True, False),
+        (LineState.NONE.value, False, True, False),
+    ],
+)
+def test_a_state_that_was_read_tells_whether_it_runs_is_configured_or_has_restarted(
+    drive, status, in_op, restarted, configured
+):
+    drive.status = status
+    assert (drive.in_op, drive.restarted) == (in_op, restarted)
+    if configured:
+        drive.require_configured()
+        return
+    with pytest.raises(ServoError, match="the drive has restarted since it was configured: it is in"):
+        drive.require_configured()
+
+
+@pytest.mark.parametrize(
+    ("status", "error", "text"),
+    [
+        (OP, None, ""),
+        (LineState.NONE.value, ServoTimeout, "the drive has left the line: it does not answer under its address"),
+        (SAFEOP, DriveLeftOp, "the drive has left OP, it is in SAFEOP: no reason"),
+    ],
+)
+def test_a_drive_that_left_is_lost(drive, status, error, text):
+    drive.status = status
+    found = drive._missed("in the cycle", 0.0)
+    assert type(found) is (error or type(None))
+    assert drive.lost is bool(error)
+    assert text in str(found)
+    gone = drive.gone("in the cycle")
+    assert isinstance(gone, ServoTimeout)
+    assert ("has left the line" in str(gone)) is (error is ServoTimeout)
+
+
+def test_the_cause_of_a_fault_is_the_emergency_else_the_error_code(drive):
+    drive._take_emergency(0x2310, 2, b"\1\2\3\4\5")
+    drive.explain(0x7500)
+    assert (drive._emergency.code, drive._emergency.register) == (0x2310, 2)
+    drive._take_emergency(0, 0, b"")
+    assert drive._emergency is None
+    drive.explain(0x7500)
+    assert (drive._emergency.code, drive._emergency.register) == (0x7500, None)
+
+
+class NotedLine(Line):
+    """Notes requests, and reaches only some states."""
+
+    def __init__(self, *reached):
+        self.requested, self.reached = [], reached
+
+    def request(self, state, place):
+        self.requested.append(state)
+
+    def reaches(self, state, place, limit_s):
+        return state in self.reached
+
+
+@pytest.mark.parametrize(
+    ("reached", "requested"), [((), [LineState.INIT]), ((LineState.INIT,), [LineState.INIT, LineState.PREOP])]
+)
+def test_a_restart_goes_through_init(drive, reached, requested):
+    drive._line = line = NotedLine(*reached)
+    drive.restart()
+    assert line.requested == requested
+
+
+@pytest.mark.parametrize(("status", "requested"), [(OP, [LineState.SAFEOP]), (SAFEOP, []), (PREOP, [])])
+def test_only_a_drive_in_op_leaves_the_cycle(drive, status, requested):
+    drive._line = line = NotedLine()
+    drive.status = status
+    drive.leave_cycle()
+    assert line.requested == requested
