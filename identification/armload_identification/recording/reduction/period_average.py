@@ -102,7 +102,7 @@ class PeriodAverager(Reduction):
         known = np.flatnonzero(self._count)
         freedom = int(np.maximum(self._count - 1, 0).sum())
         covariance = self._square / freedom if freedom > 1 else None
-        phase_s = np.asarray((self._begin_at + known) * self._step_s, dtype=np.float64)
+        phase_s = np.asarray((self._begin_at + known + self._offset) * self._step_s, dtype=np.float64)
         effort, position = np.hsplit(self._mean[known], 2)
         rows = RowBlock(advance.time_at(phase_s), position, **{self._effort_name: effort}, phase_s=phase_s)
         average = PeriodAverage(advance.periods, covariance, advance.interruptions)

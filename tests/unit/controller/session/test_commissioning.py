@@ -305,5 +305,12 @@ def test_each_recording_states_when_its_own_run_began(half, tmp_path, monkeypatc
 
     monkeypatch.setattr(commissioning, "datetime", Clock)
     half(SessionLoad.UNLOADED, simulated=True)
-    said = [read_recording(tmp_path / f"unloaded_{role}.mcap").source.run()["created"] for role in commissioning.ROLES]
-    assert said == ["2026-03-01T10:00:00+00:00", "2026-03-01T10:05:00+00:00"]
+    said = [read_recording(tmp_path / f"unloaded_{role}.mcap").source.run() for role in commissioning.ROLES]
+    assert [run["created"] for run in said] == ["2026-03-01T10:00:00+00:00", "2026-03-01T10:05:00+00:00"]
+    assert [run["role"] for run in said] == list(commissioning.ROLES)
+    for run in said:
+        assert (run["robot"], run["load"], run["simulated"], run["cycle_hz"]) == ("prbt", "unloaded", True, 1 / CYCLE_S)
+        assert len(run["joints"]) == 6
+        assert run["slow_round_s"] > 4.0
+        assert 0.0 < run["slow_round_speed_m_s"] <= 0.25
+        assert "mass_kg" not in run

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from armload_drivers.bring_up import drive_objects
 from armload_drivers.bring_up.drive_bring_up import configured_units, is_simulation
 from armload_drivers.bring_up.drive_objects import DriveObjects
 from armload_drivers.bring_up.drive_securing import require_safety
@@ -331,6 +332,29 @@ def test_an_interpolation_that_is_not_the_cycle_is_refused_with_the_rate_that_wo
     without = bench(absent=frozenset({0x60C2, 0x1006}))
     objects = without.write_cycle()
     assert set(objects.missing) == {od.CYCLE_PERIOD_US, od.INTERPOLATION_TIME, od.INTERPOLATION_EXPONENT}
+
+
+@pytest.mark.parametrize(
+    ("cycle_s", "accepts_hz", "advice"),
+    [
+        (0.004, {100, 500}, "Set cycle_hz = 100"),
+        (0.004, {200, 500}, "Set cycle_hz = 200"),
+        (0.0025, {200, 500}, "Set cycle_hz = 500"),
+        (0.004, set(), "ask the manufacturer"),
+    ],
+)
+def test_of_the_rates_that_a_drive_accepts_the_nearest_is_proposed(bench, monkeypatch, cycle_s, accepts_hz, advice):
+    tried = []
+
+    def interpolates_over(drive, period_s):
+        tried.append(period_s)
+        return round(1 / period_s) in accepts_hz
+
+    made = bench()
+    monkeypatch.setattr(drive_objects, "_interpolates_over", interpolates_over)
+    with pytest.raises(ServoError, match=advice):
+        drive_objects.set_interpolation(made.setup.objects, cycle_s, (100, 200, 500, 1000), "ask the manufacturer")
+    assert tried[0] == cycle_s
 
 
 def test_torque_and_faults_are_told_apart_before_work_begins(bench):

@@ -33,6 +33,7 @@ def test_the_arrays_become_rows_with_the_hash_of_the_file(path):
     assert block.current_a is None
     assert account.rows_read == len(TIME)
     assert account.remarks == ("read by traces 1.2",)
+    assert not account.truncated
     assert account.sha256.startswith("ba7816bf"), "SHA-256 of abc"
 
 

@@ -47,7 +47,7 @@ def by_period(values):
     return values.reshape(-1, PHASES, 2)
 
 
-@pytest.mark.parametrize("shift_s", [0.0, 0.3])
+@pytest.mark.parametrize("shift_s", [0.0, 0.3, 0.306, 0.313])
 @pytest.mark.parametrize("blocks", [1, 7])
 def test_mean_and_scatter_are_those_of_all_periods_but_the_settling_start(shift_s, blocks):
     rows = run(shift_s=shift_s)
