@@ -101,31 +101,14 @@ def test_nothing_is_replaced_and_nothing_asked_without_a_terminal(armload, urdf,
 
 
 class Person(Screen):
-    """Answers one question after the other, and notes what is said."""
+    """Notes what is said."""
 
-    def __init__(self, *answers):
+    def __init__(self):
         super().__init__()
-        self.answers, self.said = list(answers), []
-
-    def ask(self, question):
-        return self.answers.pop(0)
+        self.said = []
 
     def step(self, text):
         self.said.append(text)
-
-
-@pytest.mark.parametrize(
-    ("answers", "mass_kg", "said"),
-    [
-        (("", ), None, []),
-        ((" 3.5 ",), 3.5, []),
-        (("three", "0", "-1", "inf", "nan", "2"), 2.0, ["three", "0", "-1", "inf", "nan"]),
-    ],
-)  # fmt: skip
-def test_the_payload_is_asked_for_until_it_is_a_mass_or_left_open(answers, mass_kg, said):
-    person = Person(*answers)
-    assert init_command._asked_payload(person) == mass_kg
-    assert person.said == [f"  {answer!r}: expected a mass above 0" for answer in said]
 
 
 @pytest.mark.parametrize(
