@@ -23,6 +23,7 @@ from armload_identification.files.inertia_table import InertiaTable
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import PayloadFileError
 from armload_identification.model.payload import (
+    AXES,
     SMALLEST_MARGIN,
     TENSOR_ELEMENTS,
     InertialParameters,
@@ -42,7 +43,7 @@ from armload_identification.storage.strict_toml import (
 
 _KEYS = (
     ("", "mass_kg"),
-    *(("center_of_mass_m", key) for key in ("x", "y", "z")),
+    *(("center_of_mass_m", key) for key in AXES),
     *(("inertia_kg_m2", key) for key in TENSOR_ELEMENTS),
 )
 """Table and key of each of the ten values, in the order of `PARAMETER_NAMES`."""

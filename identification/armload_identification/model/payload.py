@@ -14,6 +14,7 @@ from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.numerals import decimals_for
 from armload_identification.result_table import PrintedResult, ResultTable
 
+AXES = ("x", "y", "z")
 TENSOR_ELEMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 """The six elements of an inertia tensor, in their order in files and results."""
 

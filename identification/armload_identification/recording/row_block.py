@@ -14,7 +14,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 
 QUANTITIES: Final = ("time_s", "position_rad", "velocity_rad_s", "current_a", "torque_nm", "phase_s")
-_PART_ROWS: Final = 2**13
+BLOCK_ROWS: Final = 2**13
+"""Rows that a reader gives at once: enough for fast array operations, little beside the run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +112,8 @@ def require_shapes(name: str, arrays: Mapping[str, FloatArray]) -> None:
 
 def parts_of(arrays: Mapping[str, FloatArray]) -> Iterator[dict[str, FloatArray]]:
     """Arrays of N rows, some thousand rows at a time."""
-    for first in range(0, len(arrays["time_s"]), _PART_ROWS):
-        yield {name: values[first : first + _PART_ROWS] for name, values in arrays.items()}
+    for first in range(0, len(arrays["time_s"]), BLOCK_ROWS):
+        yield {name: values[first : first + BLOCK_ROWS] for name, values in arrays.items()}
 
 
 def joined(blocks: Sequence[RowBlock]) -> RowBlock:

@@ -18,7 +18,6 @@ from armload_identification.report.figures.calibration_figures import drift_figu
 from armload_identification.report.figures.joint_figures import COLORS
 from armload_identification.report.page import rendered
 
-_TEMPLATE: Final = "calibration.html.j2"
 _LOUD: Final = 1.5
 """Ratio of a run's residual to that of all runs from which it is printed in bold."""
 _STRONG: Final = 1.0
@@ -50,7 +49,7 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
     current = calibration.effort is Effort.CURRENT
     noise = np.maximum(calibration.noise_nm, np.finfo(float).tiny)
     return rendered(
-        _TEMPLATE,
+        "calibration.html.j2",
         calibration=calibration,
         description=description,
         gain_unit="N m/A" if current else "N m/(N m)",

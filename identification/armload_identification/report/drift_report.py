@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from datetime import UTC
 from pathlib import Path
-from typing import Final
 
 from markupsafe import Markup
 
@@ -12,8 +11,6 @@ from armload_identification.report.compared_runs import ComparedRuns
 from armload_identification.report.figures.drift_figures import charts_drawing, warm_up_drawing
 from armload_identification.report.figures.svg import inline_svg
 from armload_identification.report.page import rendered, write_page
-
-_TEMPLATE: Final = "drift.html.j2"
 
 
 def write_drift_report(path: Path, content: ComparedRuns) -> None:
@@ -37,7 +34,7 @@ def write_drift_report(path: Path, content: ComparedRuns) -> None:
         curve = warm_up_drawing(drift.warming, names)
         warming = Markup(inline_svg(curve, "warm-up", "Friction against time in operation."))
     page = rendered(
-        _TEMPLATE,
+        "drift.html.j2",
         content=content,
         drift=drift,
         span=span,

@@ -13,6 +13,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.model.payload import (
+    AXES,
     DETERMINED_SHARE,
     InertialParameters,
     PayloadResult,
@@ -24,7 +25,6 @@ from armload_identification.pipeline.identification_result import Identification
 from armload_identification.verdict.joint_words import listed
 
 _KG_M2: Final = f"kg{NO_BREAK}m²"
-_AXES: Final = ("x", "y", "z")
 _MM: Final = 1e3
 
 
@@ -47,7 +47,7 @@ class NamedParameter:
 
 _QUANTITIES: Final = (
     ("mass", "m", "", "kg"),
-    *(("centre of mass", "c", axis, "m") for axis in _AXES),
+    *(("centre of mass", "c", axis, "m") for axis in AXES),
     *(("moment of inertia", "I", axis, _KG_M2) for axis in ("xx", "yy", "zz")),
     *(("product of inertia", "I", axes, _KG_M2) for axes in ("xy", "xz", "yz")),
 )
@@ -114,10 +114,10 @@ def headline(payload: PayloadResult) -> str:
     known = payload.determined[1:4]
     known_parts = [
         f"{axis}{NO_BREAK}={NO_BREAK}{value}{NO_BREAK}mm {_bracket(low, high, 'mm')}"
-        for axis, (value, low, high), there in zip(_AXES, millimetres, known, strict=True)
+        for axis, (value, low, high), there in zip(AXES, millimetres, known, strict=True)
         if there
     ]
-    unknown = [axis for axis, there in zip(_AXES, known, strict=True) if not there]
+    unknown = [axis for axis, there in zip(AXES, known, strict=True) if not there]
     if not known_parts:
         return f"{mass} Its centre of mass is not determined."
     center = f"Its centre of mass lies at {listed(known_parts)} in the {payload.frame} frame."
@@ -213,6 +213,6 @@ def _error_text(index: int, value: float, truth: float, half_width: float = np.n
     """Estimate minus truth: of the mass in percent, of the centre of mass in millimetres, else in its unit."""
     if index == 0:
         return f"{numeral(100.0 * (value / truth - 1.0), 2, signed=True)}{NO_BREAK}%"
-    if index <= len(_AXES):
+    if index <= len(AXES):
         return f"{numeral(_MM * (value - truth), 1, signed=True)}{NO_BREAK}mm"
     return f"{numeral(value - truth, decimals_for(half_width, value), signed=True)}{NO_BREAK}{_KG_M2}"

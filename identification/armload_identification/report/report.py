@@ -6,7 +6,6 @@ It loads nothing, contains no scripts, and the same inputs give the same bytes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 from markupsafe import Markup
@@ -42,8 +41,6 @@ from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.signal_constants import Smoothing
 from armload_identification.verdict.joint_words import listed
 
-_TEMPLATE: Final = "template.html.j2"
-
 
 def render_report(subject: ReportedPayload, created: str) -> str:
     """The report.
@@ -68,7 +65,7 @@ def render_report(subject: ReportedPayload, created: str) -> str:
     others = (*hashes.recordings_sha256.items(), *hashes.validation_sha256.items())
     planned = None if content.motion is None else content.motion[1].attachments.get(EXCITATION_ATTACHMENT)
     return rendered(
-        _TEMPLATE,
+        "template.html.j2",
         subject=subject,
         content=content,
         created=created,

@@ -11,12 +11,11 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.figure_style import BLUE, INK, VERMILION, styled_figure
+from armload_identification.report.figures.figure_style import BLUE, INK, VERMILION, WIDE_IN, styled_figure
 from armload_identification.report.figures.svg import inline_svg
 from armload_identification.report.page import rendered, write_page
 
-_TEMPLATE: Final = "watch.html.j2"
-_WIDE_IN, _HIGH_IN = 7.0, 3.0
+_HIGH_IN = 3.0
 _MOST_MOMENTS: Final = 2000
 """Of a longer watch every k-th moment is drawn."""
 _WIDEST: Final = 0.25
@@ -97,7 +96,7 @@ def write_watch_report(path: Path, history: WatchHistory) -> None:
     title = "Mass that the arm carried over time, with its 95 % interval, and events."
     drawing = Markup(watch_svg(history, "mass", title) if _drawn(history).any() else "")
     far = [joint for joint in history.joints if abs(joint.friction_nm) > 3.0 * joint.usual_nm]
-    write_page(path, rendered(_TEMPLATE, history=history, drawing=drawing, far=far))
+    write_page(path, rendered("watch.html.j2", history=history, drawing=drawing, far=far))
 
 
 def watch_svg(history: WatchHistory, name: str, title: str) -> str:
@@ -113,7 +112,7 @@ def watch_svg(history: WatchHistory, name: str, title: str) -> str:
     step = max(1, len(history.time_s) // _MOST_MOMENTS)
     time_s, mass, width = (x[::step] for x in (history.time_s, history.mass_kg, history.half_width_95_kg))
     shown = np.where(_drawn(history)[::step], mass, np.nan)
-    with styled_figure(_WIDE_IN, _HIGH_IN, "constrained") as figure:
+    with styled_figure(WIDE_IN, _HIGH_IN, "constrained") as figure:
         axes = figure.add_subplot()
         axes.axhline(0.0, color=INK, linewidth=0.7)
         axes.fill_between(time_s, shown - width, shown + width, color=BLUE, alpha=0.25, linewidth=0)

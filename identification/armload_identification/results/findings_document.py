@@ -7,22 +7,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.files.payload_file import grouped_parameters
-from armload_identification.model.payload import InertialParameters, PayloadResult
+from armload_identification.model.payload import AXES, InertialParameters, PayloadResult
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.recording.recording import RecordingSource
 from armload_identification.report.report_content import ReportContent
 from armload_identification.report.verdict_box import VerdictBox
 from armload_identification.verdict.agreement import Agreement
-
-_AXES: Final = ("x", "y", "z")
 
 
 def findings_document(
@@ -106,7 +104,7 @@ def agreement_fields(agreement: Agreement) -> dict[str, Any]:
 
     def four(values: FloatArray) -> dict[str, Any]:
         mass, *center = numbers(values)
-        return {"mass_kg": mass, "center_of_mass_m": dict(zip(_AXES, center, strict=True))}
+        return {"mass_kg": mass, "center_of_mass_m": dict(zip(AXES, center, strict=True))}
 
     return {
         "outcome": agreement.outcome.value,

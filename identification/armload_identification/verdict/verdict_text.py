@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_identification.model.payload import AXES
 from armload_identification.verdict.agreement import Agreement, Outcome
 from armload_identification.verdict.decision_levels import AgreementLevels, VerdictText
 from armload_identification.verdict.payload_verdict import PayloadVerdict, Remedy
@@ -28,7 +29,6 @@ _OWN_RUN: Final = (
     "The payload was identified from this recording, which therefore cannot confirm it. Validate it with a pair of "
     "runs of another motion."
 )
-_AXES: Final = ("x", "y", "z")
 
 
 def title(verdict: PayloadVerdict) -> str:
@@ -86,7 +86,7 @@ def _error_text(agreement: Agreement) -> str:
         share = abs(difference[0]) / agreement.judged_kg
         off.append(f"the payload's mass is {abs(difference[0]):.3f} kg ({100.0 * share:.1f} %) too {way}")
     if beyond[1:].any():
-        moved = ", ".join(f"{-1e3 * difference[1 + i]:+z.1f} mm in {_AXES[i]}" for i in np.flatnonzero(beyond[1:]))
+        moved = ", ".join(f"{-1e3 * difference[1 + i]:+z.1f} mm in {AXES[i]}" for i in np.flatnonzero(beyond[1:]))
         whose = "its" if off else "the payload's"
         off.append(f"{whose} centre of mass is off by {moved}")
     text = " and ".join(off) or "mass and centre of mass together do not match, though either alone might"
@@ -117,7 +117,7 @@ def _difference_text(agreement: Agreement) -> str:
     share = abs(mass) / agreement.judged_kg
     moved = ", ".join(
         f"{axis} {1e3 * value:+z.1f} +- {1e3 * half:.1f}"
-        for axis, value, half in zip(_AXES, center, width[1:], strict=True)
+        for axis, value, half in zip(AXES, center, width[1:], strict=True)
     )
     higher = "higher" if mass >= 0.0 else "lower"
     return (
@@ -139,7 +139,7 @@ def _weakest_direction(agreement: Agreement) -> str:
     """The direction in which the centre of mass is least certain."""
     axis = int(np.argmax(np.abs(agreement.weakest)))
     if abs(agreement.weakest[axis]) >= VerdictText.along:
-        return f"along the flange's {_AXES[axis]} axis"
+        return f"along the flange's {AXES[axis]} axis"
     vector = agreement.weakest * np.sign(agreement.weakest[axis])
     return "along [" + ", ".join(f"{value:z.2f}" for value in vector) + "] in the flange frame"
 

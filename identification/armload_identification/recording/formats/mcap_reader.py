@@ -28,11 +28,10 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.formats.unpacking import require_bounded, unpacked
 from armload_identification.recording.read_boundary import MOST_BYTES
 from armload_identification.recording.reader import ReadingAccount, RecordingReader
-from armload_identification.recording.row_block import RowBlock
+from armload_identification.recording.row_block import BLOCK_ROWS, RowBlock
 from armload_identification.recording.run_format import MAGIC, RUN_ATTACHMENT, TOPIC
 from armload_identification.storage.regular_file import hash_of_files
 
-_BLOCK_ROWS: Final = 2**13
 _BLOCK_NUMBERS: Final = 2**20
 """Most numbers in a block, for any number of joints."""
 _MOST_BYTES: Final = 2**26
@@ -173,7 +172,7 @@ class _MessageTable:
             raise ValueError(f"its messages have {self.n} joints")
         self._names = ("position_rad", *(name for name in _OPTIONAL if name in names))
         width = len(_SCALARS) + len(self._names) * self.n
-        self._table = np.empty((min(_BLOCK_ROWS, _BLOCK_NUMBERS // width), width))
+        self._table = np.empty((min(BLOCK_ROWS, _BLOCK_NUMBERS // width), width))
 
     def _scan(self, records: bytes, at: int) -> int:
         """Read messages with the kernels, up to the first that they cannot read."""

@@ -18,11 +18,10 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.column_names import arrays_by_name
 from armload_identification.recording.reader import ReadingAccount, RecordingReader
-from armload_identification.recording.row_block import RowBlock
+from armload_identification.recording.row_block import BLOCK_ROWS, RowBlock
 from armload_identification.storage.regular_file import hash_of_files
 
 _JOINT_NAMES: Final = "joint_names"
-_BLOCK_ROWS: Final = 2**13
 _MOST_JOINTS: Final = 1024
 _MOST_NAME_BYTES: Final = 2**20
 
@@ -74,8 +73,8 @@ class NumpyReader(RecordingReader):
                 names = np.lib.format.read_array(stream, allow_pickle=False)
             if names.shape == shape[1:] and names.dtype.kind == "U" and len(set(names.tolist())) == shape[1]:
                 account.joint_names = tuple(names.tolist())
-        for first in range(0, shape[0], _BLOCK_ROWS):
-            rows = min(_BLOCK_ROWS, shape[0] - first)
+        for first in range(0, shape[0], BLOCK_ROWS):
+            rows = min(BLOCK_ROWS, shape[0] - first)
             account.rows_read += rows
             block: dict[str, FloatArray] = {}
             for quantity, stream in streams.items():

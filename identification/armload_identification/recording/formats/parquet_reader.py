@@ -28,7 +28,7 @@ from armload_identification.recording.csv_columns import QUANTITIES_BY_KEY, CsvC
 from armload_identification.recording.joint_names import JointNames
 from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.reading_options import ReadingOptions
-from armload_identification.recording.row_block import RowBlock
+from armload_identification.recording.row_block import BLOCK_ROWS, RowBlock
 from armload_identification.storage.regular_file import hash_of_files, read_whole
 
 INFO: Final = Path("meta") / "info.json"
@@ -41,7 +41,6 @@ _NORMALISED: Final = 100.0
 """End of the range of a joint that LeRobot records in percent."""
 _SLACK_RAD: Final = 0.1
 """How far a position may be beyond a limit."""
-_BLOCK_ROWS: Final = 2**13
 
 
 class ParquetReader(RecordingReader):
@@ -94,7 +93,7 @@ class ParquetReader(RecordingReader):
     def _batches(self, columns: Sequence[str]) -> Iterator[Any]:
         """Some columns of the files, some thousand rows at a time."""
         for file in self._files:
-            yield from pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=list(dict.fromkeys(columns)))
+            yield from pq.ParquetFile(file).iter_batches(BLOCK_ROWS, columns=list(dict.fromkeys(columns)))
 
     def _block(self, batch: Any, groups: Mapping[str, Sequence[str]]) -> RowBlock:
         """Numbers of a batch."""

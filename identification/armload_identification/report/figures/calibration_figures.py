@@ -7,12 +7,18 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.figure_style import BLUE, INK, LIGHT_GREY, VERMILION, styled_figure
+from armload_identification.report.figures.figure_style import (
+    BLUE,
+    INK,
+    LIGHT_GREY,
+    NARROW_IN,
+    VERMILION,
+    WIDE_IN,
+    styled_figure,
+)
 from armload_identification.report.figures.joint_figures import ticks
 from armload_identification.report.figures.svg import inline_svg
 
-_WIDE_IN: Final = 7.0
-_NARROW_IN: Final = 3.4
 _MOST_DAYS: Final = 8
 
 
@@ -29,7 +35,7 @@ def gains_figure(change: FloatArray, half_width_95: FloatArray, determined: list
         An `svg` element.
     """
     joints = np.arange(1, change.size + 1)
-    with styled_figure(_WIDE_IN, 2.1, "constrained") as figure:
+    with styled_figure(WIDE_IN, 2.1, "constrained") as figure:
         axes = figure.add_subplot()
         axes.axhline(0.0, color=INK, linewidth=0.7)
         for joint, middle, width, known in zip(joints, 100.0 * change, 100.0 * half_width_95, determined, strict=True):
@@ -57,7 +63,7 @@ def drift_figure(days: FloatArray, labels: list[str], change: FloatArray, usual:
     Returns:
         An `svg` element.
     """
-    with styled_figure(_NARROW_IN, 1.6, "constrained") as figure:
+    with styled_figure(NARROW_IN, 1.6, "constrained") as figure:
         axes = figure.add_subplot()
         axes.axhspan(-2.0 * usual, 2.0 * usual, color=LIGHT_GREY, linewidth=0)
         axes.axhline(0.0, color=INK, linewidth=0.7)

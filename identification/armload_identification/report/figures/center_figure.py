@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from armload_identification.model.payload import PayloadResult
+from armload_identification.model.payload import AXES, PayloadResult
 from armload_identification.numerals import NO_BREAK, numeral
 from armload_identification.report.page import rendered
 from armload_identification.report.payload_in_words import half_widths
@@ -24,7 +24,6 @@ _THICK_MM: Final = 8.0
 _MIDDLE: Final = 160.0
 """Half of a drawing's width and height, in SVG units."""
 _ROOM: Final = 1.25
-_AXES: Final = ("x", "y", "z")
 _MM: Final = 1e3
 
 
@@ -59,13 +58,13 @@ def _drawing(payload: PayloadResult, heading: str, across: int, up: int, reach_m
     centre, half = _MM * payload.values[1:4], _MM * half_widths(payload)[1:4]
     wide, high, turn = _ellipse(half[across], half[up], _correlation(payload, across, up))
     described = ", ".join(
-        f"{_AXES[axis]} {numeral(centre[axis], 1)} ± {numeral(half[axis], 1)}{NO_BREAK}mm" for axis in (across, up)
+        f"{AXES[axis]} {numeral(centre[axis], 1)} ± {numeral(half[axis], 1)}{NO_BREAK}mm" for axis in (across, up)
     )
     return rendered(
         "figures/center.svg.j2",
-        name=f"centre-{_AXES[across]}{_AXES[up]}",
+        name=f"centre-{AXES[across]}{AXES[up]}",
         title=f"Centre of mass on the flange, {heading[0].lower()}{heading[1:]}: {described}.",
-        axes=(_AXES[across], _AXES[up]),
+        axes=(AXES[across], AXES[up]),
         x=_MIDDLE + scale * centre[across],
         y=_MIDDLE - scale * centre[up],
         ellipse=(scale * wide, scale * high, -turn),

@@ -14,10 +14,9 @@ from armload_core.arrays import FloatArray
 from armload_identification.pipeline.arm_drift import ArmDrift, Monitored
 from armload_identification.pipeline.warm_up import WARM_S, WarmUp
 from armload_identification.report.figures.control_chart_axes import DATES, days_of, draw_control_chart, draw_dates
-from armload_identification.report.figures.figure_style import BLUE, VERMILION, styled_figure
+from armload_identification.report.figures.figure_style import BLUE, VERMILION, WIDE_IN, styled_figure
 from armload_identification.report.figures.joint_figures import ticks
 
-_WIDE_IN: Final = 7.0
 _ROW_IN: Final = 1.25
 _ENDS_IN: Final = 0.6
 _COLUMNS: Final = 3
@@ -33,7 +32,7 @@ def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Figure:
     quantities = tuple(Monitored)
     place, dated = _places(drift)
     height_in = _ROW_IN * len(names) + _ENDS_IN
-    with styled_figure(_WIDE_IN, height_in) as drawing:
+    with styled_figure(WIDE_IN, height_in) as drawing:
         # Fixed: a computed layout takes longer than the rest of the report.
         drawing.subplots_adjust(0.1, 0.4 / height_in, 0.97, 1.0 - 0.2 / height_in, 0.3, 0.3)
         grid = drawing.subplots(len(names), len(quantities), sharex=True, squeeze=False)
@@ -77,7 +76,7 @@ def warm_up_drawing(warming: WarmUp, names: Sequence[str]) -> Figure:
     """Friction over time in operation, one panel per joint."""
     rows = -(-len(names) // _COLUMNS)
     elapsed_s = np.linspace(0.0, max(float(warming.at_work_s.max()), WARM_S), 100)
-    with styled_figure(_WIDE_IN, 1.6 * rows, "constrained") as drawing:
+    with styled_figure(WIDE_IN, 1.6 * rows, "constrained") as drawing:
         grid = drawing.subplots(rows, _COLUMNS, squeeze=False)
         for joint, axes in enumerate(grid.ravel()):
             if joint >= len(names):

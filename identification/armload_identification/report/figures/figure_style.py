@@ -24,6 +24,9 @@ PURPLE: Final = "#cc79a7"
 ORANGE: Final = "#e69f00"
 SKY_BLUE: Final = "#56b4e9"
 
+WIDE_IN: Final = 7.0
+NARROW_IN: Final = 3.4
+"""Width of a figure that has a page's width to itself, and of one beside another."""
 FIGURE_STYLE: Final = Path(__file__).with_name("figures.mplstyle")
 """Matplotlib's parameters."""
 

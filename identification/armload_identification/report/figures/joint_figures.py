@@ -13,7 +13,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures.figure_style import BLUE, GREEN, INK, VERMILION, styled_figure
+from armload_identification.report.figures.figure_style import (
+    BLUE,
+    GREEN,
+    INK,
+    NARROW_IN,
+    VERMILION,
+    WIDE_IN,
+    styled_figure,
+)
 from armload_identification.report.figures.svg import inline_svg
 from armload_identification.signals.load_signal import LoadSignal
 
@@ -24,8 +32,6 @@ COLORS: Final = {"ink": INK, "raw": RAW, "smoothed": SMOOTHED, "predicted": PRED
 PREDICTED_DASHES: Final = (5.0, 1.5)
 _BINS: Final = 600
 """Longer series are drawn as the minimum and maximum of this many segments, which is the resolution of the page."""
-_WIDE_IN: Final = 7.0
-_NARROW_IN: Final = 3.4
 _LEFT_IN: Final = 0.52
 _RIGHT_IN: Final = 0.06
 
@@ -42,7 +48,7 @@ def motion_figure(signal: LoadSignal, joint: int, name: str, title: str) -> str:
     Returns:
         An `svg` element.
     """
-    with styled_figure(_NARROW_IN, 1.95) as figure:
+    with styled_figure(NARROW_IN, 1.95) as figure:
         upper, lower = _stacked(figure, (0.34, 0.60, 0.25, 0.60))
         for axes, values, label in (
             (upper, signal.states.position_rad, "position, rad"),
@@ -71,7 +77,7 @@ def torque_figure(signal: LoadSignal, predicted_nm: FloatArray, joint: int, name
     """
     time_s, predicted = signal.time_s, predicted_nm[:, joint]
     raw, smoothed = (np.where(signal.valid, values[:, joint], np.nan) for values in (signal.raw_nm, signal.torque_nm))
-    with styled_figure(_WIDE_IN, 2.25) as figure:
+    with styled_figure(WIDE_IN, 2.25) as figure:
         upper, lower = _stacked(figure, (0.34, 0.60, 0.25, 0.91))
         upper.plot(*thin_out(time_s, raw), color=RAW, linewidth=0.6)
         upper.plot(*thin_out(time_s, smoothed), color=SMOOTHED, linewidth=0.9)

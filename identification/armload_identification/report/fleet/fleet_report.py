@@ -22,7 +22,6 @@ _MOST_PROBLEMS: Final = 50
 _MOST_DIGITS: Final = 4
 _SHOWN: Final = (QuantityKind.MASS, QuantityKind.GAIN, QuantityKind.FRICTION)
 """Kinds of quantity in the table of all arms."""
-_TEMPLATE: Final = "fleet/fleet.html.j2"
 
 
 def render_fleet_report(
@@ -39,7 +38,7 @@ def render_fleet_report(
     """
     suspicious = [arm for arm in review.arms if arm.suspicions]
     return rendered(
-        _TEMPLATE,
+        "fleet/fleet.html.j2",
         arms=len(review.arms),
         runs=sum(arm.runs for arm in review.arms),
         without_result=len(review.problems),
