@@ -8,6 +8,7 @@ Rules of this file:
 - The middleware reports no loss of a publisher that offers best effort only. A gap between two stamps that is half as
   long again as any of the last `REGULAR` ones is such a loss, unless it is so long that the publisher has paused, or
   its clock was set. A program that is too slow loses seconds at once: its wait for messages was then never in vain.
+  After `REGULAR` such gaps in a row, the publisher has a lower rate.
 """
 
 from __future__ import annotations
@@ -60,6 +61,7 @@ class JointStateCycles:
         self._offset_ns: int | None = None
         self._last_ns = 0
         self._intervals_ns: deque[int] = deque(maxlen=REGULAR)
+        self._gaps_ns: list[int] = []
         self._reported_lost = self._left_out = self._lost = 0
         self._heard_s = 0.0
         self._silent = False
@@ -111,7 +113,13 @@ class JointStateCycles:
         """Number of messages that are missing between two stamps, unless they are further apart than a loss can be."""
         usual = self._intervals_ns
         if len(usual) == REGULAR and interval_ns > 1.5 * max(usual):
-            return round(interval_ns / float(np.median(usual))) - 1 if interval_ns < longest_ns else 0
+            missing = round(interval_ns / float(np.median(usual))) - 1 if interval_ns < longest_ns else 0
+            self._gaps_ns.append(interval_ns)
+            if len(self._gaps_ns) == REGULAR:
+                usual.extend(self._gaps_ns)
+                self._gaps_ns.clear()
+            return missing
+        self._gaps_ns.clear()
         usual.append(interval_ns)
         return 0
 

@@ -77,6 +77,14 @@ def test_a_pause_or_an_irregular_publisher_is_none():
     assert sum(lost_of([4_000_000, 40_000_000])) == 0, "nothing is usual yet"
 
 
+def test_a_publisher_that_goes_on_at_a_lower_rate_loses_nothing_any_more():
+    """Fifty gaps in a row are its rate; one message at the former rate between them, and they are losses."""
+    lost = lost_of([*[4_000_000] * 60, *[8_000_000] * 200])
+    assert lost == [0] * 61 + [1] * 50 + [0] * 150
+    torn = [*[8_000_000] * 49, 4_000_000]
+    assert sum(lost_of([*[4_000_000] * 60, *torn * 3])) == 3 * 49
+
+
 @pytest.mark.parametrize(("silent", "expected"), [(False, 749), (True, 0)])
 def test_seconds_that_a_slow_program_did_not_take_are_lost_but_a_pause_is_none(silent, expected):
     regular = [message(START_NS + 4_000_000 * k) for k in range(60)]
