@@ -52,8 +52,8 @@ from armload_identification.verdict.joint_words import named_joints, numbered_jo
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 HALVES: Final = 1.25
-"""Factor on the standard deviations of a calibration: what no term describes differs between motions. Halves of the
-UR10e's data differ by an rms z of 1.24 without it."""
+"""Factor on the standard deviations of a calibration: what no term describes differs between motions. Without it, ten
+halves of all shared runs of the UR10e differ by an rms z of 0.9 (gains), 1.1 (links) and 1.9 (rotors and friction)."""
 
 Progress = Callable[[int, int], None]
 

@@ -34,7 +34,7 @@ class MotionQuality:
         fast = np.abs(motion.states.velocity_rad_s[motion.valid]) > slowest
         peak = MOVING * slowest
         return cls(
-            motion.interval_s * np.count_nonzero(fast, axis=0),
+            motion.interval_s * motion.periods * np.count_nonzero(fast, axis=0),
             np.minimum(EnoughMotion.brisk_rad_s, EnoughMotion.brisk_share * peak),
         )
 
@@ -72,9 +72,10 @@ class MotionQuality:
                 half_width_kg,
             )
         remedy = self.missing or "record a longer run"
+        cause = "the payload is light for this arm" if mass_kg > half_width_kg else "nothing is mounted"
         return NoPayloadMass(
             f"{name}: the mass is not determined: the estimate is {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. Either "
-            f"nothing is mounted, or the motion is insufficient: {remedy}.",
+            f"{cause}, or the motion is insufficient: {remedy}, or add an unloaded run of the same motion.",
             mass_kg,
             half_width_kg,
         )

@@ -18,12 +18,13 @@ def quality(moving_s, brisk_rad_s=None):
     return MotionQuality(moving, np.full(moving.size, 0.3) if brisk_rad_s is None else np.array(brisk_rad_s))
 
 
-def measured(velocity, reversal=0.001, valid=None):
+def measured(velocity, reversal=0.001, valid=None, periods=1):
     velocity = np.asarray(velocity, dtype=float)
     motion = SimpleNamespace(
         states=SimpleNamespace(velocity_rad_s=velocity),
         valid=np.ones(len(velocity), dtype=bool) if valid is None else valid,
         interval_s=0.1,
+        periods=periods,
     )
     return MotionQuality.of(motion, SimpleNamespace(reversal_speed_rad_s=np.full(velocity.shape[1], reversal)))
 
@@ -33,6 +34,7 @@ def test_time_counts_while_a_joint_is_fast_in_either_direction():
     velocity[:30, 0], velocity[30:70, 0], velocity[:, 1] = 1.0, -1.0, 1e-4
     np.testing.assert_allclose(measured(velocity).moving_s, [7.0, 0.0])
     np.testing.assert_allclose(measured(velocity, valid=np.arange(100) < 40).moving_s, [4.0, 0.0])
+    np.testing.assert_allclose(measured(velocity, periods=3).moving_s, [21.0, 0.0])
 
 
 def test_a_joint_that_is_never_fast_is_asked_for_no_more_than_half_its_peak():
@@ -64,5 +66,9 @@ def test_a_mass_below_its_interval_has_another_cause_than_little_motion(mass_kg,
     assert (error.mass_kg, error.half_width_kg) == (mass_kg, 2.0)
 
 
-def test_where_every_joint_moved_only_a_longer_run_helps():
-    assert "longer run" in str(quality([9.0, 9.0]).undetermined("a.csv", 0.1, 2.0))
+@pytest.mark.parametrize(
+    ("mass_kg", "cause"), [(1.9, "nothing is mounted"), (2.1, "the payload is light for this arm")]
+)
+def test_where_every_joint_moved_only_a_longer_or_an_unloaded_run_helps(mass_kg, cause):
+    said = str(quality([9.0, 9.0]).undetermined("a.csv", mass_kg, 2.0))
+    assert f"Either {cause}, or the motion is insufficient: record a longer run, or add an unloaded run" in said
