@@ -154,6 +154,12 @@ class PayloadEstimate:
         return replace(self, shifts=np.vstack([self.shifts, np.sum(answers, axis=0)]))
 
     @property
+    def drifting(self) -> FloatArray:
+        """(10,) change of theta per unit of a common factor on the torque of the first run."""
+        torque = (state.torque[0].predicted_nm[None] for state in self.posterior.groups)
+        return np.asarray(self.doubting(*torque).shifts[-1])
+
+    @property
     def load_friction(self) -> FloatArray:
         """(n,) mu."""
         return self.posterior.value(LOAD_FRICTION)

@@ -9,8 +9,8 @@ The rows say x +- s. Gears that turn more heavily in the loaded run do so as a w
 a common factor on all friction is estimated beside x, without which 3 % more look like x = -1 % on a simulated prbt.
 
 x is allowed for and not corrected, as what no friction law describes looks the same: the UR10e's pairs say -0.1 to
--0.4 %, where the weighed payload shows none. Nominal gains do not make it negligible: they scale the payload's torque,
-and it the arm's. Of er50's nominal intervals 80 % held without it, when runs had drifted by 0.15 %.
+-0.4 %, where the weighed payload shows none. With nominal gains only a drift that is noted is allowed for; where a
+usual one would matter, a note says so.
 """
 
 from __future__ import annotations
@@ -36,37 +36,29 @@ class RunDrift:
     Attributes:
         log_factor: x, the gains of the loaded run over those of the unloaded one, by the rows alone.
         deviation: s, its standard deviation.
-        usual: Standard deviation of the drift that is expected.
-        counts: Standard deviations from which all that the rows say is allowed for.
+        usual: Standard deviation of the drift that is expected; 0 of nominal gains.
         heard: Whether at least half of the joints fit about as well as in the calibration, if there is one, once the
             drift is corrected. Gears that lose more in one direction look like a drift, but fit no better for it.
     """
 
     log_factor: float
     deviation: float
-    usual: float = Drift.between_runs
-    counts: float = Drift.noted
+    usual: float = 0.0
     heard: bool = True
 
     @classmethod
-    def of(cls, posterior: Posterior, arm: KnownArm | None, usual: float = Drift.between_runs) -> RunDrift:
-        """The drift of a pair's solution.
-
-        Args:
-            posterior: The solution.
-            arm: The calibrated arm; None if unknown.
-            usual: Standard deviation of the drift that is expected.
-        """
-        found = cls._beside(posterior, arm, usual)
+    def of(cls, posterior: Posterior, arm: KnownArm | None) -> RunDrift:
+        """The drift of a pair's solution."""
+        found = cls._beside(posterior, arm)
         if found.size <= Drift.refined:
             return found
         # the other unknowns have taken up a part of it: once more from where it is corrected
         groups = [_loaded_times(float(np.exp(found.log_factor)), group) for group in posterior.problem.groups]
-        rest = cls._beside(solve(replace(posterior.problem, groups=groups), rough=True), arm, usual)
+        rest = cls._beside(solve(replace(posterior.problem, groups=groups), rough=True), arm)
         return replace(rest, log_factor=found.log_factor + rest.log_factor)
 
     @classmethod
-    def _beside(cls, posterior: Posterior, arm: KnownArm | None, usual: float) -> RunDrift:
+    def _beside(cls, posterior: Posterior, arm: KnownArm | None) -> RunDrift:
         """To first order, beside a common factor on the loaded run's friction."""
         pull, information = posterior.beside(
             *(np.stack([state.torque[0].predicted_nm, _friction_nm(state, posterior.x)]) for state in posterior.groups)
@@ -74,9 +66,9 @@ class RunDrift:
         covariance = np.linalg.inv(information + np.diag([0.0, Drift.friction**-2.0]))
         found = -float(covariance[0] @ pull), float(covariance[0, 0]) ** 0.5
         if arm is None:
-            return cls(*found, usual)
+            return cls(*found)
         noisier = float(np.median(posterior.noise_nm[0] / arm.noise_nm))
-        return cls(*found, usual, ONE_SIDED, noisier <= Payloads.noisier)
+        return cls(*found, Drift.between_runs, noisier <= Payloads.noisier)
 
     @property
     def size(self) -> float:
@@ -86,7 +78,7 @@ class RunDrift:
     @property
     def allowed(self) -> float:
         """Standard deviation for the intervals: what the rows leave of the usual drift, or all that they say."""
-        if self.heard and self.size > self.counts:
+        if self.heard and self.size > (ONE_SIDED if self.usual else Drift.noted):
             return (abs(self.log_factor) + ONE_SIDED * self.deviation) / NORMAL_HALF_WIDTH
         share = self.usual**2 / (self.usual**2 + self.deviation**2)
         return float(np.hypot(share * self.log_factor, np.sqrt(share) * self.deviation))

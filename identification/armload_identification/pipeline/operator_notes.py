@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
+from armload_identification.estimation.estimation_constants import Drift
 from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_change import PayloadChange, change_during
 from armload_identification.estimation.payload_estimate import PayloadEstimate, gear_asymmetry
@@ -48,7 +49,7 @@ def notes_on(
         *_on_recordings(found.sources),
         *_on_interruptions(found.signal),
         *_on_times(found),
-        *_on_nominal_gains(gains, found.plain),
+        *_on_nominal_gains(gains, found),
         *_on_contradictions(found.gains),
         *_on_signal(found.signal, found.struck),
         *_on_result(found),
@@ -105,25 +106,31 @@ def _on_times(found: Identification) -> list[str]:
     return notes
 
 
-def _on_nominal_gains(gains: Gains, plain: PayloadEstimate) -> list[str]:
-    """Gains that were not calibrated: nothing weighed shows their scale."""
+def _on_nominal_gains(gains: Gains, found: Identification) -> list[str]:
+    """Gains that were not calibrated: nothing weighed shows their scale, and no interval has their drift."""
     if gains.calibrated.all():
         return []
     if gains.fitted:
         what = "The torque is as reported" if gains.from_torque else "Drive gains are nominal"
         each = 100.0 * NORMAL_HALF_WIDTH * float(np.sqrt(np.diag(gains.own_covariance).max()))
         all_together = 100.0 * NORMAL_HALF_WIDTH * gains.common_deviation
-        lost = float(plain.load_friction.max())
+        lost = float(found.plain.load_friction.max())
         uneven = 100.0 * NORMAL_HALF_WIDTH * float(gear_asymmetry(np.array([lost]))[0])
         of_gears = (
             f", and for {uneven:.0f} % by gears that lose {100.0 * lost:.0f} % of their load, but not equally in "
         )
         of_gears = f"{of_gears}both directions of the power" if uneven >= 1.0 else ""
+        shift_kg = Drift.between_runs * abs(float(found.plain.drifting[0]))
+        of_drift = [
+            f"A drift of all gains by {100.0 * Drift.between_runs:.1f} % from one run to the other would change the "
+            f"mass by {shift_kg:.2g} kg. The intervals do not allow for that; those of a calibrated arm do."
+        ]
         return [
             f"{what}: the scale is not verified, and an error that all joints have in common gives the same relative "
             f"error of the mass. The intervals allow, in 95 % of cases, for {each:.0f} % on each joint and for "
             f"{all_together:.0f} % on all together{of_gears}. "
-            "A weighed payload verifies the scale: `armload calibrate`."
+            "A weighed payload verifies the scale: `armload calibrate`.",
+            *(of_drift if shift_kg > Drift.matters * found.uncertainty.half_width_95[0] else []),
         ]
     if gains.from_torque:
         return []

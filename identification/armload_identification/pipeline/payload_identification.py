@@ -6,6 +6,7 @@ recordings -> runs -> rows -> one solve over terms -> possible body -> intervals
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,7 +14,6 @@ from threadpoolctl import threadpool_limits
 
 from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.estimation_constants import Drift
 from armload_identification.estimation.gain_errors import GainFit, fit_gains
 from armload_identification.estimation.payload_estimate import estimate_of, model_doubts
 from armload_identification.estimation.payload_problem import pair_problem, single_problem
@@ -118,8 +118,8 @@ def _by_difference(
         adjusted = pair_signal(plain, signal, transmission)
         added_nm = added_friction(plain, adjusted)
         refuse_contradictions(FittedPair(plain, fitted, signal, adjusted, added_nm, columns.body), columns)
-        drift = RunDrift.of(posterior, arm, Drift.between_runs if gains.covariance.any() else 0.0)
-        plain = plain.doubting(*(drift.allowed * state.torque[0].predicted_nm[None] for state in posterior.groups))
+        drift = RunDrift.of(posterior, arm)
+        plain = replace(plain, shifts=np.vstack([plain.shifts, drift.allowed * plain.drifting]))
         if arm is not None:
             plain = plain.doubting(model_doubts(posterior, arm)).doubting(*elastic_torque(posterior, chain, arm.body))
         result = completed(plain, fitted, adjusted, added_nm, gains, loaded, unloaded)

@@ -39,10 +39,10 @@ def test_torque_of_the_loaded_run_times_a_factor_is_found_as_the_gains_inverse(p
     drift = RunDrift.of(posterior, arm)
     assert drift.log_factor == pytest.approx(-np.log(factor), abs=4.0 * drift.deviation + 1e-4)
     assert drift.deviation < 0.005
-    assert (drift.usual, drift.counts) == (USUAL, ONE_SIDED)
+    assert drift.usual == USUAL
     assert drift.heard
     nominal = RunDrift.of(posterior, None)
-    assert (nominal.usual, nominal.counts) == (USUAL, Drift.noted)
+    assert nominal.usual == 0.0
     assert nominal.heard
 
 
@@ -76,7 +76,7 @@ def test_its_size_is_in_standard_deviations_of_rows_and_usual_drift():
 
 def test_a_usual_drift_is_allowed_for_as_far_as_the_rows_leave_it():
     """The mean square of a normal prior of `usual` after a measurement with `deviation`."""
-    drift = RunDrift(0.001, 0.003)
+    drift = RunDrift(0.001, 0.003, USUAL)
     precision = USUAL**-2 + 0.003**-2
     mean, variance = 0.001 * 0.003**-2 / precision, 1.0 / precision
     assert drift.allowed == pytest.approx(np.sqrt(mean**2 + variance))
@@ -88,27 +88,23 @@ def test_a_drift_beyond_chance_is_allowed_for_whole(sign):
     """The interval then reaches beyond the drift by its own one-sided error."""
     deviation = 0.001
     least = ONE_SIDED * np.hypot(deviation, USUAL)
-    certain = RunDrift(sign * 1.01 * least, deviation, counts=ONE_SIDED)
+    certain = RunDrift(sign * 1.01 * least, deviation, USUAL)
     assert NORMAL_HALF_WIDTH * certain.allowed == pytest.approx(1.01 * least + ONE_SIDED * deviation)
-    assert RunDrift(sign * 0.99 * least, deviation, counts=ONE_SIDED).allowed < 0.95 * certain.allowed
-    assert RunDrift(sign * 1.01 * least, deviation, counts=ONE_SIDED, heard=False).allowed < 0.95 * certain.allowed
+    assert RunDrift(sign * 0.99 * least, deviation, USUAL).allowed < 0.95 * certain.allowed
+    assert RunDrift(sign * 1.01 * least, deviation, USUAL, heard=False).allowed < 0.95 * certain.allowed
 
 
-def test_with_nominal_gains_only_a_drift_that_is_noted_counts_as_a_whole():
+def test_of_nominal_gains_only_a_drift_that_is_noted_counts():
     noted = Drift.noted * np.hypot(0.001, USUAL)
-    assert RunDrift(0.99 * noted, 0.001).allowed < 0.55 * noted
-    assert RunDrift(1.01 * noted, 0.001).allowed > 0.7 * noted
-
-
-def test_exact_gains_do_not_drift():
-    assert RunDrift(0.001, 0.001, usual=0.0).allowed == 0.0
+    assert RunDrift(0.99 * noted, 0.001).allowed == 0.0
+    assert RunDrift(1.01 * noted, 0.001).allowed > 0.5 * noted
 
 
 def test_a_certain_drift_is_noted_with_its_interval_in_percent():
     noted = Drift.noted * np.hypot(0.002, USUAL)
-    assert RunDrift(0.99 * noted, 0.002).notes() == []
-    assert RunDrift(0.05, 0.002, heard=False).notes() == []
-    (note,) = RunDrift(np.log(1.05), 0.002).notes()
+    assert RunDrift(0.99 * noted, 0.002, USUAL).notes() == []
+    assert RunDrift(0.05, 0.002, USUAL, heard=False).notes() == []
+    (note,) = RunDrift(np.log(1.05), 0.002, USUAL).notes()
     assert "drifted by +5.0 +- 0.4 % since the unloaded one" in note
-    (note,) = RunDrift(np.log(0.95), 0.002).notes()
+    (note,) = RunDrift(np.log(0.95), 0.002, USUAL).notes()
     assert "drifted by -5.0 +- 0.4 %" in note

@@ -61,6 +61,7 @@ def signal(interruptions=(0, 0), rate=1.0, moves=ALL, **changes):
 def found_of(share=0.01, **changes):
     """An identification that leaves a share of the torque of each joint."""
     plain = {"theta": np.zeros(10), "rank": 10, "noise_nm": np.ones(JOINTS), "load_friction": np.full(JOINTS, 0.05)}
+    plain["drifting"] = np.zeros(10)
     plain["posterior"] = SimpleNamespace(delay_s=changes.pop("delay_s", 0.001))
     plain = with_changes(plain, {name: changes.pop(name) for name in [*plain] if name in changes})
     base = {
@@ -71,7 +72,9 @@ def found_of(share=0.01, **changes):
         "residual_nm": signal().torque_nm * np.asarray(share),
         "struck": np.zeros(SAMPLES, dtype=bool),
         "physical": SimpleNamespace(changed=False, plain_margin=1.0),
-        "uncertainty": SimpleNamespace(determined=np.ones(10, dtype=bool), undetermined_names=[]),
+        "uncertainty": SimpleNamespace(
+            determined=np.ones(10, dtype=bool), undetermined_names=[], half_width_95=np.full(10, 0.1)
+        ),
     }
     return with_changes(base, changes)
 
@@ -159,6 +162,15 @@ def test_a_scale_that_nothing_verifies_is_named(calibrated, by_torque, said):
     found = notes(by_torque=by_torque, transmission=transmission)
     assert len(found) == bool(said)
     assert all(word in found[0] for word in said)
+
+
+@pytest.mark.parametrize(("drifting_kg", "told"), [(-24.9, False), (-25.1, True), (25.1, True)])
+def test_a_usual_drift_that_matters_is_mentioned_where_intervals_do_not_allow_for_it(drifting_kg, told):
+    """Of a mass +- 0.1 kg, 0.1 % of drift matters from 0.025 kg on."""
+    transmission = Transmission(np.ones(JOINTS), np.eye(JOINTS), NONE, np.full(JOINTS, 0.02))
+    found = notes(transmission=transmission, drifting=np.full(10, drifting_kg))
+    assert len(found) == 1 + told
+    assert ("by 0.1 % from one run to the other would change the mass by 0.025 kg" in found[-1]) is told
 
 
 def test_gears_of_much_loss_are_named_with_what_they_may_do_to_the_scale():

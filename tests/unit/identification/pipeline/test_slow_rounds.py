@@ -116,7 +116,8 @@ def test_gains_that_drift_between_the_runs_are_allowed_for(runs, calibration, pi
 
 
 def test_a_pair_that_fits_badly_is_not_heard():
-    certain, doubted = (RunDrift(0.01, 0.002, heard=heard) for heard in (True, False))
+    certain, doubted = (RunDrift(0.01, 0.002, Drift.between_runs, heard) for heard in (True, False))
     assert certain.notes()
     assert not doubted.notes()
     assert doubted.allowed < 3.0 * Drift.between_runs < certain.allowed
+    assert RunDrift(0.002, 0.002).allowed == 0.0, "of nominal gains only a drift that the pair shows"
