@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_controller.config.tables.simulation_table import SimulationTable
 from armload_identification.storage.strict_toml import BadValue
 
 PRBT = load_robot("prbt").tables
@@ -57,4 +56,3 @@ def test_a_simulated_joint_has_the_limits_of_the_joint_and_the_truth_of_the_twin
     assert made.torque_noise_nm == joint.torque_noise_nm
     assert made.coulomb_nm == TWIN.joints[1].coulomb_nm
     assert made.link.mass_kg == TWIN.joints[1].link.mass_kg
-    assert isinstance(TWIN, SimulationTable)

@@ -16,10 +16,7 @@ LOAD_FRICTION = 0.1
 def torque_difference(arm, result):
     """(K, n) torque that the payload causes without friction, at the result's samples."""
     states = result.signal.states
-    still = np.zeros_like(states.position_rad)
     of = (states.position_rad, states.velocity_rad_s, states.acceleration_rad_s2)
-    friction = arm.torque(states.position_rad, states.velocity_rad_s, still)  # the same with and without payload
-    assert friction.shape == still.shape
     return arm.torque(*of, arm.payload) - arm.torque(*of)
 
 
