@@ -148,5 +148,7 @@ def test_limits_that_leave_nothing_are_refused(case):
         TorqueLimits(case.chain, body, case.payload, MAX_NM - body.coulomb_nm)
     with pytest.raises(ModelError, match="share of the torque"):
         TorqueLimits.from_share(case.chain, np.ones(N), case.payload, MAX_NM)
+    with pytest.raises(ModelError, match=r"share of the torque is .*; expected numbers of at least 0"):
+        TorqueLimits.from_share(case.chain, np.full(N, -0.1), case.payload, MAX_NM)
     with pytest.raises(ModelError, match="share of the torque"):
         TorqueLimits.from_share(case.chain, np.zeros(2), case.payload, MAX_NM)
