@@ -22,6 +22,19 @@ from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import SdoRefused, ServoFault, StatuswordError, TransitionError
 
 
+def state_of(sdo: SdoChannel) -> State:
+    """Power state of a drive, by SDO.
+
+    Raises:
+        ServoError: the drive does not answer, or its statusword encodes no state.
+    """
+    word = sdo.read(od.STATUSWORD)
+    try:
+        return decode(word)
+    except StatuswordError as error:
+        raise sdo.failure(str(error), "Does this drive follow CiA 402? See its manual") from error
+
+
 class DriveDialogue:
     """SDO access to one drive, by purpose.
 
@@ -44,16 +57,8 @@ class DriveDialogue:
         return self._sdo.answers(od.DEVICE_TYPE, self._timeouts.probe_s)
 
     def read_state(self) -> State:
-        """Power state, by SDO.
-
-        Raises:
-            ServoError: the drive does not answer, or its statusword encodes no state.
-        """
-        word = self._sdo.read(od.STATUSWORD)
-        try:
-            return decode(word)
-        except StatuswordError as error:
-            raise self._sdo.failure(str(error), "Does this drive follow CiA 402? See its manual") from error
+        """As `state_of`."""
+        return state_of(self._sdo)
 
     def read_powered_state(self) -> State | None:
         """Power state if the motor carries torque in it, else None. Raises as `read_state`."""

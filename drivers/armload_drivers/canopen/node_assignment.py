@@ -6,15 +6,16 @@ from collections.abc import Callable
 
 import can
 
+from armload_drivers.bring_up.drive_dialogue import state_of
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.bus_scan import scan
 from armload_drivers.canopen.canopen_sdo import CanopenSdo
 from armload_drivers.canopen.lss_master import LssAddress, LssMaster
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import NODE_IDS
-from armload_drivers.cia402.state_machine import POWERED, decode
+from armload_drivers.cia402.state_machine import POWERED
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import LssRefused, StatuswordError
+from armload_drivers.driver_errors import LssRefused
 
 
 def assign(
@@ -71,9 +72,6 @@ def assign(
 def _require_no_torque(sdo: CanopenSdo, node_id: int) -> None:
     """Refuse a bus on which a drive is at work."""
     sdo.step = "looking for torque"
-    try:
-        state = decode(sdo.read(od.STATUSWORD))
-    except StatuswordError as error:
-        raise sdo.failure(str(error), "Does this drive follow CiA 402? See its manual") from error
+    state = state_of(sdo)
     if state in POWERED:
         raise LssRefused(f"node {node_id} carries torque, in {state.title}: settings are changed on a bus at rest only")

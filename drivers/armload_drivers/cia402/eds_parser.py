@@ -234,7 +234,7 @@ class _Reader:
             vendor_id=self._identity(info, "VendorNumber"),
             product_code=self._identity(info, "ProductNumber"),
             revision=self._identity(info, "RevisionNumber"),
-            node_id=self._node_id(commissioning),
+            node_id=self._within("DeviceComissioning", commissioning, "NodeID", range(1, 128), "is not a node id"),
             objects=objects,
             warnings=tuple(self._warnings),
         )
@@ -318,19 +318,16 @@ class _Reader:
 
     def _identity(self, info: Mapping[str, str], key: str) -> int | None:
         """A number of 1018; some vendors write 0 or all ones for an unspecified value."""
-        number = self._plain("DeviceInfo", info, key)
-        if number is not None and not 0 <= number < 1 << 32:
-            self._warn("DeviceInfo", key, f"{number} does not fit 32 bits")
-            return None
+        number = self._within("DeviceInfo", info, key, range(1 << 32), "does not fit 32 bits")
         return None if number in {0, UNTOLD} else number
 
-    def _node_id(self, commissioning: Mapping[str, str]) -> int | None:
-        """Node id of a DCF."""
-        number = self._plain("DeviceComissioning", commissioning, "NodeID")
-        if number is not None and not 1 <= number <= 127:
-            self._warn("DeviceComissioning", "NodeID", f"{number} is not a node id")
-            return None
-        return number
+    def _within(self, section: str, values: Mapping[str, str], key: str, allowed: range, what: str) -> int | None:
+        """A number; None, with a warning, if it is not one of those allowed."""
+        number = self._plain(section, values, key)
+        if number is None or number in allowed:
+            return number
+        self._warn(section, key, f"{number} {what}")
+        return None
 
     # Objects -------------------------------------------------------------------------------------------------
 
