@@ -17,7 +17,8 @@ from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_simulation import NO_PAYLOAD
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, read_pair, record_half
-from armload_controller.session.run_session import SessionLoad, no_operator
+from armload_controller.session.run_session import no_operator
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
 from tests.ethercat_plant import plant_behind, shortened, write_robot
 from tests.lockstep_line import LockstepLine, VirtualFrames

@@ -10,7 +10,8 @@ import numpy as np
 
 from armload_controller.config.robot import load_robot
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, record_half, recording_path
-from armload_controller.session.run_session import SessionLoad, no_operator
+from armload_controller.session.run_session import no_operator
+from armload_controller.session.session_load import SessionLoad
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 

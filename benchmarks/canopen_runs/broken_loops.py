@@ -28,7 +28,8 @@ from armload_controller.cycle.plugins import CyclePlugin, CycleStep
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.motion_control import MotionControl
-from armload_controller.session.run_session import SessionLoad, feedback_truth, torque_window
+from armload_controller.session.run_session import feedback_truth, torque_window
+from armload_controller.session.session_load import SessionLoad
 from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_drivers.canopen.canopen_servos import CanopenServos

@@ -28,7 +28,8 @@ from armload_controller.cycle.feedback_truth import IDLE_RAD
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.checked_path import check_path
-from armload_controller.session.run_session import SessionLoad, feedback_truth, no_operator, run_session, torque_window
+from armload_controller.session.run_session import feedback_truth, no_operator, run_session, torque_window
+from armload_controller.session.session_load import SessionLoad
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.cia402.process_data.drive_units import ArmUnits

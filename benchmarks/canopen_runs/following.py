@@ -27,7 +27,8 @@ from armload_controller.motion.checked_path import check_path
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import CommissioningPlan, read_pair, record_half
 from armload_controller.session.feedforward_comparison import ComparisonRuns
-from armload_controller.session.run_session import SessionLoad, no_operator, run_session
+from armload_controller.session.run_session import no_operator, run_session
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.servos import JointServos
 from armload_identification.calibration.mounted_runs import MountedRun
 from armload_identification.excitation.design import optimal_excitation

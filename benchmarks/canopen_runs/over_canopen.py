@@ -12,7 +12,8 @@ import msgspec
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import CommissioningPlan, read_pair, record_half
-from armload_controller.session.run_session import SessionLoad, no_operator
+from armload_controller.session.run_session import no_operator
+from armload_controller.session.session_load import SessionLoad
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_identification import identify

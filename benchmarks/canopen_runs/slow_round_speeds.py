@@ -16,7 +16,8 @@ from armload_controller.config.robot import Robot, load_robot
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.phase import Segment
-from armload_controller.session.run_session import ServosFactory, SessionLoad, no_operator, run_session
+from armload_controller.session.run_session import ServosFactory, no_operator, run_session
+from armload_controller.session.session_load import SessionLoad
 from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant

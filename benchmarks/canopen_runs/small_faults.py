@@ -20,7 +20,7 @@ from armload_controller.control_errors import ControlError
 from armload_controller.cycle.feedback_truth import TorqueMissing, TorqueReversed
 from armload_controller.cycle.monitors import TorqueError, measured_torque
 from armload_controller.cycle.plugins import CycleStep
-from armload_controller.session.run_session import SessionLoad
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.servos import JointFeedback
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire

@@ -19,7 +19,7 @@ from armload_controller.analysis.watch_history import WatchDiary
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.config.robot_runs import read_runs
 from armload_controller.session.bus_watch import BusWatch, recorder_of
-from armload_controller.session.run_session import SessionLoad
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle
 from armload_drivers.simulation.plant_spec import ScheduledPayload
 from armload_identification.calibration.mounted_runs import WeighedPayload

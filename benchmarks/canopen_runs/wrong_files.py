@@ -16,7 +16,8 @@ from armload_controller.control_errors import CommissioningError, MotionError
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.flange_check import unloaded_doubts
-from armload_controller.session.run_session import Course, SessionLoad, no_operator, run_session
+from armload_controller.session.run_session import Course, no_operator, run_session
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.servos import JointServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation

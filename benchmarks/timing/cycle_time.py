@@ -29,7 +29,7 @@ from armload_controller.motion.joint_limits import check_setpoints
 from armload_controller.motion.phase import Segment
 from armload_controller.motion.setpoints import RuckigFollower
 from armload_controller.session.arm_access import simulated_arm
-from armload_controller.session.run_session import SessionLoad
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives

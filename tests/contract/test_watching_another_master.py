@@ -21,7 +21,7 @@ from armload_controller.config.robot_runs import read_runs
 from armload_controller.control_errors import CommissioningError, ConfigurationError, UnsafeBus
 from armload_controller.session.bus_watch import BusWatch, recorder_of
 from armload_controller.session.joint_feeds import bus_feed
-from armload_controller.session.run_session import SessionLoad
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.driver_errors import BusError
 from armload_drivers.simulation.plant_spec import ScheduledPayload
 from armload_identification.calibration.mounted_runs import WeighedPayload

@@ -24,7 +24,8 @@ from armload_controller.control_errors import (
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.export.export_files import write_files
-from armload_controller.session.run_session import SessionLoad, no_operator, run_session
+from armload_controller.session.run_session import no_operator, run_session
+from armload_controller.session.session_load import SessionLoad
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.identification_errors import ExcitationFileError, ReportError
 from armload_identification.report.figures.figure_file import write_figure

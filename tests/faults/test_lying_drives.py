@@ -9,7 +9,8 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import MotionError
 from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.motion.checked_path import check_path
-from armload_controller.session.run_session import SessionLoad, no_operator, run_session
+from armload_controller.session.run_session import no_operator, run_session
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.simulation.plant_interface import FROZEN, REVERSED, EncoderFault
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 

@@ -9,7 +9,8 @@ from armload_controller.config.robot import load_robot
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import CommissioningPlan, record_half
-from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad
+from armload_controller.session.run_session import Consent, NoDisplay, Operator
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.drive_safety import Safety
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory

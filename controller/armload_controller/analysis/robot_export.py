@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
@@ -133,10 +134,9 @@ def export(
         from armload_controller.export.c_code.rounding import single_precision_error
         from armload_controller.export.straight_line.precision import Precision
 
-        files = write_files(export_c(subject, Precision.SINGLE), folder)
+        write = partial(export_c, precision=Precision.SINGLE)
         notes.append(single_precision_error(subject).statement)
-    else:
-        files = write_files(write(subject), folder)
+    files = write_files(write(subject), folder)
     unknown = [name for name, known in zip(PARAMETER_NAMES, result.determined, strict=True) if not known]
     if unknown:
         notes.append(f"not determined: {', '.join(unknown)}; the exported file states what is written for them")

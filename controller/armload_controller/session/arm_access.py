@@ -26,7 +26,7 @@ from armload_controller.config.robot_simulation import NO_PAYLOAD
 from armload_controller.config.tables.drive_tables import ETHERCAT
 from armload_controller.control_errors import UnsafeBus
 from armload_controller.cycle.realtime import tuned_for_cycles
-from armload_controller.session.run_session import SessionLoad
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.bus.joined_bus import BusRole, JoinedBus
 from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager

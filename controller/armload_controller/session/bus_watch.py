@@ -14,7 +14,7 @@ from armload_controller.config.robot import Robot
 from armload_controller.control_errors import CommissioningError
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.session.robot_recorder import robot_recorder
-from armload_controller.session.run_session import SessionLoad
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.listening.overheard_arm import OverheardCycle, ToldPayload
 from armload_identification.recording.reading_options import Effort

@@ -17,7 +17,8 @@ from armload_controller.control_errors import CommissioningError, UnsafeBus
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, missing_roles, read_pair, record_half
 from armload_controller.session.folder_claim import claimed
-from armload_controller.session.run_session import SessionLoad, no_operator
+from armload_controller.session.run_session import no_operator
+from armload_controller.session.session_load import SessionLoad
 from armload_identification.argument_types import path_of
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.identification_errors import EstimationError, RunTableError

@@ -15,7 +15,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -34,6 +33,7 @@ from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.paths import BlockedWay
 from armload_controller.session.installed_plugins import plugins_of
+from armload_controller.session.session_load import SessionLoad
 from armload_controller.session.standing_check import moved_since_recording
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import OperationMode
@@ -44,13 +44,6 @@ BAR = 1000
 """Length of a progress bar."""
 
 T = TypeVar("T")
-
-
-class SessionLoad(StrEnum):
-    """Load on the flange during a session."""
-
-    UNLOADED = "unloaded"
-    LOADED = "loaded"
 
 
 class Display(Protocol):

@@ -8,7 +8,7 @@ from scipy.special import erf
 
 from armload_controller.cycle.feedback_truth import IDLE_RAD
 from armload_controller.cycle.monitors import TorqueError
-from armload_controller.session.run_session import SessionLoad
+from armload_controller.session.session_load import SessionLoad
 from benchmarks.arms.setups import Twin, twin_spec
 from benchmarks.canopen_runs.false_alarms import _chance_of_a_stretch, judge, moved, replayed, seed_of
 from tests.short_commissioning import MIDDLE_RAD, least_robot

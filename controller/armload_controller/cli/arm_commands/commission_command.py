@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from armload_controller.config.robot import Robot
     from armload_controller.cycle.monitors import CycleSummary
     from armload_controller.session.commissioning import CommissioningPlan
-    from armload_controller.session.run_session import Consent, Operator, ServosFactory, SessionLoad
+    from armload_controller.session.run_session import Consent, Operator, ServosFactory
+    from armload_controller.session.session_load import SessionLoad
 
 
 class Runs(StrEnum):
@@ -93,7 +94,7 @@ def commission(
     from armload_controller.session.commissioning_results import PAYLOAD_NAME, REPORT_NAME, evaluate
     from armload_controller.session.folder_claim import claimed
     from armload_controller.session.live.live_view import live_at
-    from armload_controller.session.run_session import SessionLoad
+    from armload_controller.session.session_load import SessionLoad
     from armload_identification.extras import Extra, require_extra
     from armload_identification.results.json_document import json_document
 
@@ -158,7 +159,7 @@ def _record(
 ) -> None:
     """Record the halves that do not exist yet."""
     from armload_controller.session.commissioning import missing_roles, record_half
-    from armload_controller.session.run_session import SessionLoad
+    from armload_controller.session.session_load import SessionLoad
 
     for load in halves:
         if not missing_roles(plan.directory, load):

@@ -117,7 +117,8 @@ def _brakes_tried(arm: Robot, screen: Screen, driven: DrivenArm) -> tuple[BrakeF
     from armload_controller.cli.attendance import operator_at
     from armload_controller.cli.output.drive_result_tables import brake_table
     from armload_controller.session.brake_test import brakes_tried
-    from armload_controller.session.run_session import SessionLoad, run_session
+    from armload_controller.session.run_session import run_session
+    from armload_controller.session.session_load import SessionLoad
 
     driven.require_rules(arm)
     open_servos = driven.opened(arm, screen, brakes_closed=True)

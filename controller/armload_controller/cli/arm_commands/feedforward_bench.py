@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from armload_controller.config.robot import Robot
     from armload_controller.motion.checked_path import CheckedPath
     from armload_controller.session.feedforward_comparison import ComparisonRuns
-    from armload_controller.session.run_session import Operator, RunSession, ServosFactory, SessionLoad
+    from armload_controller.session.run_session import Operator, RunSession, ServosFactory
+    from armload_controller.session.session_load import SessionLoad
     from armload_identification.model.payload import PayloadResult
 
 ExcitationOption = Annotated[

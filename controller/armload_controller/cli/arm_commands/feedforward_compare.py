@@ -58,7 +58,7 @@ def _compare(bench: Bench, payload: PayloadResult) -> tuple[OffsetVerdict, list[
 
     from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction
     from armload_controller.session.feedforward_comparison import FollowingRun
-    from armload_controller.session.run_session import SessionLoad
+    from armload_controller.session.session_load import SessionLoad
 
     arm, used, runs = bench.arm, bench.used, bench.runs()
     in_this_process = arm.bus.in_virtual_time

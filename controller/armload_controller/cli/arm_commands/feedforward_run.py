@@ -45,7 +45,7 @@ def feedforward_run(
     Ctrl-C, SIGTERM and a lost terminal bring the arm to rest and remove its torque, as for `commission`.
     """
     from armload_controller.cli.output.json_documents import feedforward_document
-    from armload_controller.session.run_session import SessionLoad
+    from armload_controller.session.session_load import SessionLoad
 
     require_one_kind(payload, expect)
     arm = options.movable_arm()
@@ -96,7 +96,7 @@ def _adapt(bench: Bench, declared: DeclaredMass, decisions: Path) -> tuple[Offse
     from armload_controller.feedforward.adaptation import at_once
     from armload_controller.session.adapted_run import adapted_run
     from armload_controller.session.decision_log import DecisionLog
-    from armload_controller.session.run_session import SessionLoad
+    from armload_controller.session.session_load import SessionLoad
 
     arm, display = bench.arm, bench.operator.display
     calibration, _ = bench.used.calibrated("--expect requires a calibrated arm")

@@ -21,7 +21,7 @@ def feedforward_trial(
     Nothing moves. With a calibration of the arm, torque is scaled by the calibrated gains.
     """
     from armload_controller.cli.output.json_documents import feedforward_document
-    from armload_controller.session.run_session import SessionLoad
+    from armload_controller.session.session_load import SessionLoad
 
     arm = options.movable_arm()
     given = usable(arm, payload)

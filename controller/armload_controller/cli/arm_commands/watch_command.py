@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +13,7 @@ from armload_controller.cli.given_arm import ArmOnBus
 from armload_controller.cli.options import CalibrationOption, duration_s, refuse_together
 from armload_controller.cli.output.findings_output import ReportOption
 from armload_controller.cli.screen import PLAIN, Screen
+from armload_controller.session.session_load import SessionLoad
 from armload_identification.recording.reading_options import Effort
 
 if TYPE_CHECKING:
@@ -24,14 +24,6 @@ if TYPE_CHECKING:
     from armload_controller.analysis.watch_history import WatchDiary
     from armload_controller.config.robot import Robot
     from armload_controller.session.joint_feeds import JointFeed
-    from armload_controller.session.run_session import SessionLoad
-
-
-class Load(StrEnum):
-    """What an arm carries while it is recorded; see `SessionLoad`."""
-
-    UNLOADED = "unloaded"
-    LOADED = "loaded"
 
 
 def watch(
@@ -58,7 +50,7 @@ def watch(
         typer.Option(help="Record the data received (.mcap); needs no calibration."),
     ] = None,
     load: Annotated[
-        Load | None, typer.Option(help="With --record: what the arm carries, for `armload calibrate`.")
+        SessionLoad | None, typer.Option(help="With --record: what the arm carries, for `armload calibrate`.")
     ] = None,
     for_s: Annotated[
         float | None,
@@ -89,7 +81,6 @@ def watch(
     from armload_controller.cli.output.output_files import require_drawable
     from armload_controller.config.robot import load_robot
     from armload_controller.session.joint_feeds import bus_feed, ros2_feed, rtde_feed
-    from armload_controller.session.run_session import SessionLoad
 
     _refuse_other_sources(context, recording, on_bus, ros2, rtde)
     if record is None:
@@ -109,8 +100,7 @@ def watch(
         else:
             arm = on_bus.arm()
             watched, feed = f"{arm.bus.address}", bus_feed(arm)
-        stated_load = None if load is None else SessionLoad(load)
-        moments = _live_moments(screen, arm, payload, feed, every_s, record, stated_load, for_s or float("inf"))
+        moments = _live_moments(screen, arm, payload, feed, every_s, record, load, for_s or float("inf"))
     diary = None
     if payload is None:
         refuse_together(context, "requires a calibrated arm; without a calibration the arm is only recorded", "report")

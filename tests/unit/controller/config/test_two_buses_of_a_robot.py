@@ -7,7 +7,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.session.arm_access import bus_of, simulated_arm
-from armload_controller.session.run_session import SessionLoad
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.bus.joined_bus import JoinedBus
 
 SINGLE = 'interface = "virtual"\nchannel = "armload-er50"\n'

@@ -8,7 +8,8 @@ from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction, 
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.feedforward_comparison import ComparisonRuns, Measure, beyond_lag, rms
-from armload_controller.session.run_session import SessionLoad, no_operator, run_session
+from armload_controller.session.run_session import no_operator, run_session
+from armload_controller.session.session_load import SessionLoad
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance

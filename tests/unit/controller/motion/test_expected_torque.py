@@ -14,7 +14,8 @@ from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl
-from armload_controller.session.run_session import SessionLoad, run_leg, torque_window
+from armload_controller.session.run_session import run_leg, torque_window
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.model.payload import InertialParameters

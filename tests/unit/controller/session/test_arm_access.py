@@ -21,7 +21,7 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError, UnsafeBus
 from armload_controller.session import arm_access
 from armload_controller.session.arm_access import arm_on_bus, clock_from_now, open_arm, open_bus, require_rules
-from armload_controller.session.run_session import SessionLoad
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.driver_errors import BusError, WrongDevice
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits

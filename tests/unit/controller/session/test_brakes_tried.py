@@ -13,7 +13,8 @@ from armload_controller.control_errors import CommissioningError
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.arm_access import open_arm
 from armload_controller.session.brake_test import MOST_MOVED_RAD, BrakeTest, brakes_tried
-from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad, no_operator, run_session
+from armload_controller.session.run_session import Consent, NoDisplay, Operator, no_operator, run_session
+from armload_controller.session.session_load import SessionLoad
 from armload_identification.signals.joint_torque import Transmission
 
 CYCLE_S = 0.02

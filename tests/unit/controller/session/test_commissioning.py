@@ -19,7 +19,8 @@ from armload_controller.motion.phase import Segment
 from armload_controller.session import commissioning
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import CommissioningPlan, record_half
-from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad, no_operator
+from armload_controller.session.run_session import Consent, NoDisplay, Operator, no_operator
+from armload_controller.session.session_load import SessionLoad
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.mass_center import MassCenterCovariance

@@ -21,7 +21,8 @@ from armload_controller.session.feedforward_comparison import (
     Measure,
     beyond_lag,
 )
-from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad, no_operator, run_session
+from armload_controller.session.run_session import Consent, NoDisplay, Operator, no_operator, run_session
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.model.payload import PayloadResult, Provenance

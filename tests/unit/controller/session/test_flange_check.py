@@ -18,7 +18,8 @@ from armload_controller.cycle.slow_round_torque import AVERAGED_S, SlowRoundRows
 from armload_controller.session import flange_check
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, record_half, recording_path
 from armload_controller.session.flange_check import loaded_doubts, recorded_slow_round, unloaded_doubts
-from armload_controller.session.run_session import NoDisplay, SessionLoad, no_operator
+from armload_controller.session.run_session import NoDisplay, no_operator
+from armload_controller.session.session_load import SessionLoad
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.payload import InertialParameters

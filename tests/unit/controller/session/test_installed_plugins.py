@@ -16,7 +16,8 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError, MotionError
 from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.motion.motion_control import MotionControl
-from armload_controller.session.run_session import Consent, NoDisplay, Operator, SessionLoad, run_session
+from armload_controller.session.run_session import Consent, NoDisplay, Operator, run_session
+from armload_controller.session.session_load import SessionLoad
 
 EXAMPLE = Path(__file__).parents[3] / "example_plugin"
 NUMBERS = itertools.count()

@@ -18,15 +18,8 @@ from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_controller.motion.obstacles import Obstacles
 from armload_controller.motion.phase import Segment
-from armload_controller.session.run_session import (
-    AddedTorque,
-    Consent,
-    NoDisplay,
-    Operator,
-    SessionLoad,
-    no_operator,
-    run_session,
-)
+from armload_controller.session.run_session import AddedTorque, Consent, NoDisplay, Operator, no_operator, run_session
+from armload_controller.session.session_load import SessionLoad
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace

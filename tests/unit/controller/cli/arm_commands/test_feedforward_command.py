@@ -15,7 +15,8 @@ from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.arm_access import simulated_arm
-from armload_controller.session.run_session import SessionLoad, run_leg
+from armload_controller.session.run_session import run_leg
+from armload_controller.session.session_load import SessionLoad
 from armload_identification.excitation.excitation_file import read_excitation, write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.files.payload_file import write_payload
