@@ -25,6 +25,8 @@ TO_NODES, FROM_NODES = 0x7E5, 0x7E4
 BIT_TIMINGS = {1_000_000: 0, 800_000: 1, 500_000: 2, 250_000: 3, 125_000: 4, 50_000: 6, 20_000: 7, 10_000: 8}
 """Index in the standard's table by bit rate."""
 
+ANSWER_S = 0.05
+"""Longest wait for an answer; fastscan waits for it up to 128 times."""
 _SWITCH_ALL, _NODE_ID, _BIT_TIMING, _STORE = 0x04, 0x11, 0x13, 0x17
 _SELECT, _SELECTED = (0x40, 0x41, 0x42, 0x43), 0x44
 _FASTSCAN, _IDENTIFIED = 0x51, 0x4F
@@ -53,14 +55,10 @@ class LssAddress:
 
 
 class LssMaster:
-    """Layer setting services on one bus.
+    """Layer setting services on one bus."""
 
-    Args:
-        answer_s: Longest wait for an answer; fastscan waits for it up to 128 times.
-    """
-
-    def __init__(self, link: BusLink, answer_s: float = 0.05) -> None:
-        self._link, self._answer_s = link, answer_s
+    def __init__(self, link: BusLink) -> None:
+        self._link = link
         self._answers: list[bytes] = []
 
     @contextmanager
@@ -138,6 +136,6 @@ class LssMaster:
         self._link.drain()
         self._answers.clear()
         self._link.send_frame(TO_NODES, data)
-        if not wait or not self._link.pump_until(lambda: bool(self._answers), self._answer_s):
+        if not wait or not self._link.pump_until(lambda: bool(self._answers), ANSWER_S):
             return None
         return self._answers[0] if len(self._answers[0]) == 8 else None

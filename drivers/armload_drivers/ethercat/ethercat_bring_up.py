@@ -144,15 +144,14 @@ class EthercatBringUp(ArmBringUp):
         return ArmStatus(drives, None, 0, False)
 
 
-def find_drives(line: EthercatLine, timeouts: Timeouts | None = None) -> list[FoundNode]:
+def find_drives(line: EthercatLine) -> list[FoundNode]:
     """All devices of a line, in their order; they are put in PREOP.
 
     A device without objects is described by its EEPROM.
     """
-    limits = timeouts or Timeouts()
     found = []
     for place in range(line.find()):
-        sdo = CoeSdo(place + 1, "unknown joint", line, line.worker, limits.sdo_s)
+        sdo = CoeSdo(place + 1, "unknown joint", line, line.worker, Timeouts().sdo_s)
         try:
             device_type = sdo.read(od.DEVICE_TYPE)
         except ServoError:

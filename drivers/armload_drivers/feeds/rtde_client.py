@@ -15,7 +15,7 @@ from __future__ import annotations
 import socket
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from enum import IntEnum
 from typing import Final, Self
 
@@ -167,11 +167,8 @@ class RtdeClient:
                 content, buffer = buffer[_HEADER.size : size], buffer[size:]
                 yield kind, content
 
-    def cycles(self, clock: Callable[[], float] = time.monotonic) -> Iterator[OverheardCycle | None]:
+    def cycles(self) -> Iterator[OverheardCycle | None]:
         """The cycles of the arm, without end; times are measured from the first package, on the controller's clock.
-
-        Args:
-            clock: Monotonic time in s.
 
         Yields:
             Cycles; None after `LOOK_S` without one.
@@ -180,7 +177,7 @@ class RtdeClient:
             BusError: the connection ended, or no package arrived at first.
         """
         begun_s: float | None = None
-        last_s, count, started_s = 0.0, 0, clock()
+        last_s, count, started_s = 0.0, 0, time.monotonic()
         for package in self._packages:
             if package is not None and package[0] == Package.DATA:
                 fields = self._fields(package[1])
@@ -190,7 +187,7 @@ class RtdeClient:
                 lost = max(round((time_s - last_s) * self.rate_hz) - 1, 0) if count else 0
                 last_s, count = time_s, count + 1
                 yield _cycle(fields, time_s, count, lost)
-            elif not count and clock() - started_s > PATIENCE_S:
+            elif not count and time.monotonic() - started_s > PATIENCE_S:
                 raise BusError(f"{self._name}: the controller sends nothing after the start was accepted")
             else:
                 yield None
