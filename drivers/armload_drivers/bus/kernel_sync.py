@@ -33,7 +33,6 @@ from pathlib import Path
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.sync_sources import Clock, SyncSource, SyncTick, sync_data
 from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
-from armload_drivers.cia402.timeouts import FEEDBACK_SHARE
 from armload_drivers.driver_errors import BusError, ForeignMaster
 
 CREDIT = 2
@@ -204,10 +203,6 @@ class BcmSync(SyncSource):
         time_s = self._clock() if self._used_s is None else self._used_s
         skipped = 0 if before_s is None else max(0, round((time_s - before_s) / self._cycle_s) - 1)
         return SyncTick(time_s, skipped)
-
-    def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
-        """Wait for a share of the cycle."""
-        link.pump_until(complete, FEEDBACK_SHARE * self._cycle_s)
 
     def end(self, link: BusLink) -> None:
         """Stop SYNC."""

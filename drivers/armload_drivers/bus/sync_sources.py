@@ -55,6 +55,7 @@ class SyncSource(ABC):
 
     def __init__(self, clock: Clock = time.monotonic) -> None:
         self._clock = clock
+        self._cycle_s = 0.0
 
     def now_s(self) -> float:
         """Time in s on the clock of the SYNC stamps."""
@@ -77,14 +78,14 @@ class SyncSource(ABC):
             on_sync: Called after all frames of earlier SYNCs and before any frame of this one.
         """
 
-    @abstractmethod
     def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
-        """Pump the bus until the feedback of the last SYNC is complete, or the time for it is over.
+        """Pump the bus until the feedback of the last SYNC is complete, or a share of the cycle is over.
 
         Raises:
             BusError: the bus failed.
             DriverError: no node is left that could answer.
         """
+        link.pump_until(complete, FEEDBACK_SHARE * self._cycle_s)
 
     def end(self, link: BusLink) -> None:  # noqa: B027 - SYNC that this process sends ends with the calls of `next`
         """Stop SYNC until the next `begin`. Idempotent."""
@@ -118,7 +119,3 @@ class TimerSync(SyncSource):
         time_s = self._clock()
         link.send(next(self._messages))
         return SyncTick(time_s, skipped)
-
-    def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
-        """Wait for a share of the cycle."""
-        link.pump_until(complete, FEEDBACK_SHARE * self._cycle_s)

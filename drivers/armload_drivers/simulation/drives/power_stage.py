@@ -153,11 +153,6 @@ class PowerStage:
         if self._vendor_effort is not None:
             values[self._vendor_effort.key] = saturate(torque_nm * units.effort_units_per_nm, self._vendor_effort.type)
 
-    @property
-    def powered(self) -> bool:
-        """Whether the motor carries torque."""
-        return self.machine.state in POWERED
-
     def obey(self) -> None:
         """Act on the controlword, and follow the setpoints while operation is enabled."""
         machine = self.machine
@@ -305,7 +300,7 @@ class PowerStage:
         """
         if self.machine.state in {State.FAULT, State.FAULT_REACTION_ACTIVE}:
             return
-        powered = self.powered
+        powered = self.machine.state in POWERED
         self._persistent_fault = persistent
         self._report(code)
         self.machine.fault()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.state_machine import State
+from armload_drivers.cia402.state_machine import POWERED, State
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits, build_dictionary
 from armload_drivers.simulation.drives.power_stage import FOLLOWING_ERROR, PowerStage
 from armload_drivers.simulation.drives.sdo_server import SdoAbort
@@ -84,11 +84,11 @@ def test_torque_is_on_from_operation_enabled_and_setpoints_are_followed(stage):
     new = stage()
     assert new.word(SHUTDOWN, SWITCH_ON) is State.SWITCHED_ON
     assert new.plant.since() == []
-    assert not new.power.powered
+    assert new.power.machine.state not in POWERED
     new.values[od.TARGET_POSITION.key] = 500
     new.word(ENABLE)
     assert new.plant.since() == [("set_powered", True), ("set_target", 0.5, CYCLE_S)]
-    assert new.power.powered
+    assert new.power.machine.state in POWERED
     assert new.power.statusword & FOLLOWS
     assert new.power.statusword & 0x10, "voltage enabled"
 
