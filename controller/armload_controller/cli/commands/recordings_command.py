@@ -47,12 +47,14 @@ def show_command(
     files = [path for path in (file, other) if path is not None]
     choices = chosen.choices(len(files))
     of_arm = None if robot is None else arm_of(robot)
-    names, log = ((), None) if of_arm is None else (of_arm.joint_names, of_arm.csv_columns)
+    names, limits_rad, log = (
+        ((), None, None) if of_arm is None else (of_arm.joint_names, of_arm.position_limits_rad, of_arm.csv_columns)
+    )
     runs = [
         chosen_joints(
             read_recording(
                 path,
-                ReadingOptions(choice.columns, choice.effort, names, choice.episode, log_columns=log),
+                ReadingOptions(choice.columns, choice.effort, names, choice.episode, limits_rad, log),
                 between_s=choice.between_s,
                 with_effort=False,
             ),

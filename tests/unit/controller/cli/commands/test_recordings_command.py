@@ -10,6 +10,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from armload_controller.config.objects_or_paths import arm_of
+from armload_identification.recording import file_reading
+from armload_identification.recording.file_reading import read_recording
+
 DEGREE = np.pi / 180.0
 NAMES = [f"q{j}" for j in range(1, 4)]
 
@@ -64,6 +68,20 @@ def test_a_table_without_a_header_is_read_by_the_log_of_the_arm(armload, tmp_pat
     np.savetxt(tmp_path / "log.csv", values, delimiter=",")
     assert armload("recordings", "show", str(tmp_path / "log.csv")).exit_code == 1
     assert re.search(r"joints +6, ", shown(armload, "--robot", "ur10e", tmp_path / "log.csv"))
+
+
+def test_the_limits_of_the_arm_tell_degrees_from_radians(armload, tmp_path, monkeypatch):
+    given = []
+
+    def read(path, options, **how):
+        given.append(options)
+        return read_recording(path, options, **how)
+
+    monkeypatch.setattr(file_reading, "read_recording", read)
+    shown(armload, write_log(tmp_path / "log.csv"))
+    shown(armload, "--robot", "er50", write_log(tmp_path / "log.csv"))
+    assert given[0].position_limits_rad is None
+    np.testing.assert_array_equal(given[1].position_limits_rad, arm_of("er50").position_limits_rad)
 
 
 def test_what_is_missing_is_said(armload, tmp_path):
