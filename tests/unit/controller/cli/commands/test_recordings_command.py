@@ -61,16 +61,22 @@ def test_a_log_is_described(armload, tmp_path):
     assert facts["missing"] == []
 
 
-def test_a_table_without_a_header_is_read_by_the_log_of_the_arm(armload, tmp_path):
+@pytest.fixture
+def bare_table(tmp_path):
+    """A table as a UR10e's logger writes it."""
     values = np.zeros((500, 24))
     values[:, 0] = 0.008 * np.arange(500)
     values[:, 1:7] = np.sin(values[:, :1] + np.arange(6))
     np.savetxt(tmp_path / "log.csv", values, delimiter=",")
-    assert armload("recordings", "show", str(tmp_path / "log.csv")).exit_code == 1
-    assert re.search(r"joints +6, ", shown(armload, "--robot", "ur10e", tmp_path / "log.csv"))
+    return tmp_path / "log.csv"
 
 
-def test_the_limits_of_the_arm_tell_degrees_from_radians(armload, tmp_path, monkeypatch):
+def test_a_table_without_a_header_is_read_by_the_log_of_the_arm(armload, bare_table):
+    assert armload("recordings", "show", str(bare_table)).exit_code == 1
+    assert re.search(r"joints +6, ", shown(armload, "--robot", "ur10e", bare_table))
+
+
+def test_the_limits_of_the_arm_tell_degrees_from_radians(armload, bare_table, tmp_path, monkeypatch):
     given = []
 
     def read(path, options, **how):
@@ -78,10 +84,10 @@ def test_the_limits_of_the_arm_tell_degrees_from_radians(armload, tmp_path, monk
         return read_recording(path, options, **how)
 
     monkeypatch.setattr(file_reading, "read_recording", read)
-    shown(armload, write_log(tmp_path / "log.csv"))
-    shown(armload, "--robot", "er50", write_log(tmp_path / "log.csv"))
+    shown(armload, write_log(tmp_path / "named.csv"))
+    shown(armload, "--robot", "ur10e", bare_table)
     assert given[0].position_limits_rad is None
-    np.testing.assert_array_equal(given[1].position_limits_rad, arm_of("er50").position_limits_rad)
+    np.testing.assert_array_equal(given[1].position_limits_rad, arm_of("ur10e").position_limits_rad)
 
 
 def test_what_is_missing_is_said(armload, tmp_path):
