@@ -74,7 +74,7 @@ def test_a_wheel_is_for_this_platform_and_any_python_from_3_11(monkeypatch, tmp_
     hook.initialize("standard", data)
     assert compiled == [package]
     assert data == {
-        "artifacts": ["identification/armload_core/kernels.abi3.so"],
+        "artifacts": [f"{package.parent.name}/armload_core/kernels.abi3.so"],
         "pure_python": False,
         "tag": "cp311-abi3-linux_x86_64_v2",
     }
