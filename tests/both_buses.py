@@ -41,7 +41,7 @@ def _ethercat_arm(robot, load, twin):
     arm = robot.drives.settings
     payload = twin.payload_name if load is SessionLoad.LOADED else NO_PAYLOAD
     with (
-        LockstepLine(plant_behind(arm, payload, twin)) as line,
+        closing(LockstepLine(plant_behind(arm, payload, twin))) as line,
         closing(EthercatServos(arm, line, VirtualFrames())) as servos,
     ):
         yield servos

@@ -86,7 +86,7 @@ def ethercat_rig(arm, plant, stack):
     effort = VendorObject(0x6077, 0, DataType.I16, arm.drives[0].rated_torque_nm / 20_000)
     drives = [replace(drive, node_id=place, vendor_effort=effort) for place, drive in enumerate(arm.drives, start=1)]
     arm = replace(arm, drives=tuple(drives), fieldbus=Fieldbus.ETHERCAT, watchdog_s=2.0)
-    line = stack.enter_context(LockstepLine(PlantBehindDrives(plant, arm, arm.cycle_s)))
+    line = stack.enter_context(closing(LockstepLine(PlantBehindDrives(plant, arm, arm.cycle_s))))
     rig = Rig(stack.enter_context(closing(EthercatServos(arm, line, VirtualFrames()))), plant, arm)
     rig.fail = lambda: order("fault 1 2310")
     rig.late = 1

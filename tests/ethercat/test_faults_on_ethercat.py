@@ -69,7 +69,7 @@ class Arm:
         self.settings = settings
         self.plant = IdealPlant(np.zeros(N), np.full(N, 10.0))
         self.line = stack.enter_context(
-            LockstepLine(PlantBehindDrives(self.plant, settings, settings.cycle_s), patience_s)
+            closing(LockstepLine(PlantBehindDrives(self.plant, settings, settings.cycle_s), patience_s))
         )
         self.servos = EthercatServos(settings, self.line, VirtualFrames(), IMPATIENT)
         self.target_rad = ZERO
@@ -154,7 +154,7 @@ def recover(settings):
     for number, drive in enumerate(drive_states()):
         if decode(drive["statusword"]) is State.FAULT:
             plant = PlantBehindDrives(IdealPlant(np.zeros(N), np.zeros(N)), settings, settings.cycle_s)
-            with LockstepLine(plant) as line:
+            with closing(LockstepLine(plant)) as line:
                 line.find()
                 bring_up = EthercatBringUp(settings, line, VirtualFrames())
                 reset(bring_up, f"joint_{number + 1}", lambda question: True)

@@ -28,7 +28,7 @@ def test_a_fixed_mapping_is_used_as_it_is(arm_settings):
     settings = replace(small, drives=drives, coupling=np.eye(N), fieldbus=Fieldbus.ETHERCAT, watchdog_s=2.0)
     plant = IdealPlant(np.zeros(N), np.full(N, 5.0))
     with (
-        LockstepLine(PlantBehindDrives(plant, settings, CYCLE_S)) as line,
+        closing(LockstepLine(PlantBehindDrives(plant, settings, CYCLE_S))) as line,
         closing(EthercatServos(settings, line, VirtualFrames())) as servos,
     ):
         servos.connect()
