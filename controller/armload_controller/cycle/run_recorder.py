@@ -11,8 +11,8 @@ import io
 import os
 import time
 from array import array
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from itertools import chain, count
 from pathlib import Path
 from typing import Self
@@ -124,9 +124,11 @@ class Recorder:
         Raises:
             RecordingFailed: it could not be written.
         """
-        with self._writing():
+        try:
             self._attach(name, text.encode())
             self._file.flush()
+        except OSError as error:
+            raise self._failed(error) from error
 
     @property
     def measured(self) -> tuple[FloatArray, FloatArray]:
@@ -151,8 +153,7 @@ class Recorder:
             except OSError as problem:
                 failure = failure or problem
         if failure is not None and error is None:
-            with self._writing():
-                raise failure
+            raise self._failed(failure) from failure
 
     def on_cycle(self, step: CycleStep) -> None:
         """Record the last command with the feedback that belongs to it."""
@@ -192,7 +193,7 @@ class Recorder:
         if target_torque_nm is not None:
             row["target_torque_nm"] = target_torque_nm
         data = orjson.dumps(row, option=orjson.OPT_SERIALIZE_NUMPY)
-        with self._writing():
+        try:  # in every cycle: a context manager would cost a microsecond
             self._writer.add_message(self._channel, stamp_ns, data, stamp_ns, feedback.cycle)
             self.rows += 1
             if phase_s is not None:
@@ -206,6 +207,8 @@ class Recorder:
                 self._writer.flush()
                 self._require_there()
                 self._flushed_s = feedback.time_s
+        except OSError as error:
+            raise self._failed(error) from error
 
     def write_event(self, time_s: float, event: Mapping[str, object]) -> None:
         """Record an event of the recorded arm; before the first row there is none.
@@ -220,11 +223,13 @@ class Recorder:
         if self._started_ns is None:
             return
         stamp_ns = self._started_ns + round(time_s * 1e9)
-        with self._writing():
+        try:
             if self._events_channel is None:
                 schema = self._writer.register_schema(EVENT_SCHEMA_NAME, "jsonschema", orjson.dumps(event_schema()))
                 self._events_channel = self._writer.register_channel(EVENTS_TOPIC, "json", schema)
             self._writer.add_message(self._events_channel, stamp_ns, orjson.dumps(event), stamp_ns)
+        except OSError as error:
+            raise self._failed(error) from error
 
     def _require_there(self) -> None:
         """Refuse to continue writing a file that was removed.
@@ -250,13 +255,8 @@ class Recorder:
         self._file.flush()
         os.fsync(self._file.fileno())
 
-    @contextmanager
-    def _writing(self) -> Iterator[None]:
-        """Raises RecordingFailed for an error of the file."""
-        try:
-            yield
-        except OSError as error:
-            raise RecordingFailed(f"{self.partial} could not be written: {error.strerror}") from error
+    def _failed(self, error: OSError) -> RecordingFailed:
+        return RecordingFailed(f"{self.partial} could not be written: {error.strerror}")
 
 
 def phase_of(reference: Reference) -> float | None:
