@@ -86,9 +86,8 @@ class TorqueLimits:
         Raises:
             ModelError: a share out of range, or shapes that do not fit.
         """
-        share = finite_array("the arm's share of the torque", arm_share, (chain.n,), least=0.0)
-        left = finite_array("one minus the arm's share of the torque", 1.0 - share, (chain.n,), above=0.0)
-        return cls(chain, ArmBody.massless(chain.n), payload, left * np.asarray(torque_max_nm))
+        share = finite_array("the arm's share of the torque", arm_share, (chain.n,), least=0.0, below=1.0)
+        return cls(chain, ArmBody.massless(chain.n), payload, (1.0 - share) * np.asarray(torque_max_nm))
 
     def of_axes(self, coupling: FloatArray, available_nm: FloatArray) -> TorqueLimits:
         """The same demand on the motors behind the joints.

@@ -61,8 +61,9 @@ class BodyModel(LinksAndDrives):
         n = self.n
         shapes = {"base": (n, PARAMETERS), "torque_delay_s": ()}
         for field in fields(self)[len(fields(LinksAndDrives)) :]:
-            finite_array(f"{field.name} of the body", getattr(self, field.name), shapes.get(field.name, (n,)))
-        finite_array("reversal_speed_rad_s of the body", self.reversal_speed_rad_s, (n,), above=0.0)
+            above = 0.0 if field.name == "reversal_speed_rad_s" else None
+            name, value = f"{field.name} of the body", getattr(self, field.name)
+            finite_array(name, value, shapes.get(field.name, (n,)), above=above)
 
     def link_torque(self, chain: Chain, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """Torque of the links, Y beta.

@@ -19,6 +19,7 @@ def finite_array(
     *,
     above: float | None = None,
     least: float | None = None,
+    below: float | None = None,
     error: type[IdentificationError] = ModelError,
 ) -> FloatArray:
     """A copy of an array of finite numbers.
@@ -28,6 +29,7 @@ def finite_array(
         shape: Expected shape; None for any length.
         above: All numbers must be above this.
         least: No number may be below this.
+        below: All numbers must be below this.
         error: What is raised.
 
     Raises:
@@ -46,6 +48,8 @@ def finite_array(
         raise error(f"{name} is {array.tolist()}; expected numbers above {above:g}")
     if least is not None and not (array >= least).all():
         raise error(f"{name} is {array.tolist()}; expected numbers of at least {least:g}")
+    if below is not None and not (array < below).all():
+        raise error(f"{name} is {array.tolist()}; expected numbers below {below:g}")
     return array
 
 
