@@ -63,5 +63,5 @@ class PrintedResult(ABC):
 
         body = "".join(f"<tr>{row(cells, 'td')}</tr>" for cells in table.rows)
         below = "".join(f"<p>{escape(sentence)}</p>" for sentence in table.sentences)
-        title = f"<caption>{escape(table.title)}</caption>"
+        title = f"<caption>{escape(table.title)}</caption>" if table.title else ""
         return f"<table>{title}<thead><tr>{row(table.headings, 'th')}</tr></thead><tbody>{body}</tbody></table>{below}"

@@ -61,6 +61,8 @@ LiveAddressOption = Annotated[
     str | None,
     typer.Option("--live-address", metavar="HOST:PORT", help="Address for --live; by default 127.0.0.1:8765."),
 ]
+BETWEEN_ENDS = re.compile(r"(?<!\.)\.\.(?!\.)")
+"""What stands between the ends of a range, as in 1..3; three dots could be a decimal point too."""
 
 _SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 _DURATION = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(ms|s|min|h|)")

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import IdentificationError, ModelError
+
+SHOWN: Final = 20
+"""Most numbers that a message lists."""
 
 
 def finite_array(
@@ -42,15 +45,23 @@ def finite_array(
     if array.ndim != len(shape) or any(s is not None and s != a for s, a in zip(shape, array.shape, strict=True)):
         wanted = str(tuple("n" if s is None else s for s in shape)).replace("'", "")
         raise error(f"{name} has shape {array.shape}; expected {wanted}")
-    if not np.isfinite(array).all():
-        raise error(f"{name} contains a number that is not finite: {array.tolist()}")
-    if above is not None and not (array > above).all():
-        raise error(f"{name} is {array.tolist()}; expected numbers above {above:g}")
-    if least is not None and not (array >= least).all():
-        raise error(f"{name} is {array.tolist()}; expected numbers of at least {least:g}")
-    if below is not None and not (array < below).all():
-        raise error(f"{name} is {array.tolist()}; expected numbers below {below:g}")
+    if not (good := np.isfinite(array)).all():
+        raise error(f"{name} contains a number that is not finite: {_shown(array, good)}")
+    if above is not None and not (good := array > above).all():
+        raise error(f"{name} is {_shown(array, good)}; expected numbers above {above:g}")
+    if least is not None and not (good := array >= least).all():
+        raise error(f"{name} is {_shown(array, good)}; expected numbers of at least {least:g}")
+    if below is not None and not (good := array < below).all():
+        raise error(f"{name} is {_shown(array, good)}; expected numbers below {below:g}")
     return array
+
+
+def _shown(array: FloatArray, good: NDArray[np.bool_]) -> str:
+    """A short array whole; of a longer one the first number that is wrong, its place, and how many are."""
+    if array.size <= SHOWN:
+        return str(array.tolist())
+    wrong = np.argwhere(~good)
+    return f"{array[tuple(wrong[0])]:g} at {wrong[0].tolist()} ({len(wrong)} of {array.size} numbers are wrong)"
 
 
 def set_arrays(holder: object, arrays: Mapping[str, NDArray[Any]]) -> None:

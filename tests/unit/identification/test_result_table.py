@@ -36,3 +36,7 @@ def test_a_notebook_shows_the_same_with_everything_escaped():
         '<tr><td style="text-align:left">a&lt;b</td><td style="text-align:right">1</td>'
         '<td style="text-align:left"></td></tr></tbody></table><p>1 &lt; 2</p>'
     )
+
+
+def test_a_notebook_shows_no_caption_without_a_title():
+    assert Result("", [])._repr_html_().startswith("<table><thead>")

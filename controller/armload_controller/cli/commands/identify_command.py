@@ -11,6 +11,7 @@ import typer
 from armload_controller.cli.drift_options import DriftOptions
 from armload_controller.cli.given_arm import given_arm
 from armload_controller.cli.options import (
+    BETWEEN_ENDS,
     ArmArgument,
     BaseOption,
     CalibrationOption,
@@ -48,7 +49,7 @@ _OF_ONE_RESULT: Final = (
 def _number_or_range(text: str) -> float | tuple[float, float]:
     """2.1 from '2.1', or (1.0, 3.0) from '1..3'."""
     try:
-        ends = [float(part) for part in text.split("..")]
+        ends = [float(part) for part in BETWEEN_ENDS.split(text)]
     except ValueError:
         ends = []
     if len(ends) not in {1, 2}:

@@ -17,7 +17,7 @@ def test_a_range_is_two_masses_with_or_without_their_unit(text):
     assert (found.least_kg, found.most_kg) == (0.5, 3.0)
 
 
-@pytest.mark.parametrize("text", ["", "3", "0..1..2", "a..b", "0-3", "0..3 g"])
+@pytest.mark.parametrize("text", ["", "3", "0..1..2", "0...3", "a..b", "0-3", "0..3 g"])
 def test_anything_else_is_refused(text):
     with pytest.raises(typer.BadParameter, match=r"expected a range such as 0\.\.3") as caught:
         declared_mass(PRBT, text)

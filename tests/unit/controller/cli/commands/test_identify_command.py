@@ -60,7 +60,7 @@ def test_a_number_or_a_range(text, value):
     assert _number_or_range(text) == value
 
 
-@pytest.mark.parametrize("text", ["", "1..2..3", "a", "1-3", ".."])
+@pytest.mark.parametrize("text", ["", "1..2..3", "1...3", "a", "1-3", ".."])
 def test_what_is_neither_a_number_nor_a_range(text):
     with pytest.raises(typer.BadParameter, match=r"expected a number such as 2\.1, or a range such as 1\.\.3"):
         _number_or_range(text)
