@@ -14,7 +14,7 @@ from armload_identification.estimation.payload_problem import PayloadProblem
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.terms import Load, Scope, Term
+from armload_identification.estimation.term_kinds import Load, Scope, Term
 from armload_identification.model.regressor import PARAMETERS
 
 ROW_S = 0.1

@@ -20,9 +20,9 @@ from typing import Any, Final, Literal
 from armload_controller.config.objects_or_paths import robot_of
 from armload_controller.config.robot import Robot, shipped_robots
 from armload_controller.control_errors import ControlError
-from armload_controller.motion.paths import PLANNED_SPEED_M_S, bound_phase
+from armload_controller.motion.paths import bound_phase
 from armload_controller.motion.setpoints import CYCLE_ROUNDING
-from armload_controller.motion.slow_round_pace import SLOW_RATE, reduced_pace
+from armload_controller.motion.slow_round_pace import PLANNED_SPEED_M_S, SLOW_RATE, reduced_pace
 from armload_identification.argument_types import require_type, wrong_type
 from armload_identification.excitation.design import DesignResult, optimal_excitation
 from armload_identification.excitation.design_envelope import Envelope

@@ -14,7 +14,7 @@ from armload_controller.analysis.robot_excitation import POSITION_MARGIN_RAD, De
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.checked_path import CheckedPath, check_path
-from armload_controller.motion.paths import PLANNED_SPEED_M_S
+from armload_controller.motion.slow_round_pace import PLANNED_SPEED_M_S
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH

@@ -23,12 +23,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierBounds, FourierState, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 
-REDUCED_SPEED_M_S = 0.25
-"""Speed limit for every point of the arm and of what it carries on approaches and slow rounds: reduced speed of
-ISO 10218-1."""
 PLANNED_SHARE = 0.98
-"""Share of a speed limit that they are planned with: a servo may overshoot its setpoints."""
-PLANNED_SPEED_M_S = PLANNED_SHARE * REDUCED_SPEED_M_S
+"""Share of a speed limit that approaches and slow rounds are planned with: a servo may overshoot its setpoints."""
 APPROACH_SHARE = 0.25
 """Share of the velocity, acceleration and jerk limits that an approach uses."""
 RAMP_ACCELERATION_SHARE = 0.95

@@ -29,6 +29,10 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierState, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 
+REDUCED_SPEED_M_S = 0.25
+"""Speed limit for every point of the arm and of what it carries on approaches and slow rounds: reduced speed of
+ISO 10218-1."""
+PLANNED_SPEED_M_S = PLANNED_SHARE * REDUCED_SPEED_M_S
 SLOW_RATE = 0.25
 """Greatest rate of the first round of a new path or with a new load."""
 _SAMPLES = 2048

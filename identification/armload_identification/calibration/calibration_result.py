@@ -39,7 +39,7 @@ from armload_identification.storage.strict_toml import NumberList, NumberRows, T
 if TYPE_CHECKING:
     from armload_identification.estimation.empty_arm.known_arm import KnownArm
     from armload_identification.estimation.problem import Known
-    from armload_identification.estimation.terms import Term
+    from armload_identification.estimation.term_kinds import Term
     from armload_identification.model.joint_states import JointStates
 
 DETERMINED_WITHIN: Final = 0.05

@@ -32,7 +32,7 @@ from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import EMPTY, Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import clipped_rms, solve
-from armload_identification.estimation.terms import Scope, Term
+from armload_identification.estimation.term_kinds import Scope, Term
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain

@@ -23,7 +23,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.estimation_constants import Priors
-from armload_identification.estimation.terms import Joint, Law, Load, Motor, Scope, Shared, Term, Values
+from armload_identification.estimation.term_kinds import Joint, Law, Load, Motor, Scope, Shared, Term, Values
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS
 

@@ -1,8 +1,8 @@
 """The normal equations of a group of runs at given unknowns: torque, derivatives, weights, and elimination.
 
-The torque of a run follows from the terms that act on it (`terms`). Rows are weighted by the speed of the joint and by
-Huber's function; those close to a blow to the arm are excluded on all joints. The unknowns that only the group has are
-eliminated.
+The torque of a run follows from the terms that act on it (`term_kinds`). Rows are weighted by the speed of the joint
+and by Huber's function; those close to a blow to the arm are excluded on all joints. The unknowns that only the group
+has are eliminated.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.estimation_constants import Blows, Solver
 from armload_identification.estimation.problem import Group
-from armload_identification.estimation.terms import Joint, Load, LoadColumns, Motor, Placed, Shared, Term
+from armload_identification.estimation.term_kinds import Joint, Load, LoadColumns, Motor, Placed, Shared, Term
 
 if TYPE_CHECKING:
     from armload_identification.estimation.arm_rows import ArmRows

@@ -26,7 +26,7 @@ from armload_identification.estimation.payload_problem import PayloadProblem
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.terms import Joint, Scope, Term
+from armload_identification.estimation.term_kinds import Joint, Scope, Term
 from armload_identification.recording.reduction.phase_advance import SETTLING_S, periodic_phase
 from armload_identification.signals.motion import Motion
 from armload_identification.signals.recorded_run import Run

@@ -44,7 +44,7 @@ from armload_identification.estimation.problem import (
     Problem,
     RunRows,
 )
-from armload_identification.estimation.terms import Term
+from armload_identification.estimation.term_kinds import Term
 from armload_identification.model.chain import Chain
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import Motion

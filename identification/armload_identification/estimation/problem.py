@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.terms import Placed, Scope, Term
+from armload_identification.estimation.term_kinds import Placed, Scope, Term
 
 if TYPE_CHECKING:
     from armload_identification.estimation.arm_rows import ArmRows

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.problem import Known
-from armload_identification.estimation.terms import Term
+from armload_identification.estimation.term_kinds import Term
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.reading_options import Effort

@@ -34,7 +34,7 @@ from armload_identification.estimation.estimation_constants import Priors
 from armload_identification.estimation.identified_body import identified_body
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.terms import Joint, Scope, Term
+from armload_identification.estimation.term_kinds import Joint, Scope, Term
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.signals.motion import Motion

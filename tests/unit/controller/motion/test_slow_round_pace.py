@@ -8,8 +8,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from armload_controller.config.robot import load_robot
-from armload_controller.motion.paths import PLANNED_SPEED_M_S, REDUCED_SPEED_M_S, PhaseLimits, bound_phase
-from armload_controller.motion.slow_round_pace import Pace, reduced_pace
+from armload_controller.motion.paths import PhaseLimits, bound_phase
+from armload_controller.motion.slow_round_pace import PLANNED_SPEED_M_S, REDUCED_SPEED_M_S, Pace, reduced_pace
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
 
 ROBOT = load_robot("er50")

@@ -29,7 +29,7 @@ from armload_identification.estimation.normal_equations import torque_at, torque
 from armload_identification.estimation.problem import DIFFERENCE_AND_MEAN, Group, Known, Noise, Problem, RunRows
 from armload_identification.estimation.residual_spectrum import FREEST
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.terms import Joint, Scope, Term
+from armload_identification.estimation.term_kinds import Joint, Scope, Term
 from armload_identification.estimation.uncertainty import student_half_width
 from armload_identification.identification_errors import EstimationError
 from armload_identification.signals.load_signal import load_signal
