@@ -102,3 +102,29 @@ def test_runs_keep_their_factors_in_the_file(calibration):
     assert max(abs(run.effort_change / run.effort_change_deviation) for run in again.runs) < 4.0
     older = "\n".join(line for line in text.splitlines() if not line.startswith("effort_change"))
     assert parse_calibration(older).session_drift is None
+
+
+@pytest.mark.parametrize(
+    ("found", "half_width", "said"),
+    [
+        # both know it equally well: half of 2 %, +- 2.77 % / 1.96, and an end at 1.645 deviations beyond it
+        (0.02, 0.01 + 1.6449 * 0.02 * 0.5**0.5, False),
+        (-0.02, 0.01 + 1.6449 * 0.02 * 0.5**0.5, False),
+        # nothing found: two-sided
+        (0.0, 1.96 * 0.02 * 0.5**0.5, False),
+        (0.0846, 0.0423 + 1.6449 * 0.02 * 0.5**0.5, False),
+        (-0.0852, 0.0426 + 1.6449 * 0.02 * 0.5**0.5, True),
+    ],
+)
+def test_what_a_motion_says_and_the_prior_make_one_interval_from_zero(found, half_width, said):
+    """It says so itself from three deviations on."""
+    left = SessionGains(0.0, 0.02, "as stated").beside(found, 0.02)
+    assert left.log_factor == 0.0
+    assert 1.96 * left.deviation == pytest.approx(half_width, rel=1e-3)
+    assert left.origin.startswith("what this run leaves possible of 2 %, as stated")
+    assert left.origin.endswith("; by itself, the run says -4.2 %") is said
+
+
+def test_a_measured_factor_is_not_weakened_by_the_run():
+    measured = SessionGains(-0.03, 0.002, "measured")
+    assert measured.beside(0.05, 0.001) is measured

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.estimation.arm_terms import GAIN
-from armload_identification.estimation.estimation_constants import Solver
-from armload_identification.estimation.payload_estimate import estimate_of
+from armload_identification.estimation.arm_terms import GAIN, LOAD_FRICTION
+from armload_identification.estimation.estimation_constants import Payloads, Solver
+from armload_identification.estimation.payload_estimate import estimate_of, gear_asymmetry, model_doubts
 from armload_identification.estimation.payload_problem import single_problem
 from armload_identification.estimation.problem import Noise
 from armload_identification.estimation.solve import solve
@@ -177,16 +177,22 @@ def test_what_an_axis_sees_of_an_error_is_its_size_in_the_rows(regressor, torque
     np.testing.assert_allclose(found.seen(errors), expected, rtol=1e-6)
 
 
+def on_calibrated_arm(arm, calibration, harder=0.0):
+    """A run's problem, and its solution, on the calibrated arm; joint 4 rubs harder than calibrated, in N m."""
+    known, transmission = calibration.known_arm(arm.chain), calibration.transmission(arm.transmission)
+    run = arm.run(arm.trajectory(6, period_s=10.0), True, seed=8, with_phase=False)
+    current, speed = run.current_a.copy(), np.gradient(run.position_rad, run.time_s, axis=0)[:, 3]
+    current[:, 3] += harder * np.tanh(speed / 0.02) / transmission.gain_nm_a[3]
+    signal = Run.of(replace(run, current_a=current), transmission).over_time
+    problem = single_problem(signal, calibration.level(arm.chain), transmission.coupling, known)
+    given = Noise.given(known.noise_nm, np.ones(6))
+    problem = replace(problem, problem=replace(problem.problem, noise=given))
+    return problem, solve(problem.problem, rough=True), known
+
+
 def test_errors_of_a_calibration_move_the_payload_as_shifted_values_do(pinocchio_arm, calibration):
     """Each error by which the arm's values are held: the same run solved with the values shifted by it."""
-    chain = pinocchio_arm.chain
-    level, arm = calibration.level(chain), calibration.known_arm(chain)
-    transmission = calibration.transmission(pinocchio_arm.transmission)
-    run = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), True, seed=8, with_phase=False)
-    problem = single_problem(Run.of(run, transmission).over_time, level, transmission.coupling, arm)
-    given = Noise.given(arm.noise_nm, np.ones(6))
-    problem = replace(problem, problem=replace(problem.problem, noise=given))
-    before = solve(problem.problem, rough=True)
+    problem, before, arm = on_calibrated_arm(pinocchio_arm, calibration)
     plain = estimate_of(before, problem, None, arm.errors)
     deviation = np.sqrt(np.diag(plain.covariance))
     assert len(plain.considered) == len(arm.errors)
@@ -197,3 +203,60 @@ def test_errors_of_a_calibration_move_the_payload_as_shifted_values_do(pinocchio
         size = plain.considered[error] / deviation
         assert np.abs(change / deviation - size).max() < 0.05 * np.abs(size).max()
     np.testing.assert_array_equal(plain.considered_gains, arm.errors[:, before.problem.place(GAIN)])
+
+
+def test_friction_that_differs_from_the_calibrations_is_found_with_its_deviation(pinocchio_arm, calibration):
+    usual, rubbing = (
+        estimate_of(found, problem, None, arm.errors)
+        for problem, found, arm in (on_calibrated_arm(pinocchio_arm, calibration, harder) for harder in (0.0, 0.4))
+    )
+    change = rubbing.friction() - usual.friction()
+    covariance = rubbing.friction_covariance(0)
+    expected = np.zeros((3, 6))
+    expected[0, 3] = 0.4
+    deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)).T
+    assert (np.abs(change - expected)[:2] < 4.0 * deviation).all()
+    assert deviation[0, 3] < 0.1
+    # Of one joint, more Coulomb friction looks like less viscous friction.
+    assert (covariance[:, 0, 1] < 0.0).all()
+    np.testing.assert_allclose(covariance, np.swapaxes(covariance, 1, 2))
+    assert rubbing.body(0).coulomb_nm[3] - usual.body(0).coulomb_nm[3] == pytest.approx(change[0, 3], abs=1e-4)
+
+
+@pytest.mark.parametrize("times", [0.5, 1.0, 2.0])
+def test_what_a_run_leaves_beyond_the_calibrations_noise_may_be_a_lasting_error(pinocchio_arm, calibration, times):
+    """A quarter of it, of one joint at a time, in the form of the measured torque."""
+    _, found, arm = on_calibrated_arm(pinocchio_arm, calibration)
+    doubts = model_doubts(found, replace(arm, noise_nm=found.noise_nm[0] / times))
+    beyond = found.noise_nm[0] * np.sqrt(max(1.0 - times**-2.0, 0.0))
+    size = np.sqrt(np.mean(doubts**2, axis=1))
+    np.testing.assert_allclose(size, Payloads.lasting * np.diag(beyond), atol=1e-12)
+    torque = found.problem.groups[0].runs[0].rows.effort_nm
+    np.testing.assert_allclose(doubts[2, :, 2] * torque[0, 2], doubts[2, 0, 2] * torque[:, 2], atol=1e-9)
+
+
+def test_gears_that_lose_more_in_one_direction_are_errors_of_their_gains(pinocchio_arm, calibration):
+    """One by one, and all of a kind together."""
+    problem, found, arm = on_calibrated_arm(pinocchio_arm, calibration)
+    plain, wider = (estimate_of(found, problem, None, arm.errors, gears=gears) for gears in (False, True))
+    own = gear_asymmetry(found.value(LOAD_FRICTION))
+    assert gear_asymmetry(np.array([0.1, 0.2])) == pytest.approx([0.006, 0.024])
+    moved = np.vstack([(plain.gain_slope * own).T, plain.gain_slope @ own])
+    np.testing.assert_allclose(wider.covariance - plain.covariance, moved.T @ moved, rtol=1e-6, atol=1e-12)
+
+
+def test_an_error_of_the_torque_moves_the_payload_by_what_it_looks_like(regressor, torque, pinocchio_arm):
+    found = payload_of(regressor, torque, white(pinocchio_arm))
+    like = np.random.default_rng(7).normal(size=10)
+    np.testing.assert_allclose(found.doubting((regressor @ like)[None]).shifts[-1], like, rtol=1e-6)
+    np.testing.assert_allclose(found.drifting, found.theta, rtol=1e-6)
+
+
+def test_another_solve_without_an_axis_is_that_of_the_rows_that_are_left(regressor, torque, pinocchio_arm):
+    theta, covariance, rank = payload_of(regressor, torque, white(pinocchio_arm)).fitted_without(2)
+    weight = np.where(np.arange(6) == 2, 0.0, np.ones((SAMPLES, 6)))
+    again = payload_of(regressor, torque, white(pinocchio_arm), weight=weight)
+    np.testing.assert_allclose(theta, again.theta, rtol=1e-6, atol=1e-9)
+    place = again.posterior.problem.place("payload", "payload")
+    np.testing.assert_allclose(covariance, again.posterior.bread[place, place], rtol=1e-6, atol=1e-12)
+    assert rank == 10

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_identification.pipeline.operator_notes import misfit_notes, notes_on
+from armload_identification.pipeline import operator_notes
+from armload_identification.pipeline.operator_notes import change_notes, misfit_notes, notes_on
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import ABOVE_BAND
 from armload_identification.signals.reversals import reversal_weights
@@ -332,3 +333,50 @@ def test_friction_far_outside_that_of_the_calibration_is_named():
     assert "friction of joint 2 " in only(noted())
     assert noted(runs=1) == []
     assert "torque of joint 3 fits" in only(noted(runs=1, noise_nm=np.array([1.0, 5.0, 20.0])))
+
+
+def noted_changes(monkeypatch, change_kg, moments_kg_m, statistic=24.1, periods=1):
+    """Notes on a loaded and an unloaded run of 60 s, the latter of some periods; 2 kg at 0.1 m on x, +- 0.01."""
+    change = SimpleNamespace(
+        at_s=20.0, statistic=statistic, change=np.array([change_kg, *moments_kg_m]), deviation=np.full(4, 0.01)
+    )
+    monkeypatch.setattr(operator_notes, "change_during", lambda *_: change)
+    theta = np.array([2.0, 0.2, *np.zeros(8)])
+
+    def run(between_s):
+        source = SimpleNamespace(between_s=between_s)
+        return SimpleNamespace(recording=SimpleNamespace(source=source, time_s=np.array([5.0, 65.0])))
+
+    motions = [SimpleNamespace(began_s=7.0, periods=count) for count in (1, periods)]
+    found = SimpleNamespace(
+        signal=SimpleNamespace(loaded=motions[0], unloaded=motions[1]),
+        plain=SimpleNamespace(theta=theta, posterior=None, arm=None),
+    )
+    return change_notes(found, run((100.0, 160.0)), run(None))
+
+
+def test_a_change_of_payload_is_dated_from_the_start_of_the_whole_recording(monkeypatch):
+    """Looked at from 100 s on, motion 2 s later, the change 20 s into it; a second on either side is left out."""
+    note = only(noted_changes(monkeypatch, 1.0, [0.1, 0.0, 0.0]))
+    assert "during the loaded run, about 122 s after" in note
+    assert "`--between 100s 121s` and `--between 123s 160s`" in note
+    loaded, unloaded = noted_changes(monkeypatch, 1.0, [0.1, 0.0, 0.0], periods=2)
+    assert loaded == note
+    assert "`--between 0s 21s` and `--between 23s 60s`" in unloaded
+    assert noted_changes(monkeypatch, 1.0, [0.1, 0.0, 0.0], statistic=24.0) == []
+
+
+@pytest.mark.parametrize(
+    ("change_kg", "moments_kg_m", "said"),
+    [
+        (1.0, [0.1, 0.0, 0.0], "by +1.000 +- 0.020 kg."),
+        (1.0, [0.1 + 0.019, 0.0, 0.0], "by +1.000 +- 0.020 kg."),
+        (1.0, [0.1 + 0.03, 0.0, 0.0], "kg; its centre of mass moved by +10, +0, +0 mm."),
+        (1.0, [-0.2, 0.0, 0.3], "kg; its centre of mass moved by -100, +0, +100 mm."),
+        (-1.5, [0.0, 0.0, 0.0], "by -1.500 +- 0.020 kg; its centre of mass moved by +300, +0, +0 mm."),
+        (-1.7, [0.0, 0.0, 0.0], "by -1.700 +- 0.020 kg."),
+    ],
+)
+def test_a_moved_centre_of_mass_is_told_where_it_is_known(monkeypatch, change_kg, moments_kg_m, said):
+    """Beyond the interval of the moments, and not of the little that is left after setting down most of the mass."""
+    assert said in only(noted_changes(monkeypatch, change_kg, moments_kg_m))
