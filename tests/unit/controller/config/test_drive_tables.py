@@ -7,9 +7,11 @@ import pytest
 
 from armload_controller.config.drive_profiles import profile_hint, profiles_of_vendor, shipped_profiles
 from armload_controller.config.robot import load_robot
+from armload_controller.config.tables.drive_tables import BusTable, PartTable
 from armload_controller.control_errors import ConfigurationError
 from armload_drivers.cia402.arm_settings import OperationMode
 from armload_drivers.cia402.object_dictionary import DataType
+from armload_identification.storage.strict_toml import BadValue
 
 EDS = """\
 [DeviceInfo]
@@ -212,3 +214,58 @@ def test_a_vendors_setting(edited):
     ):
         with pytest.raises(ConfigurationError, match=words):
             load_robot(edited("has_brake = true", f"has_brake = true\n{line.replace(old, new)}"))
+
+
+TIMES = {"bitrate": 500_000, "cycle_hz": 100.0, "heartbeat_s": 0.1, "max_missing_cycles": 1}
+
+
+def test_an_arm_is_moved_to_another_bus_or_to_two():
+    one = BusTable(interface="virtual", channel="x", **TIMES)
+    assert (one.address, one.in_virtual_time) == ("virtual:x", True)
+    assert one.elsewhere("socketcan", "can0,can1") == {"interface": "socketcan", "channel": "can0,can1"}
+    parts = {name: PartTable(interface="socketcan", channel=f"can{number}") for number, name in enumerate("ab")}
+    two = BusTable(**parts, **TIMES)
+    assert (two.address, two.in_virtual_time) == ("socketcan:can0 and socketcan:can1", False)
+    assert two.elsewhere("virtual", "x,y") == {
+        "a": {"interface": "virtual", "channel": "x"},
+        "b": {"interface": "virtual", "channel": "y"},
+    }
+    for channels in ("x", "x,y,z"):
+        with pytest.raises(BadValue, match="two channels, such as can0,can1"):
+            two.elsewhere("virtual", channels)
+
+
+@pytest.mark.parametrize(
+    ("buses", "said"),
+    [
+        ({"interface": "socketcan"}, "channel"),
+        ({"channel": "can0"}, "interface"),
+        ({"a": PartTable(interface="socketcan", channel="can0")}, "two buses has"),
+        ({"b": PartTable(interface="socketcan", channel="can0")}, "two buses has"),
+        (
+            {
+                "a": PartTable(interface="socketcan", channel="can0"),
+                "b": PartTable(interface="socketcan", channel="can0"),
+            },
+            "two channels of one interface",
+        ),
+        (
+            {
+                "a": PartTable(interface="socketcan", channel="can0"),
+                "b": PartTable(interface="virtual", channel="can1"),
+            },
+            "two channels of one interface",
+        ),
+        (
+            {
+                "a": PartTable(interface="virtual", channel="x"),
+                "b": PartTable(interface="virtual", channel="y"),
+                "channel": "z",
+            },
+            "channel.* states it in",
+        ),
+    ],
+)
+def test_an_arm_is_on_one_bus_or_on_two_channels(buses, said):
+    with pytest.raises(BadValue, match=said):
+        BusTable(**buses, cycle_hz=100.0, max_missing_cycles=1)

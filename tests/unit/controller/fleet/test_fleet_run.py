@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections import Counter
 from dataclasses import replace
 from datetime import timedelta
 from fnmatch import fnmatch
@@ -201,3 +202,12 @@ def test_the_page_describes_every_column_and_no_other():
     columns = column_kinds()
     assert [name for name in columns if not any(fnmatch(name, pattern) for pattern in patterns)] == []
     assert [pattern for pattern in patterns if not any(fnmatch(name, pattern) for name in columns)] == []
+
+
+def test_a_run_over_the_jobs_is_summed_up_in_a_line():
+    tally = FleetTally(7, 2, Counter({"identified": 4, "failed": 1}), cpu_s=3.0, wall_s=2.0)
+    assert repr(tally) == (
+        "5 recordings in 2.0 s, 2.50/s, 0.60 s of CPU each: 4 identified, 0 refused, 1 failed; 2 processed before"
+    )
+    assert "0.00/s" in repr(replace(tally, wall_s=0.0))
+    assert repr(FleetTally(1, 1)) == "nothing new: 1 recording processed before"

@@ -148,6 +148,11 @@ def test_the_measured_leg_goes_on_where_it_ended():
         ({"velocity_max_rad_s": 1.001 * LIMITS.velocity_max_rad_s[JOINT]}, (0.0, 0.0), "velocity"),
         ({"acceleration_max_rad_s2": 1.001 * LIMITS.acceleration_max_rad_s2[JOINT]}, (0.0, 0.0), "acceleration"),
         ({"velocity_max_rad_s": 1.0}, (1.001 * LIMITS.acceleration_max_rad_s2[JOINT], 0.0), "acceleration"),
+        (
+            {"velocity_max_rad_s": 1.0, "acceleration_max_rad_s2": 0.6 * LIMITS.acceleration_max_rad_s2[JOINT]},
+            (0.41 * LIMITS.acceleration_max_rad_s2[JOINT], 0.0),
+            "acceleration",
+        ),
         ({"jerk_max_rad_s3": 1.001 * LIMITS.jerk_max_rad_s3[JOINT]}, (0.0, 0.0), "jerk"),
         ({"acceleration_max_rad_s2": 1.0}, (0.334 * LIMITS.jerk_max_rad_s3[JOINT], 0.0), "jerk"),
         ({"velocity_max_rad_s": 1.0}, (0.0, 1.001 * LIMITS.jerk_max_rad_s3[JOINT]), "jerk"),

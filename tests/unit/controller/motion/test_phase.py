@@ -203,3 +203,14 @@ def test_a_ramp_to_a_rate_takes_whole_cycles():
     ramp = ramp_to_rate(PhaseState(0.0, 0.0, 0.0), 1.0, MEASURED.bounds, CYCLE_S)
     assert ramp.end.rate == pytest.approx(1.0)
     assert ramp.end.acceleration_1_s == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_leg_says_how_much_of_it_is_done():
+    source = LegInterpolator(MEASURED, CYCLE_S, MotionControl())
+    whole = MEASURED.end_s - MEASURED.start_s
+    assert (source.done, whole > 0.0) == (0.0, True)
+    found = []
+    while (row := source.next_reference()) is not None:
+        assert source.done == pytest.approx(min((row.state.phase_s - MEASURED.start_s) / whole, 1.0), abs=1e-9)
+        found.append(source.done)
+    assert found[-1] == 1.0

@@ -72,3 +72,9 @@ def test_the_arm_has_its_links_and_friction_and_rotors_of_a_share_of_its_torque(
         assert joint["reflected_rotor_inertia_kg_m2"] * acceleration == pytest.approx(ROTOR_SHARE * torque_nm)
         assert 0.0 < joint["stribeck_nm"] < joint["coulomb_nm"]
     assert first["stribeck_nm"] / second["stribeck_nm"] == pytest.approx(4.0 / 1.5)
+
+
+def test_a_fast_joints_window_leaves_a_fifth_beyond_its_lag():
+    """Of 0.05 s: 0.314 rad at 6.28 rad/s; a slow joint has 0.2 rad."""
+    found = [read(twin_drive(ARM, joint))["joints"]["drive"]["following_error_rad"] for joint in range(2)]
+    assert found == [0.2, 0.3768]

@@ -338,3 +338,25 @@ def test_every_vendors_file_is_read(vendors_files):
     cob_ids = {name: d.value(COB_ID, 3) & 0x7FF for name, d in descriptions.items()}
     assert cob_ids["maxon_epos4_50_15.dcf"] == 0x201
     assert cob_ids["pilz_prbt_0_1.dcf"] == 0x203
+
+
+@pytest.mark.parametrize(
+    ("objects", "modes"),
+    [
+        ("", 0),
+        ("607A", 0),  # profile position has it too
+        ("60B2", 0),
+        ("607A 60C2sub1", 1 << 7),
+        ("607A 60B2", 1 << 7),
+        ("60C1sub1", 1 << 6),
+        ("607A 60B2 60C1sub1", 1 << 7 | 1 << 6),
+        ("607A 60B2 6502=1", 1),
+        ("607A 60B2 6502=0", 1 << 7),
+    ],
+)
+def test_a_drive_has_the_modes_that_it_states_or_else_has_all_objects_for(objects, modes):
+    types = {"6040": 6, "607A": 4, "60B2": 3, "60C1sub1": 4, "60C2sub1": 5, "6502": 7}
+    sections = (each.partition("=") for each in f"6040 {objects}".split())
+    lines = [f"[{key}]\nDataType={types[key]}\nDefaultValue={value}\n" for key, _, value in sections]
+    described = f"[DeviceInfo]\nVendorNumber=1\n{''.join(lines)}"
+    assert parse_description(described.encode(), "drive.eds").modes == modes

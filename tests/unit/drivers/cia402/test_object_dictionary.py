@@ -94,3 +94,9 @@ def test_numbers_of_the_communication_profile_are_the_standards():
     assert (od.POLARITY_POSITION, od.POLARITY_TORQUE) == (1 << 7, 1 << 5)
     assert od.DEVICE_TYPE_SERVO & 0xFFFF == 402
     assert od.SET_BRAKE == 1
+
+
+def test_modes_are_named_by_number_and_name():
+    assert od.named_modes(0) == ""
+    assert od.named_modes(1 << 0 | 1 << 7) == "1 (profile position), 8 (cyclic synchronous position)"
+    assert od.named_modes(1 << 16 | 1 << 31) == "17 (manufacturer-specific), 32 (manufacturer-specific)"

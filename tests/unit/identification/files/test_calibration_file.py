@@ -98,6 +98,9 @@ def test_a_table_of_runs():
     assert [row.mounting for row in rows] == ["", "disc", "tool"]
     assert [row.mass_kg for row in rows] == [None, 2.805, None]
     assert rows[2].payload == Path("/data/t.toml")
+    dated = "recording,mounting,mass_kg,recorded\na,,,2026-03-01\nb,,,2026-03-01T08:30\nc,,,\n"
+    recorded = [row.recorded for row in parse_run_table(dated, "runs.csv", Path())]
+    assert recorded == ["2026-03-01T00:00:00", "2026-03-01T08:30:00", ""]
 
 
 @pytest.mark.parametrize(

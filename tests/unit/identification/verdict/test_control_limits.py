@@ -96,3 +96,36 @@ def test_runs_that_do_not_show_it_are_left_out():
     (change,) = chart(values).changes
     assert change.index == 16
     assert np.isnan(chart(values).limit[[0, 14, 15]]).all()
+
+
+def test_limits_are_three_deviations_of_a_run_and_of_the_calibration():
+    doubt = np.linspace(0.0, 3.0, RUNS)
+    found = chart(scatter(6), doubt=doubt)
+    np.testing.assert_allclose(found.deviation, np.hypot(0.5, found.spread))
+    np.testing.assert_allclose(found.limit, 3.0 * np.sqrt(0.25 + found.spread**2 + doubt**2))
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.5, 1.0])
+def test_the_spread_is_what_runs_differ_beyond_their_noise_and_five_runs_of_what_was_expected(noise):
+    """Runs that alternate by 1.2, of 11 differences; 0.6 is the deviation that they show with their noise."""
+    values = np.where(np.arange(12) % 2, 0.6, -0.6)
+    found = control_chart(values, np.full(12, noise), np.zeros(12), 1.0, CHARTS)
+    seen = max(2.0 * 0.6**2 - noise**2, 0.0)
+    assert found.spread == pytest.approx(np.sqrt((5.0 + 11.0 * seen) / 16.0))
+
+
+def test_a_level_is_the_weighted_mean_of_its_runs_and_as_uncertain():
+    """The first is compared with the calibration, the second with the first; noisy runs count less."""
+    noise = np.where(np.arange(20) % 2, 3.0, 0.2)
+    values = np.where(np.arange(20) < 8, 10.0, 30.0) + np.where(np.arange(20) % 2, 0.4, 0.0)
+    found = control_chart(values, noise, np.full(20, 0.7), 1.0, CHARTS)
+    first, second = found.changes
+    weight = found.deviation**-2.0
+    parts = [slice(0, 8), slice(8, 20)]
+    means = [np.average(values[part], weights=weight[part]) for part in parts]
+    own = [1.0 / weight[part].sum() for part in parts]
+    assert (first.index, first.before, first.after) == (0, 0.0, pytest.approx(means[0]))
+    assert (second.index, second.before, second.after) == (8, pytest.approx(means[0]), pytest.approx(means[1]))
+    assert first.deviation == pytest.approx(np.sqrt(own[0] + 0.7**2))
+    assert second.deviation == pytest.approx(np.sqrt(own[1] + own[0]))
+    np.testing.assert_allclose(found.level, np.repeat(means, [8, 12]))

@@ -10,7 +10,7 @@ import pytest
 from armload_identification.verdict.agreement import Agreement, LengthNeeded, Outcome
 from armload_identification.verdict.payload_verdict import PayloadVerdict, Remedy
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
-from armload_identification.verdict.verdict_text import agreement_sentences, sentences
+from armload_identification.verdict.verdict_text import agreement_sentences, sentences, title
 
 pytestmark = pytest.mark.pure
 
@@ -170,3 +170,20 @@ def test_the_joint_that_would_help_is_named():
 
 def test_a_comparison_says_with_what():
     assert agreement_sentences(AGREEMENT, "CAD gives")[0].startswith("CAD gives a mass")
+
+
+@pytest.mark.parametrize(
+    ("outcome", "verified", "own_run", "said"),
+    [
+        (Outcome.RIGHT, True, False, "Right within the tolerance"),
+        (Outcome.RIGHT, False, False, "Repeatable within the tolerance"),
+        (Outcome.RIGHT, True, True, "Cannot tell"),
+        (Outcome.RIGHT, False, True, "Cannot tell"),
+        (Outcome.WRONG, False, False, "Wrong"),
+        (Outcome.WRONG, False, True, "Wrong"),
+        (Outcome.CANNOT_TELL, False, False, "Cannot tell"),
+    ],
+)
+def test_the_title_claims_no_more_than_is_verified(outcome, verified, own_run, said):
+    agreement = replace(AGREEMENT, outcome=outcome)
+    assert title(PayloadVerdict(agreement, AGREED, AGREED, REMEDY, own_run, verified)) == said
