@@ -75,3 +75,33 @@ def test_an_end_that_is_not_free_is_named_and_no_way_is_looked_for(end, words):
     with pytest.raises(BlockedWay, match=f"{words}, touches something"):
         find_way(START, GOAL, LIMITS, asked)
     assert len(asked.stretches) <= 3
+
+
+def test_the_way_is_the_fastest_over_one_via_point():
+    """Where only the straight way is blocked, no second via point makes it faster."""
+    none_free = Asked(lambda begin_rad, end_rad: not np.array_equal(begin_rad, end_rad))
+    with pytest.raises(BlockedWay):
+        find_way(START, GOAL, LIMITS, none_free)
+    via = np.array([end for _, end in none_free.stretches if not np.isin(end, [START, GOAL]).all()])
+
+    def time_s(begin_rad, end_rad):
+        return np.max(np.abs(end_rad - begin_rad) / LIMITS.velocity_max_rad_s, axis=-1)
+
+    over, goal = find_way(START, GOAL, LIMITS, Asked(straight))
+    np.testing.assert_array_equal(goal, GOAL)
+    fastest = (time_s(START, via) + time_s(via, GOAL)).min()
+    assert time_s(START, over) + time_s(over, GOAL) == pytest.approx(fastest)
+
+
+def test_half_of_the_via_points_are_near_the_straight_way_and_all_are_spread_evenly():
+    none_free = Asked(lambda begin_rad, end_rad: not np.array_equal(begin_rad, end_rad))
+    with pytest.raises(BlockedWay):
+        find_way(START, GOAL, LIMITS, none_free)
+    ends = [end for _, end in none_free.stretches]
+    via = np.unique([end for end in ends if not np.isin(end, [START, GOAL]).all()], axis=0)
+    near = (via > np.minimum(START, GOAL) - 0.81).all(axis=1) & (via < np.maximum(START, GOAL) + 0.81).all(axis=1)
+    assert VIA_POINTS // 2 <= near.sum() <= VIA_POINTS // 2 + 5
+    low, high = LIMITS.position_min_rad, LIMITS.position_max_rad
+    share = (via[~near] - low) / (high - low)
+    assert share.mean(axis=0) == pytest.approx(np.full(len(low), 0.5), abs=0.06)
+    assert (np.histogram(share[:, 0], 4, (0.0, 1.0))[0] > 0.15 * len(share)).all()

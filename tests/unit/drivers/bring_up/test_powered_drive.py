@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from armload_drivers.bring_up.powered_drive import judged
+from armload_drivers.bring_up.powered_drive import judged, powered_drives
 from armload_drivers.cia402.axis_brakes import STANDSTILL_RAD_S
 from armload_drivers.cia402.state_machine import State
 
@@ -47,3 +47,31 @@ def test_torque_is_removed_only_from_an_abandoned_axis_at_rest_with_a_brake(
     refusal = drive.refusal()
     assert (refusal.node_id, refusal.joint) == (3, "joint_3")
     assert drive.remedy in str(refusal)
+
+
+def test_axes_with_torque_are_watched_for_some_time(arm_settings):
+    """The second moves 0.02 rad in 2 s, the third carries no torque and is not asked for its position."""
+    waited, states = [], [QUICK_STOP, QUICK_STOP, None]
+
+    class Watched(Setup):
+        def __init__(self, number, state):
+            super().__init__(replace(arm_settings().drives[1], has_brake=True))
+            self.number, self.state = number, state
+
+        def read_powered_state(self):
+            return self.state
+
+        def read_position(self):
+            assert self.state is not None
+            return 5000 - round(0.01 * COUNTS_PER_RAD * self.number * sum(waited))
+
+    def found(states):
+        setups = [Watched(number, state) for number, state in enumerate(states)]
+        return powered_drives(setups, watch_s=2.0, wait=waited.append, commands=lambda: "")
+
+    at_rest, moving = found(states)
+    assert waited == [2.0]
+    assert (at_rest.abandoned, moving.abandoned) == (True, False)
+    assert "moves at 0.010 rad/s" in moving.what
+    assert found([None]) == []
+    assert waited == [2.0], "nothing to watch"

@@ -51,3 +51,27 @@ def test_a_body_that_does_not_fit_is_refused(changed, reason):
 
 def test_noise_may_leave_an_identified_friction_below_zero():
     np.testing.assert_array_equal(replace(BODY, coulomb_nm=THREE - 0.1).coulomb_nm, THREE - 0.1)
+
+
+def test_a_payload_adds_its_torque_and_the_friction_that_it_causes(any_arm):
+    """Coulomb friction and friction by load oppose the motion; a payload that relieves a joint takes friction away."""
+    rng = np.random.default_rng(4)
+    chain, _ = any_arm(rng, 3)
+    body = replace(
+        BODY,
+        links=rng.normal(size=(3, 10)),
+        coulomb_nm=np.array([1.0, 2.0, 0.5]),
+        viscous_nm_s_rad=np.array([0.3, 0.2, 0.1]),
+        load_friction=np.array([0.1, 0.05, 0.2]),
+        reversal_speed_rad_s=np.full(3, 1e-6),
+    )
+    q, dq, ddq = rng.normal(size=(3, 40, 3))
+    links, payload = body.link_torque(chain, q, dq, ddq), rng.normal(size=(40, 3))
+    direction = np.sign(dq)
+    own = links + direction * (body.coulomb_nm + body.load_friction * np.abs(links))
+    alone, loaded = body.torque(chain, q, dq, ddq), body.torque(chain, q, dq, ddq, payload)
+    np.testing.assert_allclose(alone, own + body.viscous_nm_s_rad * dq, rtol=1e-4, atol=1e-4)
+    added = body.added_friction(links, payload, dq)
+    np.testing.assert_allclose(loaded - alone, payload + added, atol=1e-12)
+    more = np.abs(links + payload) - np.abs(links)
+    np.testing.assert_allclose(added, body.load_friction * direction * more, rtol=1e-4, atol=1e-6)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from armload_identification.recording.reduction.phase_advance import PhaseAdvance
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.recording.reduction.phase_advance import PhaseAdvance, shortest_period
 
 pytestmark = pytest.mark.pure
 
@@ -73,3 +74,24 @@ def test_a_phase_that_starts_again_is_no_interruption():
     phase, time_s = run()
     advance = PhaseAdvance.of((phase - CYCLE_S) % PERIOD_S, time_s, PERIOD_S)
     assert (advance.interruptions, advance.is_even) == (0, False)
+
+
+@pytest.mark.parametrize(
+    ("harmonics", "times"),
+    [((1, 2), 1), ((2, 4), 2), ((5, 10), 5), ((3, 6, 9), 1), ((2, 3), 1), ((4, 6), 2), ((7,), 1)],
+)
+def test_a_series_without_low_harmonics_repeats_itself_within_its_period(harmonics, times):
+    """A third or a seventh of 500 samples would be no whole number of them."""
+    size = np.isin(np.arange(1, 11), harmonics) * np.array([[0.1], [0.02]])
+    series = FourierTrajectory(1.0 / PERIOD_S, np.array([0.3, -0.2]), size, -2.0 * size)
+    phase = np.arange(1, 1200) * CYCLE_S
+    found = shortest_period(phase, series)
+    assert found.period_s == pytest.approx(PERIOD_S / times)
+    assert (found.harmonics == 10) == (times == 1)
+    np.testing.assert_allclose(found.evaluate(phase).position_rad, series.evaluate(phase).position_rad, atol=1e-12)
+
+
+def test_a_series_that_does_not_move_keeps_its_period():
+    nothing = np.zeros((2, 4))
+    still = FourierTrajectory(1.0 / PERIOD_S, np.zeros(2), nothing, nothing)
+    assert shortest_period(np.arange(1, 1200) * CYCLE_S, still).period_s == pytest.approx(PERIOD_S)
