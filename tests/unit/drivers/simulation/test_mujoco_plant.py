@@ -15,7 +15,8 @@ from armload_controller.config.robot import load_robot
 from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
-from armload_drivers.simulation.mujoco_model import build_model
+from armload_drivers.simulation import mujoco_model
+from armload_drivers.simulation.mujoco_model import build_model, load_mujoco
 from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
 from armload_drivers.simulation.plant_spec import PlantJoint, PlantSpec, PlantVariant, RigidBody, ScheduledPayload
 
@@ -647,3 +648,14 @@ class TestRefusals:
         )
         run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
         assert 'pip install "armload[sim]"' in run.stdout
+
+
+@pytest.mark.parametrize(("read_ns", "replaced"), [(50, False), (1990, False), (2010, True), (15_000, True)])
+def test_a_clock_that_is_slow_to_read_is_replaced(monkeypatch, read_ns, replaced):
+    """Only the shortest reads count: others were interrupted."""
+    now_ns, clocks = iter(np.cumsum([0, 10**6, *[read_ns] * 3, *[10**6] * 100]).tolist()), []
+    monkeypatch.setattr(mujoco_model.time, "monotonic_ns", lambda: next(now_ns))
+    monkeypatch.setattr(pytest.importorskip("mujoco"), "set_mjcb_time", clocks.append)
+    load_mujoco.__wrapped__()
+    monkeypatch.undo()
+    assert [clock() for clock in clocks] == [0.0] * replaced

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from armload_identification.estimation import payload_change
 from armload_identification.estimation.payload_change import (
     CHANGING,
     PeriodDeviation,
@@ -74,6 +76,9 @@ def test_a_change_is_found_with_its_time_and_size(single, at_s):
     assert (np.abs(found.change - truth) < 4.0 * found.deviation).all()
     assert (found.deviation > 0.0).all()
     assert (found.deviation < [0.3, 0.05, 0.05, 0.12]).all()
+    # No part of it is more significant than all together.
+    alone = (found.change / found.deviation) ** 2
+    assert 0.01 * found.statistic < alone.max() <= found.statistic * (1.0 + 1e-9)
 
 
 def test_a_short_run_shows_nothing(single):
@@ -115,3 +120,24 @@ def test_a_change_between_periods_needs_no_knowledge_of_the_arm(periodic, share)
     assert abs(shift_s) < 0.1 * length_s
     assert change.change[0] == pytest.approx(ADDED_KG, rel=0.2)
     assert deviation.periods >= 2
+
+
+@pytest.mark.parametrize(
+    ("periods", "average", "interruptions", "by"),
+    [
+        (1, None, 0, "rows"),
+        (1, None, 1, "rows"),
+        (3, None, 0, "periods"),
+        (0, None, 0, "periods"),
+        (3, object(), 0, None),
+        (3, None, 1, None),
+    ],
+)
+def test_a_change_is_looked_for_where_the_run_was_kept_whole(monkeypatch, periods, average, interruptions, by):
+    """In the rows of a run that is not averaged, between the periods of one that is; not of one averaged on reading."""
+    monkeypatch.setattr(payload_change, "change_in", lambda found, edge_s: ("rows", found, edge_s))
+    monkeypatch.setattr(payload_change, "change_between_periods", lambda run, arm, edge_s: ("periods", arm, edge_s))
+    run = SimpleNamespace(recording=SimpleNamespace(average=average))
+    motion = SimpleNamespace(periods=periods, interruptions=interruptions)
+    found = payload_change.change_during(run, motion, "posterior", "arm", 6.0)
+    assert found == (by and (by, {"rows": "posterior", "periods": "arm"}[by], 6.0))
