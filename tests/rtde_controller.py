@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import struct
 import threading
+import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -32,6 +33,8 @@ class Controller:
         lacks: Outputs that it does not have.
         piece: Bytes sent at a time.
         cut: Bytes that the last package lacks.
+        version_bytes: Bytes of its answer about its version.
+        pause_s: Time after each piece of a data package.
         requests: Requests received, by type and content.
     """
 
@@ -42,6 +45,8 @@ class Controller:
     lacks: tuple = ()
     piece: int = 10_000
     cut: int = 0
+    version_bytes: int = 16
+    pause_s: float = 0.0
     requests: list = field(default_factory=list)
 
     @contextmanager
@@ -75,7 +80,7 @@ class Controller:
         kinds = ["NOT_FOUND" if name in self.lacks else TYPES[name][0] for name in names]
         answers = {
             "V": struct.pack(">B", self.accepts_version),
-            "v": struct.pack(">4I", *self.version),
+            "v": struct.pack(">4I", *self.version)[: self.version_bytes],
             "O": b"\x01" + ",".join(kinds).encode(),
             "S": struct.pack(">B", self.starts),
         }
@@ -96,6 +101,8 @@ class Controller:
         package = struct.pack(">HB", 3 + len(content), ord(kind)) + content
         for start in range(0, len(package), self.piece):
             connection.sendall(package[start : start + self.piece])
+            if kind == "U":
+                time.sleep(self.pause_s)
 
 
 def row(

@@ -124,7 +124,7 @@ class Bench:
         acting = np.flatnonzero(share)
         chain = self.calibration.level(self.robot.chain)
         torque = np.array([force_n @ jacobian(chain, position[k])[:3] for k in acting]).reshape(-1, self.robot.n)
-        current[acting] += self.current_of(torque * share[acting, None])
+        current[acting] -= self.current_of(torque * share[acting, None])
         return (time_s, position, current), at_s
 
     def grasped(self, rng: np.random.Generator, mass_kg: float) -> tuple[Motion, float]:

@@ -3,8 +3,9 @@
 Rules of this file:
 - Joints are found by name in every message, whatever their order; a message without one of them, such as a gripper's,
   is none of this arm's and is counted.
-- A message that is not later than the last one is dropped. One that is earlier by more than `RESTART_S` comes from a
-  publisher that was started again with another clock: its time goes on after the last one.
+- A message that is not later than the last one is dropped and counted. One that is earlier by more than `RESTART_S`, or
+  later by `FAR_S`, comes from a publisher that was started again with another clock: its time goes on after the last
+  one. `RESTARTS` of them among `REGULAR` messages are two publishers, and an error.
 - The middleware reports no loss of a publisher that offers best effort only. A gap between two stamps that is half as
   long again as any of the last `REGULAR` ones is such a loss, unless it is so long that the publisher has paused, or
   its clock was set. A program that is too slow loses seconds at once: its wait for messages was then never in vain.
@@ -33,7 +34,10 @@ PATIENCE_S: Final = 20.0
 each other."""
 RESTART_S: Final = 1.0
 """Stamps that go back by more than this come from another clock."""
-
+FAR_S: Final = 3600.0
+"""So do stamps that are later by this."""
+RESTARTS: Final = 5
+"""Number of changes of the clock that are one too many."""
 
 REGULAR: Final = 50
 """Number of intervals between stamps that show a publisher's usual ones."""
@@ -49,17 +53,19 @@ class JointStateCycles:
     Attributes:
         of_others: Number of messages without all of the arm's joints.
         incomplete: Number of messages with the arm's joints, but not a position and an effort for each.
+        not_later: Number of messages with a stamp that is not later than the last one.
         other_names: Names in the last message of others.
     """
 
     def __init__(self, joint_names: Sequence[str], *, current: bool) -> None:
-        self.of_others = self.incomplete = 0
+        self.of_others = self.incomplete = self.not_later = 0
         self.other_names: tuple[str, ...] = ()
         self._names, self._with_current = tuple(joint_names), current
         self._order: dict[tuple[str, ...], list[int] | None] = {}
         self._nothing = np.zeros(len(self._names), dtype=np.uint16), np.zeros(len(self._names), dtype=np.bool_)
         self._offset_ns: int | None = None
         self._last_ns = 0
+        self._restarted: deque[int] = deque(maxlen=RESTARTS)
         self._intervals_ns: deque[int] = deque(maxlen=REGULAR)
         self._gaps_ns: list[int] = []
         self._reported_lost = self._left_out = self._lost = 0
@@ -76,6 +82,9 @@ class JointStateCycles:
 
         Returns:
             The cycle; None for a message of no use.
+
+        Raises:
+            BusError: the stamps are those of several clocks.
         """
         place = self._place(tuple(message.name))
         if place is None:
@@ -136,10 +145,17 @@ class JointStateCycles:
         waited_ns, self._heard_s = round(1e9 * (now_s - self._heard_s)), now_s
         if self._offset_ns is None:
             self._offset_ns = stamp_ns
-        elif self._last_ns - (stamp_ns - self._offset_ns) > 1e9 * RESTART_S:
+        elif not -1e9 * RESTART_S <= stamp_ns - self._offset_ns - self._last_ns <= 1e9 * FAR_S + waited_ns:
             self._offset_ns = stamp_ns - self._last_ns - max(waited_ns, 1)
+            self._restarted.append(self._count)
+            if len(self._restarted) == RESTARTS and self._count - self._restarted[0] < REGULAR:
+                raise BusError(
+                    f"joint states: their stamps changed to another clock {RESTARTS} times within "
+                    f"{self._count - self._restarted[0]} messages. Do two programs publish on this topic?"
+                )
         elapsed_ns = stamp_ns - self._offset_ns
         if self._count and elapsed_ns <= self._last_ns:
+            self.not_later += 1
             return None
         self._last_ns = elapsed_ns
         return elapsed_ns
@@ -158,16 +174,17 @@ def joint_state_cycles(
         subscription: Of the topic.
         topic: Its name, for messages.
         states: Makes the cycles.
-        patience_s: Longest time until the first cycle.
+        patience_s: Longest time until the first cycle, and with messages of the arm that are of no use.
         clock: Monotonic time in s.
 
     Yields:
         Cycles; None after `LOOK_S` without one.
 
     Raises:
-        BusError: the middleware failed, or there was no cycle at first; states what is missing.
+        BusError: the middleware failed, there was no cycle at first, or none of the arm's messages has been of use for
+            long; states what is missing.
     """
-    started_s, heard = clock(), False
+    useful_s, heard = clock(), False
     while True:
         found = subscription.take(LOOK_S)
         now_s, lost, useful = clock(), subscription.newly_lost(), False
@@ -176,10 +193,11 @@ def joint_state_cycles(
             if cycle is not None:
                 useful, lost = True, 0
                 yield cycle
-        heard |= useful
+        if useful:
+            useful_s, heard, states.incomplete, states.not_later = now_s, True, 0, 0
         if not found:
             states.hear_nothing()
-        if not heard and now_s - started_s > patience_s:
+        if now_s - useful_s > patience_s and (not heard or states.incomplete + states.not_later > REGULAR):
             raise BusError(_what_is_missing(topic, states, patience_s))
         if not useful:
             yield None
@@ -188,6 +206,11 @@ def joint_state_cycles(
 def _what_is_missing(topic: str, states: JointStateCycles, patience_s: float) -> str:
     """Why there is no cycle, and what to check."""
     begin = f"{topic}: no usable message within {patience_s:g} s: "
+    if states.not_later:
+        return begin + (
+            f"{states.not_later} messages have a header stamp that is not later than the last one's. armload needs the "
+            "time of each message: its publisher must set header.stamp"
+        )
     if states.incomplete:
         return begin + (
             f"{states.incomplete} messages have the arm's joints but not a position and an effort for each. armload "

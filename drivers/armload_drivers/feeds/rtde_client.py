@@ -37,6 +37,7 @@ _VERSION: Final = 2
 _FAST_SINCE: Final = 5
 """First major version of controllers that send at 500 Hz; earlier ones (CB3) send at 125 Hz."""
 _HEADER: Final = struct.Struct(">HB")
+_MAJOR: Final = struct.Struct(">I")
 _DATA_TYPES: Final = {"DOUBLE": ">f8", "VECTOR3D": "3>f8", "VECTOR6D": "6>f8", "INT32": ">i4"}
 _NOT_FOUND: Final = "NOT_FOUND"
 _REQUIRED: Final = {
@@ -105,7 +106,10 @@ class RtdeClient:
             raise BusError(
                 f"{self._name}: the controller does not support RTDE version 2. It needs software 3.10 or later."
             )
-        major = struct.unpack_from(">I", self._ask(Package.CONTROLLER_VERSION, b""))[0]
+        version = self._ask(Package.CONTROLLER_VERSION, b"")
+        if len(version) < _MAJOR.size:
+            raise BusError(f"{self._name}: the controller's version has {len(version)} bytes. Is this port RTDE's?")
+        major = _MAJOR.unpack_from(version)[0]
         self.rate_hz = 500.0 if major >= _FAST_SINCE else 125.0
         outputs = _REQUIRED | _OPTIONAL
         types = self._recipe(outputs)
@@ -144,14 +148,15 @@ class RtdeClient:
         raise BusError(f"{self._name}: no answer to request {kind.name} within {PATIENCE_S:g} s. Is this port RTDE's?")
 
     def _received(self) -> Iterator[tuple[int, bytes] | None]:
-        """Type and content of each package, without end; None after `LOOK_S` without data."""
+        """Type and content of each package, without end; None after `LOOK_S` without a whole one."""
         self._socket.settimeout(LOOK_S)
-        buffer = b""
+        buffer, heard_s = b"", time.monotonic()
         while True:
             try:
                 received = self._socket.recv(65536)
             except TimeoutError:
                 yield None
+                heard_s = time.monotonic()
                 continue
             except OSError as error:
                 raise BusError(f"{self._name}: receiving failed: {error}") from error
@@ -165,7 +170,11 @@ class RtdeClient:
                 if len(buffer) < size:
                     break
                 content, buffer = buffer[_HEADER.size : size], buffer[size:]
+                heard_s = time.monotonic()
                 yield kind, content
+            if time.monotonic() - heard_s > LOOK_S:
+                yield None
+                heard_s = time.monotonic()
 
     def cycles(self) -> Iterator[OverheardCycle | None]:
         """The cycles of the arm, without end; times are measured from the first package, on the controller's clock.
@@ -182,6 +191,8 @@ class RtdeClient:
             if package is not None and package[0] == Package.DATA:
                 fields = self._fields(package[1])
                 now_s = float(fields["timestamp"])
+                if not np.isfinite(now_s):
+                    raise BusError(f"{self._name}: a data package without a time ({now_s})")
                 begun_s = now_s if begun_s is None else begun_s
                 time_s = now_s - begun_s
                 lost = max(round((time_s - last_s) * self.rate_hz) - 1, 0) if count else 0
@@ -206,7 +217,8 @@ def _cycle(fields: np.void, time_s: float, count: int, lost: int) -> OverheardCy
     told = None
     if "payload" in sent and "payload_cog" in sent:
         x, y, z = fields["payload_cog"].tolist()
-        told = ToldPayload(float(fields["payload"]), (x, y, z))
+        if np.isfinite([told_kg := float(fields["payload"]), x, y, z]).all():
+            told = ToldPayload(told_kg, (x, y, z))
     feedback = JointFeedback(
         cycle=count,
         time_s=time_s,

@@ -94,6 +94,8 @@ MOMENT_NM: Final = 10.0
 """Sizes of a push, as prior standard deviations."""
 OVER_S: Final = 0.3
 """Time without evidence after which a push is over."""
+OUTLASTS_S: Final = 10.0
+"""Shortest push that, if it also lasts longer than all that was seen before it, is none: something acted before."""
 PAYLOAD_SIZES: Final = (0.05, 0.0125)
 """Sizes of a change of payload, as a share of what the arm's strongest joint can hold at 0.5 m. The larger alone: light
 payloads have less evidence; 0.35 kg on a UR10e, seeds 5000 to 5099: 79 instead of 88 % are noticed within 1.5 s."""

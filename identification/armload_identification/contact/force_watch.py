@@ -31,6 +31,7 @@ from armload_identification.contact.contact_levels import (
     LOOKS_FROM_S,
     LOOKS_S,
     OLD_S,
+    OUTLASTS_S,
     OVER_S,
     PAYLOAD_FROM_S,
     PUSH_SURE,
@@ -113,7 +114,7 @@ class ForceWatch:
         self._above = 0
         self._last_mean: FloatArray | None = None
         self._base: RememberedState | None = None
-        self._noticed_s = self._evident_s = 0.0
+        self._noticed_s = self._evident_s = self._before_s = 0.0
         self._push_end_s = np.inf
         self._looks = list(LOOKS_S)
         self._looked_s = -np.inf
@@ -132,8 +133,9 @@ class ForceWatch:
         rows = self._maker.take(time_s, position, effort, theta)
         if not rows.size:
             return []
-        self._rows = self._rows.and_then(rows)
-        self._rows = self._rows.part(self._rows.time_s > rows.time_s[-1] - REMEMBERED_S)
+        remembered_s = rows.time_s[-1] - REMEMBERED_S
+        rows = rows.part(rows.time_s > remembered_s)  # a pause may lie between them
+        self._rows = self._rows.part(self._rows.time_s > remembered_s).and_then(rows)
         self._seen_s += min(float(rows.time_s[-1] - rows.time_s[0]) + 0.02, 0.02 * rows.size)
         predicted = self._base or self._memory.before(float(rows.time_s[0]))
         if predicted is None or self._seen_s < KNOWN_S:
@@ -191,12 +193,15 @@ class ForceWatch:
             return []
         self.state, self._above, self._last_mean = Force.ACTING, 0, None
         self._noticed_s = self._evident_s = noticed_s
+        self._before_s = self._seen_s
         self._looks, self._joints = list(LOOKS_S), joints
         return [ForceEvent(ForceEventKind.ACTING, noticed_s, noticed_s, joints)]
 
     def _decide(self, base: RememberedState, now_s: float) -> list[ForceEvent]:
         """Look at the event when it is time, and see whether a push is over."""
         events = []
+        if self.state is Force.PUSHED and self._evident_s - self._noticed_s > max(self._before_s, OUTLASTS_S):
+            return [self._begin_anew(now_s)]
         if self._looks and now_s - self._noticed_s >= self._looks[0]:
             due_s = self._looks.pop(0)
             found = assess(self._rows, base, self._noise, self._maker.chain, self._noticed_s)
@@ -225,6 +230,15 @@ class ForceWatch:
             self.state = Force.PUSHED
             return [ForceEvent(ForceEventKind.PUSH, now_s, found.push_s[0], self._joints, found)]
         return []
+
+    def _begin_anew(self, now_s: float) -> ForceEvent:
+        """What lasts longer than all before it is the rule: something acted before it, and what was learnt is wrong."""
+        self._memory, self._base = ArmMemory(PAYLOAD + 3 * self._maker.chain.n), None
+        self._seen_s, self._last_mean = 0.0, None
+        self._noise = ResidualNoise(self._noise.coloured_nm2, self._noise.coloured_nm2)
+        self._rows = self._rows.part(slice(0))  # they were linearised about the wrong payload
+        self.state, self._above = Force.FREE, 0
+        return ForceEvent(ForceEventKind.PAYLOAD, now_s, self._noticed_s, self._joints)
 
     def _resume(self, *, payload: bool, from_s: float) -> None:
         """Go on with the same payload or another one."""

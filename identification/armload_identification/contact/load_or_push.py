@@ -2,7 +2,7 @@
 
     e = H x + w X b + noise                    x from before the onset
     another payload: X = H_payload, w rises from 0 to 1 after t0, at once or within the time of a grasp
-    a push: X = J', a constant force and moment at the flange, w = 1 within [t0, t1)
+    a push: X = -J', a constant force and moment on the flange, which the motors resist, w = 1 within [t0, t1)
 
 The log marginal likelihood of each is averaged over t0 and t1, or the time of the rise, on a grid. With N = noise + H P
 H' and r = e - H x, summed over the means,
@@ -104,7 +104,7 @@ def assess(rows: ForceRows, known: RememberedState, noise: ResidualNoise, chain:
     start, end = (each.ravel() for each in np.meshgrid(onsets, np.arange(1, count + 1), indexing="ij"))
     start, end = start[end > start], end[end > start]
     within = (np.arange(count) >= start[:, None]) & (np.arange(count) < end[:, None])
-    pushes = _fits(np.swapaxes(jacobians, 1, 2) * _FORCE, inverse, residual, within.astype(float))
+    pushes = _fits(-np.swapaxes(jacobians, 1, 2) * _FORCE, inverse, residual, within.astype(float))
     first, last = int(start[pushes.best]), int(end[pushes.best])
     size = PAYLOAD_SIZES[payloads.best % len(PAYLOAD_SIZES)]
     change, spread = size * payloads.b[0], size * np.sqrt(payloads.covariance[0, 0])

@@ -121,6 +121,22 @@ def test_after_a_restart_with_another_clock_time_goes_on():
     assert states.stamp_ns(5.004) == pytest.approx(9_000_000, abs=2)
 
 
+@pytest.mark.parametrize("apart_s", [4000.0, -5.0])
+def test_two_publishers_with_clocks_of_their_own_are_refused(apart_s):
+    states = JointStateCycles(NAMES, current=False)
+    stamps = [START_NS + 10_000_000 * k + round(1e9 * apart_s) * (k % 2) for k in range(60)]
+    with pytest.raises(BusError, match=r"changed to another clock 5 times within \d+ messages. Do two programs"):
+        list(map(states.take, map(message, stamps), count(step=0.01)))
+
+
+def test_one_stamp_far_in_the_future_moves_nothing():
+    states = JointStateCycles(NAMES, current=False)
+    stamps = [START_NS, START_NS + 10_000_000, 2**31 * 10**9 - 1, START_NS + 30_000_000, START_NS + 40_000_000]
+    times = [states.take(message(stamp), 0.01 * k).feedback.time_s for k, stamp in enumerate(stamps)]
+    assert times == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04], abs=1e-6)
+    assert states.stamp_ns(0.04) == pytest.approx(stamps[-1], abs=1000)
+
+
 class Played:
     """A subscription that gives lists of messages, then nothing."""
 
@@ -151,12 +167,13 @@ def test_lost_samples_belong_to_the_next_cycle():
     [
         ([], "nothing is published.*ROS_DOMAIN_ID"),
         ([message(START_NS, ("finger",), (1.0,), (1.0,))], "1 messages name other joints, the last one finger"),
+        ([message(0)] * 61, "60 messages have a header stamp that is not later.*must set header.stamp"),
         ([message(START_NS, effort=())], "not a position and an effort for each.*joint_state_broadcaster"),
     ],
 )
 def test_what_is_missing_is_said(batch, text):
     with pytest.raises(BusError, match=rf"^/joint_states: no usable message within 3 s.*{text}"):
-        list(islice(cycles_of(Played(batch)), 10))
+        list(islice(cycles_of(Played(batch[:1], batch[1:])), 10))
 
 
 def test_silence_after_the_first_cycle_is_no_error():

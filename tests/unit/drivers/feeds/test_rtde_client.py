@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import struct
+from itertools import islice
 
 import pytest
 
@@ -77,6 +79,7 @@ def test_a_controller_that_does_not_state_its_payload_is_read_without():
         (Controller(accepts_version=False), "does not support RTDE version 2"),
         (Controller(lacks=("actual_current",)), r"does not send actual_current \(NOT_FOUND instead of VECTOR6D\)"),
         (Controller(starts=False), "does not start to send"),
+        (Controller(version_bytes=2), "the controller's version has 2 bytes"),
     ],
 )
 def test_a_controller_that_cannot_be_used_is_refused(controller, text):
@@ -89,6 +92,29 @@ def test_a_data_package_of_another_length_is_an_error():
     text = r"a data package of .* bytes instead of"
     with cut.listening() as address, RtdeClient(address) as client, pytest.raises(BusError, match=text):
         list(client.cycles())
+
+
+@pytest.mark.parametrize("time_s", [math.nan, math.inf])
+def test_a_package_without_a_time_is_an_error(time_s):
+    controller = Controller([row(0.0), row(time_s)])
+    with (
+        controller.listening() as address,
+        RtdeClient(address) as client,
+        pytest.raises(BusError, match="without a time"),
+    ):
+        list(client.cycles())
+
+
+def test_a_payload_that_is_not_a_number_was_not_told():
+    _, found = cycles_of(Controller([row(0.0, payload_kg=math.nan), row(0.002, center_m=(0.0, math.inf, 0.0))]))
+    assert [cycle.told for cycle in found] == [None, None]
+
+
+def test_a_package_that_arrives_byte_by_byte_does_not_hold_the_program():
+    controller = Controller([row(0.0), row(0.002)], piece=1, pause_s=0.004)
+    with controller.listening() as address, RtdeClient(address) as client:
+        first = list(islice(client.cycles(), 3))
+    assert None in first
 
 
 def test_no_connection_and_no_address_are_said():

@@ -29,11 +29,11 @@ class Moved:
         return self.time_s[0] + seconds
 
     def pushed(self, force_n, begin_s, end_s):
-        """Currents of the empty arm with a push."""
+        """Currents of the empty arm with a push on its flange, which the motors resist."""
         current = self.empty.copy()
         inverse = np.linalg.inv(estimator_constants(*self.watched_arm).from_effort)
         for k in np.flatnonzero((self.time_s >= self.at(begin_s)) & (self.time_s < self.at(end_s))):
-            current[k] += force_n @ jacobian(self.arm.chain, self.position[k])[:3] @ inverse
+            current[k] -= force_n @ jacobian(self.arm.chain, self.position[k])[:3] @ inverse
         return current
 
     def grasped(self, begin_s, end_s=np.inf):

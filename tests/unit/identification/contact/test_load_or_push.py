@@ -89,8 +89,11 @@ def explained(pinocchio_arm):
         elif event == "push":
             inside = (time_s >= ONSET_S) & (time_s < until_s)
             for k in np.flatnonzero(inside):
-                residual[k] += FORCE_ON_ARM_N @ jacobian(chain, state.position_rad[k])[:3]
+                residual[k] -= FORCE_ON_ARM_N @ jacobian(chain, state.position_rad[k])[:3]
         still = np.zeros_like(residual)
+        if event == "hung on":
+            weight = payload_regressor(chain, state.position_rad, still, still)[:, :, 0]
+            residual += np.where((time_s >= ONSET_S) & (time_s < until_s), mass, 0.0)[:, None] * weight
         rows = ForceRows(time_s, state.position_rad, residual, columns, still, still, still + 1.0)
         unknowns = columns.shape[2]
         known = RememberedState(0.0, np.zeros(unknowns), 1e-6 * np.eye(unknowns))
@@ -117,6 +120,13 @@ def test_a_push_has_its_force_and_its_time(explained, until_s):
     np.testing.assert_allclose(found.force_n, FORCE_ON_ARM_N, atol=4.0 * found.force_deviation_n.max())
     assert (found.force_deviation_n > 0.0).all()
     assert (found.force_deviation_n < 5.0).all()
+
+
+def test_who_hangs_on_the_flange_pulls_it_in_the_direction_of_gravity(explained, pinocchio_arm):
+    found = explained("hung on", mass=4.0)
+    weight_n = 4.0 * pinocchio_arm.chain.gravity_m_s2
+    np.testing.assert_allclose(found.force_n, weight_n, atol=4.0 * found.force_deviation_n.max())
+    assert found.force_n @ weight_n > 0.0
 
 
 def test_where_nothing_happens_there_is_no_evidence(explained):

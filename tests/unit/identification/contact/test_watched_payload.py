@@ -131,3 +131,25 @@ def test_a_suspicion_without_evidence_ends_within_three_seconds_and_changes_noth
     answers.append(SUSPECT + 1.0)
     later = watched(moved, 14.0, moved.pushed(FORCE_N, 11.0, 11.7)).take_events()
     assert [event.kind for event in later] == [ACTING, NOTHING, ACTING, PUSH, OVER]
+
+
+def test_a_pause_longer_than_what_is_remembered_is_no_event(moved):
+    time_s, position, current = moved.until(14.0, moved.empty)
+    paused_s = time_s + 11.0 * (time_s >= moved.at(8.2))
+    watch = force_watch.ForceWatch(*moved.watched_arm)
+    events = []
+    for begin, end in ((0.0, 4.0), (4.0, 8.0), (8.0, 8.4), (8.4, 14.0)):
+        part = slice(*np.searchsorted(time_s, (moved.at(begin), moved.at(end))))
+        events += watch.take(paused_s[part], position[part], current[part])
+    assert not events
+    assert watch.state is Force.FREE
+
+
+def test_a_push_that_was_there_first_does_not_hold_the_payload_for_ever(moved, monkeypatch):
+    """Its end looks like a push the other way, which lasts longer than all before it."""
+    monkeypatch.setattr(force_watch, "OUTLASTS_S", 4.0)
+    watch = watched(moved, 16.0, moved.pushed(2.0 * FORCE_N, 0.0, 2.0))
+    assert [event.kind for event in watch.take_events()] == [ACTING, PUSH, PAYLOAD]
+    assert watch.force is Force.FREE
+    found = watch.estimate()
+    assert abs(found.mass_kg) < found.half_width_95[0]
