@@ -168,6 +168,7 @@ def test_an_interruption_leaves_no_torque_and_no_recording(short_robot, tmp_path
     assert not list(output.glob("*ation.mcap"))
 
 
+@pytest.mark.timeout(900)  # two minutes, and as much again for every attempt that a stall has spoilt
 def test_two_halves_in_two_processes(short_robot, tmp_path):
     output = tmp_path / "run"
     recorded(short_robot, output)
@@ -181,6 +182,7 @@ def test_two_halves_in_two_processes(short_robot, tmp_path):
     ]
 
 
+@pytest.mark.timeout(900)
 def test_commissioning_and_feed_forward_on_two_buses(robot_on_two_buses, tmp_path):
     output = tmp_path / "run"
     assert "SYNC reached the last bus" in recorded(robot_on_two_buses, output, TWO_BUSES)

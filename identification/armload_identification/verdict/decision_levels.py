@@ -208,7 +208,7 @@ class ArmFit:
     driven_share: Final = 0.05
     """[1] Share of a joint's torque from which friction that drives the arm is evidence of a mistake in its columns.
 
-    Origin: prior, not measured; friction of a sound joint is positive, its error at most the residual.
+    Origin: prior, not measured; friction of a sound joint is positive. A sign needs friction beyond its error as well.
     Factor of two: either way: none of 74 tests fails.
     """
     driven_share_noted: Final = 0.02

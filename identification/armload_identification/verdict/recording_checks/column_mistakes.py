@@ -15,7 +15,8 @@ terms and priors (`estimation.solve`): that solves for one choice of columns, an
 joints are compared, each by a sum of columns that are decomposed once.
 
 A mistake is reported only if the corrected run fits well, its friction is positive on all joints, and the run as it is
-either fits much worse or has friction that drives the arm. On the UR10e's four runs the residual is 2 to 5 % of each
+either fits much worse or has friction that drives the arm; for a sign, by more than its error from the residual's
+spectrum, as a second of motion can show any friction. On the UR10e's four runs the residual is 2 to 5 % of each
 joint's torque. One flipped sign increases the sum of its logarithms by 1.2 or more, except on the last joint without a
 load, where friction decides.
 """
@@ -33,6 +34,8 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit, fit_body
+from armload_identification.estimation.residual_spectrum import ResidualSpectrum
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, student_half_width
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel, smooth_sign
@@ -42,7 +45,7 @@ from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import Motion
 from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.reversals import reversal_speed, reversal_weights
-from armload_identification.verdict.decision_levels import ArmFit
+from armload_identification.verdict.decision_levels import ArmFit, FalseAlarms
 from armload_identification.verdict.joint_words import named_joints
 
 _TORQUES: Final = "the currents or torques"
@@ -63,7 +66,11 @@ class _Correction:
     @property
     def driven(self) -> bool:
         """Whether the friction of a joint drives the arm."""
-        return bool((self.friction < -np.maximum(self.share, ArmFit.driven_share)).any())
+        return self.driven_beyond(np.zeros(len(self.share)))
+
+    def driven_beyond(self, half_width: FloatArray) -> bool:
+        """The same if (n,) half widths of the friction's shares count too."""
+        return bool((self.friction < -np.maximum(np.maximum(self.share, half_width), ArmFit.driven_share)).any())
 
     @property
     def possible(self) -> bool:
@@ -187,8 +194,10 @@ def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int,
     most = len(moving) if n <= ArmFit.all_signs_joints else 2
     found: dict[tuple[int, ...], float] = {(): np.inf}
     for joints in (joints for count in range(1, most + 1) for joints in combinations(moving, count)):
-        trial = system.trial(np.diag(np.where(np.isin(np.arange(n), joints), -1.0, 1.0)))
-        if _explains(trial, as_it_is):
+        signs = np.diag(np.where(np.isin(np.arange(n), joints), -1.0, 1.0))
+        trial = system.trial(signs)
+        evident = as_it_is.cost - trial.cost > ArmFit.evident_gain
+        if _explains(trial, as_it_is) and (evident or as_it_is.driven_beyond(system.friction_half_width(signs))):
             found[joints] = trial.cost
     return min(found, key=lambda joints: found[joints])
 
@@ -269,13 +278,14 @@ class _LinksAndFriction:
         wanted = (at_motor * weight).reshape(n * n, -1)
         along = wanted @ orthogonal
         self._left, self._wanted, self._n = wanted - along @ orthogonal.T, wanted, n
-        coefficient = np.linalg.solve(triangle, along.T) / length[:, None]
+        inverse = np.linalg.inv(triangle) / length[:, None]
         # Mean friction while moving: its work, divided by the distance.
         distance = np.maximum(np.mean(np.abs(dq), axis=0), np.finfo(float).tiny)
         coulomb = np.mean(direction * dq, axis=0) / distance
         viscous = np.mean(dq**2, axis=0) / distance
-        friction = coulomb[:, None] * coefficient[-3 * n : -2 * n] + viscous[:, None] * coefficient[-2 * n : -n]
+        friction = coulomb[:, None] * inverse[-3 * n : -2 * n] + viscous[:, None] * inverse[-2 * n : -n]
         self._friction = friction / np.where(level > 0.0, level, np.inf)[:, None]
+        self._along, self._basis, self._weight = along, orthogonal.reshape(-1, n, length.size), weight
 
     def trial(self, columns: FloatArray) -> _Correction:
         """The fit with (n, n) signs: how each recorded column is taken as each motor's, 0 where it is not."""
@@ -288,4 +298,16 @@ class _LinksAndFriction:
         relative = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
         share = left * relative
         cost = float(np.sum(np.log(np.hypot(share, ArmFit.equally_good))))
-        return _Correction(cost, share, (self._friction @ chosen) * relative)
+        return _Correction(cost, share, self._friction @ (chosen @ self._along) * relative)
+
+    def friction_half_width(self, columns: FloatArray) -> FloatArray:
+        """(n,) half width of the friction of the run as it is, as a share of the torque, if such a trial is the truth.
+
+        Its residual contains noise, its correlation by the low-pass, and late or early time stamps. What only the run
+        as it is leaves unexplained is no noise, if the trial explains it.
+        """
+        left = (columns.ravel() @ self._left).reshape(-1, self._n)
+        spectrum = ResidualSpectrum(self._basis, left, self._weight)
+        quantile = student_half_width(spectrum.freedom(self._friction)) / NORMAL_HALF_WIDTH
+        level = FalseAlarms.deviations(self._n)
+        return np.asarray(level * quantile * np.sqrt(spectrum.variance(self._friction)))

@@ -71,6 +71,30 @@ def test_flipped_signs_are_found_in_either_run(signal, pinocchio_arm, joints):
         assert flipped_signs(spoiled, pinocchio_arm.chain, coupling) == joints
 
 
+def noisy_parts(pinocchio_arm, length_s):
+    """Parts of a run with 5 % of noise on each torque."""
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(), False, seed=21, periods=2, noise=0.0, with_phase=False)
+    effort = np.sqrt(np.mean(run.current_a**2, axis=0))
+    noisy = run.current_a + 0.05 * effort * np.random.default_rng(22).normal(size=run.current_a.shape)
+    rows = round(length_s / 0.01)
+    for first in range(0, 500, 50):
+        part = replace(run, current_a=noisy).rows(slice(first, first + rows))
+        yield Run.of(part, pinocchio_arm.transmission).motion
+
+
+def test_no_sign_is_blamed_for_friction_that_a_second_of_motion_does_not_determine(pinocchio_arm):
+    """Without its error, negative friction of sound joints was evidence of flipped signs."""
+    chain, coupling = pinocchio_arm.chain, pinocchio_arm.transmission.coupling
+    assert [flipped_signs(run, chain, coupling) for run in noisy_parts(pinocchio_arm, 1.0)] == [()] * 10
+
+
+def test_a_flipped_sign_is_found_in_three_seconds_in_spite_of_noise(pinocchio_arm):
+    chain, coupling = pinocchio_arm.chain, pinocchio_arm.transmission.coupling
+    flips = coupling @ np.diag([1.0, 1.0, 1.0, -1.0, 1.0, 1.0]) @ np.linalg.inv(coupling)
+    runs = [run.with_torque_times(flips) for run in noisy_parts(pinocchio_arm, 3.0)]
+    assert [flipped_signs(run, chain, coupling) for run in runs] == [(3,)] * 10
+
+
 @pytest.mark.parametrize("joints", [(0, 1), (2, 5), (4, 5)], ids=str)
 def test_exchanged_joints_are_found_from_the_loaded_run(signal, pinocchio_arm, joints):
     order = np.arange(6)
