@@ -33,8 +33,7 @@ class RecordingOptions:
         typer.Option(
             metavar="BEGIN END",
             parser=time_s,
-            help="Use the rows between two times since the first row, such as 10s 1.5min; does not apply to "
-            "--validation.",
+            help="Use the rows between two times since the first row, such as 10s 1.5min; validation runs are whole.",
         ),
     ] = None
     joints: Annotated[

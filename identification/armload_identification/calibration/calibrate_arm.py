@@ -130,6 +130,7 @@ class _Calibration:
     def result(self, robot: str, made: Provenance) -> ArmCalibration:
         """Fit until no run contradicts the others."""
         self._refuse_too_little()
+        self._refuse_other_units()
         self._refuse_other_mounting()
         fit = self._fitted(self._used)
         while len(self._used) > 1:
@@ -237,6 +238,21 @@ class _Calibration:
         said = self._weighed.get(mounting)
         reason = explain(arm, run.signals, mounting, None if said is None else said.mass_kg)
         self._left_out.append((run.name, f"it contradicts the other runs: {reason}"))
+
+    def _refuse_other_units(self) -> None:
+        """Raise for a mass that no joint of its run could carry."""
+        for run in self._used:
+            known = self._weighed.get(run.given.mounting)
+            if known is None:
+                continue
+            least_nm = known.mass_kg * float(np.linalg.norm(self._chain.gravity_m_s2)) * Calibrating.lever_m
+            greatest_nm = float(np.abs(run.rows.rows.effort_nm).max())
+            if least_nm > greatest_nm:
+                raise EstimationError(
+                    f"{run.given.recording.source.path}: {run.given.mounting} is said to weigh {known.mass_kg:g} kg, "
+                    f"which {Calibrating.lever_m:g} m from a joint take {least_nm:.3g} N m; no joint has more than "
+                    f"{greatest_nm:.3g} N m here. Is mass_kg in g, or the recording in another unit?"
+                )
 
     def _mass_warnings(self, fit: Posterior) -> list[str]:
         """Weighed masses that contradict all other data."""

@@ -27,6 +27,13 @@ class Calibrating:
     Factor of two: either way: nothing.
     """
 
+    lever_m: Final = 0.1
+    """[m] Distance from a joint at which the weight of a payload must be within the greatest torque of its run.
+
+    Origin: physics: shorter than any arm's reach; a mass in g is a thousand times too heavy.
+    Factor of two: either way: nothing.
+    """
+
     suspect: Final = 2.0
     """[1] Residual of a joint, relative to the noise of all runs, from which a fit without the run is tried.
 

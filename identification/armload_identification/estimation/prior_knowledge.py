@@ -24,6 +24,8 @@ from armload_identification.model.payload import (
     value_scale,
 )
 
+FARTHEST_M: Final = 5.0
+"""Greatest coordinate of a known centre of mass in the flange frame: beyond it, the unit is wrong."""
 EXACT: Final = 1e-5
 """Relative standard deviation of a known mass or inertia, and standard deviation of a known centre of mass in m: finer
 than any scale or drawing, and numerically harmless."""
@@ -96,6 +98,11 @@ class KnownPayload:
             )
         for axis, coordinate in zip("xyz", self.center_of_mass_m, strict=True):
             _require_known(f"centre of mass's {axis}", "m", coordinate)
+            if np.abs(coordinate).max() > FARTHEST_M:
+                raise ModelError(
+                    f"the known centre of mass's {axis} is {coordinate} m; expected m from the flange, at most "
+                    f"{FARTHEST_M:g}. Is it in mm?"
+                )
         if self.symmetric and np.any([np.any(coordinate) for coordinate in self.center_of_mass_m[:2]]):
             raise ModelError(
                 f"the known centre of mass is {_plain(self.center_of_mass_m)} m, but a body that is symmetric about "

@@ -78,8 +78,11 @@ class CsvColumns:
             for column in columns:
                 place = column if isinstance(column, int) else names.index(column) if column in names else -1
                 if not 0 <= place < (len(names) if width is None else width):
+                    there = f"there are {', '.join(names)}"
+                    if width == 1:
+                        there = "the table has one column, as no separator is recognised"
                     raise RecordingError(
-                        f"{path}: no column {column!r} for {quantity}; there are {', '.join(names)}. Correct the name, "
+                        f"{path}: no column {column!r} for {quantity}; {there}. Correct the name, "
                         "or the number, which starts at 0, or give the right file."
                     )
                 found[quantity].append(place)

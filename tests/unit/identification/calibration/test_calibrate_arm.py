@@ -57,6 +57,12 @@ def leaning(chain, tilt_rad):
     return size * gravity / np.linalg.norm(gravity)
 
 
+def test_a_mass_in_grams_is_refused(runs, pinocchio_arm, nominal):
+    grams = {"weighed": WeighedPayload(1000.0 * pinocchio_arm.payload.mass_kg)}
+    with pytest.raises(EstimationError, match=r"weighed is said to weigh \d+ kg, .*Is mass_kg in g"):
+        calibrated(runs, grams, pinocchio_arm, nominal)
+
+
 def test_the_days_are_those_of_the_table_and_of_the_recordings(result):
     assert sum(run.recorded == "" for run in result.runs) == 2
     assert result.days == ("2026-03-01", "2026-03-13", "2026-03-14")

@@ -216,6 +216,11 @@ def test_ranges_that_the_data_contradict_together_are_refused(plain):
         ({"mass_kg": -1.0}, "above 0"),
         ({"center_of_mass_m": (0.0, (0.2, 0.1), 0.0)}, "y is 0.2 to 0.1 m; expected the lower"),
         ({"center_of_mass_m": (0.0, (0.1, 0.2))}, "three numbers or ranges"),
+        (
+            {"center_of_mass_m": (0.0, 0.0, 60.0)},
+            r"mass's z is 60.0 m; expected m from the flange, at most 5\. Is it in mm",
+        ),
+        ({"center_of_mass_m": (0.0, (-60.0, 60.0), 0.1)}, r"mass's y is \(-60.0, 60.0\) m; expected m"),
         ({"center_of_mass_m": ((-0.1, 0.1), 0.0, 0.1), "symmetric": True}, "Give only one of the two"),
     ],
 )

@@ -90,6 +90,7 @@ def test_one_wild_time_stamp_does_not_cost_the_rest(tmp_path):
             "no column 7 for current_a; there are 0, 1, 2, 3, 4, 5, 6",
         ),
         (csv_rows(), ReadingOptions(CsvColumns("t", [1, 2], current=[5, 6])), "no column 't' .* 0, 1, 2"),
+        (["1.0", "2.0"], COLUMNS, "no column 1 for position_rad; the table has one column, as no separator"),
         (
             ["a,b,c,d,e,f,g", *csv_rows()],
             ReadingOptions(CsvColumns("t", [1, 2], current=[5, 6])),
