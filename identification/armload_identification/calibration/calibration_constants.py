@@ -31,7 +31,7 @@ class Calibrating:
     """[m] Distance from a joint at which the weight of a payload must be within the greatest torque of its run.
 
     Origin: physics: shorter than any arm's reach; a mass in g is a thousand times too heavy.
-    Factor of two: either way: nothing.
+    Factor of two: either way: nothing (reasoned: payloads of arms take a hundredth of it).
     """
 
     suspect: Final = 2.0
