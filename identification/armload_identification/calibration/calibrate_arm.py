@@ -240,19 +240,19 @@ class _Calibration:
         self._left_out.append((run.name, f"it contradicts the other runs: {reason}"))
 
     def _refuse_other_units(self) -> None:
-        """Raise for a mass that no joint of its run could carry."""
-        for run in self._used:
-            known = self._weighed.get(run.given.mounting)
-            if known is None:
-                continue
-            least_nm = known.mass_kg * float(np.linalg.norm(self._chain.gravity_m_s2)) * Calibrating.lever_m
-            greatest_nm = float(np.abs(run.rows.rows.effort_nm).max())
-            if least_nm > greatest_nm:
-                raise EstimationError(
-                    f"{run.given.recording.source.path}: {run.given.mounting} is said to weigh {known.mass_kg:g} kg, "
-                    f"which {Calibrating.lever_m:g} m from a joint take {least_nm:.3g} N m; no joint has more than "
-                    f"{greatest_nm:.3g} N m here. Is mass_kg in g, or the recording in another unit?"
-                )
+        """Raise if no joint could carry any of the masses; beside a right one, the run of a wrong one is left out."""
+        weighed = [run for run in self._used if run.given.mounting in self._weighed]
+        lever_n_m_kg = Calibrating.lever_m * float(np.linalg.norm(self._chain.gravity_m_s2))
+        least_nm = [self._weighed[run.given.mounting].mass_kg * lever_n_m_kg for run in weighed]
+        greatest_nm = [float(np.abs(run.rows.rows.effort_nm).max()) for run in weighed]
+        if weighed and all(np.greater(least_nm, greatest_nm)):
+            first = weighed[0].given
+            raise EstimationError(
+                f"{first.recording.source.path}: {first.mounting} is said to weigh "
+                f"{self._weighed[first.mounting].mass_kg:g} kg, which {Calibrating.lever_m:g} m from a joint take "
+                f"{least_nm[0]:.3g} N m; no joint has more than {greatest_nm[0]:.3g} N m here. Is mass_kg in g, or the "
+                "recording in another unit?"
+            )
 
     def _mass_warnings(self, fit: Posterior) -> list[str]:
         """Weighed masses that contradict all other data."""
