@@ -78,9 +78,8 @@ class CsvColumns:
             for column in columns:
                 place = column if isinstance(column, int) else names.index(column) if column in names else -1
                 if not 0 <= place < (len(names) if width is None else width):
-                    there = f"there are {', '.join(names)}"
-                    if width == 1:
-                        there = "the table has one column, as no separator is recognised"
+                    one = "the table has one column, as no separator is recognised"
+                    there = one if width == 1 else f"there are {', '.join(names)}"
                     raise RecordingError(
                         f"{path}: no column {column!r} for {quantity}; {there}. Correct the name, "
                         "or the number, which starts at 0, or give the right file."

@@ -196,8 +196,11 @@ def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int,
     for joints in (joints for count in range(1, most + 1) for joints in combinations(moving, count)):
         signs = np.diag(np.where(np.isin(np.arange(n), joints), -1.0, 1.0))
         trial = system.trial(signs)
-        evident = as_it_is.cost - trial.cost > ArmFit.evident_gain
-        if _explains(trial, as_it_is) and (evident or as_it_is.driven_beyond(system.friction_half_width(signs))):
+        gained = as_it_is.cost - trial.cost
+        if not trial.possible or gained <= -ArmFit.no_worse:
+            continue
+        evident = gained > ArmFit.evident_gain
+        if evident or (as_it_is.driven and as_it_is.driven_beyond(system.friction_half_width(signs))):
             found[joints] = trial.cost
     return min(found, key=lambda joints: found[joints])
 
@@ -228,14 +231,6 @@ def _reordered(n: int, joints: tuple[int, ...], shift: int) -> NDArray[np.intp]:
     order = np.arange(n)
     order[list(joints)] = np.roll(joints, shift)
     return order
-
-
-def _explains(trial: _Correction, as_it_is: _Correction) -> bool:
-    """Whether a correction is needed, and is right."""
-    if not trial.possible:
-        return False
-    gained = as_it_is.cost - trial.cost
-    return gained > ArmFit.evident_gain or (as_it_is.driven and gained > -ArmFit.no_worse)
 
 
 class _LinksAndFriction:
