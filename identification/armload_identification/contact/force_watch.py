@@ -103,22 +103,24 @@ class ForceWatch:
 
     def __init__(self, calibration: ArmCalibration, chain: Chain, transmission: Transmission) -> None:
         constants = estimator_constants(calibration, chain, transmission)
-        self.state = Force.FREE
         self._maker = RowMaker(calibration, chain, constants.from_effort)
-        self._memory = ArmMemory(PAYLOAD + 3 * chain.n)
-        coloured = calibration.known_arm(chain).noise_nm ** 2
-        self._noise = ResidualNoise(coloured, coloured)
+        self._know_nothing(calibration.known_arm(chain).noise_nm ** 2)
         nothing = np.zeros((0, chain.n))
         self._rows = self._maker.take(np.zeros(0), nothing, nothing, np.zeros(PAYLOAD))
-        self._seen_s = 0.0
-        self._above = 0
-        self._last_mean: FloatArray | None = None
-        self._base: RememberedState | None = None
         self._noticed_s = self._evident_s = self._before_s = 0.0
         self._push_end_s = np.inf
         self._looks = list(LOOKS_S)
         self._looked_s = -np.inf
         self._joints = np.zeros(chain.n, dtype=np.bool_)
+
+    def _know_nothing(self, coloured_nm2: FloatArray) -> None:
+        """Begin, with (n,) variances of the calibration's residual."""
+        self.state = Force.FREE
+        self._memory = ArmMemory(PAYLOAD + 3 * self._maker.chain.n)
+        self._noise = ResidualNoise(coloured_nm2, coloured_nm2)
+        self._seen_s, self._above = 0.0, 0
+        self._last_mean: FloatArray | None = None
+        self._base: RememberedState | None = None
 
     def take(self, time_s: FloatArray, position: FloatArray, effort: FloatArray) -> list[ForceEvent]:
         """Process samples.
@@ -199,9 +201,9 @@ class ForceWatch:
 
     def _decide(self, base: RememberedState, now_s: float) -> list[ForceEvent]:
         """Look at the event when it is time, and see whether a push is over."""
-        events = []
         if self.state is Force.PUSHED and self._evident_s - self._noticed_s > max(self._before_s, OUTLASTS_S):
             return [self._begin_anew(now_s)]
+        events = []
         if self._looks and now_s - self._noticed_s >= self._looks[0]:
             due_s = self._looks.pop(0)
             found = assess(self._rows, base, self._noise, self._maker.chain, self._noticed_s)
@@ -233,11 +235,8 @@ class ForceWatch:
 
     def _begin_anew(self, now_s: float) -> ForceEvent:
         """What lasts longer than all before it is the rule: something acted before it, and what was learnt is wrong."""
-        self._memory, self._base = ArmMemory(PAYLOAD + 3 * self._maker.chain.n), None
-        self._seen_s, self._last_mean = 0.0, None
-        self._noise = ResidualNoise(self._noise.coloured_nm2, self._noise.coloured_nm2)
+        self._know_nothing(self._noise.coloured_nm2)
         self._rows = self._rows.part(slice(0))  # they were linearised about the wrong payload
-        self.state, self._above = Force.FREE, 0
         return ForceEvent(ForceEventKind.PAYLOAD, now_s, self._noticed_s, self._joints)
 
     def _resume(self, *, payload: bool, from_s: float) -> None:
