@@ -228,8 +228,7 @@ class SimulatedDrives:
                 self._carry_out_calls()
                 if message is not None:
                     self._receive(message)
-                    self._receive_backlog()
-                self._plant.advance(self._clock())
+                self._receive_backlog()
                 self._tick()
         except (can.CanError, OSError) as error:
             self._failure = BusError(f"the simulated drives lost their bus: {error}")
@@ -237,10 +236,16 @@ class SimulatedDrives:
             self._failure = error
 
     def _receive_backlog(self) -> None:
-        """Process waiting frames before the timers; the number is bounded in case of a flood."""
+        """Process waiting frames before the timers; the number is bounded in case of a flood.
+
+        The plant is then advanced, but only to where every frame has been read: a SYNC that arrived while this thread
+        was not scheduled samples the plant at its stamp, and axes that had passed it could not go back.
+        """
         for _ in range(MOST_FRAMES):
+            read_s = self._clock()
             message = self._bus.recv(0.0)
             if message is None:
+                self._plant.advance(read_s)
                 return
             self._receive(message)
 

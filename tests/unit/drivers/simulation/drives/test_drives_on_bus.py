@@ -228,3 +228,24 @@ def test_on_a_wall_clock_they_act_in_a_thread_and_by_themselves(arm_settings):
     answers = [cob_id for cob_id, _, _ in rig.bus.sent if cob_id == 0x583]
     assert len(answers) == 3
     assert not rig.drives.running
+
+
+def test_a_thread_that_was_not_scheduled_does_not_move_the_arm_past_a_sync_that_it_has_not_read(arm_settings):
+    """The thread wakes up 30 ms late; a SYNC that arrived meanwhile samples the arm where it was then."""
+    now, sampled = [50.0], []
+    rig = Rig(arm_settings(), lambda: now[0])
+
+    def recv(timeout):
+        if not sampled and timeout:  # nothing has come; then others run
+            now[0] += 0.03
+            rig.bus.queue.append(can.Message(arbitration_id=0x080, is_extended_id=False))
+            return None
+        return rig.bus.queue.pop(0) if rig.bus.queue else None
+
+    rig.bus.recv = recv
+    rig.drives._sync = lambda *_: sampled.append(rig.plant.time_s)
+    rig.drives.start()
+    while rig.plant.time_s < 50.03:
+        pass
+    rig.drives.stop()
+    assert sampled == [0.0]
