@@ -8,10 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_controller.analysis.payload_events import HELD_S, MOVED_S, PayloadEvents
+from armload_controller.analysis.payload_events import PayloadEvents
 from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.contact.force_watch import ForceEvent, ForceEventKind
 from tests.live_estimates import live_estimate
+
+HELD_S, MOVED_S = 10.0, 5.0
 
 N = 3
 NAMES = ("shoulder", "elbow", "wrist")

@@ -12,13 +12,15 @@ import pytest
 from rich.console import Console
 
 from armload_controller.analysis.arm_in_use import ArmInUse
-from armload_controller.analysis.payload_watch import IDLE_LOOKS, HeardBus, PayloadWatch, WatchedMoment, follow
+from armload_controller.analysis.payload_watch import HeardBus, PayloadWatch, WatchedMoment, follow
 from armload_controller.analysis.stated_drift import StatedDrift
 from armload_controller.analysis.watch_history import WatchDiary
 from armload_controller.cli.output.watch_output import moment_text, shown_moments
 from armload_controller.cli.screen import Screen
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.identification_errors import EstimationError, RecordingError
+
+IDLE_LOOKS = 10
 
 
 @pytest.fixture(scope="module")

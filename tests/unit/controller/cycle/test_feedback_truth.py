@@ -7,7 +7,6 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.cycle.feedback_truth import (
-    LIMITED_S,
     DriveLag,
     InternalLimit,
     RemoteLost,
@@ -18,6 +17,8 @@ from armload_controller.cycle.feedback_truth import (
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.session.run_session import feedback_truth
 from armload_drivers.servos import JointCommand, JointFeedback
+
+LIMITED_S = 0.1
 
 ROBOT = load_robot("er50")
 N, CYCLE_S = 6, 0.004

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 import armload_controller
-from armload_controller.cycle.realtime import SWITCH_INTERVAL_S
+
+SWITCH_INTERVAL_S = 0.0005
 
 PROGRAM = """
 import gc, json, os, sys

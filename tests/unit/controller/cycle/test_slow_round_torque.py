@@ -6,8 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armload_controller.cycle.slow_round_torque import AVERAGED_S, SlowRound, SlowRoundRows
+from armload_controller.cycle.slow_round_torque import SlowRound, SlowRoundRows
 from armload_identification.signals.joint_torque import joint_torque
+
+AVERAGED_S = 0.1
 
 NAMES = tuple("abcdef")
 TORQUE_MAX_NM = np.full(6, 200.0)

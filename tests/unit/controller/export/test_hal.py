@@ -8,7 +8,9 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.export.exported_payload import ExportSubject
-from armload_controller.export.hal import LONGEST_NAME, export_hal
+from armload_controller.export.hal import export_hal
+
+LONGEST_NAME = 22
 
 LONGEST_IN_HAL = 47
 """Longest name of a pin or parameter, in characters."""

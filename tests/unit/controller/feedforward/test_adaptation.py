@@ -11,19 +11,8 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.cycle.plugins import CycleStep
-from armload_controller.feedforward.adaptation import (
-    BETTER,
-    DROP_S,
-    FEED_S,
-    LOOK_S,
-    STALE_S,
-    TAKE_S,
-    DecisionKind,
-    Look,
-    PayloadAdaptation,
-)
+from armload_controller.feedforward.adaptation import DecisionKind, Look, PayloadAdaptation
 from armload_controller.feedforward.adaptation_rules import (
-    MOMENT_SHARE,
     AdaptationRefused,
     AdaptationRules,
     DeclaredMass,
@@ -39,6 +28,8 @@ from armload_identification.model.payload import REFERENCE_LENGTH_M
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.recording.reading_options import Effort
 from tests.live_estimates import live_estimate, sphere
+
+BETTER, DROP_S, FEED_S, LOOK_S, STALE_S, TAKE_S, MOMENT_SHARE = 0.05, 0.2, 0.5, 1.0, 1.0, 0.1, 0.1
 
 ROBOT = load_robot("prbt")
 N, CYCLE_S, RATED_KG = ROBOT.n, 0.01, 6.0

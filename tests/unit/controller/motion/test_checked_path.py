@@ -12,7 +12,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion import setpoints
-from armload_controller.motion.checked_path import SAG_RAD, CheckedLeg, CheckedPath, check_path
+from armload_controller.motion.checked_path import CheckedLeg, CheckedPath, check_path
 from armload_controller.motion.joint_and_speed_checks import (
     require_joint_limits,
     require_reduced_speed,
@@ -26,6 +26,8 @@ from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
 from armload_identification.model.chain import pose_from_xyz_rpy
 from tests.planned_leg import plan_leg
+
+SAG_RAD = 0.01
 
 ROBOT = load_robot("prbt")
 CYCLE_S = 0.01

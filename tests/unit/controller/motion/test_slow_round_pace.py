@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 
 from armload_controller.config.robot import load_robot
 from armload_controller.motion.paths import PhaseLimits, bound_phase
-from armload_controller.motion.slow_round_pace import PLANNED_SPEED_M_S, REDUCED_SPEED_M_S, Pace, reduced_pace
+from armload_controller.motion.slow_round_pace import Pace, reduced_pace
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
+
+PLANNED_SPEED_M_S, REDUCED_SPEED_M_S = 0.245, 0.25
 
 ROBOT = load_robot("er50")
 PATH = ROBOT.excitations["identification"].trajectory

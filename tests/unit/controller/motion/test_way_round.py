@@ -7,7 +7,9 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.motion.paths import BlockedWay
-from armload_controller.motion.way_round import MOST_STRETCHES, VIA_POINTS, find_way
+from armload_controller.motion.way_round import find_way
+
+MOST_STRETCHES, VIA_POINTS = 400, 120
 
 LIMITS = load_robot("prbt").limits.motion
 START, GOAL = 0.3 * LIMITS.position_min_rad, 0.3 * LIMITS.position_max_rad

@@ -6,16 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_controller.new_robot.twin_draft import (
-    COUNTS_PER_TURN,
-    PEAK_OF_RATED,
-    ROTOR_SHARE,
-    body_lines,
-    twin_bus,
-    twin_drive,
-    twin_simulation,
-)
+from armload_controller.new_robot.twin_draft import body_lines, twin_bus, twin_drive, twin_simulation
 from armload_identification.model.payload import InertialParameters
+
+COUNTS_PER_TURN, PEAK_OF_RATED, ROTOR_SHARE = 1_048_576, 3, 0.05
 
 pytestmark = pytest.mark.pure
 

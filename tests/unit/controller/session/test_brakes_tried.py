@@ -12,10 +12,12 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.arm_access import open_arm
-from armload_controller.session.brake_test import MOST_MOVED_RAD, BrakeTest, brakes_tried
+from armload_controller.session.brake_test import BrakeTest, brakes_tried
 from armload_controller.session.run_session import Consent, NoDisplay, Operator, no_operator, run_session
 from armload_controller.session.session_load import SessionLoad
 from armload_identification.signals.joint_torque import Transmission
+
+MOST_MOVED_RAD = 0.004
 
 CYCLE_S = 0.02
 TRIED_NM = np.array([50.0, 0.0, 20.0])

@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from armload_controller.analysis.arm_in_use import arm_in_use
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import MotionError
-from armload_controller.cycle.slow_round_torque import AVERAGED_S, SlowRoundRows
+from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.session import flange_check
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, record_half, recording_path
 from armload_controller.session.flange_check import loaded_doubts, recorded_slow_round, unloaded_doubts
@@ -37,6 +37,8 @@ from benchmarks.arms.setups import Twin, twin_spec
 from tests.fake_servos import FakeServos
 from tests.short_commissioning import MIDDLE_RAD, least_robot, record
 from tests.unit.conftest import pinocchio_model
+
+AVERAGED_S = 0.1
 
 PRBT = load_robot("prbt")
 ARM = arm_in_use(PRBT)

@@ -31,11 +31,13 @@ from armload_drivers.driver_errors import (
     SettingChanged,
     WrongDevice,
 )
-from armload_drivers.simulation.drives.drive_dictionary import CELSIUS, DriveTraits
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
 from armload_drivers.simulation.plant_interface import PlantAxis
 from tests.ideal_plant import IdealPlant
 from tests.scripted_sdo import ScriptedSdo
+
+CELSIUS = 40.0
 
 SHORT = Timeouts(probe_s=0.01, sdo_s=0.01, mode_s=0.02, fault_reset_s=0.05)
 MASTER = 127

@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 
 from armload_drivers.bring_up.powered_drive import judged, powered_drives
-from armload_drivers.cia402.axis_brakes import STANDSTILL_RAD_S
 from armload_drivers.cia402.state_machine import State
+
+STANDSTILL_RAD_S = 0.005
 
 COUNTS_PER_RAD = 1e5
 ENABLED, QUICK_STOP = State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE

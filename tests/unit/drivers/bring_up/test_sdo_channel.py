@@ -4,7 +4,6 @@ import struct
 
 import pytest
 
-from armload_drivers.bring_up.sdo_channel import POLL_S
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.driver_errors import SdoRefused, ServoError, ServoTimeout
 from tests.scripted_sdo import (
@@ -18,6 +17,8 @@ from tests.scripted_sdo import (
     WRONG_LENGTH,
     ScriptedSdo,
 )
+
+POLL_S = 0.005
 
 pytestmark = pytest.mark.pure
 

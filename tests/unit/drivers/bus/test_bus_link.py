@@ -7,8 +7,10 @@ import can
 import pytest
 from can import exceptions
 
-from armload_drivers.bus.bus_link import QUEUE_FULL_TRIES, BusLink
+from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.driver_errors import BusError
+
+QUEUE_FULL_TRIES = 50
 
 
 class FailingBus:

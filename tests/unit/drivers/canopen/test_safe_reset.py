@@ -7,11 +7,12 @@ import pytest
 from armload_drivers.bring_up.powered_drive import judged
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.safe_reset import answering_drives, powered_drives, reset_drives
-from armload_drivers.cia402.axis_brakes import STANDSTILL_RAD_S
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.driver_errors import ServoError
 from tests.scripted_drives import ScriptedBus
+
+STANDSTILL_RAD_S = 0.005
 
 ENABLED, QUICK_STOP = State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE
 COUNTS_PER_RAD = 1e5

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, STANDSTILL_RAD_S, axis_moves
+from armload_drivers.cia402.axis_brakes import axis_moves
+
+HELD_RAD, HOLDING_WATCH_S, STANDSTILL_RAD_S = 0.01, 0.2, 0.005
 
 pytestmark = pytest.mark.pure
 

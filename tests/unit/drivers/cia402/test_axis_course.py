@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from armload_drivers.cia402 import axis_course
 from armload_drivers.cia402.axis_course import AxisCourse, axis_courses, loop_lost
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 
@@ -72,7 +71,7 @@ def test_a_position_that_jumps(way_rad):
 
 def test_a_jump_within_the_margin_is_none():
     targets = np.zeros(50)
-    margin_rad = axis_course.MARGIN_SHARE * SPEED * CYCLE_S
+    margin_rad = 0.2 * SPEED * CYCLE_S
     assert follow(course(), targets, np.where(np.arange(50) >= 20, 0.9 * margin_rad, 0.0))[0] is None
     assert follow(course(), targets, np.where(np.arange(50) >= 20, 1.1 * margin_rad, 0.0))[0] == 20
 
@@ -119,13 +118,11 @@ def test_an_axis_that_friction_holds_at_a_reversal_is_not_frozen():
 def test_an_axis_that_stands_while_its_setpoints_go_on_is_stuck():
     targets = 0.05 * CYCLE_S * np.arange(1000)
     found, why = follow(course(), targets, np.zeros(1000))
-    assert targets[found] == pytest.approx(axis_course.STUCK_SHARE * WINDOW, abs=1e-3)
+    assert targets[found] == pytest.approx(0.4 * WINDOW, abs=1e-3)
     assert "not changed by a single count" in why
 
 
-@pytest.mark.parametrize(
-    ("moved", "samples"), [(0, axis_course.PUSHES_FROM_REST_S / CYCLE_S), (20, axis_course.PUSHES_SAMPLES)]
-)
+@pytest.mark.parametrize(("moved", "samples"), [(0, 0.06 / CYCLE_S), (20, 3)])
 def test_an_axis_that_is_pushed_with_its_greatest_torque_and_stands(moved, samples):
     """At once if it moved before; an axis at rest may be held by static friction for some time."""
     targets = 0.02 * CYCLE_S * np.arange(200)
@@ -148,7 +145,7 @@ def test_a_slow_motion_against_the_setpoints():
     targets = 0.15 * CYCLE_S * np.arange(300)
     found, why = follow(course(), targets, -targets)
     assert "against its setpoints" in why
-    assert 2.0 * targets[found] == pytest.approx(axis_course.APART_SHARE * WINDOW, abs=2e-3)
+    assert 2.0 * targets[found] == pytest.approx(0.2 * WINDOW, abs=2e-3)
 
 
 def test_in_a_stop_an_axis_may_take_its_time_but_must_slow_down():
@@ -224,8 +221,8 @@ def test_a_stop_begins_as_late_as_a_loop_may_lag():
     made.slow_down()
     here = targets[-1] + speed * CYCLE_S * np.arange(1, 200)
     found, why = follow(made, here, here)
-    falls_s = axis_course.MARGIN_SHARE * SPEED / (axis_course.RAMP_SHARE * ACCELERATION)
-    assert found * CYCLE_S == pytest.approx(axis_course.RECALL_S + falls_s, abs=3 * CYCLE_S)
+    falls_s = 0.2 * SPEED / (0.25 * ACCELERATION)
+    assert found * CYCLE_S == pytest.approx(0.1 + falls_s, abs=3 * CYCLE_S)
     assert "are commanded" in why
 
 
@@ -267,7 +264,7 @@ def test_an_axis_that_creeps_by_a_few_counts_may_be_held_by_friction_for_some_ti
     positions = np.minimum(targets, targets[19])
     effort = np.where(np.arange(60) > 20, 950.0, 0.0)
     found, why = follow(course(), targets, positions, effort)
-    assert found == 20 + axis_course.PUSHES_FROM_REST_S / CYCLE_S
+    assert found == 20 + 0.06 / CYCLE_S
     assert "greatest torque" in why
 
 
@@ -283,7 +280,7 @@ def test_an_axis_that_stops_dead_right_before_a_stop_is_found_in_the_stop():
     """Its setpoints had gone on far enough, and go no further."""
     made = course()
     targets = 0.3 * CYCLE_S * np.arange(50)
-    on = targets[-1] + 1.3 * axis_course.GOES_ON_SHARE * 0.3 * CYCLE_S
+    on = targets[-1] + 1.3 * 0.25 * 0.3 * CYCLE_S
     assert follow(made, [*targets, on], [*targets, targets[-1]])[0] is None
     made.slow_down()
     assert "stopped dead" in follow(made, [on], [targets[-1]])[1]

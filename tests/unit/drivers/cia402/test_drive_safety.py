@@ -20,8 +20,9 @@ from armload_drivers.cia402.drive_safety import (
     settings_of,
 )
 from armload_drivers.cia402.object_dictionary import DataType, Entry
-from armload_drivers.cia402.process_data.drive_scale import RATING_TOLERANCE
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
+
+RATING_TOLERANCE = 0.01
 
 
 def test_every_property_says_what_is_lost_without_it_and_how_each_way_is_verified():

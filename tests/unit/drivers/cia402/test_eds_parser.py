@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.eds_parser import LARGEST_BYTES, MOST_WARNINGS, parse_description
+from armload_drivers.cia402.eds_parser import parse_description
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.driver_errors import DescriptionError
+
+LARGEST_BYTES, MOST_WARNINGS = 8_000_000, 200
 
 pytestmark = pytest.mark.pure
 

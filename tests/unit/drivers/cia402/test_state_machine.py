@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armload_drivers.cia402.state_machine import (
-    FAULT_RESET_BIT,
     POWERED,
     ROUTES,
     TRANSITIONS,
@@ -19,6 +18,8 @@ from armload_drivers.cia402.state_machine import (
     decode,
 )
 from armload_drivers.driver_errors import StatuswordError, TransitionError
+
+FAULT_RESET_BIT = 0x80
 
 pytestmark = pytest.mark.pure
 

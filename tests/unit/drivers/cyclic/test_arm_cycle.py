@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from armload_drivers.cia402.arm_settings import EffortFeedback
-from armload_drivers.cia402.process_data.offset_fade import OFFSET_FADE_S
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cyclic.arm_cycle import ArmCycle
 from armload_drivers.driver_errors import BusError, ForeignMaster, LoopLost, ServoError, ServoFault, ServoTimeout
 from tests.scripted_drives import ENABLED, FAULT, SWITCHED_ON, UNDEFINED, ScriptedArm
+
+OFFSET_FADE_S = 0.15
 
 pytestmark = pytest.mark.pure
 

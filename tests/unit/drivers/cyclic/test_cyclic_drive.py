@@ -4,11 +4,12 @@ import math
 
 import pytest
 
-from armload_drivers.cia402.axis_brakes import STANDSTILL_RAD_S
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cyclic.cyclic_drive import CyclicDrive
 from armload_drivers.driver_errors import LoopLost, ServoError, ServoFault, ServoTimeout
 from tests.scripted_drives import ENABLED, FAULT, QUICK_STOP, SWITCHED_ON, UNDEFINED
+
+STANDSTILL_RAD_S = 0.005
 
 pytestmark = pytest.mark.pure
 

@@ -7,9 +7,10 @@ import pytest
 
 from armload_drivers.bring_up.drive_objects import DriveObjects
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.bus_budget import READ_AGAIN_S
-from armload_drivers.cyclic.settings_watch import ANSWER_S, SettingsWatch
+from armload_drivers.cyclic.settings_watch import SettingsWatch
 from armload_drivers.driver_errors import SettingChanged
+
+READ_AGAIN_S, ANSWER_S = 1.9, 0.5
 
 CYCLE_S = 0.01
 HELD = {

@@ -9,9 +9,11 @@ from armload_drivers.bring_up.drive_dialogue import DriveDialogue
 from armload_drivers.cia402.object_dictionary import NmtState
 from armload_drivers.cia402.state_machine import POWERED, DriveMachine, State
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.cyclic.torque_removal import OBEYS_CYCLES, TorqueRemoval, torque_remains
+from armload_drivers.cyclic.torque_removal import TorqueRemoval, torque_remains
 from armload_drivers.driver_errors import AxisMoves, LoopLost, ServoError, ServoTimeout, TorqueRemains
 from tests.scripted_drives import ENABLED, ScriptedArm
+
+OBEYS_CYCLES = 2
 
 LIMITS = Timeouts(stop_s=0.5, disable_s=0.5, boot_s=0.01, torque_off_s=0.01)
 RESET, PRE_OPERATIONAL = 0x81, 0x80

@@ -6,17 +6,18 @@ from types import SimpleNamespace
 import pytest
 
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.axis_brakes import STANDSTILL_RAD_S
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.process_data.process_image import feedback_entries, setpoint_entries
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import BusError, WrongDevice
 from armload_drivers.ethercat import ethercat_bring_up
-from armload_drivers.ethercat.ethercat_bring_up import WATCH_S, EthercatBringUp
+from armload_drivers.ethercat.ethercat_bring_up import EthercatBringUp
 from armload_drivers.ethercat.ethercat_line import LineState
 from armload_drivers.ethercat.pdo_assignment import FramePart
 from tests.scripted_sdo import ScriptedSdo
+
+STANDSTILL_RAD_S, WATCH_S = 0.005, 0.25
 
 SERVO, CLAMP = 0x0002_0192, 0x0000_0191
 

@@ -17,11 +17,13 @@ from armload_drivers.driver_errors import (
     WorkingCounterWrong,
 )
 from armload_drivers.ethercat import ethercat_cycle
-from armload_drivers.ethercat.ethercat_cycle import STATE_S, EthercatCycle
+from armload_drivers.ethercat.ethercat_cycle import EthercatCycle
 from armload_drivers.ethercat.ethercat_drive import EthercatDrive
 from armload_drivers.ethercat.ethercat_line import LineState, MailboxAbort, MailboxSilence
 from armload_drivers.ethercat.pdo_assignment import FramePart
 from tests.scripted_drives import FAULT, SWITCHED_ON
+
+STATE_S = 0.02
 
 CYCLE_S, ALLOWED, DRIVES = 0.01, 3, 5
 COMPLETE = 3 * DRIVES

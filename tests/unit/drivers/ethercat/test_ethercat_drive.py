@@ -9,8 +9,10 @@ from armload_drivers.cia402.axis_course import AxisCourse
 from armload_drivers.cia402.process_data.frame_part import FramePart
 from armload_drivers.cia402.process_data.process_image import effort_entry, target_entry
 from armload_drivers.driver_errors import DriveHung, DriveLeftOp, ServoError, ServoTimeout
-from armload_drivers.ethercat.ethercat_drive import HUNG_REQUESTS, HUNG_S, EthercatDrive
-from armload_drivers.ethercat.ethercat_line import STATE_ERROR, LineState
+from armload_drivers.ethercat.ethercat_drive import EthercatDrive
+from armload_drivers.ethercat.ethercat_line import LineState
+
+HUNG_REQUESTS, HUNG_S, STATE_ERROR = 2, 0.5, 0x10
 
 CYCLE_S = 0.01
 

@@ -2,11 +2,13 @@
 
 import pytest
 
-from armload_drivers.bring_up.sdo_channel import READ_ONLY, SdoChannel
+from armload_drivers.bring_up.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import PdoDirection
 from armload_drivers.driver_errors import SdoRefused, ServoError
 from armload_drivers.ethercat.pdo_assignment import assign
+
+READ_ONLY = 0x0601_0002
 
 WANTED = [od.CONTROLWORD, od.TARGET_POSITION]
 MAX_TORQUE = 0x6072_0010

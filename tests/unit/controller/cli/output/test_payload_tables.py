@@ -10,11 +10,13 @@ import typer
 from armload_controller.cli import screen as screen_module
 from armload_controller.cli.output.feedforward_output import following_error_table, offset_account
 from armload_controller.cli.output.findings_output import finish, require_not_wrong
-from armload_controller.feedforward.offset_check import CERTAINTY, OffsetVerdict
+from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.session.feedforward_comparison import FollowingComparison, Measure
 from armload_identification.results import payload_comparison
 from armload_identification.verdict.agreement import Outcome
 from armload_identification.verdict.cad_comparison import RelativeErrors
+
+CERTAINTY = 0.12
 
 
 class Screen(screen_module.Screen):

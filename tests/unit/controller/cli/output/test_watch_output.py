@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from armload_controller.analysis.payload_events import PayloadEvent
-from armload_controller.analysis.payload_watch import NOTED_S, SHOWN_S, SILENT_S, HeardBus, WatchedMoment
+from armload_controller.analysis.payload_watch import HeardBus, WatchedMoment
 from armload_controller.cli.output.watch_output import moment_table, moment_text, shown_moments
 from armload_identification.contact.force_watch import Force
+
+NOTED_S, SHOWN_S, SILENT_S = 10.0, 3.0, 3.0
 
 pytestmark = pytest.mark.pure
 

@@ -15,10 +15,12 @@ from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_controller.session.live.live_relay import ClientLimits, ClientPace, Relay, refusal
 from armload_controller.session.live.live_server import LiveArm, serve_clients
-from armload_controller.session.live.live_view import EVERY_S, LiveView
+from armload_controller.session.live.live_view import LiveView
 from armload_controller.session.run_session import NoDisplay
 from armload_drivers.servos import JointCommand, JointFeedback
 from tests.foxglove_clients import Client, shake_hands, silent_client
+
+EVERY_S = 0.05
 
 ROBOT = load_robot("prbt")
 ARM = LiveArm(

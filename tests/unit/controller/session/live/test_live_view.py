@@ -19,12 +19,14 @@ from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.phase import PhaseState, Segment
-from armload_controller.session.live.live_view import EVERY_S, LiveAddress, LiveView, live_at, shown_live
+from armload_controller.session.live.live_view import LiveAddress, LiveView, live_at, shown_live
 from armload_controller.session.run_session import Consent, NoDisplay, Operator, run_session
 from armload_controller.session.session_load import SessionLoad
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from tests.foxglove_clients import Client, silent_client
+
+EVERY_S = 0.05
 
 ROBOT = load_robot("prbt")
 SWING = FourierTrajectory(1.0, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), np.full((6, 1), 0.05), np.full((6, 1), 0.02))

@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armload_drivers.cia402.process_data.offset_fade import OFFSET_FADE_S, OffsetFade
+from armload_drivers.cia402.process_data.offset_fade import OffsetFade
+
+OFFSET_FADE_S = 0.15
 
 pytestmark = pytest.mark.pure
 

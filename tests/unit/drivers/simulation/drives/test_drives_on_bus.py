@@ -11,11 +11,13 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState
 from armload_drivers.driver_errors import BusError, SimulationError, StateError
 from armload_drivers.simulation.drives import drives_on_bus
-from armload_drivers.simulation.drives.drives_on_bus import LONGEST_GAP_S, SimulatedDrives
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import lockstep_bus, lockstep_wires
 from armload_drivers.simulation.plant_interface import EncoderFault
 from armload_drivers.simulation.virtual_clock import VirtualClock
 from tests.ideal_plant import IdealPlant
+
+LONGEST_GAP_S = 0.05
 
 READ_TYPE = struct.pack("<BHB4x", 0x40, 0x1000, 0)
 

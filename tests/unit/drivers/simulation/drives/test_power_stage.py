@@ -7,9 +7,11 @@ import pytest
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.state_machine import POWERED, State
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits, build_dictionary
-from armload_drivers.simulation.drives.power_stage import FOLLOWING_ERROR, PowerStage
+from armload_drivers.simulation.drives.power_stage import PowerStage
 from armload_drivers.simulation.drives.sdo_server import SdoAbort
 from armload_drivers.simulation.plant_interface import PlantAxis
+
+FOLLOWING_ERROR = 0x8611
 
 pytestmark = pytest.mark.pure
 

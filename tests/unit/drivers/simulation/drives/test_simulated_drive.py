@@ -10,16 +10,12 @@ import pytest
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState, PdoDirection
 from armload_drivers.cia402.state_machine import State
-from armload_drivers.simulation.drives.drive_dictionary import SILENCE, DriveTraits
-from armload_drivers.simulation.drives.simulated_drive import (
-    HEARTBEAT_LOST,
-    PDO_TOO_SHORT,
-    RPDO_OVERDUE,
-    SYNC_LENGTH,
-    SimulatedDrive,
-)
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
+from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
 from armload_drivers.simulation.plant_interface import PlantAxis
 from tests.ideal_plant import IdealPlant
+
+SILENCE, HEARTBEAT_LOST, PDO_TOO_SHORT, RPDO_OVERDUE, SYNC_LENGTH = 0, 0x8130, 0x8210, 0x8250, 0x8240
 
 pytestmark = pytest.mark.pure
 
