@@ -24,6 +24,84 @@ FAULT_RESET_BIT = 0x80
 pytestmark = pytest.mark.pure
 
 
+STATUS = {
+    State.NOT_READY_TO_SWITCH_ON: "x0xx0000", State.SWITCH_ON_DISABLED: "x1xx0000",
+    State.READY_TO_SWITCH_ON: "x01x0001", State.SWITCHED_ON: "x01x0011", State.OPERATION_ENABLED: "x01x0111",
+    State.QUICK_STOP_ACTIVE: "x00x0111", State.FAULT_REACTION_ACTIVE: "x0xx1111", State.FAULT: "x0xx1000",
+}  # fmt: skip
+"""CiA 402-2, table "state coding": the low byte; the high one has no part."""
+COMMANDS = {
+    Command.SHUTDOWN: "0xxxx110", Command.SWITCH_ON: "0xxx0111", Command.ENABLE_OPERATION: "0xxx1111",
+    Command.DISABLE_VOLTAGE: "0xxxxx0x", Command.QUICK_STOP: "0xxxx01x",
+}  # fmt: skip
+"""CiA 402-2, table "command coding", likewise."""
+MADE = {
+    State.SWITCH_ON_DISABLED: {0x06: (2,), 0x07: (), 0x0F: (), 0x00: (), 0x02: ()},
+    State.READY_TO_SWITCH_ON: {0x06: (), 0x07: (3,), 0x0F: (3, 4), 0x00: (7,), 0x02: (7,)},
+    State.SWITCHED_ON: {0x06: (6,), 0x07: (), 0x0F: (4,), 0x00: (10,), 0x02: (10,)},
+    State.OPERATION_ENABLED: {0x06: (8,), 0x07: (5,), 0x0F: (), 0x00: (9,), 0x02: (11,)},
+    State.QUICK_STOP_ACTIVE: {0x06: (), 0x07: (), 0x0F: (16,), 0x00: (12,), 0x02: ()},
+    State.FAULT_REACTION_ACTIVE: {0x06: (), 0x07: (), 0x0F: (), 0x00: (), 0x02: ()},
+    State.FAULT: {0x06: (), 0x07: (), 0x0F: (), 0x00: (), 0x02: (), 0x80: (15,)},
+}
+"""CiA 402-2, figure of the finite state automaton: transitions by word."""
+INTO = {
+    2: State.READY_TO_SWITCH_ON, 3: State.SWITCHED_ON, 4: State.OPERATION_ENABLED, 5: State.SWITCHED_ON,
+    6: State.READY_TO_SWITCH_ON, 7: State.SWITCH_ON_DISABLED, 8: State.READY_TO_SWITCH_ON, 9: State.SWITCH_ON_DISABLED,
+    10: State.SWITCH_ON_DISABLED, 11: State.QUICK_STOP_ACTIVE, 12: State.SWITCH_ON_DISABLED,
+    15: State.SWITCH_ON_DISABLED, 16: State.OPERATION_ENABLED,
+}  # fmt: skip
+
+
+def fits(word, pattern):
+    return all(bit in {"x", of} for bit, of in zip(pattern, f"{word & 0xFF:08b}", strict=True))
+
+
+def test_every_word_is_read_as_the_standards_tables_say():
+    for word in range(1 << 8):
+        states = [state for state, pattern in STATUS.items() if fits(word, pattern)]
+        assert [decoded(word), decoded(word | 0xFF00)] == (2 * states or [None, None])
+        assert {command for command in Command if command.matches(word)} == {
+            command for command, pattern in COMMANDS.items() if fits(word, pattern)
+        }
+
+
+@pytest.mark.parametrize("state", MADE)
+def test_a_drive_makes_the_standards_transitions_and_no_other(state):
+    for word, made in MADE[state].items():
+        drive = DriveMachine()
+        drive.state = state
+        assert drive.receive(word) == made, f"{word:02X}"
+        assert drive.state is (INTO[made[-1]] if made else state)
+    drive = DriveMachine()
+    drive.state = state
+    drive.fault()
+    assert drive.state is (state if state is State.FAULT else State.FAULT_REACTION_ACTIVE)
+
+
+def test_a_drive_makes_its_own_transitions_in_their_states_only():
+    for state in State:
+        for event, source, target in (
+            (DriveMachine.initialised, State.NOT_READY_TO_SWITCH_ON, State.SWITCH_ON_DISABLED),
+            (DriveMachine.fault_reaction_done, State.FAULT_REACTION_ACTIVE, State.FAULT),
+            (DriveMachine.quick_stop_done, State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED),
+        ):
+            drive = DriveMachine()
+            drive.state = state
+            event(drive)
+            assert drive.state is (target if state is source else state)
+
+
+def test_without_a_goal_every_state_is_kept_by_its_word():
+    words = []
+    for state in State:
+        master = MasterMachine()
+        master.receive(state.bits, 0.0)
+        words.append(master.controlword(0.0))
+        assert master.goal is None
+    assert words == [0x00, 0x00, 0x06, 0x07, 0x0F, 0x02, 0x00, 0x00]
+
+
 def decoded(word):
     try:
         return decode(word)
@@ -189,6 +267,14 @@ def test_a_fault_that_stays_gets_a_bounded_number_of_edges():
     levels = [k for k in range(1, 200) if high[k] != high[k - 1]]
     assert all(after - before >= 5 for before, after in pairwise(levels))
     assert not high[-1]
+
+
+def test_bit_7_is_high_for_a_tenth_of_a_second_unless_told_otherwise():
+    master = MasterMachine()
+    master.receive(State.FAULT.bits, 0.0)
+    master.request_fault_reset()
+    high = [bool(master.controlword(cycle / 128.0)) for cycle in range(27)]
+    assert high == [False] + 13 * [True] + 13 * [False], "13 of 7.8 ms: the first level after 0.1 s"
 
 
 def test_a_reset_without_a_fault_is_refused():
