@@ -309,3 +309,109 @@ def test_an_uncertain_time_is_taken_at_its_longest(longest_s):
     course.slow_down()
     course.follow(30000, 29000 + 3000, 0, 0.01, longest_s)
     assert bool(course.lost) is (longest_s == 0.0)
+
+
+def stops_dead(last, before=None, goes_on=1.0):
+    """Where and why an axis is lost that moves at `last` rad/s, before that at `before`, and then not at all."""
+    speeds = np.concatenate([np.full(40, last if before is None else before), [last], np.zeros(20)])
+    targets = np.cumsum(np.where(np.arange(61) < 41, speeds, goes_on * last)) * CYCLE_S
+    return follow(course(), targets, np.cumsum(speeds) * CYCLE_S)
+
+
+@pytest.mark.parametrize(
+    ("changes", "dead"),
+    [
+        ({"last": 0.3, "before": 0.37}, True),  # lost less than a quarter of its speed before
+        ({"last": 0.3, "before": 0.38}, False),
+        ({"last": 0.3, "before": 0.23}, True),
+        ({"last": 0.025}, True),  # 6 rad/s2 may take 0.024 rad/s in a cycle
+        ({"last": 0.023}, False),
+        ({"last": 0.3, "goes_on": 0.26}, True),
+        ({"last": 0.3, "goes_on": 0.24}, False),
+    ],
+)
+def test_an_axis_has_stopped_dead_in_two_samples_if_it_was_fast_and_even_and_shall_go_on(changes, dead):
+    assert stops_dead(**changes) == ((42, stops_dead(0.3)[1]) if dead else (None, ""))
+    assert "stopped dead" in stops_dead(0.3)[1]
+
+
+@pytest.mark.parametrize(("counts", "found"), [(9, 41), (8, None)])
+def test_a_speed_of_eight_counts_a_sample_may_look_like_a_standstill(counts, found):
+    made = AxisCourse(1e4, SPEED, ACCELERATION, window_rad=WINDOW, effort_limit=LIMIT, cycle_s=CYCLE_S)
+    made.begin(0)
+    lost = []
+    for sample in range(1, 45):
+        made.follow(counts * sample, counts * min(sample, 40), 0, CYCLE_S)
+        lost.append(bool(made.lost))
+    assert (lost.index(True) if any(lost) else None) == found
+
+
+@pytest.mark.parametrize(
+    ("first", "then", "lost"),
+    [(0, 900, True), (0, 899, False), (705, 905, True), (706, 905, False), (-705, -905, True), (-706, -905, False)],
+)
+def test_an_axis_is_pushed_by_nine_tenths_of_its_torque_if_that_has_risen_by_a_fifth(first, then, lost):
+    targets = 0.02 * CYCLE_S * np.arange(1, 61)
+    found, why = follow(course(), targets, np.zeros(60), [first] + 59 * [then])
+    assert (found, "greatest torque" in why) == ((15, True) if lost else (None, False))
+
+
+@pytest.mark.parametrize(("share", "lost"), [(0.51, True), (0.49, False)])
+def test_an_axis_goes_the_wrong_way_by_half_of_the_way_of_its_setpoints(share, lost):
+    targets = 0.15 * CYCLE_S * np.arange(300)
+    assert ("against its setpoints" in follow(course(), targets, -share * targets)[1]) is lost
+
+
+def test_an_axis_goes_the_wrong_way_after_ten_milliradians():
+    targets = 0.001 * np.arange(60)
+    found, why = follow(course(window_rad=0.01), targets, -0.6 * targets)
+    assert found == 12, "the first beyond 0.01 rad from the first that moved"
+    assert "moved by 0.007 rad against its setpoints, which moved by 0.011 rad" in why
+
+
+def test_a_wide_window_counts_as_what_the_axis_can_move_in_four_tenths_of_a_second():
+    targets = 0.3 * CYCLE_S * np.arange(1000)
+    found, why = follow(course(window_rad=10.0), targets, np.zeros(1000))
+    assert targets[found] == pytest.approx(0.4 * (0.4 * SPEED), abs=0.3 * CYCLE_S)
+    assert "its setpoints moved by 0.320 rad" in why or "its setpoints moved by 0.321 rad" in why
+
+
+@pytest.mark.parametrize(("way_rad", "lost"), [(0.0009, False), (0.0011, True)])
+def test_a_suspect_axis_stands_if_its_setpoints_have_moved_a_milliradian_without_it(way_rad, lost):
+    made = course()
+    follow(made, way_rad / 4.0 * np.arange(5), np.zeros(5))
+    made.suspect()
+    assert bool(made.lost) is lost
+
+
+@pytest.mark.parametrize(("cycles", "lost"), [(1.4, True), (1.6, False)])
+def test_after_one_and_a_half_cycles_the_setpoints_have_stood_still(cycles, lost):
+    made = course()
+    targets = 1.9 * CYCLE_S * np.arange(61)
+    assert follow(made, targets[:60], targets[:60])[0] is None
+    assert (follow(made, targets[60:], targets[59:60], elapsed_s=cycles * CYCLE_S)[0] is not None) is lost
+
+
+def test_the_speed_of_late_is_forgotten_with_a_time_constant_of_a_tenth_of_a_second():
+    """Setpoints stop at 1 rad/s; 0.9 rad/s is too fast when exp(-T / 0.1 s) < 0.9 - 0.4, from 69.3 ms = 17.3 cycles."""
+    for sign in (1.0, -1.0):
+        targets = sign * CYCLE_S * np.minimum(np.arange(1, 200), 100)
+        positions = (
+            sign * CYCLE_S * np.where(np.arange(1, 200) < 100, np.arange(1, 200), 100 + 0.9 * (np.arange(1, 200) - 100))
+        )
+        found, why = follow(course(), targets, positions)
+        assert found == 99 + 18
+        assert "are commanded" in why
+
+
+def test_a_step_is_what_the_greatest_speed_allows_and_a_count():
+    assert course().step == pytest.approx(2.0 * 0.004 * 1e6 * (1.0 + 1e-6) + 1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("effort", "lost"), [(2700, True), (2699, False), (-2700, True)])
+def test_the_greatest_effort_of_an_axis_is_that_of_6072_in_per_mille(arm_settings, effort, lost):
+    arm = arm_settings(max_torque_permille=3000)
+    made = axis_courses(arm, ArmUnits(arm))[1]
+    for sample in range(12):
+        made.follow(sample, 0, 0 if sample == 0 else effort, arm.cycle_s)
+    assert bool(made.lost) is lost
