@@ -1,8 +1,10 @@
 """SYNC sources on a clock controlled by the test."""
 
+from itertools import islice
+
 import pytest
 
-from armload_drivers.bus.sync_sources import TimerSync
+from armload_drivers.bus.sync_sources import TimerSync, sync_data, sync_messages
 from armload_drivers.driver_errors import SimulationError
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.virtual_clock import VirtualClock
@@ -149,3 +151,10 @@ def test_lockstep_does_not_ask_after_drives_that_have_answered(clock):
 def test_lockstep_without_drives_says_so(clock):
     with pytest.raises(SimulationError, match="none are running"):
         LockstepSync(clock).await_feedback(Patient(), never)
+
+
+def test_a_counter_goes_from_one_to_its_overflow_value_and_begins_anew():
+    """CiA 301, 7.2.5: the first SYNC after a start has 1."""
+    assert [bytes(message.data) for message in islice(sync_messages(3), 5)] == [b"\1", b"\2", b"\3", b"\1", b"\2"]
+    assert [bytes(message.data) for message in islice(sync_messages(), 2)] == [b"", b""]
+    assert sync_data(240)[-1] == b"\xf0"

@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace as replace_struct
 
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import VendorSetting
+from armload_drivers.cia402.arm_settings import Fieldbus, VendorSetting
 from armload_drivers.cia402.drive_safety import (
     Safety,
     SafetyFinding,
@@ -143,3 +143,52 @@ def test_the_settings_of_a_vendors_way_are_those_of_its_property(arm_settings):
     assert settings_of(vendor, Safety.TORQUE_LIMIT, drive) == (Setting(entries[0], 5),)
     own = Safety.QUICK_STOP.ways[0]
     assert settings_of(own, Safety.QUICK_STOP, drive) == own.settings
+
+
+def test_objects_of_every_way_get_the_numbers_of_the_arm(arm_settings):
+    """Cycles of 4 ms, a heartbeat of 100 ms, a watchdog of 70 ms; 1000 counts/rad, 0.25 rad of following error."""
+    arm = replace(
+        arm_settings(counts_per_rad=1000.0, following_error_rad=0.25, max_torque_permille=1200),
+        cycle_s=0.004, heartbeat_s=0.1, watchdog_s=0.07,
+    )  # fmt: skip
+    values = SafetyValues(arm.drives[0], arm, ArmUnits(arm), None)
+    written = {
+        f"{setting.entry.index:04X}:{setting.entry.subindex}={setting.wanted(values)}" + "?" * setting.optional
+        for way in (way for of in Safety for way in of.ways)
+        for setting in way.settings
+    }
+    assert {each for each in written if not each.startswith("607D")} == {
+        "6072:0=1200", "6073:0=1200", "1016:1=8323322", "6007:0=3", "1029:1=0?", "1029:1=0", "0420:0=70000", "605E:0=2",
+        "605E:0=1", "1400:5=100", "1006:0=4000", "605A:0=6", "605A:0=2", "605B:0=1", "605C:0=1", "605D:0=1?",
+        "6065:0=250", "6066:0=20?", "1017:0=100",
+    }  # fmt: skip
+    assert 8323322 == 127 << 16 | 250, "the master's node id, and two and a half heartbeats"
+
+
+@pytest.mark.parametrize(
+    ("fieldbus", "of", "ways"),
+    [
+        (Fieldbus.CANOPEN, Safety.MASTER_LOST, [{0x1016, 0x6007, 0x1029}, {0x1016, 0x1029}, set()]),
+        (Fieldbus.ETHERCAT, Safety.MASTER_LOST, [{0x0420, 0x6007}, {0x0420, 0x605E}, set()]),
+        (Fieldbus.CANOPEN, Safety.SETPOINTS_LOST, [{0x1400}, {0x1006}, set()]),
+        (Fieldbus.ETHERCAT, Safety.SETPOINTS_LOST, [{0x0420}, set()]),
+        (Fieldbus.CANOPEN, Safety.DRIVE_LOST, [{0x1017}]),
+        (Fieldbus.ETHERCAT, Safety.DRIVE_LOST, [set()]),
+    ],
+)
+def test_each_bus_has_its_own_ways(fieldbus, of, ways):
+    assert [{setting.entry.index for setting in way.settings} for way in of.ways_on(fieldbus)] == ways
+    assert has_a_way(of, None, lambda entry: entry.index in ways[0], fieldbus)
+    assert has_a_way(of, None, lambda entry: False, fieldbus) is (ways[0] == set())
+
+
+def test_a_quick_stop_that_leaves_the_axis_to_its_brake_needs_one(arm_settings):
+    (way,) = [way for way in Safety.QUICK_STOP.ways if "by the brake" in way.text]
+    assert way.condition(arm_settings(has_brake=True).drives[0], None) == ""
+    assert way.condition(arm_settings(has_brake=False).drives[0], None) == "the axis has no brake"
+
+
+@pytest.mark.parametrize(("reported", "close"), [(5.0499, True), (5.0599, False), (4.9499, False), (4.9501, True)])
+def test_a_rated_current_may_differ_by_a_hundredth(arm_settings, reported, close):
+    (way,) = [way for way in Safety.TORQUE_LIMIT.ways if 0x6073 in {setting.entry.index for setting in way.settings}]
+    assert (way.condition(arm_settings(rated_current_a=5.0).drives[0], reported) == "") is close

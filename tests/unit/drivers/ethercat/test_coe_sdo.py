@@ -6,6 +6,8 @@ from threading import Event
 import pytest
 
 from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.drive_safety import SYNC_MANAGER_WATCHDOG_US
+from armload_drivers.driver_errors import SdoRefused, ServoTimeout
 from armload_drivers.ethercat.coe_sdo import CoeSdo
 from armload_drivers.ethercat.ethercat_line import MailboxAbort, MailboxSilence
 
@@ -96,3 +98,62 @@ def test_requests_without_an_answer_are_counted_until_one_is_answered(sdo, line,
         finish(worker)
         assert sdo.unanswered == count
         assert (sdo.answer(od.DEVICE_TYPE) is None) == (trouble is not None)
+
+
+class Direct:
+    """A line that answers at once, and notes what was asked of which drive."""
+
+    def __init__(self):
+        self.asked, self.trouble = [], None
+
+    def _note(self, *asked):
+        self.asked.append(asked)
+        if self.trouble is not None:
+            raise self.trouble
+
+    def upload(self, *asked):
+        self._note(*asked)
+        return b"\x34\x12"
+
+    def download(self, *asked):
+        self._note(*asked)
+
+    def watchdog_us(self, *asked):
+        self._note(*asked)
+        return 100_000
+
+    def set_watchdog_us(self, *asked):
+        self._note(*asked)
+
+
+def test_objects_and_the_watchdog_are_read_and_written_at_the_drives_place(worker):
+    line = Direct()
+    sdo = CoeSdo(3, "joint_3", line, worker, 0.5)
+    assert sdo.read(od.STATUSWORD) == 0x1234
+    sdo.write(od.MODE, 8)
+    assert sdo.read(SYNC_MANAGER_WATCHDOG_US) == 100_000
+    sdo.write(SYNC_MANAGER_WATCHDOG_US, 70_000)
+    assert line.asked[:4] == [(2, 0x6041, 0, 0.5), (2, 0x6060, 0, b"\x08", 0.5), (2,), (2, 70_000)]
+
+
+@pytest.mark.parametrize(
+    ("verb", "act"), [("reading", lambda sdo: sdo.read(od.MODE)), ("writing", lambda sdo: sdo.write(od.MODE, 8))]
+)
+def test_what_a_drive_refuses_or_leaves_open_is_said_with_its_object(worker, verb, act):
+    line = Direct()
+    sdo = CoeSdo(3, "joint_3", line, worker, 0.5)
+    line.trouble = MailboxAbort(0x0601_0002, "read-only")
+    with pytest.raises(SdoRefused, match=f"(?i)joint_3.*{verb} 6060:0 modes of operation") as refused:
+        act(sdo)
+    assert refused.value.abort_code == 0x0601_0002
+    line.trouble = MailboxSilence("no answer within 0.5 s")
+    with pytest.raises(ServoTimeout, match=f"joint_3.*{verb} 6060:0 modes of operation: no answer within 0.5 s"):
+        act(sdo)
+
+
+def test_only_another_sub_index_of_the_same_object_needs_one_in_between(sdo, line, worker):
+    line.may_answer.set()
+    for entry in (od.INTERPOLATION_TIME, od.INTERPOLATION_TIME, od.ERROR_CODE, od.DEVICE_TYPE, od.DEVICE_TYPE):
+        sdo.ask(entry)
+        finish(worker)
+    assert line.requests == [0x60C2, 0x60C2, 0x603F, 0x1000, 0x1000]
