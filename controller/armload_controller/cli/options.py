@@ -61,11 +61,18 @@ LiveAddressOption = Annotated[
     str | None,
     typer.Option("--live-address", metavar="HOST:PORT", help="Address for --live; by default 127.0.0.1:8765."),
 ]
-BETWEEN_ENDS = re.compile(r"(?<!\.)\.\.(?!\.)")
+_BETWEEN_ENDS = re.compile(r"(?<!\.)\.\.(?!\.)")
 """What stands between the ends of a range, as in 1..3; three dots could be a decimal point too."""
-
 _SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 _DURATION = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(ms|s|min|h|)")
+
+
+def ends_of(text: str, unit: str = "") -> list[float]:
+    """The numbers of a range, as in 1..3, or the only one; empty if one is no number, which may end with the unit."""
+    try:
+        return [float(part.strip().removesuffix(unit)) for part in _BETWEEN_ENDS.split(text)]
+    except ValueError:
+        return []
 
 
 def time_s(text: str) -> float:

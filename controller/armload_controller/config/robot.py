@@ -391,9 +391,22 @@ def load_robot(name_or_path: str | PathLike[str]) -> Robot:
     if is_urdf(path):
         expected = "a URDF has no drives and limits of an arm's use: make a robot file of it with `armload init`"
         raise ConfigurationError(file, "", None, expected)
-    text = read_toml(path, ConfigurationError)
-    values = with_profiles(toml_values(text, file, ConfigurationError), path.parent, file)
-    robot = Robot(file, text, path.parent, validated(values, file, RobotFile, ConfigurationError))
+    return parse_robot(read_toml(path, ConfigurationError), file, path.parent)
+
+
+def parse_robot(text: str, file: str, folder: Path) -> Robot:
+    """A robot from the text of its file.
+
+    Args:
+        text: TOML.
+        file: The file's name, for messages.
+        folder: The file's folder; other files are named relative to it.
+
+    Raises:
+        ConfigurationError: naming file, key, the value found and what was expected.
+    """
+    values = with_profiles(toml_values(text, file, ConfigurationError), folder, file)
+    robot = Robot(file, text, folder, validated(values, file, RobotFile, ConfigurationError))
     robot = replace(robot, excitations=_read_excitations(robot))
     _ = robot.drives.descriptions, robot.drives.transmission, robot.workspace
     robot.payloads.require_carried()

@@ -148,33 +148,39 @@ class RtdeClient:
         raise BusError(f"{self._name}: no answer to request {kind.name} within {PATIENCE_S:g} s. Is this port RTDE's?")
 
     def _received(self) -> Iterator[tuple[int, bytes] | None]:
-        """Type and content of each package, without end; None after `LOOK_S` without a whole one."""
+        """Type and content of each package, without end; None whenever none is complete after `LOOK_S`."""
         self._socket.settimeout(LOOK_S)
-        buffer, heard_s = b"", time.monotonic()
+        buffer = b""
         while True:
-            try:
-                received = self._socket.recv(65536)
-            except TimeoutError:
+            looked_s = time.monotonic()
+            while len(buffer) < (size := self._first_size(buffer)) and time.monotonic() - looked_s <= LOOK_S:
+                buffer += self._more()
+            if len(buffer) < size:
                 yield None
-                heard_s = time.monotonic()
-                continue
-            except OSError as error:
-                raise BusError(f"{self._name}: receiving failed: {error}") from error
-            if not received:
-                raise BusError(f"{self._name}: the controller closed the connection")
-            buffer += received
-            while len(buffer) >= _HEADER.size:
-                size, kind = _HEADER.unpack_from(buffer)
-                if size < _HEADER.size:
-                    raise BusError(f"{self._name}: a package of {size} bytes. Is this port RTDE's?")
-                if len(buffer) < size:
-                    break
-                content, buffer = buffer[_HEADER.size : size], buffer[size:]
-                heard_s = time.monotonic()
+            else:
+                kind, content, buffer = buffer[_HEADER.size - 1], buffer[_HEADER.size : size], buffer[size:]
                 yield kind, content
-            if time.monotonic() - heard_s > LOOK_S:
-                yield None
-                heard_s = time.monotonic()
+
+    def _first_size(self, buffer: bytes) -> int:
+        """Size of the first package; that of a header while this is not complete."""
+        if len(buffer) < _HEADER.size:
+            return _HEADER.size
+        size, _ = _HEADER.unpack_from(buffer)
+        if size < _HEADER.size:
+            raise BusError(f"{self._name}: a package of {size} bytes. Is this port RTDE's?")
+        return int(size)
+
+    def _more(self) -> bytes:
+        """What the controller sent; empty after `LOOK_S`."""
+        try:
+            received = self._socket.recv(65536)
+        except TimeoutError:
+            return b""
+        except OSError as error:
+            raise BusError(f"{self._name}: receiving failed: {error}") from error
+        if not received:
+            raise BusError(f"{self._name}: the controller closed the connection")
+        return received
 
     def cycles(self) -> Iterator[OverheardCycle | None]:
         """The cycles of the arm, without end; times are measured from the first package, on the controller's clock.

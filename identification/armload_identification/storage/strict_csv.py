@@ -73,11 +73,14 @@ def parse_csv(
     for separator, called in _OTHER_SEPARATORS.items():
         if len(header) == 1 and separator in header[0]:
             raise error(source, "line 1", header[0], f"columns are separated by {called}; expected commas, all through")
-    for name in header:
-        if name not in known or header.count(name) > 1:
-            near = [] if name in known else difflib.get_close_matches(name, known, n=1)
+    for number, name in enumerate(header, start=1):
+        place = f"line 1, column {number}"
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
             hint = f"; the nearest is '{near[0]}'" if near else ""
-            raise error(source, "line 1", name, f"expected each of the columns {', '.join(known)} once{hint}")
+            raise error(source, place, name, f"expected one of the columns {', '.join(known)}{hint}")
+        if name in header[: number - 1]:
+            raise error(source, place, name, "an earlier column has this name; expected each column once")
     for name in required:
         if name not in header:
             raise error(source, f"line 1, {name}", None, f"the header must name {', '.join(required)}")

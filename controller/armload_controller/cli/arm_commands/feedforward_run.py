@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armload_controller.cli.arm_commands.feedforward_bench import Bench, BenchOptions, usable
-from armload_controller.cli.options import BETWEEN_ENDS
+from armload_controller.cli.options import ends_of
 from armload_controller.cli.output.feedforward_output import offset_account
 
 if TYPE_CHECKING:
@@ -84,11 +84,10 @@ def declared_mass(arm: Robot, expect: str) -> DeclaredMass:
     """
     from armload_controller.feedforward.adaptation_rules import DeclaredMass
 
-    try:
-        least_kg, most_kg = (float(part.strip().removesuffix("kg")) for part in BETWEEN_ENDS.split(expect))
-    except ValueError:
-        raise typer.BadParameter(f"{expect!r}: expected a range such as 0..3", param_hint="--expect") from None
-    return DeclaredMass(least_kg, most_kg, arm.rated_payload_kg)
+    ends = ends_of(expect, "kg")
+    if len(ends) != 2:
+        raise typer.BadParameter(f"{expect!r}: expected a range such as 0..3", param_hint="--expect")
+    return DeclaredMass(ends[0], ends[1], arm.rated_payload_kg)
 
 
 def _adapt(bench: Bench, declared: DeclaredMass, decisions: Path) -> tuple[OffsetVerdict, Sequence[AdaptationDecision]]:

@@ -11,13 +11,13 @@ import typer
 from armload_controller.cli.drift_options import DriftOptions
 from armload_controller.cli.given_arm import given_arm
 from armload_controller.cli.options import (
-    BETWEEN_ENDS,
     ArmArgument,
     BaseOption,
     CalibrationOption,
     FlangeOption,
     LoadedOption,
     duration_s,
+    ends_of,
     refuse_together,
 )
 from armload_controller.cli.output.findings_output import (
@@ -48,10 +48,7 @@ _OF_ONE_RESULT: Final = (
 
 def _number_or_range(text: str) -> float | tuple[float, float]:
     """2.1 from '2.1', or (1.0, 3.0) from '1..3'."""
-    try:
-        ends = [float(part) for part in BETWEEN_ENDS.split(text)]
-    except ValueError:
-        ends = []
+    ends = ends_of(text)
     if len(ends) not in {1, 2}:
         raise typer.BadParameter(f"{text!r}: expected a number such as 2.1, or a range such as 1..3")
     return ends[0] if len(ends) == 1 else (ends[0], ends[1])

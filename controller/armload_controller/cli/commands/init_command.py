@@ -84,11 +84,7 @@ def init(
     if draft(arm).holes or payload_kg is None:
         designed = _Designed(None, "values are missing", None)
     else:
-        try:
-            designed = _designed(screen, output, arm, draft, restarts)
-        except BaseException:
-            output.unlink(missing_ok=True)  # the same command again is not refused
-            raise
+        designed = _designed(screen, output, arm, draft, restarts)
     start_rad = designed.roomiest_rad if simulated else None
     drafted = draft_file(arm, payload_kg, workspace, bus, designed.names, twin_start_rad=start_rad)
     write_text(output, drafted.text, ConfigurationError)
@@ -196,24 +192,22 @@ def _designed(
 ) -> _Designed:
     """The two excitations, in the first of the candidate ranges in which both are found."""
     from armload_controller.analysis.robot_excitation import DesignSearch, design, design_envelope
-    from armload_controller.config.robot import load_robot
-    from armload_controller.control_errors import ConfigurationError
+    from armload_controller.config.robot import parse_robot
     from armload_controller.new_robot.arm_draft import within
     from armload_controller.new_robot.design_range import design_range
     from armload_identification.identification_errors import ExcitationError
-    from armload_identification.storage.strict_toml import write_text
 
-    write_text(output, draft(arm).text, ConfigurationError)
-    robot = load_robot(str(output))
+    # Drafts are not written: a program that is killed leaves no file, for which the same command would be refused.
+    robot = parse_robot(draft(arm).text, str(output), output.parent)
     boxes, roomiest_rad = design_range(robot, design_envelope(robot))
     problem = ""
     for box in boxes:
-        write_text(output, draft(within(arm, box)).text, ConfigurationError)
+        robot = parse_robot(draft(within(arm, box)).text, str(output), output.parent)
         try:
             excitations = []
             for seed, role in enumerate(_ROLES, 1):
                 with screen.track(f"designing the excitation for {role}", restarts) as done:
-                    excitations.append(design(str(output), search=DesignSearch(seed, restarts), progress=done))
+                    excitations.append(design(robot, search=DesignSearch(seed, restarts), progress=done))
         except ExcitationError as error:
             if box is not boxes[-1]:
                 screen.step(

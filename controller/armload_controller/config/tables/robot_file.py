@@ -14,7 +14,7 @@ from armload_controller.config.tables.drive_tables import BusTable
 from armload_controller.config.tables.joint_table import JointTable
 from armload_controller.config.tables.kinematics_table import KinematicsTable, TransmissionTable
 from armload_controller.config.tables.simulation_table import SimulationTable
-from armload_controller.config.tables.table_types import Positive, Vector3
+from armload_controller.config.tables.table_types import Positive, RatedMass, Vector3
 from armload_controller.config.tables.workspace_table import WorkspaceTable
 from armload_identification.storage.strict_toml import BadValue, Table, Text
 
@@ -27,7 +27,7 @@ class RobotTable(Table):
 
     name: str
     description: str
-    rated_payload_kg: Positive
+    rated_payload_kg: RatedMass
     gravity_m_s2: Vector3
     calibration: str | None = None
 

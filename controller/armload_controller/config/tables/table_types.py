@@ -15,6 +15,8 @@ _MOST_TURNS: Final = 4
 """Turns either way from zero that a joint's range may reach; the last joint of some arms has more than one."""
 _FASTEST_RAD_S: Final = 50.0
 """Above the speed of every joint of an arm; the slowest speeds given in degrees per second are mostly beyond it."""
+_STRONGEST_KG: Final = 2500.0
+"""Above the rated payload of every arm (FANUC M-2000iA/2300: 2300 kg); most payloads given in grams are beyond it."""
 
 
 def _orientation(angle_rad: float) -> str:
@@ -35,6 +37,11 @@ def _joint_speed(speed_rad_s: float) -> str:
     return (
         f"expected rad/s, at most {_FASTEST_RAD_S:g}; in degrees per second this would be {_in_rad(speed_rad_s)} rad/s"
     )
+
+
+def _rated_mass(mass_kg: float) -> str:
+    """What an arm's rated payload must be."""
+    return f"expected kg, at most {_STRONGEST_KG:g}; in grams this would be {mass_kg / 1e3:.5g} kg"
 
 
 def _reduction(ratio: float) -> str:
@@ -59,6 +66,7 @@ Vector3 = Annotated[list[float], Meta(min_length=3, max_length=3)]
 Angle = Annotated[float, _within(_FULL_TURN_RAD + 1e-3, _orientation)]
 JointPosition = Annotated[float, _within(_MOST_TURNS * _FULL_TURN_RAD, _joint_position)]
 JointSpeed = Annotated[Positive, Meta(le=_FASTEST_RAD_S, extra={"expected": _joint_speed})]
+RatedMass = Annotated[Positive, Meta(le=_STRONGEST_KG, extra={"expected": _rated_mass})]
 GearRatio = Annotated[float, Meta(ge=1, extra={"expected": _reduction})]
 
 

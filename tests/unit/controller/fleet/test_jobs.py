@@ -149,7 +149,7 @@ def test_what_is_said_of_the_payload_is_part_of_a_job(cells):
     ("text", "problem"),
     [
         ("arm,robot\na,b\n", "line 1, loaded is missing: the header must name arm, robot, loaded"),
-        ("arm,robot,loaded,weight\na,b,c,1\n", "line 1 is 'weight': expected each of the columns arm, robot, loaded"),
+        ("arm,robot,loaded,weight\na,b,c,1\n", "column 4 is 'weight': expected one of the columns arm, robot, loaded"),
         (HEADER, "the table has no rows; expected one or more arms"),
         (HEADER + "a,,c\n", "line 2, robot is missing: expected text"),
         (HEADER + "a,s3://robots/b.toml,c\n", "line 2, robot is 's3://robots/b.toml': expected a shipped robot, or"),
