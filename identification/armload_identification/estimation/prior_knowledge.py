@@ -139,7 +139,9 @@ class KnownPayload:
             target.append(1.0 / EXACT)
         for axis, coordinate in enumerate(() if self.center_of_mass_m is None else self.center_of_mass_m):
             if np.ndim(coordinate) == 0:
-                rows.append(center_row(axis, float(coordinate), self.reference_mass_kg or 1.0))
+                row = np.zeros(10)
+                row[0], row[1 + axis] = -float(coordinate), 1.0
+                rows.append(row / (EXACT * (self.reference_mass_kg or 1.0)))
                 target.append(0.0)
         if self.symmetric:
             from_symmetry = _symmetry_rows(self.reference_mass_kg or 1.0)
@@ -164,13 +166,6 @@ def _require_known(name: str, unit: str, value: float | tuple[float, float]) -> 
 def _plain(center: Sequence[float | tuple[float, float]] | FloatArray) -> list[float | list[float]]:
     """A centre of mass for messages."""
     return [np.asarray(coordinate, dtype=np.float64).tolist() for coordinate in center]
-
-
-def center_row(axis: int, coordinate_m: float, mass_kg: float) -> FloatArray:
-    """(10,) row of s = m c for one coordinate, divided by its standard deviation."""
-    row = np.zeros(10)
-    row[0], row[1 + axis] = -coordinate_m, 1.0
-    return row / (EXACT * mass_kg)
 
 
 def _model_rows(cad: InertialParameters, confidence: float) -> FloatArray:

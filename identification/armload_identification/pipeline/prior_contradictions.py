@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.prior_knowledge import EXACT, KnownPayload, Prior, center_row
+from armload_identification.estimation.prior_knowledge import EXACT, KnownPayload, Prior
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.model.payload import CONFIDENCE
@@ -198,19 +198,15 @@ def _range(quantity: int, ends: FloatArray) -> str:
 
 def _prior_within(known: KnownPayload, mean: FloatArray, covariance: FloatArray) -> Prior:
     """The equations with the truncated mean (4,), of (4, 4) covariance, for the quantities that have a range."""
-    ranged = np.flatnonzero(np.isfinite(known.limits[:, 0]))
-    rows, target, rate = np.zeros((ranged.size, 10)), np.zeros(ranged.size), np.full(ranged.size, 1.0 / EXACT)
-    for row, quantity in enumerate(ranged):
-        if quantity == 0:
-            rows[row, 0], target[row] = 1.0 / (EXACT * mean[0]), 1.0 / EXACT
-            rate[row] /= mean[0]
-        else:
-            rows[row] = center_row(int(quantity) - 1, float(mean[quantity]), float(mean[0]))
+    ranged = np.isfinite(known.limits[:, 0])
+    values, exact = known.prior(), KnownPayload(float(mean[0]), np.where(ranged, mean, 0.0)[1:]).prior()
+    rows, rate = exact.rows[ranged], np.array([1.0 / mean[0], 1.0, 1.0, 1.0])[ranged] / EXACT
     power, axes = np.linalg.eigh(covariance[np.ix_(ranged, ranged)])
     errors = np.sqrt(np.maximum(power, 0.0))[:, None] * axes.T
-    values = known.prior()
     return Prior(
-        np.vstack([values.rows, rows]), np.concatenate([values.target, target]), errors @ (rate[:, None] * rows)
+        np.vstack([values.rows, rows]),
+        np.concatenate([values.target, exact.target[ranged]]),
+        errors @ (rate[:, None] * rows),
     )
 
 
