@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.column_names import columns_by_name
+from armload_identification.recording.column_names import arrays_by_name, columns_by_name
 from armload_identification.recording.csv_columns import CsvColumns, parse_columns
 from armload_identification.recording.file_reading import read_recording
 
@@ -306,3 +306,132 @@ def test_a_time_without_a_unit_is_in_that_of_the_program_that_the_header_betrays
     """libfranka counts milliseconds, `rostopic echo -p` nanoseconds."""
     found = columns_by_name(Path("a.csv"), [*first, "q1", "q2", "tau1", "tau2"])
     assert found.scale.get("time_s") == factor
+
+
+@pytest.mark.parametrize(
+    ("header", "arm", "option"),
+    [
+        (["a", "b", "c", "d", "e", "f", "g"], (), "time=0 position=1-3 torque=4-6"),
+        (["a", "b", "t", "c", "d"], (), "time=2 position=0-1 torque=3-4"),
+        (["a", "b", "t", "c", "d", "e"], ("one", "two"), "time=2 position=0-1 torque=3-4"),
+        (["q1", "q2", "tau1", "tau2"], (), "time=0 position=0-1 torque=2-3"),
+        (["q1", "q2", "q3", "tau1", "tau2"], (), "time=0 position=0-2"),
+        (["q1_deg", "q2_deg", "tau1", "tau2"], (), "time=0 position[deg]=0-1 torque=2-3"),
+        (["q1_deg", "q2_rad", "tau1", "tau2", "x"], (), "time=0 position=1-2 torque=3-4"),
+        (["t", "q1", "q2", "dq1", "dq2", "tau1_mNm", "tau2_Nm"], (), "time=0 position=1-2 velocity=3-4"),
+    ],
+)
+def test_the_option_proposed_is_the_likeliest_meaning(header, arm, option):
+    """Half the columns beside the time are positions, unless names say more; the arm's number of joints counts."""
+    with pytest.raises(RecordingError) as caught:
+        columns_by_name(HERE, header, arm)
+    assert f'such as --columns "{option}", or a [log] table' in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("header", "time", "nanoseconds"),
+    [
+        (["header.stamp.secs", "header.stamp.nsecs"], "header.stamp.secs", "header.stamp.nsecs"),
+        (["stamp_ns", "stamp_s"], "stamp_ns", None),
+        (["stamp_ms", "stamp_ns"], "stamp_ms", None),
+        (["stamp_s", "header_stamp_ns"], "stamp_s", None),
+        (["joint_time", "time"], "time", None),
+        (["time", "time"], 0, None),
+        (["x", "time"], "time", None),
+    ],
+)
+def test_the_time_is_the_column_with_the_fewest_other_words_and_whole_seconds_have_nanoseconds(
+    header, time, nanoseconds
+):
+    found = columns_by_name(HERE, [*header, "q1", "q2"])
+    assert (found.time, found.nanoseconds) == (time, nanoseconds)
+
+
+@pytest.mark.parametrize(
+    ("others", "said"),
+    [
+        (["q1", "q1", "q2"], "q1 and q1 could both be the position_rad of one joint"),
+        (
+            ["q1", "q2", "tau1_percent", "tau2_percent"],
+            "tau1_percent to tau2_percent have an unknown unit, known are Nm",
+        ),
+        (["q1", "q2", "motor_tau_1", "motor_tau_2"], "motor_tau_1 to motor_tau_2 may not be the torque_nm"),
+        (["q1", "q2", "foo_tau_1", "foo_tau_2"], "foo_tau_1 to foo_tau_2 may not be the torque_nm of the joints"),
+        (["q1", "q2", "foo_i_1", "foo_i_2"], "foo_i_1 to foo_i_2 may not be the current_a"),
+        (["q1", "q2", "tau2", "tau3"], "q1 to q2 and tau2 to tau3 are not of the same joints"),
+        (["q1", "q2", "tau1", "tau2", "tau3"], "q1 to q2 and tau1 to tau3 are not of the same joints"),
+    ],
+)
+def test_a_torque_that_may_be_something_else_is_a_question(others, said):
+    with pytest.raises(RecordingError, match=said):
+        columns_by_name(HERE, ["t", *others])
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        ["foo_qd_1", "foo_qd_2"],
+        ["qd1_deg", "qd2_rad"],
+        ["qd1_pct", "qd2_pct"],
+        ["qd3", "qd4"],
+    ],
+)
+def test_velocities_that_may_be_something_else_are_left_out(others):
+    found = columns_by_name(HERE, ["t", "q1", "q2", *others, "tau1", "tau2"])
+    assert (found.velocity, found.torque) == (None, ["tau1", "tau2"])
+
+
+def test_motors_have_currents_but_the_positions_are_those_of_the_joints():
+    motor = ["motor_q1", "motor_q2", "motor_current_1", "motor_current_2"]
+    found = columns_by_name(HERE, ["t", *motor, "q1", "q2"])
+    assert (found.position, found.current) == (["q1", "q2"], motor[2:])
+    with pytest.raises(RecordingError, match="motor_q1 to motor_q2 may not be the position_rad"):
+        columns_by_name(HERE, ["t", *motor])
+
+
+@pytest.mark.parametrize(
+    ("header", "joints"),
+    [
+        (["joint a position", "joint b position"], ("a", "b")),
+        (["left arm a position", "left arm b position"], ("a", "b")),
+        (["position left x 1", "position left y 2"], ("x_1", "y_2")),
+        (["arm position", "arm hand position"], ("arm", "arm_hand")),
+        (["q1 [actual]", "q2 [actual]"], ()),
+        (["q1 [foo]", "q2 [foo]"], None),
+    ],
+)
+def test_joints_are_called_by_the_words_that_tell_them_apart(header, joints):
+    if joints is None:
+        with pytest.raises(RecordingError, match=r"may not be the position_rad of the joints"):
+            columns_by_name(HERE, ["t", *header])
+    else:
+        found = columns_by_name(HERE, ["t", *header])
+        assert (found.position, found.joint_names) == (header, joints)
+
+
+@pytest.mark.parametrize(
+    ("header", "fits"),
+    [
+        (["q0", "q1", "q2"], True),
+        (["q1", "q2", "q3"], True),
+        (["q1", "q3", "q4"], False),
+        (["q1", "q2"], False),
+        (["q1", "q2", "q3", "q4"], False),
+    ],
+)
+def test_numbers_without_a_gap_are_the_joints_of_an_arm(header, fits):
+    if fits:
+        assert columns_by_name(HERE, ["t", *header], ("base", "elbow", "wrist")).position == header
+    else:
+        with pytest.raises(
+            RecordingError, match=f"{', '.join(header)} may not be the arm's joints, base, elbow, wrist"
+        ):
+            columns_by_name(HERE, ["t", *header], ("base", "elbow", "wrist"))
+
+
+def test_of_an_archives_arrays_the_first_known_name_of_each_quantity_is_used():
+    assert arrays_by_name(["action", "q", "observation.state", "effort", "t"]) == {
+        "time_s": "t",
+        "position_rad": "observation.state",
+        "torque_nm": "effort",
+    }
