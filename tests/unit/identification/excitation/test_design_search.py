@@ -143,7 +143,10 @@ def test_the_period_becomes_the_next_longer_multiple_of_the_step(period_s, expec
     [(0.9, 1.0), (1.01, 0.99), (1.00005, 0.9999), (1.1, 0.865), (3.0, 0.5444)],
 )
 def test_a_motion_is_made_smaller_until_all_limits_hold_but_not_below_half(amplitude, share):
-    """Beyond by 10 %: less by 2, 4, 6, 9 and, as 1.1 x 0.91 is still too much, by half of that more, 13.5 %. The last before half is 45.6 %."""
+    """Beyond by 10 %: less by 2, 4, 6, 9 and, as 1.1 x 0.91 is still too much, by half of that more, 13.5 %.
+
+    The last before half is 45.6 %.
+    """
     motion = path([1.0, 0.0], [0.0, 9.0 * amplitude])
     smaller, worst = search(limits=replace(LIMITS, velocity_max_rad_s=np.full(2, 1e3)))._shrunk_within_limits(motion)
     assert bool(worst.max() <= 0.0) is (amplitude < 2.0)
@@ -166,7 +169,7 @@ def test_a_motion_begins_where_the_way_from_the_middle_is_shortest_and_without_w
     np.testing.assert_allclose(found.offset_rad, [1.0, 0.3])
     before, after = (one.period(48).position_rad - [1.0, 0.0] for one in (motion, found))
     before[:, 1] -= 2.0 * np.pi
-    way = TIP.points.speeds(after + [1.0, 0.0], after).max(axis=1)
+    way = TIP.points.speeds(after + np.array([1.0, 0.0]), after).max(axis=1)
     assert way[0] == pytest.approx(way.min())
     assert way[0] < 0.5 * way[24]
     behind = [np.abs(np.roll(before, -start, axis=0) - after).max() for start in range(48)]
