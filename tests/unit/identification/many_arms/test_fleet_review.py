@@ -6,6 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
+from scipy.stats import norm, t
 
 from armload_identification.many_arms.arm_runs import IN_FUTURE, ArmRun, Quantity, QuantityKind
 from armload_identification.many_arms.fleet_review import Anomaly, review_fleet
@@ -306,3 +307,105 @@ def test_a_fleet_prints_as_a_table_and_in_a_notebook(review):
     assert first.split()[:4] == [review.arms[0].arm, "er50", str(review.arms[0].runs), "2026-03-14"]
     assert review.arms[0].suspicions[0].sentence in first
     assert review._repr_html_().count("<tr>") == 1 + ARMS
+
+
+def arm_runs(arm, values, noise=0.0, quantity=FRICTIONS[0], days=0):
+    """An arm's runs of one quantity, night by night."""
+    return [
+        ArmRun(arm, "er50", FIRST + timedelta(days=days + night), f"{arm}/{night}", "", {quantity: (float(v), noise)})
+        for night, v in enumerate(values)
+    ]
+
+
+def test_the_centre_of_a_chart_is_the_median_of_seven_runs_and_it_shows_a_hundred():
+    (arm,) = review_fleet(arm_runs("a", range(1, 10))).arms
+    assert arm.figures[FRICTIONS[0]].center == 4.0
+    (arm,) = review_fleet(arm_runs("a", range(1, 102))).arms
+    assert arm.figures[FRICTIONS[0]].values.tolist() == list(range(2, 102))
+    assert (arm.runs, arm.figures[FRICTIONS[0]].center) == (101, 5.0)
+
+
+@pytest.mark.parametrize(("twins", "compared"), [(2, False), (3, True)])
+def test_three_twins_or_more_are_compared_by_the_median_of_their_five_latest_runs(twins, compared):
+    runs = [run for n in range(twins + 1) for run in arm_runs(f"{n}", [0, 0, n + 5, n + 6, n + 7, n + 8, n + 9])]
+    arms = {arm.arm: arm.figures[FRICTIONS[0]].twins for arm in review_fleet(runs).arms}
+    if compared:
+        assert [(arms[name].count, arms[name].level) for name in "0123"] == [(3, 9.0), (3, 9.0), (3, 8.0), (3, 8.0)]
+        assert arms["0"].spread == pytest.approx(1.0 / 0.67449, rel=1e-5)
+    else:
+        assert set(arms.values()) == {None}
+
+
+def test_a_stranger_differs_by_more_than_its_twins_do_with_the_freedom_of_their_number():
+    """Levels 0 to 10: the middle is 5 and the median distance 3, as of a standard deviation of 4.448."""
+    runs = [run for n in range(11) for run in arm_runs(f"twin{n}", [n] * 3)]
+    (arm,) = (arm for arm in review_fleet([*runs, *arm_runs("odd", [80.0] * 3)]).arms if arm.suspicions)
+    (found,) = arm.suspicions
+    assert found.text == "friction of joint1 is 80 N m, that of 11 twins 5 N m"
+    away = 75.0 / (3.0 / 0.6744898 * np.sqrt(1.0 + 0.5 * np.pi / 11.0))
+    assert found.deviations == pytest.approx(norm.isf(t.sf(away, 3.7)), rel=1e-6)
+    # Twelve comparisons have a false alarm in one report of a hundred.
+    limit = t.isf(0.005 / 12.0, 3.7) / away * 75.0
+    for off, named in ((0.99 * limit, []), (1.01 * limit, ["odd"])):
+        arms = review_fleet([*runs, *arm_runs("odd", [5.0 + off] * 3)]).arms
+        assert [arm.arm for arm in arms if arm.suspicions] == named
+
+
+@pytest.mark.parametrize("runs", [1, 2, 4])
+def test_a_level_is_as_uncertain_as_the_median_of_its_runs(runs):
+    """Of three runs or more it is 1.25 times as uncertain as a mean; the noise is 0.3, and the twins do not differ."""
+    twins = [run for n in range(11) for run in arm_runs(f"{n}", [5.0] * runs, 0.3)]
+    width = 0.3 / np.sqrt(runs) * (np.sqrt(0.5 * np.pi) if runs > 2 else 1.0)
+    limit = t.isf(0.005 / 12.0, 3.7) * width * np.sqrt(1.0 + 0.5 * np.pi / 11.0)
+    for off, named in ((0.98 * limit, []), (1.02 * limit, ["odd"])):
+        found = review_fleet([*twins, *arm_runs("odd", [5.0 + off] * runs, 0.3)]).arms
+        assert [arm.arm for arm in found if arm.suspicions] == named
+
+
+@pytest.mark.parametrize(("first", "named"), [(6, ["odd"]), (5, [])])
+def test_fifty_successive_runs_show_how_little_of_the_stated_noise_scatters(first, named):
+    """Ten arms of six runs have 50 pairs."""
+    sizes = {"odd": 6, "0": first} | {f"{n}": 6 for n in range(1, 9)}
+    runs = [run for arm, size in sizes.items() for run in arm_runs(arm, [5.5 if arm == "odd" else 5.0] * size, 0.3)]
+    assert [arm.arm for arm in review_fleet(runs).arms if arm.suspicions] == named
+
+
+def test_an_outlier_is_compared_with_two_runs_on_either_side_and_a_change_with_the_runs_before():
+    values = [9.02, 9.00, 9.06, 9.06, 9.00, 9.04, 9.50, 9.02, 9.08, 9.06, 9.00, 9.04, 9.02, 9.06]
+    (arm,) = review_fleet(arm_runs("a", values)).arms
+    (found,) = arm.suspicions
+    assert found.text == "friction of joint1 was 9.50 N m on 2026-03-07, 9.03 N m in the neighbouring runs"
+    assert found.sentence == f"{found.text} ({found.deviations:.0f} standard deviations)"
+    (arm,) = review_fleet(arm_runs("a", [9.0, 9.2] * 4 + [12.0, 12.2] * 4)).arms
+    (found,) = arm.suspicions
+    assert found.text == "friction of joint1 is 12.1 N m since 2026-03-09, 9.1 N m before"
+
+
+@pytest.mark.parametrize(
+    ("count", "deviations", "text"),
+    [
+        (1, 3.0, "the latest recording gave no result: cut"),
+        (2, 6.0, "the 2 latest recordings gave no result: cut"),
+        (40, 99.0, "the 40 latest recordings gave no result: cut"),
+    ],
+)
+def test_each_recording_without_a_result_adds_three_deviations(count, deviations, text):
+    runs = arm_runs("a", [9.0] * (count + 1))
+    runs = [runs[0], *(replace(run, problem="cut", figures={}) for run in runs[1:])]
+    if count == 2:
+        runs.insert(1, replace(runs[1], recording="before"))
+        runs[2] = replace(runs[0], recorded=runs[2].recorded)
+        runs.append(replace(runs[1], recorded=runs[-1].recorded + timedelta(days=1)))
+    (found,) = review_fleet(runs).arms[0].suspicions
+    assert (found.deviations, found.text, found.quantity) == (deviations, text, None)
+
+
+@pytest.mark.parametrize(
+    ("arms", "late", "absent"), [(3, 1, 2), (4, 1, 0), (4, 2, 2), (8, 1, 0), (8, 2, 6), (9, 2, 0), (9, 3, 6)]
+)
+def test_the_fleets_date_is_what_a_quarter_of_its_arms_and_at_least_two_have_reached(arms, late, absent):
+    """Of up to three arms it is the latest."""
+    runs = [run for n in range(arms) for run in arm_runs(f"{n}", [9.0], days=60 if n < late else 0)]
+    found = review_fleet(runs)
+    assert len(found.absent) == absent
+    assert len(found.odd) == (0 if absent else late)
