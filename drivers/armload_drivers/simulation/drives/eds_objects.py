@@ -81,7 +81,8 @@ _MOST_PDOS = 512
 
 def pdo_count(described: DeviceDescription, direction: PdoDirection) -> int:
     """Number of PDOs of a direction in a description, up to the first that is missing."""
-    return next(n for n in range(_MOST_PDOS + 1) if direction.cob_id_entry(n).key not in described.objects)
+    missing = (n for n in range(_MOST_PDOS) if direction.cob_id_entry(n).key not in described.objects)
+    return next(missing, _MOST_PDOS)
 
 
 def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int) -> None:

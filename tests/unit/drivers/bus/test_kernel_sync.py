@@ -1,6 +1,7 @@
 """SYNC by a simulated kernel: credit, phase and time come from the received frames."""
 
 import socket
+import struct
 from itertools import pairwise
 
 import pytest
@@ -331,3 +332,77 @@ def test_a_socket_that_has_failed_is_a_bus_error():
     manager._socket.close()
     with pytest.raises(BusError, match="does not send SYNC on no_such_can"):
         manager.renew(PERIOD_S, CREDIT)
+
+
+# The kernel's interface ------------------------------------------------------------------------------------------
+
+
+class Socket:
+    """Notes what is sent to the kernel."""
+
+    def __init__(self, *kind):
+        self.kind, self.sent, self.to, self.closed = kind, [], None, False
+
+    def connect(self, address):
+        self.to = address
+
+    def send(self, data):
+        self.sent.append(data)
+
+    def fileno(self):
+        return 0
+
+    def close(self):
+        self.closed = True
+
+
+@pytest.fixture
+def manager(monkeypatch):
+    made = []
+    monkeypatch.setattr(socket, "socket", lambda *kind: made.append(Socket(*kind)) or made[-1])
+    return BroadcastManager("can7"), made
+
+
+def test_the_kernel_gets_a_task_of_so_many_frames(manager):
+    """struct bcm_msg_head of linux/can/bcm.h: TX_SETUP 1; SETTIMER 1 and STARTTIMER 2; ival1 in s and us."""
+    bcm, made = manager
+    with pytest.raises(BusError, match="SYNC was not started"):
+        bcm.renew(0.004, 2)
+    bcm.start(1.25, 3, 2)
+    bcm.renew(0.004, 5)
+    (opened,) = made
+    assert opened.to == ("can7",)
+    started, renewed = opened.sent
+    assert struct.unpack_from("@III4lII0q", started) == (1, 3, 2, 1, 250_000, 0, 0, 0x080, 3)
+    assert struct.unpack_from("@III4lII0q", renewed) == (1, 1, 5, 0, 4000, 0, 0, 0x080, 3)
+    frames = started[struct.calcsize("@III4lII0q") :]
+    assert [struct.unpack_from("=IB3x8s", frames, at) for at in (0, 16, 32)] == [
+        (0x080, 1, bytes([number]) + bytes(7)) for number in (1, 2, 3)
+    ]
+    bcm.stop()
+    bcm.stop()
+    assert opened.closed
+
+
+@pytest.mark.parametrize(
+    ("account", "count"),
+    [
+        ("rx_op: 080 [1]\ntx_op: 080 [1] timer=4000 # sent 4711\n", 4711),
+        ("tx_op: 081 [1] # sent 5\n", None),
+        ("", None),
+    ],
+)
+def test_the_kernels_own_count_is_read(manager, monkeypatch, account, count):
+    from armload_drivers.bus import kernel_sync
+
+    bcm, _ = manager
+    assert bcm.count() is None, "not started"
+    bcm.start(0.004, 0, 2)
+    monkeypatch.setattr(kernel_sync.Path, "read_text", lambda path, encoding: account)
+    assert bcm.count() == count
+
+    def missing(path, encoding):
+        raise FileNotFoundError
+
+    monkeypatch.setattr(kernel_sync.Path, "read_text", missing)
+    assert bcm.count() is None

@@ -110,3 +110,50 @@ def test_nothing_is_set_while_a_drive_on_the_bus_carries_torque(wire, virtual_ar
     with pytest.raises(LssRefused, match="node 2 carries torque"):
         assign(wire(slave, wire=arm.wires[0]), 12, None, None, agreed, LIMITS)
     assert slave.stored is None
+
+
+@pytest.mark.parametrize(
+    ("bitrate", "index"),
+    [
+        (1_000_000, 0), (800_000, 1), (500_000, 2), (250_000, 3), (125_000, 4), (50_000, 6), (20_000, 7), (10_000, 8),
+    ],
+)  # fmt: skip
+def test_a_bit_rate_is_set_by_its_index_in_the_standards_table(wire, bitrate, index):
+    """CiA 305, bit timing table; 5 is reserved."""
+    slave = LssSlave(IDENTITY)
+    assign(wire(slave), 12, bitrate, None, agreed, LIMITS)
+    assert slave.stored == (12, bytes([0, index]))
+
+
+@pytest.mark.parametrize(
+    ("command", "error", "said"),
+    [
+        (0x11, 1, "it does not take this node id"), (0x13, 1, "it does not support this bit rate"),
+        (0x17, 1, "it cannot store its settings"), (0x17, 2, "it could not access its memory"),
+        (0x11, 255, "error 255, 9 of its manufacturer"), (0x13, 2, "error 2, 9 of its manufacturer"),
+    ],
+)  # fmt: skip
+def test_a_refusal_is_told_by_its_code(wire, command, error, said):
+    """CiA 305: specific errors of the manufacturer follow 255."""
+
+    class Refusing(LssSlave):
+        def _service(self, data):
+            answer = super()._service(data)
+            return bytes([command, error, 9]) if data[0] == command else answer
+
+    with pytest.raises(LssRefused, match=said):
+        assign(wire(Refusing(IDENTITY)), 12, 500_000, None, agreed, LIMITS)
+
+
+def test_the_services_have_the_identifiers_of_the_standard(wire):
+    heard = []
+    slave = LssSlave(IDENTITY)
+
+    def service(data, whole=slave._service):
+        heard.append(data[0])
+        return whole(data)
+
+    slave._service = service
+    assign(wire(slave), 12, 500_000, None, agreed, LIMITS)
+    assert [command for command in heard if command != 0x51] == [0x04, 0x11, 0x13, 0x17, 0x04]
+    assert heard.count(0x51) == 1 + 4 * 33, "one for whether there is one, then 32 bits and a word's end, four times"

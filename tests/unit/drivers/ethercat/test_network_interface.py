@@ -203,3 +203,86 @@ def test_other_errors_of_the_kernel_are_not_taken_for_no_address(unnumbered, mon
     monkeypatch.setattr(network_interface.fcntl, "ioctl", fails)
     with pytest.raises(OSError, match="no"):
         require_unused("eth9")
+
+
+# Times, and what is sent ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Time that passes only while something sleeps."""
+
+    class Clock:
+        now_s = 0.0
+
+        def monotonic(self):
+            return self.now_s
+
+        def sleep(self, time_s):
+            self.now_s += time_s
+
+    clock = Clock()
+    monkeypatch.setattr(network_interface, "time", clock)
+    return clock
+
+
+def test_another_master_is_listened_for_during_two_cycles_of_a_slow_machine(monkeypatch):
+    listened_s = []
+    monkeypatch.setattr(Quiet, "hears", lambda line, time_s: bool(listened_s.append(time_s)))
+    monkeypatch.setattr(network_interface, "FrameMonitor", Quiet)
+    network_interface.require_quiet("eth9")
+    assert listened_s == [pytest.approx(2 * 0.1)]
+
+
+def test_waits_end_after_their_time_and_look_often(monitor, clock):
+    heard, cable = monitor
+    looks = []
+    receive = heard.receive
+    heard.receive = lambda: looks.append(clock.now_s) or receive()
+    assert not heard.hears(0.2)
+    assert clock.now_s == pytest.approx(0.2, abs=0.011)
+    assert len(looks) == pytest.approx(20, abs=1)
+    looks.clear()
+    clock.now_s = 0.0
+    assert heard.drives_and_states() == (0, 0)
+    assert clock.now_s == pytest.approx(0.02, abs=0.00021), "a frame returns within 20 ms"
+    assert len(looks) == pytest.approx(100, abs=1)
+    sent = cable.recv(100)
+    # Ethernet: broadcast, a local address, 88A4; EtherCAT: 14 bytes of type 1; BRD of two bytes at 0130, counter 0.
+    assert sent[:16] == b"\xff" * 6 + b"\2\0\0\0\0\1" + b"\x88\xa4" + b"\x0e\x10"
+    assert sent[16:30] == b"\7\0\0\0\x30\1\2\0\0\0\0\0\0\0"
+    assert sent[30:] == bytes(30)
+
+
+def test_an_interface_that_has_gone_down_is_named(monitor):
+    heard, cable = monitor
+    cable.send(b"x")
+
+    class Down:
+        def recv(self, size):
+            raise OSError(errno.ENETDOWN, "Network is down")
+
+        def close(self):
+            pass
+
+    whole, heard._socket = heard._socket, Down()
+    with whole, pytest.raises(BusError, match="interface eth9: Network is down"):
+        heard.receive()
+
+
+def test_the_kernels_tables_are_split_into_words_and_may_be_missing(monkeypatch, tmp_path):
+    (tmp_path / "route").write_text("Iface Destination\n\neth9 00000000\n")
+    monkeypatch.setattr(network_interface, "Path", lambda folder, name: tmp_path / name)
+    assert network_interface._table("route") == [["Iface", "Destination"], ["eth9", "00000000"]]
+    assert network_interface._table("ipv6_route") == []
+
+
+def test_an_address_is_that_of_the_kernels_answer(unnumbered, monkeypatch):
+    answer = bytes(20) + bytes([10, 0, 7, 1]) + bytes(8)
+    asked = []
+    monkeypatch.setattr(
+        network_interface.fcntl, "ioctl", lambda socket, request, data: asked.append((request, data)) or answer
+    )
+    with pytest.raises(BusError, match=r"eth9 carries the address 10\.0\.7\.1:"):
+        require_unused("eth9")
+    assert asked == [(0x8915, b"eth9" + bytes(252))], "SIOCGIFADDR"

@@ -107,3 +107,36 @@ def test_an_assignment_that_cannot_be_restored_is_an_error():
     drive._transfer = refuse_after_first
     with pytest.raises(SdoRefused):
         assign(drive, PdoDirection.RECEIVE, WANTED)
+
+
+def test_inputs_are_assigned_by_1c13_with_every_object_at_its_size():
+    """CiA 301, 7.5.2.36 and 38: numbers of entries have 8 bits, assignments 16 and mappings 32."""
+    drive = Drive(mapping(od.CONTROLWORD))
+    feedback = [od.STATUSWORD, od.POSITION_ACTUAL]
+    drive.objects = {(0x1C13, 0): 1, (0x1C13, 1): 0x1A02, (0x1A02, 0): 1, (0x1A02, 1): MODE, (0x1A02, 2): 0}
+    sizes = {}
+
+    def transfer(entry, data, whole=drive._transfer):
+        sizes[entry.index, entry.subindex] = entry.type.bits
+        return whole(entry, data)
+
+    drive._transfer = transfer
+    part, held = assign(drive, PdoDirection.TRANSMIT, feedback)
+    assert part.offsets == {od.STATUSWORD: 0, od.POSITION_ACTUAL: 2}
+    assert [(entry.index, entry.subindex, value) for entry, value in held.items()] == [(0x1C13, 1, 0x1A02)]
+    assert sizes == {(0x1C13, 0): 8, (0x1C13, 1): 16, (0x1A02, 0): 8, (0x1A02, 1): 32, (0x1A02, 2): 32}
+
+
+def test_without_an_assigned_pdo_the_first_is_used():
+    drive = Drive([])
+    drive.objects[0x1C12, 0] = 0
+    _, held = assign(drive, PdoDirection.RECEIVE, WANTED)
+    assert list(held.values()) == [0x1600]
+
+
+def test_several_assigned_pdos_are_one_mapping():
+    drive = Drive(mapping(od.CONTROLWORD), {0x1600, 0x1601, 0x1C12})
+    drive.objects |= {(0x1C12, 0): 2, (0x1C12, 2): 0x1601, (0x1601, 0): 1, (0x1601, 1): od.TARGET_POSITION.mapping}
+    part, held = assign(drive, PdoDirection.RECEIVE, WANTED)
+    assert part.offsets == {od.CONTROLWORD: 0, od.TARGET_POSITION: 2}
+    assert {entry.subindex: value for entry, value in held.items()} == {1: 0x1600, 2: 0x1601}

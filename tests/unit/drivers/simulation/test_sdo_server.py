@@ -200,3 +200,89 @@ def test_the_abort_codes_are_those_that_another_library_knows():
     }
     for code, text in words.items():
         assert text.lower() in SdoAbortedError.CODES[code].lower()
+
+
+def test_a_pdo_has_its_parameters_after_a_reset(dictionary):
+    """CiA 301, 7.5.2.35 to 38: highest sub-index 5, event-driven, no inhibit time, no timer."""
+    sent = Pdo(PdoDirection.TRANSMIT, 2, 5, dictionary, (od.STATUSWORD,))
+    idle = Pdo(PdoDirection.RECEIVE, 3, 5, dictionary)
+    values = dictionary.values
+    found = [values[0x1802 << 8 | sub] for sub in (0, 1, 2, 3, 5)]
+    assert found == [5, 0x4000_0385, 255, 0, 0]
+    assert [values[0x1A02 << 8 | sub] for sub in range(9)] == [1, 0x6041_0010, 0, 0, 0, 0, 0, 0, 0]
+    assert [values[0x1403 << 8 | sub] for sub in (0, 1, 2, 3, 5)] == [5, 0x8000_0505, 255, 0, 0]
+    assert 0x1A02_09 not in values
+    assert (sent.cob_id, sent.synchronous, sent.timer_s, sent.syncs, sent.length) == (0x385, False, 0.0, 0, 2)
+    assert (idle.cob_id, idle.length) == (None, 0)
+    assert (sent.pending, sent.deadline_s, sent.last_event) == (None, None, None)
+
+
+def test_a_pdo_follows_its_type_timer_and_identifier(dictionary):
+    side = PdoDirection.TRANSMIT
+    pdo = Pdo(side, 0, 5, dictionary, (od.STATUSWORD,))
+    write(dictionary, side.timer_entry(0), 250)
+    assert pdo.timer_s == pytest.approx(0.25)
+    for type_, synchronous in ((0, True), (240, True), (254, False), (255, False)):
+        write(dictionary, side.type_entry(0), type_)
+        assert pdo.synchronous is synchronous
+    for type_ in (241, 253):
+        assert refusal_of(dictionary, side.type_entry(0), type_) is Abort.VALUE_RANGE
+    cob = side.cob_id_entry(0)
+    assert refusal_of(dictionary, cob, 0x6000_0185) is Abort.VALUE_RANGE, "29 bits"
+    write(dictionary, cob, 0x0000_0185)
+    write(dictionary, cob, 0x8000_07FF)
+    write(dictionary, cob, 0x0000_07FF)
+    assert pdo.cob_id == 0x7FF
+
+
+def test_a_frame_holds_eight_objects_or_64_bits_and_no_more(dictionary):
+    pdo, side = Pdo(PdoDirection.TRANSMIT, 0, 5, dictionary), PdoDirection.TRANSMIT
+    small = Entry(0x2001, 0, "a byte", DataType.U8, Access.RO, od.Mappable.TPDO)
+    dictionary.add(small, 0x5A)
+    for position in range(1, 9):
+        write(dictionary, side.map_entry(0, position), small.mapping)
+    write(dictionary, side.count_entry(0), 8)
+    assert pdo.pack() == bytes([0x5A] * 8)
+    assert refusal_of(dictionary, side.map_entry(0, 1), 0) is Abort.UNSUPPORTED_ACCESS, "counted"
+    write(dictionary, side.count_entry(0), 0)
+    for position in (1, 2):
+        write(dictionary, side.map_entry(0, position), od.POSITION_ACTUAL.mapping)
+    write(dictionary, side.count_entry(0), 2)
+    assert pdo.length == 8
+    assert refusal_of(dictionary, side.count_entry(0), 3) is Abort.PDO_TOO_LONG, "72 bits"
+    assert refusal_of(dictionary, side.count_entry(0), 9) is Abort.VALUE_TOO_HIGH
+
+
+def test_a_number_is_read_by_its_low_bytes_and_a_real_as_one(dictionary):
+    dictionary.add(Entry(0x2002, 0, "small", DataType.U8), 0x1FF)
+    dictionary.add(Entry(0x2003, 0, "real", DataType.F32), 1.5)
+    assert dictionary.upload(0x2002, 0) == b"\xff"
+    assert dictionary.upload(0x2003, 0) == struct.pack("<f", 1.5)
+    assert dictionary.upload(0x607A, 0) == struct.pack("<i", -5)
+
+
+def test_an_object_added_to_a_complete_dictionary_is_kept_but_not_accessible(dictionary):
+    dictionary.complete = True
+    dictionary.add(od.ERROR_CODE, 3)
+    dictionary.add(od.MODE, 0)
+    dictionary.add(od.SOFTWARE_VERSION, "1")
+    assert (dictionary.values[od.ERROR_CODE.key], dictionary.values[od.MODE.key]) == (3, 8)
+    assert od.ERROR_CODE.key not in dictionary.entries
+    assert od.SOFTWARE_VERSION.key not in dictionary.texts
+
+
+def test_what_an_object_forgets_is_confirmed_and_its_reactions_do_not_run(dictionary):
+    ran = []
+    dictionary.reactions[od.TARGET_POSITION.key] = lambda: ran.append(1)
+    dictionary.forgets = {0x607A}
+    write(dictionary, od.TARGET_POSITION, 8)
+    assert (dictionary.values[od.TARGET_POSITION.key], ran) == (-5, [])
+    dictionary.forgets = ()
+    write(dictionary, od.TARGET_POSITION, 8)
+    assert (dictionary.values[od.TARGET_POSITION.key], ran) == (8, [1])
+
+
+def test_a_name_is_written_as_it_is(dictionary):
+    dictionary.add(Entry(0x2004, 0, "name", DataType.STRING), "")
+    dictionary.download(0x2004, 0, b"abc")
+    assert dictionary.upload(0x2004, 0) == b"abc"

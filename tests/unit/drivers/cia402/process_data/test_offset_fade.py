@@ -38,3 +38,12 @@ def test_even_steps_one_way_to_zero_within_the_time(permille, cycle_s):
 
 def test_without_offsets_there_is_nothing_to_wait_for():
     assert OffsetFade([0, 0], 0.01).done
+
+
+@pytest.mark.parametrize(("cycle_s", "offsets"), [(0.05, [20, 10, 0]), (0.04, [22, 15, 8, 0]), (0.15, [0]), (1.0, [0])])
+def test_steps_are_equal_parts_of_150_milliseconds(cycle_s, offsets):
+    """30 per mille: 0.15 s are three cycles of 50 ms, four of 40 ms (22.5 rounds to even), and one of any longer."""
+    fade, found = OffsetFade([30], cycle_s), []
+    while not fade.done:
+        found += fade.next()
+    assert found == offsets

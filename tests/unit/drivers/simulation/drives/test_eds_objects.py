@@ -261,3 +261,11 @@ def test_a_drive_of_any_description_is_brought_up_or_refused(virtual_arm, change
         arm.servos.connect()
         arm.servos.enable()
     arm.drives.raise_failure()
+
+
+def test_as_many_pdos_are_counted_as_the_standard_has_room_for():
+    """CiA 301, 7.5.2.35: 1400 to 15FF."""
+    sub = {"ParameterName": "a", "ObjectType": "7", "DataType": "0x7", "AccessType": "rw", "DefaultValue": "0"}
+    more = {f"{0x1400 + number:04X}sub1": sub for number in range(512)}
+    described = parse_description(eds(maker_drive(changes=more)).encode(), "maker.eds")
+    assert pdo_count(described, od.PdoDirection.RECEIVE) == 512
