@@ -12,7 +12,7 @@ import threading
 import numpy as np
 import pytest
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 from typer.testing import CliRunner
 
 from armload_controller.cli.console_text import drawn, fitted
@@ -238,3 +238,23 @@ def test_a_file_gets_no_colours_and_whole_tables(environment, monkeypatch):
     assert "…" not in done.output
     whole = [line for line in done.output.splitlines() if "prbt_joint_6" in line and "SWITCH ON DISABLED" in line]
     assert len(whole) == (environment.get("COLUMNS") is None)
+
+
+def test_a_table_without_rows_is_as_wide_as_its_headings():
+    """Each column has two spaces and a line, and the table one more."""
+    table = Table("a heading", Column("right one", justify="right"))
+    needed = 9 + 3 + 9 + 3 + 1
+    assert shown(table, needed)[1] == [table]
+    narrower = shown(table, needed - 1)
+    assert narrower[1] != [table]
+    assert max(map(len, narrower[0].splitlines())) <= needed - 1
+
+
+def test_a_table_is_split_where_its_least_widths_do_not_fit():
+    """Words of 10, 10 and 10 letters need 13 each, and 1: two columns fit 27, three 40."""
+    table = Table(*(letter * 10 for letter in "abc"), title="t")
+    table.add_row(*("x" * 10 for _ in range(3)))
+    for width, columns in ((40, [3]), (39, [2, 2]), (27, [2, 2])):
+        _, parts = shown(table, width)
+        assert [len(part.columns) for part in parts] == columns
+        assert [part.title for part in parts] == ["t", None][: len(parts)]

@@ -5,7 +5,13 @@ from importlib import resources
 
 import pytest
 
-from armload_controller.config.drive_profiles import profile_hint, profiles_of_vendor, shipped_profiles
+from armload_controller.config.drive_profiles import (
+    own_profiles,
+    profile_hint,
+    profiles_of_vendor,
+    shipped_profiles,
+    with_profiles,
+)
 from armload_controller.config.robot import load_robot
 from armload_controller.config.tables.drive_tables import BusTable, PartTable
 from armload_controller.control_errors import ConfigurationError
@@ -269,3 +275,17 @@ def test_an_arm_is_moved_to_another_bus_or_to_two():
 def test_an_arm_is_on_one_bus_or_on_two_channels(buses, said):
     with pytest.raises(BadValue, match=said):
         BusTable(**buses, cycle_hz=100.0, max_missing_cycles=1)
+
+
+def test_a_files_own_profiles_are_those_named_with_their_suffix_each_once():
+    shipped = shipped_profiles()[0]
+    drives = ["own.toml", "own.toml", shipped, "packaged", 3, "other.toml"]
+    joints = [*({"drive": {"profile": profile}} for profile in drives), {"drive": 4}, {}, 5]
+    assert own_profiles({"joints": joints}) == ("own.toml", "other.toml")
+    assert own_profiles({"joints": 7}) == own_profiles({}) == ()
+
+
+def test_what_is_not_a_table_of_a_joint_is_left_to_the_check_of_the_file(tmp_path):
+    values = {"joints": [5, {"drive": 4}, {"drive": {"profile": 3}}, {}], "robot": {"a": 1}}
+    assert with_profiles(values, tmp_path, "arm.toml") == values
+    assert with_profiles({"joints": 7}, tmp_path, "arm.toml") == {"joints": 7}

@@ -40,3 +40,19 @@ def test_what_lies_beyond_a_range_is_refused(edited, old, new, key):
 )
 def test_the_ends_of_a_range_belong_to_it(edited, old, new):
     load_robot(edited(old, new))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("alpha_rad = 3.141592653589793", "alpha_rad = 90", r"at most one turn \(6.283\) .* this would be 1\.5708 rad"),
+        ("position_max_rad = 2.9", "position_max_rad = 170", r"at most 4 turns \(25\.1\) .* this would be 2\.9671 rad"),
+        ("velocity_max_rad_s = 2.0", "velocity_max_rad_s = 180", r"at most 50; in degrees .* would be 3\.1416 rad/s"),
+        ("gear_ratio = 120.0", "gear_ratio = 0.008", r"at least 1; the inverse of this value is 125"),
+        ("gear_ratio = 120.0", "gear_ratio = -5.0", r"motor turns per turn of the joint, at least 1$"),
+        ("rated_payload_kg = 16.0", "rated_payload_kg = 2500.5", r"at most 2500; in grams this would be 2\.5005 kg"),
+    ],
+)
+def test_a_number_in_another_unit_is_told_in_the_right_one(edited, old, new, said):
+    with pytest.raises(ConfigurationError, match=said):
+        load_robot(edited(old, new))

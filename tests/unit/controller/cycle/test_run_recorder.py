@@ -317,3 +317,36 @@ def test_attachments_have_the_media_type_of_their_names(tmp_path):
     with path.open("rb") as file:
         kinds = {attached.name: attached.media_type for attached in make_reader(file).iter_attachments()}
     assert kinds == {"run.json": "application/json", "configuration.toml": "application/toml"}
+
+
+def test_rows_and_phases_are_counted(tmp_path):
+    with Recorder(tmp_path / "a.mcap", {}) as recorder:
+        assert recorder.rows == 0
+        for cycle in range(5):
+            recorder.write(feedback(cycle), COMMAND, Segment.PERIODS, 0.5 * cycle if cycle > 1 else None)
+        assert recorder.rows == 5
+        phase_s, time_s = recorder.measured
+        assert phase_s.tolist() == [1.0, 1.5, 2.0]
+        assert time_s == pytest.approx([12.508, 12.512, 12.516])
+
+
+def test_partial_names_are_counted_from_two(tmp_path):
+    names = []
+    for _ in range(3):
+        recorder = Recorder(tmp_path / "a.mcap", {})
+        recorder.write(feedback(0), COMMAND, Segment.APPROACH, None)
+        names.append(recorder.partial.name)
+        recorder.__exit__(RuntimeError, RuntimeError(), None)
+    assert names == ["a.partial.mcap", "a.partial-2.mcap", "a.partial-3.mcap"]
+
+
+@pytest.mark.parametrize(("cycles", "messages"), [(13, 1), (14, 2), (26, 2), (27, 3)])
+def test_frames_of_the_links_are_written_every_50_milliseconds(tmp_path, cycles, messages):
+    """Every 0.05 s: with cycles of 4 ms, 13 cycles later."""
+    path = tmp_path / "a.mcap"
+    robot = load_robot("er50")
+    with Recorder(path, {}, frames=ArmFrames(robot.chain, robot.joint_names)) as recorder:
+        for cycle in range(cycles):
+            recorder.write(feedback(cycle, position_rad=np.zeros(6)), None, Segment.APPROACH, None)
+    with path.open("rb") as file:
+        assert sum(1 for _ in make_reader(file).iter_messages(FRAMES_TOPIC)) == messages

@@ -11,7 +11,7 @@ from armload_controller.config.chain_from_urdf import read_urdf_arm
 from armload_controller.config.robot import shipped_robots
 from armload_controller.control_errors import ExportError
 from armload_controller.export.format_registry import LOAD_DATA, exporter
-from armload_controller.export.load_data.makers_flange import has_makers_axes, in_makers_flange
+from armload_controller.export.load_data.makers_flange import has_makers_axes, in_makers_flange, outward_axis
 from armload_controller.export.load_data.ur import export_ur
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy, rpy_rad
 from armload_identification.model.payload import PARAMETER_NAMES
@@ -133,3 +133,66 @@ def test_the_text_says_what_was_checked(make_subject, right):
         text = " ".join(export_ur(shown)["er50_payload.script"].replace("#", "").split())
         assert ("the last joint's axis, out of the flange, as in" in text) is checked
         assert ("no kinematics state it: that z points out of the flange, that x and y" in text) is not checked
+
+
+@pytest.mark.parametrize(("tilt_rad", "right_axes"), [(0.9e-3, True), (1.1e-3, False), (-1.1e-3, False)])
+def test_z_may_be_a_milliradian_off_the_axis(right, tilt_rad, right_axes):
+    assert has_makers_axes(reflanged(right, pose_from_xyz_rpy((0, 0, 0), (tilt_rad, 0, 0))).chain) is right_axes
+
+
+@pytest.mark.parametrize(("beside_m", "refused"), [(0.9e-3, False), (1.1e-3, True)])
+def test_a_flange_may_be_a_millimetre_beside_the_axis(right, beside_m, refused):
+    subject = reflanged(right, pose_from_xyz_rpy((0.0, beside_m, 0.0), (0, 0, 0)))
+    if refused:
+        with pytest.raises(ExportError, match=r"lies 1\.1 mm beside"):
+            in_makers_flange(subject)
+    else:
+        in_makers_flange(subject)
+
+
+@pytest.mark.parametrize(("off_rad", "exact"), [(0.9e-4, True), (1.1e-4, False)])
+def test_angles_of_four_digits_are_quarter_turns(right, off_rad, exact):
+    before, after = (
+        in_makers_flange(replace(right, flange_rpy_rad=rpy)).model.center_of_mass_m
+        for rpy in (None, (0.0, 0.0, np.pi / 2 + off_rad))
+    )
+    x, y, z = before
+    assert (after.tolist() == [y, -x, z]) is exact
+    np.testing.assert_allclose(after, [y, -x, z], atol=1e-4)
+
+
+def crossing(angle_rad, flange_m):
+    """Two axes that cross in the origin at an angle, and a flange along the last one, z."""
+    first = (np.sin(angle_rad), 0.0, np.cos(angle_rad))
+    pose = pose_from_xyz_rpy((0.0, 0.0, flange_m - 0.5), (0, 0, 0))
+    return Chain.from_origins([(0, 0, 0), (0, 0, 0.5)], np.zeros((2, 3)), [first, (0, 0, 1)], pose, (0, 0, -9.81))
+
+
+@pytest.mark.parametrize(
+    ("angle_rad", "flange_m", "axis", "known"),
+    [
+        (1.1e-3, 0.1, (0, 0, 1), True), (0.9e-3, 0.1, (0, 0, 1), False), (1.0, -0.1, (0, 0, -1), True),
+        (1.0, 1.1e-3, (0, 0, 1), True), (1.0, 0.9e-3, (0, 0, 1), False), (1.0, -0.9e-3, (0, 0, 1), False),
+    ],
+)  # fmt: skip
+def test_out_is_from_the_wrist_to_the_flange_if_both_are_known(angle_rad, flange_m, axis, known):
+    found, is_known = outward_axis(crossing(angle_rad, flange_m))
+    np.testing.assert_allclose(found, axis, atol=1e-12)
+    assert is_known is known
+
+
+def test_one_axis_alone_has_no_wrist():
+    chain = Chain.from_origins([(0, 0, 0.3)], [(0, 0, 0)], [(0, 0, 1)], LIFTED, (0, 0, -9.81))
+    assert outward_axis(chain)[1] is False
+    assert has_makers_axes(chain)
+
+
+def test_a_rotated_element_is_determined_if_all_that_enters_it_is(right):
+    def lacking(name, rpy):
+        known = np.array([each != name for each in PARAMETER_NAMES])
+        found = in_makers_flange(replace(right, payload=replace(right.payload, determined=known), flange_rpy_rad=rpy))
+        return [each for each, is_known in zip(PARAMETER_NAMES, found.determined, strict=True) if not is_known]
+
+    assert lacking("izz", (0.0, 0.0, 0.3)) == ["izz"]
+    assert lacking("ixz", (0.0, 0.0, 0.3)) == ["ixz", "iyz"]
+    assert lacking("ixz", (0.0, 0.0, np.pi / 2)) == ["iyz"]

@@ -1,5 +1,7 @@
 """The feed-forward plug-in: the torque for the right state and the right payload."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -223,3 +225,75 @@ def test_the_lag_of_one_joint_that_is_held_back_does_not_count():
     for _ in range(100):
         lag.add(np.array([0.04, 0.04, 0.19]), np.ones(3))
     assert lag.lag_s == pytest.approx(0.04)
+
+
+@pytest.mark.parametrize(("error_rad", "lag_s"), [(0.3, 0.2), (0.19, 0.19), (-0.1, 0.0)])
+def test_the_lag_is_between_nothing_and_a_fifth_of_a_second(error_rad, lag_s):
+    lag = FollowingLag(1, CYCLE_S)
+    lag.add(np.array([error_rad]), np.ones(1))
+    assert lag.lag_s == pytest.approx(lag_s)
+
+
+@pytest.mark.parametrize(("speed_rad_s", "lag_s"), [(0.101, 0.05), (0.099, 0.0)])
+def test_a_joint_counts_once_it_has_moved(speed_rad_s, lag_s):
+    """The squared speed over one cycle of 10 ms reaches 1e-4 rad2/s at 0.1 rad/s."""
+    lag = FollowingLag(1, CYCLE_S)
+    lag.add(np.array([0.05 * speed_rad_s]), np.array([speed_rad_s]))
+    assert lag.lag_s == pytest.approx(lag_s)
+
+
+def test_the_lag_is_that_of_the_last_five_seconds():
+    """Five seconds at 0.1 s, five without: (1 - 1/e) / e of 1 - 1/e2, which is 1 / (e + 1)."""
+    lag = FollowingLag(1, CYCLE_S)
+    for error_rad in (0.1, 0.0):
+        for _ in range(500):
+            lag.add(np.array([error_rad]), np.ones(1))
+    assert lag.lag_s == pytest.approx(0.1 / (np.e + 1.0), rel=1e-6)
+
+
+class Term:
+    """An arm's own torque, and what it was asked with."""
+
+    def __init__(self, n):
+        self.n, self.asked = n, []
+
+    def torque_nm(self, q, dq, ddq, torque):
+        self.asked.append((q, dq, ddq, torque))
+        return np.full(self.n, 4.0)
+
+
+def stepped(speed_rad_s=0.0, error_rad=None):
+    """Steps of a cycle; the first joint's reference moves at a speed, and the feedback lags it by an error."""
+    for number in range(10_000):
+        position, velocity = np.zeros(6), np.zeros(6)
+        position[0], velocity[0] = number * CYCLE_S * speed_rad_s, speed_rad_s
+        reference = SimpleNamespace(position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=np.zeros(6))
+        sent = None if error_rad is None else SimpleNamespace(position_rad=position)
+        feedback = SimpleNamespace(position_rad=position - (error_rad or 0.0) * np.eye(6)[0])
+        yield SimpleNamespace(reference=reference, sent=sent, sent_reference=reference, feedback=feedback)
+
+
+def test_the_arms_own_torque_is_faded_in_over_half_a_second_on_the_allowed_joints():
+    term = Term(6)
+    added = FeedforwardPlugin(ROBOT.chain, "prbt", None, CYCLE_S, beside=term)
+    steps = stepped()
+    assert not added.on_cycle(next(steps)).any()
+    assert (term.asked, added.fade_in_cycles) == ([], 51)
+    added.allow(np.arange(6) < 2)
+    found = np.array([added.on_cycle(next(steps)) for _ in range(60)])
+    np.testing.assert_allclose(found[:, 0], 4.0 * np.minimum(1.0, np.arange(1, 61) / 50.0))
+    np.testing.assert_array_equal(found[:, 0], found[:, 1])
+    assert not found[:, 2:].any()
+
+
+@pytest.mark.parametrize(("lag_s", "delay_cycles"), [(0.0, 0.0), (0.004, 0.0), (0.0325, 2.75), (0.2, 19.5)])
+def test_the_torque_is_that_of_one_lag_ago_and_half_a_cycle_later(lag_s, delay_cycles):
+    term = Term(6)
+    added = FeedforwardPlugin(ROBOT.chain, "prbt", None, CYCLE_S, beside=term)
+    added.allow(ALL)
+    steps = stepped(0.5, 0.5 * lag_s)
+    for _ in range(40):
+        added.on_cycle(next(steps))
+    q, dq, ddq, _ = term.asked[-1]
+    assert q[0] == pytest.approx(0.5 * CYCLE_S * (39 - delay_cycles))
+    assert (dq[0], ddq[0]) == (0.5, 0.0)

@@ -5,7 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_controller.motion.joint_limits import LimitViolation, MotionLimits, check_setpoints
+from armload_controller.motion.joint_limits import (
+    BeyondLimit,
+    LimitViolation,
+    MotionLimits,
+    check_setpoints,
+    require_within,
+)
 
 LIMITS = MotionLimits(
     joint_names=("base", "elbow"),
@@ -75,3 +81,19 @@ def test_rounding_beyond_a_position_limit_is_a_share_of_the_range(range_rad):
 def test_what_rounding_explains_is_not_named_in_place_of_what_breaks_a_limit():
     with pytest.raises(LimitViolation, match="elbow: velocity"):
         check_setpoints(np.array([1.0 + 1e-10, 0.0]), np.array([0.0, 0.7]), REST, LIMITS)
+
+
+def test_joints_are_found_by_name():
+    assert [LIMITS.index_of(name) for name in ("base", "elbow", "wrist")] == [0, 1, None]
+
+
+def test_an_arm_that_stands_beyond_a_limit_is_named_with_both():
+    require_within(np.array([1.0, -2.0]), LIMITS)
+    with pytest.raises(BeyondLimit, match=r"^elbow stands at -2\.5000 rad, beyond its limit of -2\.0000 rad") as caught:
+        require_within(np.array([1.1, -2.5]), LIMITS)
+    assert caught.value.joint == "elbow"
+
+
+def test_excess_is_the_distance_beyond_a_limit_on_either_side():
+    found = LIMITS.excess(np.array([[[1.5, -2.5]], [[-0.6, 0.5]], [[0.0, -4.5]]]))
+    np.testing.assert_allclose(found, [[[0.5, 0.5]], [[0.1, -0.1]], [[-3.0, 0.5]]], atol=1e-7)

@@ -72,3 +72,12 @@ def test_a_fast_joints_window_leaves_a_fifth_beyond_its_lag():
     """Of 0.05 s: 0.314 rad at 6.28 rad/s; a slow joint has 0.2 rad."""
     found = [read(twin_drive(ARM, joint))["joints"]["drive"]["following_error_rad"] for joint in range(2)]
     assert found == [0.2, 0.3768]
+
+
+def test_what_is_assumed_of_a_twin():
+    first = read(twin_simulation(ARM, [BODY], BODY, np.zeros(2), [4.0], np.array([10.0])))["simulation"]["joints"][0]
+    assert first["stribeck_nm"] == pytest.approx(0.8), "a fifth of Coulomb's"
+    assert (first["stribeck_velocity_rad_s"], first["load_friction"]) == (0.02, 0.05)
+    assert (first["torque_ripple_nm"], first["ripple_per_motor_turn"]) == (0.0, 2)
+    drive = read(twin_drive(ARM, 0))["joints"]["drive"]
+    assert (drive["max_torque_permille"], drive["following_lag_s"]) == (3000, 0.05)

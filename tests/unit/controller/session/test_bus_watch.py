@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,8 +14,11 @@ from mcap.reader import make_reader
 from armload_controller.analysis.payload_watch import PayloadWatch
 from armload_controller.analysis.watch_history import WatchDiary
 from armload_controller.cli.output.watch_output import moment_text
+from armload_controller.control_errors import CommissioningError
 from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.session import bus_watch
 from armload_controller.session.bus_watch import BusWatch
+from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.listening.overheard_arm import OverheardCycle
 from armload_drivers.servos import JointFeedback
 from armload_identification.files.calibration_file import write_calibration
@@ -105,3 +108,37 @@ def test_events_are_recorded_beside_the_rows(robot, payload, pinocchio_arm, tmp_
         validate(event, json.loads(schema.data))
         assert each.log_time - begun_ns == pytest.approx(1e9 * (event["time_s"] - 5000.0), abs=1e3)
     assert read_recording(path).size == len(cycles)
+
+
+def test_a_recording_under_another_master_says_so_and_what_the_arm_carries(monkeypatch, tmp_path):
+    given = []
+    monkeypatch.setattr(bus_watch, "robot_recorder", lambda *values: given.append(values) or "recorder")
+    assert bus_watch.recorder_of("robot", tmp_path, None) == "recorder"
+    bus_watch.recorder_of("robot", tmp_path, "loaded")
+    assert given == [
+        ("robot", tmp_path, {"overheard": True}),
+        ("robot", tmp_path, {"overheard": True, "load": "loaded"}),
+    ]
+
+
+@pytest.mark.parametrize(("reported", "effort"), [("CURRENT", Effort.CURRENT), ("TORQUE", Effort.TORQUE)])
+def test_another_effort_than_the_calibrations_is_refused(robot, payload, reported, effort):
+    drives = [SimpleNamespace(feedback=EffortFeedback[reported])]
+    robot.drives = SimpleNamespace(settings=SimpleNamespace(drives=drives))
+    if effort is payload.effort:
+        BusWatch(robot, payload, None)
+        return
+    with pytest.raises(CommissioningError, match=r"report torque, .* calibrated with current\. Calibrate it from"):
+        BusWatch(robot, payload, None)
+    with pytest.raises(CommissioningError, match=r"Give --effort current if .* else calibrate it from"):
+        BusWatch(robot, payload, None, effort=effort)
+
+
+def test_moments_come_at_their_period_and_count_what_was_lost(robot):
+    found = [replace(cycle(number, enabled=number % 2 == 0), lost=number % 3) for number in range(25)]
+    left = iter(range(25))
+    watching = BusWatch(robot, None, None, 1.0, clock=lambda: 0.0, effort=Effort.CURRENT)
+    moments = list(watching.moments(iter(found), lambda: next(left, None) is not None))
+    assert [each.time_s for each in moments] == pytest.approx([5001.0, 5002.0, 5002.4])
+    assert [each.bus.cycles for each in moments] == [11, 21, 25]
+    assert [each.bus.lost for each in moments] == [10, 21, 24]

@@ -132,3 +132,12 @@ def test_what_a_drive_does_not_report_is_a_dash_and_a_column_nobody_fills_is_not
 )
 def test_the_bus_is_a_line(load, passive, line):
     assert bus_line(ArmStatus((), load, 4, passive)) == line
+
+
+def test_modes_are_shown_by_their_short_names_and_twins_counted():
+    """CiA 402-2, 6060; 2 is velocity mode of frequency converters, which no arm uses."""
+    modes = (1, 2, 3, 4, 6, 7, 8, 9, 10)
+    node = FoundNode(3, 0x0002_0192, "", Identity(None, 0x12), modes, (), twins=1)
+    (cells,) = rows(shown(found_table([node])))
+    assert cells[1:3] == ["CiA 402 drive; 2 nodes have this id: give each its own", "-"]
+    assert cells[3:] == ["0x00000012", "-", "PP 2 PV PT HM IP CSP CSV CST", "nothing"]
