@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
+from armload_identification.report.figures import calibration_figures
 from armload_identification.report.figures.calibration_figures import drift_figure, gains_figure
 from armload_identification.report.figures.figure_style import BLUE, VERMILION
 
@@ -22,7 +23,7 @@ def drawn(monkeypatch):
 
         monkeypatch.setattr(Axes, name, noted)
 
-    for name in ("errorbar", "plot", "axhspan", "set_xticks", "set_xlim"):
+    for name in ("errorbar", "plot", "axhspan", "axhline", "set_xticks", "set_xlim"):
         note(name)
     return calls
 
@@ -56,3 +57,22 @@ def test_of_many_days_only_some_have_a_tick(drawn, count, ticks):
     places, labels, _ = drawn["set_xticks"][0]
     assert len(places) == len(labels) == ticks
     assert [float(label) for label in labels] == list(places)
+
+
+def test_lines_marks_and_sizes_of_both_figures(drawn, monkeypatch):
+    """Gains fill a page of 7 inches, friction a half of it; a line at no change."""
+    figures = []
+    monkeypatch.setattr(calibration_figures, "inline_svg", lambda figure, *_: figures.append(figure))
+    gains_figure(np.array([0.02]), np.array([0.004]), [True], "gains")
+    drift_figure(np.arange(2.0), ["a", "b"], np.arange(2.0), 0.25, 0, "friction")
+    assert [figure.get_size_inches().tolist() for figure in figures] == [[7.0, 2.1], [3.4, 1.6]]
+    assert [(call[0], call[-1]["linewidth"]) for call in drawn["axhline"]] == [(0.0, 0.7)] * 2
+    style = {"color": BLUE, "marker": "o", "markersize": 4, "capsize": 4, "linewidth": 1.4}
+    assert drawn["errorbar"][0][-1] == style
+    assert drawn["plot"][-1][-1]["markersize"] == 3.5
+    assert drawn["axhspan"][0][-1]["linewidth"] == 0
+    gains, friction = (figure.axes[0].yaxis.get_major_locator() for figure in figures)
+    assert (gains.tick_values(0.0, 5.5)[1], friction.tick_values(0.0, 4.5)[1]) == (2.0, 2.0), "five and four parts"
+    assert gains.tick_values(0.0, 5.0)[1] == 1.0
+    assert friction.tick_values(0.0, 4.0)[1] == 1.0
+    assert not any(line.get_visible() for line in figures[0].axes[0].get_xgridlines())

@@ -85,3 +85,15 @@ def test_labels_differ_and_are_no_more_precise_than_necessary(spacing_s, pattern
     assert len(set(labels)) == len(labels)
     assert any(pattern in label for label in labels)
     assert (labels[0].count(":") == 2) == (spacing_s < 60.0)
+
+
+def test_lines_and_marks_are_small_and_there_are_at_most_five_ticks(axes):
+    draw_control_chart(axes, PLACE, CHART, lambda values: values)
+    draw_dates(axes, PLACE)
+    level, usual, loud, change = axes.lines
+    assert [line.get_linewidth() for line in (level, change)] == [0.7, 0.8]
+    assert [line.get_markersize() for line in (usual, loud)] == [2.8, 2.8]
+    assert change._unscaled_dash_pattern == (0.0, (3.0, 2.0))
+    assert axes.collections[0].get_linewidth() == 0
+    for axis in (axes.xaxis, axes.yaxis):
+        assert axis.get_major_locator().tick_values(0.0, 8.5)[1] == 2.5, "four parts"

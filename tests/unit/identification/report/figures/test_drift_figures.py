@@ -97,3 +97,28 @@ def test_friction_is_drawn_over_the_minutes_in_operation_with_a_curve_where_it_c
         for line in curve:
             np.testing.assert_allclose(line.get_xdata()[[0, -1]], [0.0, until_min])
             np.testing.assert_allclose(line.get_ydata(), 60.0 * line.get_xdata())
+
+
+def test_charts_fill_a_page_of_seven_inches_with_an_inch_and_a_quarter_per_joint():
+    drawing = charts_drawing(drift(), NAMES)
+    high = 3 * 1.25 + 0.6
+    np.testing.assert_allclose(drawing.get_size_inches(), [7.0, high])
+    first, last = (drawing.axes[place].get_position() for place in (0, -1))
+    assert (first.x0, first.y1) == pytest.approx((0.1, 1.0 - 0.2 / high))
+    assert (last.x1, last.y0) == pytest.approx((0.97, 0.4 / high))
+    second, below = (drawing.axes[place].get_position() for place in (1, 3))
+    assert second.x0 - first.x1 == pytest.approx(0.3 * first.width)
+    assert first.y0 - below.y1 == pytest.approx(0.3 * first.height)
+    assert drawing.axes[0].title.get_fontsize() == 7.5
+    assert drawing.axes[-1].xaxis.get_major_locator().tick_values(0.0, 8.5)[1] == 2.5, "four parts"
+
+
+def test_panels_of_friction_are_three_in_a_row_of_1_6_inches():
+    drawing = warm_up_drawing(Warming(300.0), ("a", "b", "c", "d"))
+    np.testing.assert_allclose(drawing.get_size_inches(), [7.0, 3.2])
+    assert len(drawing.axes) == 6
+    axes = drawing.axes[0]
+    points, curve = axes.lines
+    assert (points.get_markersize(), len(curve.get_xdata()), axes.title.get_fontsize()) == (2.0, 100, 7.5)
+    assert axes.yaxis.get_major_locator().tick_values(0.0, 8.5)[1] == 2.5, "four parts"
+    assert len(warm_up_drawing(Warming(300.0), ("a", "b", "c")).axes) == 3
