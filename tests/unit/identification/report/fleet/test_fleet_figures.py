@@ -88,7 +88,7 @@ def test_a_chart_is_in_the_unit_of_its_quantity_about_its_centre(monkeypatch, ki
     np.testing.assert_allclose(usual.get_ydata(), scale * np.array([2.0, 1.75]))
     np.testing.assert_allclose(loud.get_ydata(), scale * np.array([2.25]))
     assert [line.get_ydata()[0] for line in level] == ([scale * twins] if twins else [])
-    assert [(line.get_linewidth(), line._unscaled_dash_pattern[1]) for line in level] == [(0.7, [4.0, 3.0])] * len(
+    assert [(line.get_linewidth(), line._unscaled_dash_pattern[1]) for line in level] == [(0.7, (4.0, 3.0))] * len(
         level
     )
     assert axes.figure.get_size_inches().tolist() == [2.6, 1.9]
