@@ -1,5 +1,6 @@
 """Bring-up of one drive over SDO, with a simulated drive at the other end: what is read, required and written."""
 
+import re
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -8,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from armload_drivers.bring_up import drive_objects
+from armload_drivers.bring_up import drive_bring_up, drive_objects
 from armload_drivers.bring_up.drive_bring_up import configured_units, is_simulation
 from armload_drivers.bring_up.drive_objects import DriveObjects
 from armload_drivers.bring_up.drive_securing import require_safety
@@ -20,7 +21,7 @@ from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, EffortFeedb
 from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.object_dictionary import DataType, NmtCommand, PdoDirection
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
-from armload_drivers.cia402.process_data.process_image import drive_image
+from armload_drivers.cia402.process_data.process_image import drive_image, effort_entry
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import (
@@ -572,3 +573,90 @@ def test_what_is_missing_can_be_avoided_by_the_configuration(scripted, entry, us
     assert setup.instead_of(entry, lambda other: other in usable) == advice
     if usable:
         assert "set feedback" not in setup.instead_of(entry, lambda other: False)
+
+
+NO_EFFORT = r"A drive must report current \(6078\) or torque \(6077\) in a PDO"
+
+
+@pytest.mark.parametrize(
+    ("entry", "bits", "there", "advice"),
+    [
+        (od.STATUSWORD, 32, {}, "A drive of CiA 402 has 16: ask its manufacturer for firmware that conforms"),
+        (od.TORQUE_OFFSET, 8, {}, "^Set torque_offset = false"),
+        (od.TORQUE_OFFSET, 32, {}, "^It has no second receive PDO, which 32 bits require. Set torque_offset = false"),
+        (od.TORQUE_OFFSET_32, 16, {}, "^Set torque_offset_bits = 16"),
+        (od.CURRENT_ACTUAL, 24, {od.TORQUE_ACTUAL: bytes(2)}, '^It has 6077:0 .*: set feedback = "torque"$'),
+        (od.CURRENT_ACTUAL, 24, {od.TORQUE_ACTUAL: bytes(4)}, f"^{NO_EFFORT}"),
+        (od.CURRENT_ACTUAL_32, 16, {}, "^Set effort_bits = 16"),
+        (od.TORQUE_ACTUAL_32, 16, {}, "^Set effort_bits = 16"),
+    ],
+)
+def test_an_object_of_another_size_has_its_key_or_no_use(scripted, entry, bits, there, advice):
+    setup, _ = scripted(there)
+    assert re.search(advice, setup._resized(entry, bits))
+
+
+def test_a_makers_effort_is_corrected_or_left_out(scripted):
+    setup, _ = scripted({}, vendor_effort=VendorObject(0x2001, 2, DataType.I32, 0.001))
+    entry = effort_entry(setup.settings)
+    assert setup._resized(entry, 16) == 'Correct the type in effort_object: "i16" has 16 bits'
+    assert setup.instead_of(entry, lambda other: other is od.CURRENT_ACTUAL) == (
+        'Correct effort_object. Or leave it out. It has 6078:0 current actual value: set feedback = "current"'
+    )
+    assert re.match(f"Correct effort_object. {NO_EFFORT}", setup.instead_of(entry, lambda other: False))
+    assert setup._resized(od.TORQUE_OFFSET, 8).startswith("Set torque_offset = false"), "it is another object"
+
+
+@pytest.mark.parametrize(
+    ("numbers", "ratio"),
+    [((1000, 4), 250.0), ((0, 4), None), ((1000, 0), None), ((None, 4), None), ((1000, None), None)],
+)
+def test_a_scale_that_is_incomplete_or_zero_is_none(numbers, ratio):
+    assert drive_bring_up._ratio(*numbers) == ratio
+
+
+def test_an_identity_is_stated_as_the_file_has_it():
+    assert drive_bring_up.stated(Identity(0x1AB, None)) == "identity = { vendor_id = 0x000001AB }"
+    assert drive_bring_up.stated(Identity(1, 2)) == "identity = { vendor_id = 0x00000001, product_code = 0x00000002 }"
+
+
+def test_a_drive_without_the_exponent_of_60c2_interpolates_in_milliseconds(scripted):
+    setup, sdo = scripted({od.INTERPOLATION_TIME: 5})
+    drive_objects.set_interpolation(setup.objects, 0.01)
+    assert sdo.numbers(od.INTERPOLATION_TIME) == [10]
+    assert setup.objects.held == {od.INTERPOLATION_TIME: 10}
+    fixed, _ = scripted({od.INTERPOLATION_TIME: 5}, {("write", od.INTERPOLATION_TIME): 0x0609_0030})
+    with pytest.raises(ServoError, match=r"over 0\.005 s \(60C2\) and does not accept the cycle of 0\.01 s"):
+        drive_objects.set_interpolation(fixed.objects, 0.01)
+    tenths = {od.INTERPOLATION_TIME: 50, od.INTERPOLATION_EXPONENT: -4}
+    refused = {("write", entry): 0x0601_0002 for entry in tenths}
+    other, _ = scripted(tenths, refused)
+    with pytest.raises(ServoError, match=r"over 0\.005 s") as caught:
+        drive_objects.set_interpolation(other.objects, 0.01)
+    assert "Set cycle_hz = 200" in str(caught.value)
+
+
+def test_a_drive_with_an_interpolation_of_nothing_has_none(scripted):
+    setup, _ = scripted({od.INTERPOLATION_TIME: 0}, {("write", od.INTERPOLATION_TIME): 0x0601_0002})
+    drive_objects.set_interpolation(setup.objects, 0.01)
+    assert setup.objects.missing == [od.INTERPOLATION_EXPONENT, od.INTERPOLATION_TIME]
+
+
+@pytest.mark.parametrize(
+    ("there", "refusals", "reason"),
+    [
+        ({od.MODE: 0}, {}, ""),
+        ({od.MODE: 8}, {("write", od.MODE): 0x0601_0002}, ""),
+        ({}, {}, "no 6060"),
+        ({od.MODE: 7}, {("write", od.MODE): 0x0601_0002}, "6060 is 7, cannot be written, and must be 8"),
+        ({od.MODE: 7}, {("write", od.MODE): 0x0609_0030}, "6060 is 7, and 8 was refused (0x06090030)"),
+        ({od.MODE: lambda: 7}, {}, "6060 reads 7 after 8 was written"),
+        ({od.MODE: 7}, {("read", od.MODE): 0x0800_0000}, "6060 cannot be read back (0x08000000)"),
+    ],
+)
+def test_a_value_is_held_or_the_reason_is_told(scripted, there, refusals, reason):
+    setup, _ = scripted(there, refusals)
+    assert setup.objects.hold(od.MODE, 8) == reason
+    assert setup.objects.held == ({} if reason else {od.MODE: 8})
+    named, _ = scripted({})
+    assert named.objects.hold(od.INTERPOLATION_TIME, 1) == "no 60C2:1"

@@ -2,12 +2,15 @@
 
 import errno
 import time
+from contextlib import nullcontext
 
 import can
 import pytest
 from can import exceptions
 
 from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.joined_bus import BusRole, JoinedBus
+from armload_drivers.cia402.object_dictionary import NmtCommand
 from armload_drivers.driver_errors import BusError
 
 QUEUE_FULL_TRIES = 50
@@ -145,3 +148,60 @@ def test_a_bus_that_is_never_silent_ends_no_wait():
 def test_a_condition_that_becomes_true_without_a_frame_is_seen_at_the_end_of_the_wait():
     answers = [False, True]
     assert BusLink(FailingBus()).pump_until(lambda: answers.pop(0), 0.01)
+
+
+@pytest.mark.parametrize(("errors", "sent"), [(50, 1), (51, 0)])
+def test_a_full_queue_is_tried_fifty_times_for_a_millisecond_each(errors, sent):
+    bus = FailingBus(errors=[queue_full()] * errors)
+    waited = []
+    bus.recv = waited.append
+    link = BusLink(bus)
+    with nullcontext() if sent else pytest.raises(BusError, match="stays full"):
+        link.send(frame(0x80))
+    assert len(bus.sent) == sent
+    assert waited == [1e-3] * 50
+    assert link.queue_full == 1
+
+
+def test_one_bus_is_the_busiest_and_has_no_skew():
+    link = BusLink(FailingBus(frames=[frame(0x181, bytes(8))]))
+    assert (link.bits, link.error_frames, link.times_passive, link.queue_full) == (0, 0, 0, 0)
+    link.send(frame(0x80))
+    sent = link.bits
+    link.pump(0.0)
+    # CiA 102: 47 bits of a frame without data, 111 of one with 8 bytes, and stuff bits every four of 34 and of 98.
+    assert (sent, link.busiest_bits - sent) == (47 + 8, 111 + 24)
+    assert link.take_skew() == ""
+    with link.everywhere():
+        pass
+
+
+def test_of_several_buses_the_busiest_counts():
+    parts = [can.Bus(interface="virtual", channel=f"busiest-{number}") for number in range(2)]
+    joined = JoinedBus(parts, [frozenset({1}), frozenset({2})], BusRole.MASTER, 0.01)
+    link = BusLink(joined)
+    for node_id in (2, 2, 1):
+        link.send(frame(0x600 + node_id))
+    assert link.busiest_bits == 2 * 55
+    link.send(frame(0x80))
+    assert "SYNC reached the last bus" in link.take_skew()
+    with link.everywhere():
+        assert joined.everywhere
+    assert not joined.everywhere
+    joined.shutdown()
+
+
+def test_a_command_goes_to_a_node_and_handlers_of_a_block_are_gone_after_it():
+    bus = FailingBus(frames=[frame(0x181, b"\1"), frame(0x182, b"\2"), frame(0x181, b"\3")])
+    link, seen = BusLink(bus), []
+    link.command(NmtCommand.RESET_NODE, 5)
+    assert (bus.sent[0].arbitration_id, bytes(bus.sent[0].data)) == (0, b"\x81\5")
+    link.subscribe(0x181, seen.append)
+    with link.subscribed_meanwhile():
+        link.subscribe(0x182, seen.append)
+        link.unsubscribe(0x181)
+        link.unsubscribe(0x199)
+        link.pump(0.0)
+        link.pump(0.0)
+    link.pump(0.0)
+    assert seen == [b"\2", b"\3"]

@@ -5,6 +5,7 @@ import time
 import can
 import pytest
 
+from armload_drivers.bus import joined_bus
 from armload_drivers.bus.joined_bus import BusRole, JoinedBus
 
 CYCLE_S = 0.01
@@ -150,3 +151,93 @@ def test_both_are_closed(joined):
     bus.shutdown()
     assert first.closed
     assert second.closed
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Time that the test sets, for stamps and for waits."""
+
+    class Clock:
+        now_s = 1000.0
+
+        def time(self):
+            return self.now_s
+
+        def monotonic(self):
+            return self.now_s
+
+    clock = Clock()
+    monkeypatch.setattr(joined_bus, "time", clock)
+    return clock
+
+
+@pytest.mark.parametrize(("age_s", "sent_on"), [(0.4 * CYCLE_S, True), (0.6 * CYCLE_S, False)])
+def test_a_sync_is_stale_after_half_a_cycle(joined, clock, age_s, sent_on):
+    bus, first, second = joined(BusRole.PACED_BY_KERNEL)
+    first.put(SYNC, b"", clock.now_s - age_s, own=True)
+    bus.recv(0.0)
+    assert bool(second.sent) is sent_on
+
+
+@pytest.mark.parametrize(("after_s", "count"), [(0.4 * CYCLE_S, 1), (0.6 * CYCLE_S, 2)])
+def test_two_syncs_are_half_a_cycle_apart(joined, clock, after_s, count):
+    bus, first, second = joined(BusRole.PACED_BY_KERNEL)
+    for _ in range(2):
+        first.put(SYNC, b"", clock.now_s, own=True)
+        bus.recv(0.0)
+        clock.now_s += after_s
+    assert len(second.sent) == count
+    assert bus.bits[1] == count * bus.bits[0] // 2, "each of its frames counts, and each received one"
+
+
+def test_the_distance_of_sync_on_the_buses_is_told_as_median_and_worst(joined, clock):
+    bus, _, second = joined()
+    whole = second.send
+    for delay_s in (0.001, 0.004, 0.002):
+
+        def late(message, timeout, delay_s=delay_s):
+            clock.now_s += delay_s
+            whole(message)
+
+        second.send = late
+        send(bus, SYNC)
+    send(bus, TPDO + 1)
+    assert bus.take_skew() == "SYNC reached the last bus 2.00 ms after the first (median; at most 4.00 ms)"
+    assert bus.take_skew() == ""
+
+
+def test_in_lockstep_nothing_is_measured_and_no_wait_is_long():
+    halves = Half(), Half()
+    bus = JoinedBus(halves, [frozenset({1}), frozenset({3})], BusRole.MASTER, CYCLE_S, in_lockstep=True)
+    send(bus, SYNC)
+    assert bus.take_skew() == ""
+    assert bus.recv(None) is None
+    assert bus.recv(60.0) is None
+    heard = []
+    for half in halves:
+        half.listen = heard.append
+    bus.listen(heard.append)
+    message = can.Message(arbitration_id=TPDO + 3, is_extended_id=False)
+    for listener in heard[:2]:
+        listener(message)
+    assert heard[2:] == [message], "of the bus that has node 3"
+    bus.listen(None)
+    assert heard[-2:] == [None, None]
+    bus.shutdown()
+
+
+@pytest.mark.parametrize(("timeout_s", "waited_s"), [(None, [5e-4, 5e-4]), (0.1, [5e-4, 5e-4]), (1e-4, [1e-4, 1e-4])])
+def test_buses_that_cannot_be_waited_for_together_are_waited_for_in_turn(joined, clock, timeout_s, waited_s):
+    bus, first, second = joined()
+    waited = []
+
+    def recv(timeout=None):
+        if timeout:
+            waited.append(timeout)
+            clock.now_s += timeout
+            second.put(TPDO + 3)
+
+    first.recv, whole = recv, second.recv
+    second.recv = lambda timeout: (waited.append(timeout) if timeout else None) or whole()
+    assert bus.recv(timeout_s).arbitration_id == TPDO + 3
+    assert waited == pytest.approx(waited_s)

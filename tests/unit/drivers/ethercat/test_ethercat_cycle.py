@@ -370,3 +370,62 @@ def test_frames_go_on_while_something_waits_for_a_drive(rig):
     rig.cycle.meanwhile(lambda: did.append(1))
     assert did == [1]
     assert rig.line.frames - frames == 4
+
+
+def test_the_cycles_time_is_its_clocks(rig):
+    rig.run(7)
+    assert rig.cycle.now_s() == rig.clock.time_s > 0.0
+
+
+def test_at_the_end_every_drive_has_a_second_to_reach_preop(rig):
+    waited = []
+    rig.line.reaches = lambda *values: waited.append(values) or True
+    rig.cycle.end()
+    assert waited == [(LineState.PREOP, place, 1.0) for place in (1, 2, 4)]
+
+
+def test_other_masters_are_looked_for_in_every_cycle_of_ten_milliseconds(rig):
+    looks = Monitor.looks
+    rig.run(40)
+    assert Monitor.looks - looks == pytest.approx(40, abs=8), "rounding may postpone a look by a cycle"
+
+
+def test_the_cause_of_a_fault_is_waited_for_5_ms_per_drive(rig, monkeypatch):
+    rig.line.words = [FAULT] * DRIVES
+    rig.run()
+    asked, waited = [], []
+    monkeypatch.setattr(rig.line, "upload", lambda *values: asked.append(values[-1]) or b"\0\0")
+    whole = ethercat_cycle.wait
+    monkeypatch.setattr(ethercat_cycle, "wait", lambda futures, limit_s: waited.append(limit_s) or whole(futures, 0))
+    rig.cycle._explain(rig.nodes[:2])
+    assert (asked, waited) == ([0.005, 0.005], [pytest.approx(0.01)])
+
+
+@pytest.mark.parametrize(
+    ("in_op", "counter", "trusted"), [(2, 6, True), (2, 5, False), (2, 7, True), (0, 1, False), (1, 3, True)]
+)
+def test_drives_in_op_are_trusted_if_the_counter_has_three_for_each(rig, in_op, counter, trusted):
+    """One for inputs and two for outputs (LRW)."""
+    rig.line.status = [OP, *[OP if number < in_op else SAFEOP for number in range(2)], OP, SAFEOP]
+    rig.line.counter = counter
+    missing = rig.run().missing
+    assert (not missing[:in_op].any() and in_op > 0) is trusted
+    assert missing[in_op:].all()
+
+
+def test_while_something_waits_for_a_drive_a_failing_bus_is_tried_again_after_a_cycle(rig, monkeypatch):
+    slept, runs = [], []
+
+    def run():
+        runs.append(1)
+        if len(runs) < 3:
+            raise BusError("down")
+        future.set_result(None)
+
+    future = Future()
+    monkeypatch.setattr(ethercat_cycle.time, "sleep", slept.append)
+    monkeypatch.setattr(rig.cycle, "run", run)
+    rig.cycle._worker = Worker()
+    rig.cycle._worker.submit = lambda action: future
+    rig.cycle.meanwhile(lambda: None)
+    assert slept == [CYCLE_S, CYCLE_S]

@@ -1,6 +1,7 @@
 """What the state of a drive means: configured, lost, restarted, or hung, with no answers and no change."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -8,6 +9,7 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.axis_course import AxisCourse
 from armload_drivers.cia402.process_data.frame_part import FramePart
 from armload_drivers.cia402.process_data.process_image import effort_entry, target_entry
+from armload_drivers.cia402.state_machine import State
 from armload_drivers.driver_errors import DriveHung, DriveLeftOp, ServoError, ServoTimeout
 from armload_drivers.ethercat.ethercat_drive import EthercatDrive
 from armload_drivers.ethercat.ethercat_line import LineState
@@ -162,3 +164,52 @@ def test_only_a_drive_in_op_leaves_the_cycle(drive, status, requested):
     drive.status = status
     drive.leave_cycle()
     assert line.requested == requested
+
+
+def test_feedback_is_judged_by_the_target_of_the_frame_before_and_the_time_since(drive):
+    judged = []
+    drive._receive = lambda *values: judged.append(values)
+    drive._line.inputs = bytes([0x37, 0x12, 5, 0, 0, 0, 7, 0])
+    for cycle in range(3):
+        drive.target_counts = 100 * cycle
+        drive.evaluate(1.0 + 0.25 * cycle)
+    assert [values[:4] for values in judged] == [(0x1237, 5, 7, target) for target in (0, 0, 100)]
+    assert [values[4] for values in judged] == [1.0, 1.25, 1.5]
+    assert [values[5] for values in judged][1:] == pytest.approx([0.25, 0.25])
+
+
+@pytest.mark.parametrize(("same", "noted"), [(1, False), (2, True), (3, True)])
+def test_feedback_without_a_changed_bit_for_two_cycles_of_a_moving_target_points_to_the_firmware(drive, same, noted):
+    for cycle in range(same + 1):
+        drive.target_counts = cycle
+        drive.evaluate(CYCLE_S * cycle)
+    assert drive._same_cycles == same
+    notes = getattr(drive.astray("in the cycle"), "__notes__", [])
+    assert any("not a bit of its feedback has changed" in note for note in notes) is noted
+    drive.evaluate(1.0)
+    drive.evaluate(1.1)
+    assert drive._same_cycles == 0, "at rest nothing needs to change"
+
+
+def test_every_state_of_a_restart_has_two_seconds(drive):
+    waited = []
+    drive._line = SimpleNamespace(
+        request=lambda state, place: None, reaches=lambda *values: waited.append(values) or True
+    )
+    drive.restart()
+    assert waited == [(LineState.INIT, drive.place, 2.0), (LineState.PREOP, drive.place, 2.0)]
+
+
+def test_a_drive_is_in_order_only_with_everything_as_it_should_be(drive):
+    drive.machine.state = State.OPERATION_ENABLED
+    assert drive.in_order(0.0)
+    for name, wrong in (("_undefined", 0x1234), ("_missing", 1), ("status", OP | STATE_ERROR), ("_emergency", "one")):
+        before = getattr(drive, name)
+        setattr(drive, name, wrong)
+        assert not drive.in_order(0.0), name
+        setattr(drive, name, before)
+    drive._sdo.unanswered = 1
+    assert not drive.in_order(0.0)
+    drive._sdo.unanswered = 0
+    drive.course.lost = "left"
+    assert not drive.in_order(0.0)

@@ -303,6 +303,34 @@ class TestHolding:
         assert plant.sample(CYCLE_S).axis_demand_rad[0] == pytest.approx(stopped, abs=1e-12)
         assert after(plant, 0.5).axis_position_rad[0] == pytest.approx(stopped, abs=1e-3)
 
+    @pytest.mark.parametrize(("has_brake", "ends_s"), [(True, 0.05), (False, 0.0)])
+    def test_an_axis_left_to_its_brake_has_torque_until_it_holds(self, has_brake: bool, ends_s: float) -> None:
+        plant = powered(arm(lifting(has_brake=has_brake)))
+        begun = after(plant, 0.2)
+        plant.hold_by_brake(0)
+        torque = np.array([after(plant, 0.001).joint_torque_nm[0] for _ in range(100)])
+        held = 10.0 * GRAVITY * 0.3
+        assert np.flatnonzero(torque < 0.5 * held)[0] == pytest.approx(1000.0 * ends_s, abs=1.0)
+        moved = plant.sample(CYCLE_S).joint_position_rad[0] - begun.joint_position_rad[0]
+        assert abs(moved) < 1e-5 if has_brake else moved < -0.02
+
+    def test_a_brake_that_is_kept_closed_holds_against_the_motor_until_it_is_released(self) -> None:
+        plant = ArmPlant(arm(joint()))
+        plant.keep_braked(0, True)
+        plant.set_powered(0, True)
+        plant.set_torque_offset(0, 100.0)
+        assert abs(after(plant, 0.3).joint_position_rad[0]) < 1e-5
+        plant.keep_braked(0, False)
+        plant.keep_braked(0, False)
+        assert after(plant, 0.05).joint_position_rad[0] > 1e-5
+        plant.set_powered(0, False)
+        stopped = after(plant, 0.3).joint_position_rad[0]
+        plant.keep_braked(0, True)
+        plant.keep_braked(0, False)
+        assert after(plant, 0.1).joint_position_rad[0] == pytest.approx(stopped, abs=1e-6), (
+            "without power it stays closed"
+        )
+
 
 class TestFriction:
     @pytest.mark.parametrize("scale", [1.0, 1.03])
