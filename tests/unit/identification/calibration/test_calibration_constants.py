@@ -1,0 +1,411 @@
+"""The numbers of this room by what turns at them, with fits that are known by hand."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from armload_identification.calibration.mounting_mistakes import most_steps, refuse_other_mounting
+from armload_identification.calibration.other_motions import doubtful_share
+from armload_identification.calibration.run_contradictions import (
+    _as_said,
+    _Carried,
+    _payload_text,
+    _scaled,
+    _Trial,
+    directions,
+    explain,
+)
+from armload_identification.calibration.run_health import _RunFit
+from armload_identification.calibration.session_gains import SessionGains
+from armload_identification.identification_errors import EstimationError
+from armload_identification.model.chain import Chain
+from armload_identification.model.joint_states import JointStates
+
+pytestmark = pytest.mark.pure
+
+ROOM = "armload_identification.calibration"
+DOWN = np.array([0.0, 0.0, -9.81])
+ARM = Chain.from_origins(np.full((2, 3), 0.3), np.zeros((2, 3)), [[0, 0, 1.0], [0, 1.0, 0]], np.eye(4), DOWN)
+
+
+# Other mountings -------------------------------------------------------------------------------------------------
+
+
+def test_an_arm_on_the_floor_may_hang_from_the_ceiling_or_from_four_walls():
+    found = directions(DOWN)
+    assert next(iter(found)) == "on the ceiling, gravity_m_s2 = [0.0, 0.0, 9.81]"
+    assert sum(how.startswith("on a wall") for how in found) == len(found) - 1 == 4
+    assert {tuple(gravity / 9.81) for gravity in found.values()} == {
+        (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
+    }  # fmt: skip
+    tilted = 9.81 * np.array([0.0, np.sin(np.radians(25.0)), -np.cos(np.radians(25.0))])
+    assert len(directions(tilted)) == 5, "as configured to 26 degrees"
+    assert len(directions(9.81 * np.array([0.0, np.sin(np.radians(27.0)), -np.cos(np.radians(27.0))]))) == 6
+    assert "on the floor, gravity_m_s2 = [0.0, 0.0, -9.81]" in directions(-DOWN)
+
+
+def mounted(configured, best=None, turned=None, least=1.0):
+    """What is refused, and steps of progress: residual shares as configured, of the best mounting, of turned joints."""
+
+    def shares(chain, turn):
+        if isinstance(turn, partial):
+            joint = int(np.argmin(np.diag(turn.keywords["joints"] + turn.keywords["axes"])))
+            both = (turn.keywords["joints"] < 0.0).any() + 2 * (turn.keywords["axes"] < 0.0).any()
+            return np.log(np.full(2, (turned or {}).get((joint, both), least)))
+        if np.allclose(chain.gravity_m_s2, DOWN):
+            return np.log(np.array(configured))
+        return np.log(np.full(2, best if chain.gravity_m_s2[2] > 0.0 and best is not None else least))
+
+    steps: list[int] = []
+    try:
+        refuse_other_mounting(shares, ARM, np.eye(2), np.array([True, True]), steps.append)
+    except EstimationError as error:
+        return str(error), sum(steps)
+    return "", sum(steps)
+
+
+def test_a_residual_of_less_than_a_fortieth_is_not_examined():
+    assert mounted([0.024, 0.024]) == ("", 0)
+    assert mounted([0.026, 0.026]) == ("", 10)
+    assert most_steps(ARM) == 10 + 6
+
+
+def test_another_mounting_is_named_if_the_residual_is_smaller_by_three_tenths_of_its_logarithm():
+    text, steps = mounted([0.15, 0.15], best=0.15 * np.exp(-0.31))
+    assert "the residual is 1.4 times smaller if it is mounted on the ceiling, gravity_m_s2" in text
+    assert steps == 10
+    assert mounted([0.15, 0.15], best=0.15 * np.exp(-0.29)) == ("", 10)
+
+
+@pytest.mark.parametrize(
+    ("configured", "best", "steps"),
+    [([0.19, 0.19], 0.1, 10), ([0.05, 0.21], 0.1, 16), ([0.21, 0.21], 0.024, 10), ([0.21, 0.21], 0.026, 16)],
+)
+def test_joints_are_turned_if_a_fifth_is_left_of_one_and_no_mounting_explains_it(configured, best, steps):
+    assert mounted(configured, best=best)[1] == steps
+
+
+@pytest.mark.parametrize(
+    ("turned", "said"),
+    [
+        (
+            {(1, 3): 0.1},
+            "joint 2 is inverted .* smaller with its position and effort inverted. Invert its axis",
+        ),
+        ({(0, 1): 0.1}, "joint 1 is inverted .* smaller with its position inverted. Set the drive's polarity"),
+        ({(0, 2): 0.1}, "smaller with its effort inverted. Set the drive's polarity"),
+        ({(0, 2): 0.3 * np.exp(-0.31)}, "is 1.4 times smaller"),
+        ({(0, 2): 0.3 * np.exp(-0.29)}, None),
+    ],
+)
+def test_a_turned_joint_is_named_with_its_remedy(turned, said):
+    text, _ = mounted([0.3, 0.3], turned=turned)
+    assert re.search(said, text) if said else text == ""
+
+
+def test_a_turned_joint_must_be_better_than_any_mounting():
+    text, _ = mounted([0.3, 0.3], best=0.1, turned={(0, 3): 0.11})
+    assert "the arm is not mounted as in its configuration" in text
+    text, _ = mounted([0.3, 0.3], best=0.1, turned={(0, 3): 0.09})
+    assert "joint 1 is inverted" in text
+
+
+# A run that contradicts the others -------------------------------------------------------------------------------
+
+
+def carried(mass_kg, center_m=(0.0, 0.0, 0.1), deviation=0.001):
+    theta = np.array([mass_kg, *(mass_kg * np.array(center_m)), *np.zeros(6)])
+    return _Carried(theta, deviation**2 * np.eye(10))
+
+
+@pytest.mark.parametrize(
+    ("mass_kg", "stated_kg", "elsewhere", "said"),
+    [
+        (2.0, 2000.0 * np.exp(0.29), None, "mass_kg was entered in grams"),
+        (2.0, 2000.0 * np.exp(0.31), None, "it carries nothing"),
+        (0.049, None, None, "it carries nothing"),
+        (0.051, None, None, "it carries 0.051 kg, not nothing"),
+        (0.089, 2.0, None, "it carries nothing"),
+        (0.091, 2.0, None, "it carries 0.091 kg, not 2.000 kg"),
+        (2.0, 3.0, carried(2.11), "it carries 2.000 kg, not 2.110 kg as in the other runs of 'tool'"),
+        (2.0, 3.0, carried(2.10, (0.0, 0.0, 0.2)), "mounted differently, with the centre of mass 100 mm from where"),
+        (2.0, 3.0, carried(2.005), "the inertia of its payload differs"),
+        (2.0, 3.0, carried(2.006), "it carries 2.000 kg, not 2.006 kg"),
+    ],
+)
+def test_a_payload_is_compared_with_what_was_stated_and_with_other_runs(mass_kg, stated_kg, elsewhere, said):
+    """Grams within a factor of 1.35; nothing up to 50 g and 2 % of what was stated; the same mass within 5 %."""
+    assert said in _payload_text(carried(mass_kg), "tool", stated_kg, elsewhere)
+
+
+def test_a_centre_is_elsewhere_beyond_four_deviations():
+    """1 g m of the moment of 1 kg is 1 mm; both have it, so that 4 deviations are 5.66 mm."""
+    for off_m, said in ((0.0056, "the inertia of its payload"), (0.0057, "is mounted differently")):
+        here, there = (carried(1.0, (x_m, 0.0, 0.0)) for x_m in (0.0, off_m))
+        for one in (here, there):
+            one.covariance[0, 0] = 1e-8
+        assert said in _payload_text(here, "tool", None, there)
+
+
+def trial(off, rows=None, predicted=0.0):
+    return _Trial(rows, np.zeros(10), np.zeros((10, 10)), predicted, np.atleast_1d(np.asarray(off, dtype=float)))
+
+
+@pytest.fixture
+def explained(monkeypatch):
+    """The sentence for a run that is off by as much, as another payload, and with the best of other mistakes."""
+
+    def explained(off, payload, other):
+        found = [(trial(payload), "a payload"), (trial(99.0), "bad"), (trial(other), "a mistake")]
+        monkeypatch.setattr(f"{ROOM}.run_contradictions._mistakes", lambda *_: iter(found))
+        monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", lambda *_: trial([0.5, off]))
+        arm = SimpleNamespace(fit=SimpleNamespace(problem=SimpleNamespace(mountings=("tool",))))
+        return explain(arm, None, "tool", None)
+
+    return explained
+
+
+@pytest.mark.parametrize(
+    ("off", "payload", "other", "said"),
+    [
+        (20.0, 7.9, 5.6, "; it fits if a payload"),
+        (20.0, 7.9, 5.5, "; it fits if a mistake"),
+        (20.0, 99.0, 7.9, "; it fits if a mistake"),
+        (20.0, 99.0, 8.1, ", and no simple mistake explains this"),
+        (5.0, 99.0, 3.9, "; it fits if a mistake"),
+        (5.0, 99.0, 4.1, ", and no simple mistake explains this"),
+    ],
+)
+def test_a_mistake_explains_a_run_if_four_deviations_or_four_tenths_are_left(explained, off, payload, other, said):
+    """Another payload is preferred unless a mistake leaves less than 0.7 of it."""
+    assert explained(off, payload, other).startswith(
+        f"joint 2 is off by {off:.0f} times the noise of the other runs{said}"
+    )
+
+
+@dataclass
+class Run:
+    effort_nm: np.ndarray
+
+
+def scaled(monkeypatch, reported, off=9.0):
+    """The text for an axis that reports a multiple of a torque of +-2 N m, as often as it was fitted."""
+    fitted = []
+
+    def fit(arm, run, mounting, *, drift=1.0):
+        fitted.append(drift)
+        rows = SimpleNamespace(weight=np.ones((4, 1)), effort_nm=run.effort_nm)
+        return trial(off, rows, 2.0 * (-1.0) ** np.arange(4)[:, None])
+
+    monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", fit)
+    arm = SimpleNamespace(layout=SimpleNamespace(chain=SimpleNamespace(n=1)))
+    return _scaled(arm, Run(reported * 2.0 * (-1.0) ** np.arange(4)[:, None]), "tool")[1], fitted
+
+
+@pytest.mark.parametrize(
+    ("reported", "off", "said"),
+    [
+        (1.5, 9.0, "joint 1 reports 1.50 times its effort"),
+        (1.5, 3.9, "nothing is changed"),
+        (1.5, 4.1, "joint 1 reports 1.50 times"),
+        (1.04, 9.0, "joint 1 reports 1.04 times"),
+        (1.02, 9.0, "nothing is changed"),
+        (-0.71, 9.0, "the sign of joint 1's effort is flipped"),
+        (-0.69, 9.0, "joint 1 reports -0.69 times"),
+        (0.011, 9.0, "joint 1 reports 0.01 times"),
+    ],
+)
+def test_an_axis_reports_a_multiple_of_its_effort_beyond_3_percent(monkeypatch, reported, off, said):
+    text, drifts = scaled(monkeypatch, reported, off)
+    assert said in text
+    assert drifts == [0.01] * 3 + [1.0], "with friction that hardly varies"
+
+
+def test_a_stated_mass_scales_the_best_payload(monkeypatch):
+    """2 kg that are stated as 3: half of the payload's torque more, of 5 N m per kg, with noise of 2 N m."""
+    rows = SimpleNamespace(payload=np.zeros((4, 1, 10)), effort_nm=np.full((4, 1), 10.0), weight=np.full((4, 1), 0.5))
+    rows.payload[:, 0, 0] = 5.0
+    best = trial(0.0, rows, np.full((4, 1), 10.0))
+    best.theta[0] = 2.0
+    monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", lambda *_, **__: best)
+    fit = SimpleNamespace(noise_nm=np.array([[2.0]]), value=lambda _: np.log([1.2]))
+    arm = SimpleNamespace(fit=fit, layout=SimpleNamespace(coupling=np.eye(1)))
+    found = _as_said(arm, None, 3.0)
+    np.testing.assert_allclose(found.predicted_nm, 10.0 + 1.2 * 5.0)
+    assert found.off == pytest.approx([6.0 * 0.5 / 2.0])
+    best.theta[0] = 0.01
+    assert _as_said(arm, None, 0.05).off == pytest.approx([0.0], abs=1e-12), "at least 50 g"
+
+
+# Gains of a session ----------------------------------------------------------------------------------------------
+
+
+def test_the_prior_is_stated_or_the_scatter_of_sessions_or_one_percent():
+    known, unknown = (SimpleNamespace(session_drift=drift) for drift in (0.002, None))
+    assert SessionGains.assumed(known, 0.03).deviation == 0.03
+    assert SessionGains.assumed(known).deviation == pytest.approx(np.hypot(0.002, 0.001))
+    assert SessionGains.assumed(unknown).deviation == 0.01
+
+
+@pytest.mark.parametrize(
+    ("found", "deviation", "expected", "said"),
+    [
+        (0.01, 0.005, (0.008 + 1.645 * 0.0044721) / 1.959964, ""),
+        (-0.001, 0.005, 0.0044721, ""),
+        (0.016, 0.005, (0.0128 + 1.645 * 0.0044721) / 1.959964, ""),
+        (0.018, 0.005, (0.0144 + 1.645 * 0.0044721) / 1.959964, "; by itself, the run says +1.5 %"),
+    ],
+)
+def test_what_a_motion_says_of_a_drift_is_allowed_for_and_told_if_it_is_certain(found, deviation, expected, said):
+    """With the prior of 1 %, four fifths of it with a deviation of 0.447 %."""
+    left = SessionGains(0.0, 0.01, "as stated").beside(found, deviation)
+    assert (left.log_factor, left.deviation) == (0.0, pytest.approx(expected, rel=1e-4))
+    assert left.origin == f"what this run leaves possible of 1 %, as stated{said}"
+    measured = SessionGains(0.02, 0.003, "measured")
+    assert measured.beside(found, deviation) is measured
+
+
+@pytest.mark.parametrize(("found", "deviation"), [(0.02, np.hypot(0.005, 0.0102)), (0.009, 0.005)])
+def test_within_a_session_a_run_leaves_what_it_cannot_tell_and_what_it_says_beyond_that(monkeypatch, found, deviation):
+    monkeypatch.setattr(SessionGains, "_found", lambda *_: (found, 0.005))
+    left = SessionGains(0.0, 0.01, "as stated").within(None, None, None, None, loaded=True)
+    assert left.deviation == pytest.approx(deviation, rel=1e-3)
+    assert ("by itself, the run says +2.0 %" in left.origin) is (found == 0.02)
+
+
+@pytest.mark.parametrize(("prior", "deviation"), [(0.01, 0.005), (0.001, np.hypot(0.004, 0.001))])
+def test_a_reference_leaves_three_tenths_of_a_percent_at_most(monkeypatch, prior, deviation):
+    monkeypatch.setattr(SessionGains, "_found", lambda *_: (0.012, 0.004))
+    run = SimpleNamespace(source=SimpleNamespace(path=SimpleNamespace(name="ref.mcap")))
+    found = SessionGains(0.0, prior, "").measured(run, None, None, None, None)
+    assert (found.log_factor, found.deviation) == (0.012, pytest.approx(deviation))
+    assert found.origin == "measured by ref.mcap"
+
+
+@pytest.mark.parametrize(("prior", "least"), [(0.01, 0.001), (0.0005, 0.0005)])
+def test_the_factor_is_found_in_three_linearisations_from_the_rows_and_the_prior(monkeypatch, prior, least):
+    """Rows that say 2 % with a deviation of 0.5 %, about a prior of 1 %."""
+    information, times = 0.005**-2.0, []
+
+    def times_matrix(matrix):
+        times.append(float(np.log(matrix[0, 0])))
+        return times[-1]
+
+    run = SimpleNamespace(motion=SimpleNamespace(with_torque_times=times_matrix))
+    monkeypatch.setattr(f"{ROOM}.session_gains.usable_runs", lambda *_: [run])
+    monkeypatch.setattr(f"{ROOM}.session_gains.single_problem", lambda now, *_: now)
+
+    def solve(now, *, rough):
+        torque = SimpleNamespace(predicted_nm=np.zeros((1, 1)))
+        beside = np.array([information * (now - 0.02)]), np.array([[information]])
+        return SimpleNamespace(groups=[SimpleNamespace(torque=[torque])], beside=lambda _: beside)
+
+    monkeypatch.setattr(f"{ROOM}.session_gains.solve", solve)
+    calibration = SimpleNamespace(
+        known_arm=lambda _: SimpleNamespace(effort=None),
+        level=lambda _: None,
+        transmission=lambda _: SimpleNamespace(coupling=None),
+    )
+    gains = SessionGains(0.01, prior, "")
+    found, deviation = gains._found(None, calibration, SimpleNamespace(n=1), None, lambda problem: problem)
+    whole = information + prior**-2.0
+    assert found == pytest.approx((0.02 * information + 0.01 * prior**-2.0) / whole)
+    assert deviation == pytest.approx(np.hypot(whole**-0.5, least))
+    assert times == pytest.approx([0.01, found, found])
+
+
+def test_the_note_has_the_factor_or_what_a_percent_would_change():
+    found = SessionGains(np.log(1.012), 0.004, "measured by a").note(2.0, 0.1)
+    assert "by +1.20 +- 0.78 % (measured by a): corrected" in found
+    assumed = SessionGains(0.0, 0.01, "as stated").note(2.0, -0.1)
+    assert "one standard deviation is 1 % (as stated), and 1 % would change the mass by 5.0 %" in assumed
+
+
+# One run of a calibrated arm -------------------------------------------------------------------------------------
+
+
+def fit_over(lasts_s, *, periodic=False, rows_s=0.1, weight=0.31):
+    """A fit whose friction is the number of rows of a window."""
+    time_s = 5.0 + np.arange(0.0, lasts_s, rows_s)
+    one = SimpleNamespace(time_s=time_s, weight=np.full((time_s.size, 1), weight))
+    one.only = lambda kept: SimpleNamespace(size=np.count_nonzero(kept), weight=one.weight[kept])
+    found = SimpleNamespace(value=lambda *_: np.zeros(1))
+    return SimpleNamespace(
+        _rows=one,
+        _calibration=SimpleNamespace(n=1),
+        _found=found,
+        _signals=SimpleNamespace(periodic=periodic),
+        _changes="changes",
+        _mounting="",
+        _solved=lambda terms, rows: rows.size,
+        _friction=lambda size: (np.array([float(size)]), np.array([0.5])),
+    )
+
+
+@pytest.fixture(autouse=True)
+def terms(monkeypatch):
+    monkeypatch.setattr(f"{ROOM}.run_health.known_arm_terms", lambda *_: [])
+
+
+@pytest.mark.parametrize(
+    ("lasts_s", "windows"), [(179.0, None), (180.2, 3), (239.0, 3), (240.2, 4), (1800.2, 30), (3600.0, 30)]
+)
+def test_friction_over_time_has_three_to_thirty_windows_of_a_minute(lasts_s, windows):
+    course = _RunFit._course(fit_over(lasts_s))
+    if windows is None:
+        assert course is None
+        return
+    length_s = lasts_s - 0.1
+    assert course.friction_nm.shape == (windows, 1)
+    np.testing.assert_allclose(course.friction_nm, lasts_s * 10.0 / windows, atol=1.5)
+    np.testing.assert_allclose(course.elapsed_s, 5.0 + (np.arange(windows) + 0.5) * length_s / windows, atol=0.2)
+    assert course.noise_nm.max() == 0.5
+    assert _RunFit._course(fit_over(lasts_s, periodic=True)) is None
+
+
+@pytest.mark.parametrize(("rows_s", "weight", "known"), [(3.3, 0.31, False), (2.95, 0.31, True), (2.95, 0.29, False)])
+def test_a_window_with_twenty_rows_of_a_moving_joint_shows_its_friction(rows_s, weight, known):
+    course = _RunFit._course(fit_over(185.0, rows_s=rows_s, weight=weight))
+    assert bool(np.isfinite(course.friction_nm).all()) is known
+
+
+def test_what_errors_of_the_calibration_leave_is_their_torque_less_what_the_unknowns_take_up():
+    """Two rows count; of 3 and 4 N m the unknown takes up 1 N m each, and the second row weighs a half."""
+    weighted = SimpleNamespace(rows=np.array([[2.0], [2.0], [0.0]]), place=np.array([0]))
+    found = SimpleNamespace(
+        problem=SimpleNamespace(free=np.array([True])),
+        row_weight=lambda: np.array([[[2.0], [2.0], [0.0]]]),
+        weighted_rows=lambda _: [weighted],
+    )
+    fit = SimpleNamespace(
+        _found=found, _calibration=SimpleNamespace(n=1), _rows=SimpleNamespace(weight=np.array([[1.0], [0.5], [1.0]]))
+    )
+    axis_nm = np.array([[[3.0], [4.0], [99.0]]])
+    left = _RunFit._left_by(fit, axis_nm, np.array([[1.0]]), np.zeros((0, 1)))
+    assert left == pytest.approx([np.sqrt((2.0**2 + 1.5**2) / 3.0)])
+
+
+def test_another_motion_has_each_joint_at_another_time_of_the_run():
+    """Three joints a quarter of the run apart; every second of 600 samples; 95 % of errors of 1 and 2 N m in 10 N m."""
+    seen = []
+    ramp = np.tile(np.arange(600.0)[:, None], 3)
+    run = SimpleNamespace(states=JointStates(ramp, ramp, ramp), interval_s=0.01)
+    calibration = SimpleNamespace(
+        body=SimpleNamespace(torque=lambda level, *states: seen.append(states) or np.full((300, 3), 10.0)),
+        torque_doubts=lambda level, states, apart_s, torque: (
+            seen.append(apart_s) or np.stack([np.full((300, 3), 1.0), np.full((300, 3), 2.0)])
+        ),
+    )
+    share = doubtful_share(calibration, None, run)
+    np.testing.assert_allclose(share, 1.959964 * np.sqrt(5.0) / 10.0, rtol=1e-6)
+    position = seen[0][0]
+    assert position.shape == (300, 3)
+    assert position[0].tolist() == [0.0, 450.0, 300.0]
+    assert position[1].tolist() == [2.0, 452.0, 302.0]
+    assert seen[1] == pytest.approx(0.02)
