@@ -12,7 +12,12 @@ import pytest
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
-from armload_identification.pipeline.prior_contradictions import identified_knowing, within_ranges
+from armload_identification.pipeline.prior_contradictions import (
+    contradicted,
+    identified_knowing,
+    truncated_moments,
+    within_ranges,
+)
 
 pytestmark = pytest.mark.pure
 
@@ -195,3 +200,25 @@ def test_what_the_data_do_not_determine_is_uniform_in_its_range():
     )
     assert prior is not None
     assert result.uncertainty.limits[3].tolist() == [0.3, 0.5]
+
+
+def test_a_mass_cut_at_its_middle_is_half_normal_and_so_is_what_is_correlated_with_it():
+    """Mean sqrt(2 / pi) and variance 1 - 2 / pi of a deviation."""
+    covariance = np.diag([0.04, 1e-8, 1e-8, 1e-8])
+    limits = np.tile([-np.inf, np.inf], (4, 1))
+    limits[0, 0] = 4.0
+    mean, spread = truncated_moments(np.array([4.0, 0.01, 0.02, 0.1]), covariance, limits)
+    assert mean[0] == pytest.approx(4.0 + 0.2 * np.sqrt(2.0 / np.pi), abs=1e-3)
+    assert spread[0, 0] == pytest.approx(0.04 * (1.0 - 2.0 / np.pi), rel=0.01)
+    np.testing.assert_allclose(np.diag(spread)[1:], 1e-8, rtol=0.2)
+    np.testing.assert_allclose(mean[1:], [0.01, 0.02, 0.1], atol=1e-4)
+    np.testing.assert_allclose(spread, spread.T)
+
+
+@pytest.mark.parametrize(("away", "out"), [(1.95, False), (1.97, True)])
+def test_a_limit_contradicts_beyond_the_95_percent_ellipsoid(away, out):
+    """Of one quantity at 1.96 deviations, of two at 2.448."""
+    one = np.array([[4.0]]), np.array([[4.0 + away, 9.0]])
+    assert contradicted(one[0][0], np.eye(1), one[1]) is out
+    both = np.array([[away, 9.0], [np.sqrt(2.448**2 - 1.96**2), 9.0]])
+    assert contradicted(np.zeros(2), np.eye(2), both) is out

@@ -117,3 +117,33 @@ def test_a_file_that_was_cut_short_lacks_its_end():
     whole = recording(swing())
     cut = replace(whole, source=replace(whole.source, truncated=True))
     assert survey(cut).missing == ("its end: the file is truncated",)
+
+
+@pytest.mark.parametrize(("speed_rad_s", "moves"), [(0.0098, False), (0.0102, True)])
+def test_a_joint_moves_from_a_hundredth_of_a_radian_per_second_on(speed_rad_s, moves):
+    position = np.clip(speed_rad_s * STEP_S * (np.arange(800) - 200.0), 0.0, 0.03)[:, None] * [1.0, 0.0]
+    found = survey(recording(position, torque_nm=position + 1.0))
+    assert (found.moving_s is not None) is moves
+    if moves:
+        assert found.moving_s == pytest.approx((1.9, 2.0 + 0.03 / speed_rad_s + 0.1), abs=0.12)
+
+
+@pytest.mark.parametrize(("travel_rad", "moves"), [(0.0099, False), (0.0101, True)])
+def test_a_joint_that_travels_less_than_a_hundredth_of_a_radian_does_not_move(travel_rad, moves):
+    position = np.clip(0.1 * STEP_S * (np.arange(300) - 100.0), 0.0, travel_rad)[:, None] * [1.0, 0.0]
+    assert (survey(recording(position, torque_nm=position + 1.0)).moving_s is not None) is moves
+
+
+@pytest.mark.parametrize(("jumps", "counted"), [(1, False), (3, True)])
+def test_steps_in_less_than_a_thousandth_of_the_rows_are_no_speed(jumps, counted):
+    position = np.zeros((2001, 1))
+    for k in range(jumps):
+        position[500 * (k + 1) :] += 0.5
+    assert bool(survey(recording(position, torque_nm=position)).speed_rad_s[0] > 1.0) is counted
+
+
+@pytest.mark.parametrize(("end_s", "periods"), [(5.985, 3), (5.97, 2), (8.0, 4)])
+def test_a_hundredth_of_a_period_may_be_missing(monkeypatch, end_s, periods):
+    monkeypatch.setattr(recording_survey, "repeated_after", lambda *_: 2.0)
+    assert recording_survey._period_of(recording(swing()), (0.0, end_s)) == (2.0, periods)
+    assert recording_survey._period_of(recording(swing()), None) == (None, 0)

@@ -85,3 +85,23 @@ def test_places_are_those_of_joints_that_are_named_once_or_exactly():
     assert names.places(["target elbow", "actual elbow"]) == {}, "which of them?"
     assert names.places(["target elbow", "elbow_joint"]) == {2: 1}, "the exact name decides"
     assert names.places([]) == {}
+
+
+@pytest.mark.parametrize(
+    ("names", "text", "joint"),
+    [
+        (["a_x", "b_x"], "b", None),
+        (["arm_x", "leg_x"], "leg", 1),
+        (["arm_x", "leg_x"], "x", None),
+        (["one_arm_x", "two_arm_x"], "two", 1),
+        (["one_arm_x", "two_arm_x"], "two_arm", 1),
+        (["one_arm_x", "two_arm_x"], "arm_x", None),
+        (["x", "x_y"], "x", 0),
+        (["left_x_1", "right_x_1"], "right_x", 1),
+        (["7_elbow", "8_elbow"], "8_elbow", 1),
+        (["7_elbow", "8_elbow"], "8", None),
+    ],
+)
+def test_words_that_all_joints_end_with_may_be_missing(names, text, joint):
+    found = JointNames(names).find(words_of(text))
+    assert (None if found is None else found.joint) == joint

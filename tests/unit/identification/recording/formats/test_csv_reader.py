@@ -138,3 +138,60 @@ def test_an_advised_option_tells_columns_of_one_name_apart(tmp_path):
     (tmp_path / "log.csv").write_text("time,shoulder,elbow,shoulder,elbow\n" + rows)
     with pytest.raises(RecordingError, match=r'--columns "time=0 position=1-2 torque=3-4"'):
         read_recording(tmp_path / "log.csv", ReadingOptions(joint_names=("shoulder", "elbow")))
+
+
+def test_a_table_without_a_header_needs_its_columns(tmp_path):
+    path = write_csv(tmp_path / "a.csv", csv_rows())
+    with pytest.raises(RecordingError, match=r"the table has no header line, so its 7 columns are unknown\. Specify"):
+        read_recording(path)
+
+
+def test_a_header_that_does_not_fit_the_rows_is_refused_with_the_numbers_of_its_columns(tmp_path):
+    path = write_csv(tmp_path / "a.csv", ["t,q1,q2,tau1,tau2,more", *(f"{0.01 * k},1,2,{k},4" for k in range(40))])
+    with pytest.raises(
+        RecordingError, match=r'the header has 6 columns, the rows have 5\. .* "time=0 position=1-2 torque=3-4"'
+    ):
+        read_recording(path)
+    given = ReadingOptions(CsvColumns("t", ["q1", "q2"], torque=["tau1", "tau2"]))
+    assert read_recording(path, given).size == 40
+
+
+@pytest.mark.parametrize("broken", [(), (7,)])
+def test_times_of_a_clock_are_read_also_beside_a_row_that_is_no_number(tmp_path, broken):
+    rows = [f"10:00:0{k // 10}.{k % 10},{0.01 * k},0.5,{k},1" for k in range(60)]
+    for k in broken:
+        rows[k] = rows[k].replace("0.5", "half")
+    read = read_recording(write_csv(tmp_path / "a.csv", ["time,q1,q2,tau1,tau2", *rows]))
+    kept = [k for k in range(60) if k not in broken]
+    np.testing.assert_allclose(read.time_s, 36000.0 + 0.1 * np.array(kept))
+    np.testing.assert_allclose(read.torque_nm[:, 0], kept)
+    assert dict(read.source.reasons) == ({"not a number": 1} if broken else {})
+
+
+def test_blocks_of_lines_are_read_one_after_the_other_and_blank_lines_are_none(tmp_path):
+    """Several blocks of 4096 lines; only the last row of the last one can be truncated."""
+    rows = [f"{0.01 * k:.2f},{np.sin(0.01 * k):.6f},0.5,{k % 17},1" for k in range(9000)]
+    rows[4095] = rows[4095].rpartition(",")[0]
+    rows.insert(100, "   ")
+    read = read_recording(write_csv(tmp_path / "a.csv", ["t,q1,q2,tau1,tau2", *rows, "90.0,0.1"]))
+    assert read.source.rows_read == 9001
+    assert dict(read.source.reasons) == {"wrong number of columns": 1, "truncated last row": 1}
+    np.testing.assert_allclose(read.time_s, [0.01 * k for k in range(9000) if k != 4095])
+    longer = write_csv(tmp_path / "b.csv", ["t,q1,q2,tau1,tau2", *rows[:60], "90.0,0.1,1,1,1,1"])
+    assert dict(read_recording(longer).source.reasons) == {"wrong number of columns": 1}
+
+
+def test_text_may_begin_with_a_mark_and_be_in_the_encoding_of_windows(tmp_path):
+    rows = "\r\n".join(f"{0.01 * k},{0.01 * k},0.5,{k},1,0" for k in range(60))
+    for encoding in ("cp1252", "utf-8-sig"):
+        path = tmp_path / f"{encoding}.csv"
+        path.write_bytes(f"t,q1,q2,tau1,tau2,Größe\r\n{rows}".encode(encoding))
+        read = read_recording(path)
+        assert read.source.rows_read == read.size == 60
+
+
+def test_a_line_without_an_end_is_no_table(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_bytes(b"1," * 2**19 + b"1\n")
+    with pytest.raises(RecordingError, match="a line of more than 1048576 bytes, so it is no table"):
+        read_recording(path, COLUMNS)
