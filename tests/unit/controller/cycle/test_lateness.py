@@ -32,3 +32,19 @@ def test_a_run_without_cycles_has_no_histogram():
     late = Lateness(0.01, None)
     late.note(0.0)
     assert late.counted() == {}
+
+
+def test_a_delay_is_in_the_bin_up_to_the_next_of_the_rounded_decades():
+    """Edges 0.1, 0.2, 0.5, 1, 2, 5, 10, 20 and 50 ms: one delay just below and one just above each."""
+    edges_ms = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0]
+    late = Lateness(0.01, None)
+    now_s = 0.0
+    late.note(now_s)
+    for edge_ms in edges_ms:
+        for share in (0.99, 1.01):
+            now_s += 0.01 + 1e-3 * share * edge_ms
+            late.note(now_s)
+    found = late.counted()
+    assert found["cycles"] == [1, *[2] * 8, 1]
+    assert list(found["up_to_ms"]) == edges_ms
+    assert found["greatest_ms"] == pytest.approx(50.5)

@@ -1,12 +1,14 @@
 """What the torque of a slow round shows, on Pinocchio's arm: scale and zero of a joint, and the mass on the flange."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from armload_controller.cycle.slow_round_torque import SlowRound, SlowRoundRows
+from armload_controller.cycle.slow_round_torque import Mass, SlowRound, SlowRoundRows
+from armload_controller.motion.phase import Segment
 from armload_identification.signals.joint_torque import joint_torque
 
 AVERAGED_S = 0.1
@@ -138,3 +140,49 @@ def test_a_slow_round_in_which_no_joint_moves_shows_nothing(pinocchio_arm):
     for _ in range(100):
         rows.add(np.zeros(6), np.ones(6), None)
     assert rows.fitted(NAMES, pinocchio_arm.chain, pinocchio_arm.transmission) is None
+
+
+def test_only_rows_of_a_slow_round_with_an_effort_are_kept(pinocchio_arm):
+    """Averaged over 0.1 s: ten rows each; 36 averages are six for each of six joints."""
+    position = np.arange(6.0)
+    rows = SlowRoundRows(0.01)
+
+    def step(segment, torque_nm=None, current_a=None):
+        reference = None if segment is None else SimpleNamespace(segment=segment)
+        feedback = SimpleNamespace(position_rad=position, torque_nm=torque_nm, current_a=current_a)
+        return SimpleNamespace(sent_reference=reference, feedback=feedback)
+
+    for skipped in (step(None, position), step(Segment.PERIODS, position), step(Segment.SLOW)):
+        rows.on_cycle(skipped)
+    assert rows._positions == []
+    rows.on_cycle(step(Segment.SLOW, current_a=position))
+    assert (len(rows._positions), rows._is_torque) == (1, False)
+    rows.on_cycle(step(Segment.SLOW, position, position))
+    assert (len(rows._positions), rows._is_torque) == (2, True)
+
+
+@pytest.mark.parametrize(("count", "enough"), [(359, False), (360, True)])
+def test_a_fit_needs_six_averaged_rows_for_each_joint(pinocchio_arm, count, enough):
+    rng, rows = np.random.default_rng(3), SlowRoundRows(0.01)
+    for row in range(count):
+        phase = 2.0 * np.pi * row / 90.0
+        rows.add(0.5 * np.sin(phase + np.arange(6.0)), 5.0 * np.cos(phase + np.arange(6.0)) + rng.normal(size=6), None)
+    assert (rows.fitted(NAMES, pinocchio_arm.chain, pinocchio_arm.transmission) is not None) is enough
+
+
+def test_joints_that_stand_are_no_slow_round(pinocchio_arm):
+    """Of 0.2 rad of travel at least."""
+    for travel_rad, found in ((0.19, False), (0.21, True)):
+        rows = SlowRoundRows(0.1)
+        for row in range(36):
+            moved = np.where(np.arange(6) == 2, travel_rad * row / 35.0, 0.0)
+            rows.add(moved, np.full(6, 5.0) + 0.1 * row, None)
+        fit = rows.fitted(NAMES, pinocchio_arm.chain, pinocchio_arm.transmission)
+        assert (fit is not None) is found
+        if found:
+            assert fit.moved.tolist() == [2]
+
+
+def test_a_mass_may_be_four_standard_errors_greater_and_is_never_less_than_nothing():
+    assert Mass(2.0, 0.25).greatest_kg == pytest.approx(3.0)
+    assert Mass(-2.0, 0.25).greatest_kg == pytest.approx(1.0)

@@ -188,3 +188,13 @@ def test_meshes_that_come_near_in_most_poses_may_touch_and_no_others(drafted, ch
     """Two links beside one that is shorter than they are wide; those beside a common joint are no pair anyway."""
     arm, *_ = drafted(URDF.replace(*(f'xyz="{offset}"' for offset in change)) if any(change) else URDF)
     assert workspace_of_urdf(arm, draft_of_urdf(arm), tool_sphere(arm.n, 2.0)).touching == touching
+
+
+def test_what_is_assumed_of_a_joint_follows_from_its_speed_and_torque(drafted):
+    """2 rad/s and 80 N m: full speed after 0.5 s, a hundred times the acceleration per second, half a per cent."""
+    _, file, path = drafted()
+    limits = load_robot(str(path)).limits.motion
+    np.testing.assert_allclose(limits.acceleration_max_rad_s2, 4.0)
+    np.testing.assert_allclose(limits.jerk_max_rad_s3, 400.0)
+    assert file.text.count("torque_noise_nm = 0.4 ") == 5
+    assert "assumed: 0.5 % of torque_max_nm" in file.text

@@ -12,7 +12,7 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.arm_access import open_arm
-from armload_controller.session.brake_test import BrakeTest, brakes_tried
+from armload_controller.session.brake_test import BrakeFinding, BrakeTest, brakes_tried
 from armload_controller.session.run_session import Consent, NoDisplay, Operator, no_operator, run_session
 from armload_controller.session.session_load import SessionLoad
 from armload_identification.signals.joint_torque import Transmission
@@ -112,3 +112,53 @@ def test_only_axes_with_a_brake_that_take_added_torque_are_tried(edited, monkeyp
     (test,) = held
     np.testing.assert_array_equal(test._tried_nm > 0.0, [False, False, True, True, True, True])
     assert (test._tried_nm < robot.limits.added_torque_max_nm).all()
+
+
+@pytest.mark.parametrize(
+    ("finding", "holds"),
+    [
+        ((50.0, 0.7, 0.004), True), ((50.0, 0.69, 0.004), False), ((50.0, 0.7, 0.0041), False),
+        ((0.0, 1.0, 0.0), False),
+    ],
+)  # fmt: skip
+def test_a_brake_holds_from_seven_tenths_of_the_torque_and_up_to_four_milliradians(finding, holds):
+    assert BrakeFinding("a", *finding).holds is holds
+
+
+def test_every_push_and_rest_has_its_time_and_its_end_is_averaged():
+    """At 50 Hz: rests of 1 s, pushes of 1.6 s, the last 0.3 s of each; a joint is pushed both ways."""
+    test = BrakeTest(("a",), Transmission(np.ones(1), np.eye(1)), np.array([40.0]), CYCLE_S)
+    wanted = []
+    while not test.done():
+        number = len(wanted)
+        torque_nm = np.array([1000.0 if number in {34, 114, 164, 244} else 0.0])
+        feedback = SimpleNamespace(torque_nm=torque_nm, current_a=None, position_rad=np.zeros(1))
+        wanted.append(test.on_cycle(SimpleNamespace(feedback=feedback))[0])
+    assert wanted == [0.0] * 50 + [40.0] * 80 + [0.0] * 50 + [-40.0] * 80
+    assert test._means == [(0.0, 0.0)] * 4, "15 cycles at the end only: from 35, 115, 165 and 245 on"
+
+
+def test_the_torque_that_is_tried_is_a_tenth_of_what_may_be_added_where_there_is_a_brake():
+    drives = [SimpleNamespace(has_brake=True, torque_offset=offset) for offset in (True, False)]
+    drives.append(SimpleNamespace(has_brake=False, torque_offset=True))
+    robot = SimpleNamespace(
+        joint_names=("a", "b", "c"),
+        drives=SimpleNamespace(
+            settings=SimpleNamespace(drives=drives), transmission=Transmission(np.ones(3), np.eye(3))
+        ),
+        limits=SimpleNamespace(added_torque_max_nm=np.array([100.0, 50.0, 20.0])),
+        bus=SimpleNamespace(cycle_hz=50.0),
+    )
+    held = []
+
+    def hold(plugins, action, warning):
+        held.extend(plugins)
+        action(held.append)
+        held[0]._means = [(0.0, 0.0)] * 4
+
+    findings = brakes_tried(SimpleNamespace(robot=robot, hold=hold))
+    test, done = held
+    assert done == test.done
+    assert test._tried_nm == pytest.approx([10.0, 0.0, 0.0])
+    assert (test._rest, test._push, test._measured) == (50, 80, 15)
+    assert [finding.tried_nm for finding in findings] == pytest.approx([10.0, 0.0, 0.0])

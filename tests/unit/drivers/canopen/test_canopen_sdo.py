@@ -232,3 +232,21 @@ def test_a_real_object():
 def test_only_a_missing_object_is_none(read):
     with pytest.raises(SdoRefused, match="0x08000022"):
         getattr(refusing(0x0800_0022), read)(od.TARGET_POSITION)
+
+
+def test_a_server_is_told_that_its_answer_is_not_waited_for_any_more():
+    """CiA 301, table 22: SDO protocol timed out."""
+    bus = Bus(answers=lambda request: [])
+    with pytest.raises(ServoTimeout, match=r"no answer within 0\.01 s"):
+        channel(bus).read(od.DEVICE_TYPE)
+    assert (bus.requests[1][0], bus.requests[1][4:]) == (0x80, struct.pack("<I", 0x0504_0000))
+
+
+@pytest.mark.parametrize(
+    ("entry", "value", "command"), [(od.MODE, 8, 0x2F), (od.CONTROLWORD, 6, 0x2B), (od.TARGET_POSITION, 1, 0x23)]
+)
+def test_a_write_announces_its_size(entry, value, command):
+    """CiA 301, 7.2.4.3.3: expedited, with 4 - size unused bytes."""
+    bus = Bus(answers=lambda request: [struct.pack("<BHB4x", 0x60, entry.index, entry.subindex)])
+    channel(bus).write(entry, value)
+    assert bus.requests == [struct.pack("<BHBi", command, entry.index, entry.subindex, value)]

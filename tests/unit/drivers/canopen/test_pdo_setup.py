@@ -220,3 +220,57 @@ def test_a_pdo_that_is_off_need_not_be_writable():
     fixed(drive, cob_id, ANOTHERS)
     with pytest.raises(ServoError, match="This PDO would load the bus"):
         switch_others_off(drive.sdo, TRANSMIT, {0})
+
+
+def test_an_rpdo_that_does_not_take_type_1_may_take_type_0():
+    """Both are synchronous; in a TPDO 0 is sent only after an event."""
+    for direction, cob_id, entry in ((PdoDirection.RECEIVE, 0x205, od.CONTROLWORD), (TRANSMIT, 0x185, od.STATUSWORD)):
+        drive = Drive(pdos=0)
+        drive.dictionary.add(od.CONTROLWORD, 0)
+        pdo = Pdo(direction, 0, 5, drive.dictionary, (entry,))
+        drive.dictionary.allowed[direction.type_entry(0).key] = {0, 255}
+        layout = PdoLayout(direction, 0, cob_id, (entry,))
+        if direction is TRANSMIT:
+            with pytest.raises(ServoError, match="is 255 and cannot be written; 1 is required"):
+                map_pdo(drive.sdo, layout, ADVICE)
+        else:
+            map_pdo(drive.sdo, layout, ADVICE)
+            assert pdo.type == 0
+
+
+def test_an_object_of_a_fixed_pdo_that_is_not_taken_is_the_configurations_mistake():
+    drive = Drive()
+    stated = (od.STATUSWORD.mapping, 0x2001_0010)
+    layout = PdoLayout(TRANSMIT, 0, 0x185, (od.STATUSWORD,), fixed=stated)
+    with pytest.raises(ServoError, match=r"2001:0 in this PDO \(0x06020000 from 1A00:2 .*\)\. Correct fixed_pdos"):
+        map_pdo(drive.sdo, layout, ADVICE)
+
+
+def test_a_pdo_that_the_drive_does_not_have_is_named_with_what_can_be_left_out():
+    receive = PdoLayout(PdoDirection.RECEIVE, 1, 0x305, (od.TORQUE_ACTUAL,))
+    with pytest.raises(
+        ServoError, match=r"no 1401:1 .*it has 1 PDOs in this direction, 2 are required.*instead of 6077"
+    ):
+        map_pdo(Drive(pdos=1).sdo, receive, ADVICE)
+    second = replace(LAYOUT, number=1, cob_id=0x285)
+    with pytest.raises(ServoError, match=r"has no 1801:1 .*2 are required.*Use firmware that has this PDO"):
+        map_pdo(Drive(pdos=1).sdo, second, ADVICE)
+
+
+def test_all_of_512_pdos_are_looked_at_and_no_more():
+    """CiA 301, 7.5.2.37: 1800 to 19FF."""
+
+    class Many:
+        def __init__(self):
+            self.written = []
+
+        def read_if_there(self, entry):
+            assert entry.index < 0x1A00
+            return 0x180
+
+        def write(self, entry, value):
+            self.written.append((entry.index, value))
+
+    sdo = Many()
+    switch_others_off(sdo, TRANSMIT, {0, 3})
+    assert sdo.written == [(index, 0x8000_0180) for index in range(0x1801, 0x1A00) if index != 0x1803]

@@ -6,7 +6,9 @@ import time
 import can
 import pytest
 
+from armload_drivers.driver_errors import SimulationError
 from armload_drivers.simulation.drives import drives_on_bus
+from armload_drivers.simulation.virtual_clock import VirtualClock
 from tests.ideal_plant import IdealPlant
 
 NOW_S = 100.0
@@ -55,3 +57,19 @@ def test_what_sync_causes_happens_when_it_came(arm_settings, monkeypatch, age_s,
     with drives_on_bus.SimulatedDrives(arm_settings(), plant, Bus(age_s), lambda: NOW_S):
         assert plant.measured.wait(5.0)
     assert plant.measured_s == pytest.approx([measured_s])
+
+
+def test_time_is_in_seconds_and_advances_by_nanoseconds():
+    clock = VirtualClock()
+    assert clock() == 0.0
+    clock.advance(0.25)
+    clock.advance(1.4e-9)
+    assert clock() == 0.250_000_001
+
+
+def test_a_clock_needs_a_follower_that_is_active():
+    clock = VirtualClock()
+    with pytest.raises(SimulationError, match="no longer act: none are running"):
+        clock.require_follower()
+    clock.follow(lambda: "")
+    clock.require_follower()

@@ -1,0 +1,42 @@
+"""Options that commands share: a parameter that is a dataclass becomes its fields, and comes back as one."""
+
+import inspect
+from dataclasses import dataclass
+
+from armload_controller.cli.option_groups import with_option_groups
+
+
+@dataclass
+class Where:
+    folder: str
+    depth: int = 3
+
+
+@dataclass
+class Deeper(Where):
+    name: str = "x"
+
+
+def command(first: int, where: Deeper, last: str = "z") -> None:
+    """What it does."""
+    CALLS.append((first, where, last))
+
+
+CALLS = []
+
+
+def test_a_group_is_its_fields_with_those_that_it_inherits_by_keyword():
+    given = with_option_groups(command)
+    parameters = inspect.signature(given).parameters.values()
+    assert [(each.name, each.annotation) for each in parameters] == [
+        ("first", int), ("folder", str), ("depth", int), ("name", str), ("last", str),
+    ]  # fmt: skip
+    assert {each.kind for each in parameters} == {inspect.Parameter.KEYWORD_ONLY}
+    assert [each.default for each in parameters if each.default is not each.empty] == [3, "x", "z"]
+    assert given.__doc__ == "What it does."
+
+
+def test_the_command_gets_one_value_of_the_group():
+    CALLS.clear()
+    with_option_groups(command)(first=1, folder="a", depth=5, name="b", last="c")
+    assert [(1, Deeper("a", 5, "b"), "c")] == CALLS
