@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_identification.excitation.derivative_bounds import point_rates, rate_bounds, torque_curvature
+from armload_identification.excitation.derivative_bounds import (
+    _fixed_vector,
+    _leibniz_product,
+    point_rates,
+    rate_bounds,
+    torque_curvature,
+)
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
 
 pytestmark = pytest.mark.pure
@@ -92,3 +99,30 @@ def test_the_bound_is_exact_where_the_mechanics_is_simple(any_arm):
     arm = ArmDynamics(chain, ArmBody(np.zeros((2, 10)), np.array([2.0, 3.0]), np.zeros(2), np.zeros(2), np.eye(2)))
     rates = np.array([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0], [4.0, 5.0]])
     np.testing.assert_allclose(torque_curvature(arm, rates), [8.0, 15.0])
+
+
+def test_products_obey_leibniz_and_a_vector_turns_with_its_link():
+    """Derivatives of a turning vector of length 1 with every rate 1 are the Bell numbers."""
+    assert _leibniz_product(np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0])).tolist() == [4.0, 13.0, 38.0]
+    assert _fixed_vector(1.0, np.ones(4)).tolist() == [1.0, 1.0, 2.0, 5.0, 15.0]
+    assert _fixed_vector(2.0, np.array([3.0, 0.0, 0.0, 0.0])).tolist() == [2.0, 6.0, 18.0, 54.0, 162.0]
+
+
+def test_the_bound_of_a_link_that_a_first_joint_carries_is_that_of_the_rules_by_hand():
+    """Joint 1 turns at 1 rad/s; joint 2, 0.4 m away, has 2 kg with moments of 0.5 kg m and 0.6 kg m2.
+
+    Of joint 1 both terms of the moment, about joint 2 and by the force there; joint 2's axis turns as well.
+    """
+    chain = Chain.from_origins(
+        [[0.0, 0.0, 0.7], [0.4, 0.0, 0.0]], np.zeros((2, 3)), [[0, 0, 1.0], [0, 0, 1.0]], np.eye(4), [0.0, 0.0, -10.0]
+    )
+    link = np.array([2.0, 0.3, 0.0, 0.4, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0])
+    arm = ArmDynamics(chain, ArmBody(np.array([np.zeros(10), link]), *np.zeros((3, 2)), np.eye(2)))
+    rates = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    mass, moment, inertia, apart, gravity = 2.0, 0.5, 0.6, 0.4, 10.0
+    about = moment * (gravity + 4.0 * apart) + 8.0 * inertia
+    first = about + apart * (4.0 * mass * apart + 4.0 * moment + mass * gravity)
+    second = moment * (4.0 * gravity + 9.0 * apart) + 18.0 * inertia
+    np.testing.assert_allclose(torque_curvature(arm, rates), [first, second])
+    # Of a point 0.3 m from joint 2 the ways from both joints; the first is not moved by where joint 1 is.
+    assert point_rates(chain, rates, 2, 0.3) == pytest.approx([0.7] * 4)

@@ -240,3 +240,72 @@ def test_without_pinocchio_the_error_names_the_remedy(meshes, monkeypatch):
     monkeypatch.setitem(sys.modules, "coal", None)
     with pytest.raises(ModelError, match=re.escape('pip install "armload[urdf]"')):
         meshes()
+
+
+class Nearing(Meshes):
+    """Two pairs whose distances are functions of the position of one joint, with levers of 2 m and 0.5 m."""
+
+    def __init__(self, *distances):
+        self.keep_m, self.names, self._reach = 0.02, ("a to b", "a to c"), [np.array([2.0]), np.array([0.5])]
+        self.given, self.seen = distances, []
+
+    def distances(self, q):
+        self.seen.append(float(q[0]))
+        return np.array([distance(q[0]) for distance in self.given])
+
+
+def test_the_next_sample_is_as_far_away_as_the_distances_allow():
+    """(0.1 - 0.02 + 0.003) m at 2 m/s; the other pair, at 0.5 m/s, allows more unless it is near."""
+    found = Nearing(lambda q: 0.1, lambda q: 0.1)
+    assert found.nearest_on_line(np.zeros(1), np.ones(1)) == (pytest.approx(0.1 - 0.0015), "a to b")
+    assert found.seen == pytest.approx([*(0.083 / 2.0 * np.arange(25)), 1.0])
+    other = Nearing(lambda q: 0.9, lambda q: 0.03)
+    assert other.nearest_on_line(np.zeros(1), -np.ones(1)) == (pytest.approx(0.0285), "a to c")
+    assert other.seen == pytest.approx([*(-0.013 / 0.5 * np.arange(39)), -1.0])
+
+
+def test_a_way_is_followed_to_the_first_place_that_is_too_near_or_to_its_end():
+    found = Nearing(lambda q: 0.1, lambda q: 0.06 - 0.1 * q)
+    distance_m, between = found.nearest_on_line(np.zeros(1), np.ones(1))
+    assert between == "a to c"
+    assert 0.02 - 0.1 * 0.1 < distance_m + 0.0015 < 0.02
+    assert found.seen[-1] < 0.6
+    still = Nearing(lambda q: 0.1, lambda q: 0.05)
+    assert still.nearest_on_line(np.ones(1), np.ones(1)) == (pytest.approx(0.0485), "a to c")
+    assert still.seen == [1.0, 1.0]
+    found.names = ()
+    assert found.nearest_on_line(np.zeros(1), np.ones(1)) == (np.inf, "nothing")
+
+
+def test_levers_are_the_ways_from_each_joint_between_two_links(meshes):
+    """From a joint along the offsets of those behind it, and half the diagonal of a box of 80 mm."""
+    found = meshes()
+    away = [float(np.linalg.norm(origin.xyz_m)) for origin in PRBT.tables.kinematics.origins]
+    for pair, joints in (
+        ("base to link_4", (1, 2, 3, 4)),
+        ("link_1 to link_3", (2, 3)),
+        ("link_3 to link_6", (4, 5, 6)),
+    ):
+        place = found.names.index(pair)
+        last = joints[-1]
+        expected = np.zeros(6)
+        for joint in joints:
+            expected[joint - 1] = sum(away[joint:last]) + 0.04 * np.sqrt(3.0)
+        np.testing.assert_allclose(found._reach[place], expected, atol=1e-9)
+        assert found.joints_between[place] == len(joints)
+
+
+def test_at_least_three_millimetres_are_kept_and_half_of_them_at_all_times(tmp_path):
+    write_urdf(tmp_path)
+    for keep_m, kept_m in ((0.02, 0.02), (0.001, 0.003)):
+        found = Meshes(tmp_path / "arm.urdf", PRBT.chain, PRBT.joint_names, keep_m)
+        assert (found.keep_m, found.least_m) == (kept_m, pytest.approx(kept_m - 0.0015))
+
+
+@pytest.mark.parametrize(("lift_m", "refused"), [(0.0009, False), (0.0012, True)])
+def test_an_axis_is_the_same_to_a_millimetre(meshes, lift_m, refused):
+    if refused:
+        with pytest.raises(ModelError, match="prbt_joint_2 turns about an axis"):
+            meshes(lift_m=lift_m)
+    else:
+        meshes(lift_m=lift_m)

@@ -113,3 +113,41 @@ def test_a_digit_that_changed_in_a_file_without_chunks_is_noticed(tmp_path):
 def test_joint_names_that_do_not_fit_are_none(tmp_path, joints):
     attachments = [(RUN_ATTACHMENT, f'{{"joints": {joints}}}')]
     assert read_recording(write_mcap(tmp_path / "a.mcap", messages(), attachments)).joint_names == ()
+
+
+def test_the_checksum_of_a_file_of_many_parts_is_right(tmp_path):
+    """Of 64 kB each, the last one shorter."""
+    content = messages(rows=600)
+    path = write_mcap(tmp_path / "a.mcap", content, use_chunking=False, enable_data_crcs=True)
+    assert path.stat().st_size > 2 * 2**16
+    assert read_recording(path).size == 600
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({}, None),
+        ({"missing": [False]}, "malformed message"),
+        ({"missing": [False, True]}, "feedback missing"),
+        ({"position_rad": [0.1]}, "malformed message"),
+        ({"current_a": [0.1, 0.2, 0.3]}, "malformed message"),
+        ({"current_a": "none"}, "malformed message"),
+        ({"time_s": None}, "not finite"),
+    ],
+)
+def test_messages_that_are_written_in_another_order_are_read_too(tmp_path, changes, reason):
+    """With the keys sorted, and without those that are not needed."""
+    content = []
+    for k, message in enumerate(messages()):
+        message.pop("missing")
+        content.append(dict(sorted({**message, **(changes if k == 30 else {})}.items())))
+    found = read_recording(write_mcap(tmp_path / "a.mcap", content))
+    assert dict(found.source.reasons) == ({} if reason is None else {reason: 1})
+    kept = [message for k, message in enumerate(content) if reason is None or k != 30]
+    for name in ("time_s", "position_rad", "current_a"):
+        np.testing.assert_array_equal(getattr(found, name), [message[name] for message in kept])
+
+
+def test_without_a_usable_message_the_topics_that_there_are_are_named(tmp_path):
+    with pytest.raises(RecordingError, match=r"no usable message on /\S+, so nothing was recorded; it has /other\. "):
+        read_recording(write_mcap(tmp_path / "a.mcap", [b"{}"] * 5))
