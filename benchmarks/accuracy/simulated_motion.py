@@ -25,7 +25,7 @@ from armload_controller.config.robot_simulation import HARSH_GAIN_ERROR
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
-from armload_identification.model.body_model import smooth_sign
+from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.pipeline.any_motion import identify_windows
 from armload_identification.pipeline.payload_estimator import PayloadEstimator
 from armload_identification.recording.recording import Recording

@@ -33,9 +33,9 @@ from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_drivers.simulation.servo_loops import INTEGRAL_TIME_S, POSITION_GAIN_1_S
-from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import payload_torque
+from armload_identification.model.smooth_sign import smooth_sign
 from benchmarks.arms.setups import Twin, twin_spec
 from benchmarks.arms.trials import workers
 

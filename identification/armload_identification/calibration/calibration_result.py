@@ -28,10 +28,11 @@ from armload_identification.estimation.arm_terms import (
 from armload_identification.estimation.base_tilt import sideways, tilt_axes
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.body_model import BodyModel, smooth_sign
+from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import body_regressor, rotor_columns
+from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission, gain_shares
 from armload_identification.storage.strict_toml import NumberList, NumberRows, Table, Text

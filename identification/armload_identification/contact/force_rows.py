@@ -20,9 +20,9 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.contact_levels import BIN_S, BINS, HOLE_S, SLOW, STEP_S, STOPPING
 from armload_identification.estimation.empty_arm.known_arm_rows import MOVING, payload_scale
-from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import payload_regressor
+from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.signals.reversals import moving_weights
 
 PAYLOAD: Final = 10

@@ -1,8 +1,7 @@
 """The normal equations of a group of runs at given unknowns: torque, derivatives, weights, and elimination.
 
 The torque of a run follows from the terms that act on it (`term_kinds`). Rows are weighted by the speed of the joint
-and by Huber's function; those close to a blow to the arm are excluded on all joints. The unknowns that only the group
-has are eliminated.
+and by `robust_weights`. The unknowns that only the group has are eliminated.
 """
 
 from __future__ import annotations
@@ -15,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.estimation_constants import Blows, Solver
+from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.problem import Group
+from armload_identification.estimation.robust_weights import huber_weight, struck_samples
 from armload_identification.estimation.term_kinds import Joint, Load, LoadColumns, Motor, Placed, Shared, Term
 
 if TYPE_CHECKING:
@@ -200,8 +200,7 @@ class GroupState:
         noise = noise_nm[noises, None]
         weight = self.group.weight * (np.sqrt(self.trust) / (noise * np.sqrt(correlation[noises, None])))
         if robust:
-            outlying = np.maximum(np.abs(self.weighted_nm) / (Solver.huber * noise), 1.0)
-            weight = weight / np.sqrt(outlying)
+            weight = weight * huber_weight(self.weighted_nm / noise)
         return np.asarray(np.where(self.struck[:, None], 0.0, weight))
 
     def weighted_rows(self, weight: FloatArray) -> list[WeightedRows]:
@@ -329,31 +328,6 @@ def _acting(terms: Placed, law: Shared) -> list[tuple[Term, slice]]:
 def _indices(places: Iterable[slice]) -> NDArray[np.intp]:
     """Indices of several places, one after the other."""
     return np.concatenate([_NONE, *(np.arange(place.start, place.stop, place.step) for place in places)])
-
-
-def struck_samples(size: FloatArray, time_s: FloatArray) -> NDArray[np.bool_]:
-    """Samples close to a blow: so far off that neither noise nor friction explains them.
-
-    A person leans on the arm, a cable catches, a brake drags for a moment. Least squares squares such residuals: on one
-    UR10e run a blow of 0.3 s changes the payload's mass by 0.4 % and widens its interval by a third.
-
-    Args:
-        size: (N, n) residuals divided by their standard deviation; 0 for joints that are not to be checked.
-        time_s: (N,) increasing.
-
-    Returns:
-        (N,) True within 0.4 s of a blow; all False if that would be more than a tenth of the run.
-    """
-    ranked = np.sort(np.abs(size), axis=1)
-    hit = time_s[(ranked[:, -1] > Blows.struck) & (ranked[:, -2:].min(axis=1) > 0.5 * Blows.struck)]
-    if not hit.size:
-        return np.zeros(len(time_s), dtype=bool)
-    after = np.searchsorted(hit, time_s)
-    away = np.minimum(
-        np.abs(time_s - hit[np.minimum(after, hit.size - 1)]), np.abs(time_s - hit[np.maximum(after - 1, 0)])
-    )
-    near = away <= Blows.around_s + Blows.rounding_s
-    return near if near.mean() <= Blows.most else np.zeros_like(near)
 
 
 def joined_columns(parts: Sequence[AxisColumns]) -> AxisColumns:

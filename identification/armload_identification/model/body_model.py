@@ -26,6 +26,7 @@ from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.model.finite_array import finite_array
 from armload_identification.model.links_and_drives import LinksAndDrives
 from armload_identification.model.regressor import PARAMETERS
+from armload_identification.model.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,13 +122,3 @@ class BodyModel(LinksAndDrives):
 def _dynamics(chain: Chain, body: BodyModel) -> ArmDynamics:
     """Links turned for the kernels, kept because an estimator in the loop needs the same ones again and again."""
     return ArmDynamics(chain, body)
-
-
-def smooth_sign(dq: FloatArray, reversal_speed_rad_s: FloatArray) -> FloatArray:
-    """Direction of motion, tanh(dq / v): -1 to 1, and 0 at standstill.
-
-    Args:
-        dq: (N, n) velocities in rad/s.
-        reversal_speed_rad_s: (n,) v.
-    """
-    return np.asarray(np.tanh(dq / reversal_speed_rad_s))

@@ -14,10 +14,10 @@ from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_estimate import PayloadEstimate
 from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
 from armload_identification.estimation.uncertainty import Uncertainty, quantify
-from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import payload_regressor
+from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.recording.recording import RecordingSource
 from armload_identification.signals.joint_torque import Gains, Transmission
 from armload_identification.signals.load_signal import LoadSignal, without_body

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import RecordingError
-from armload_identification.model.body_model import BodyModel, smooth_sign
+from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
+from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.filters import low_pass, low_pass_cutoff
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER, Motion

@@ -16,10 +16,10 @@ from msgspec import Struct
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import CHANGES
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import payload_regressor
+from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.signals.reversals import moving_weights
 
 MOVING: Final = 10.0

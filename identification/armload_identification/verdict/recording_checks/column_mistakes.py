@@ -38,9 +38,10 @@ from armload_identification.estimation.residual_spectrum import ResidualSpectrum
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, student_half_width
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.base_parameters import base_columns
-from armload_identification.model.body_model import BodyModel, smooth_sign
+from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS, body_regressor, rotor_columns
+from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import Motion
 from armload_identification.signals.recorded_run import Run

@@ -1,0 +1,43 @@
+"""Weights of rows that the model does not explain: Huber's, and none close to a blow to the arm."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.estimation_constants import Blows, Solver
+
+
+def huber_weight(relative: FloatArray) -> FloatArray:
+    """Root of Huber's weight: 1 up to `Solver.huber`, from where a residual counts as its size, not its square.
+
+    Args:
+        relative: Residuals divided by their standard deviation.
+    """
+    return np.asarray(1.0 / np.sqrt(np.maximum(np.abs(relative) / Solver.huber, 1.0)))
+
+
+def struck_samples(size: FloatArray, time_s: FloatArray) -> NDArray[np.bool_]:
+    """Samples close to a blow: so far off that neither noise nor friction explains them.
+
+    A person leans on the arm, a cable catches, a brake drags for a moment. Least squares squares such residuals: on one
+    UR10e run a blow of 0.3 s changes the payload's mass by 0.4 % and widens its interval by a third.
+
+    Args:
+        size: (N, n) residuals divided by their standard deviation; 0 for joints that are not to be checked.
+        time_s: (N,) increasing.
+
+    Returns:
+        (N,) True within 0.4 s of a blow; all False if that would be more than a tenth of the run.
+    """
+    ranked = np.sort(np.abs(size), axis=1)
+    hit = time_s[(ranked[:, -1] > Blows.struck) & (ranked[:, -2:].min(axis=1) > 0.5 * Blows.struck)]
+    if not hit.size:
+        return np.zeros(len(time_s), dtype=bool)
+    after = np.searchsorted(hit, time_s)
+    away = np.minimum(
+        np.abs(time_s - hit[np.minimum(after, hit.size - 1)]), np.abs(time_s - hit[np.maximum(after - 1, 0)])
+    )
+    near = away <= Blows.around_s + Blows.rounding_s
+    return near if near.mean() <= Blows.most else np.zeros_like(near)
