@@ -119,3 +119,20 @@ def test_no_current_at_standstill_is_nothing_and_in_motion_a_lie():
     run(idle, speed=np.zeros(N))
     with pytest.raises(TorqueMissing, match="exactly zero"):
         run(idle, 1000)
+
+
+@pytest.mark.parametrize(("cycles", "found"), [(250, False), (252, True)])
+def test_a_motor_may_turn_by_a_tenth_of_a_radian_without_current(cycles, found):
+    """One joint at 0.1 rad/s, that is 0.4 mrad in a cycle: beyond 0.1 rad from the 251st."""
+    speed = np.where(np.arange(N) == 0, 0.1, 0.0)
+
+    def idle(cycle, feedback):
+        return feedback._replace(current_a=np.where(np.arange(N) == 0, 1e-9, 1.0) if cycle else feedback.current_a)
+
+    told = pytest.raises(TorqueMissing, match=r"joint_1.* exactly zero while it moves by 0\.10 rad")
+    with told if found else nullcontext():
+        run(idle, cycles=cycles, speed=speed)
+
+
+def test_a_current_just_above_zero_is_one():
+    run(lambda cycle, feedback: feedback._replace(current_a=np.full(N, 1.1e-9)), cycles=1000)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -417,3 +418,46 @@ def test_a_decision_is_a_line_and_a_document():
     assert str(decision).endswith("fed: 2.00 +- 0.10 kg, as 2.00 kg at (20, -30, 80) mm")
     assert decision.to_dict()["center_of_mass_m"] == [0.02, -0.03, 0.08]
     assert decision.to_dict()["fed_mass_kg"] == 2.0
+
+
+@pytest.mark.parametrize(
+    ("least_kg", "most_kg", "said"),
+    [
+        (0.0, 4.8, None), (0.0, 4.81, r"up to 4\.81 kg: .* limited to 80 % of the rated 6 kg, 4\.8 kg"),
+        (2.0, 2.0, "the smaller value first"), (-0.1, 2.0, "the smaller value first"), (1.9, 2.0, None),
+    ],
+)  # fmt: skip
+def test_a_declared_range_begins_at_nothing_and_ends_at_four_fifths_of_the_rated_payload(least_kg, most_kg, said):
+    with pytest.raises(AdaptationRefused, match=said) if said else nullcontext():
+        assert DeclaredMass(least_kg, most_kg, RATED_KG).greatest_kg == pytest.approx(4.8)
+
+
+@pytest.mark.parametrize(
+    ("values", "half_width_95", "why"),
+    [
+        ((2.0, 0, 0, 0.1), (1.0, 0, 0, 0), None),
+        ((2.0, 0, 0, 0.1), (1.01, 0, 0, 0), "the mass is not known well enough"),
+        ((2.0, 0, 0, 0.1), (0.1, 0.03, 0.03, 0.03), None),
+        ((2.0, 0, 0, 0.1), (0.1, 0, 0, 0.0301), "the centre of mass is not known well enough"),
+        ((2.0, 0, 0, 0.1), (0.1, 0.0301, 0, 0), "the centre of mass is not known well enough"),
+        ((0.5, 0, 0, 0.1), (0.01, 0, 0, 0), "the mass may lie outside the declared 0.5..3 kg"),
+        ((0.52, 0, 0, 0.1), (0.01, 0, 0, 0), None),
+        ((2.95, 0, 0, 0.1), (0.06, 0, 0, 0), "the mass may lie outside the declared 0.5..3 kg"),
+        ((2.0, 0.3, 0, 0.401), (0.1, 0, 0, 0), "the centre of mass is further than 0.5 m from the flange"),
+        ((2.0, 0.3, 0, 0.399), (0.1, 0, 0, 0), None),
+        ((np.nan, 0, 0, 0), (0.1, 0, 0, 0), "the mass is not known well enough"),
+    ],
+)
+def test_each_rule_has_its_limit(values, half_width_95, why):
+    """Half the mass; 10 % of 6 kg at 0.1 m, which is 30 mm of 2 kg; the declared range; half a metre."""
+    rules = AdaptationRules(DeclaredMass(0.5, 3.0, RATED_KG), CALIBRATION, ROBOT.joint_names)
+    assert rules._why_not(np.array(values, dtype=float), np.array(half_width_95)) == why
+
+
+def test_what_is_fed_has_the_sure_coordinates_and_the_inertia_of_a_sphere():
+    """2 kg of 50 mm radius: 0.4 m r^2 = 2e-3 kg m2; y, whose interval contains zero, is left out."""
+    body = carried_body(found(center_m=(0.02, -0.004, 0.08)))
+    assert body.mass_kg == pytest.approx(2.0, rel=0.05)
+    assert body.center_of_mass_m[1] == 0.0
+    assert (np.abs(body.center_of_mass_m[[0, 2]]) > 0.01).all()
+    np.testing.assert_allclose(body.inertia_about_com, 0.4 * body.mass_kg * 0.05**2 * np.eye(3), atol=1e-12)

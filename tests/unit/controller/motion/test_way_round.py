@@ -1,11 +1,13 @@
 """The search for a way round, without an arm: its queries, its result, and when it gives up."""
 
 import zlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
+from armload_controller.motion import way_round
 from armload_controller.motion.paths import BlockedWay
 from armload_controller.motion.way_round import find_way
 
@@ -107,3 +109,36 @@ def test_half_of_the_via_points_are_near_the_straight_way_and_all_are_spread_eve
     share = (via[~near] - low) / (high - low)
     assert share.mean(axis=0) == pytest.approx(np.full(len(low), 0.5), abs=0.06)
     assert (np.histogram(share[:, 0], 4, (0.0, 1.0))[0] > 0.15 * len(share)).all()
+
+
+def test_via_points_are_haltons():
+    """Digits of 1, 2, 3, ... mirrored at the point, in a base of its own for every joint: the first 16 primes."""
+    from fractions import Fraction
+
+    expected = [(Fraction(1, 2), Fraction(1, 3)), (Fraction(1, 4), Fraction(2, 3)), (Fraction(3, 4), Fraction(1, 9))]
+    expected += [(Fraction(1, 8), Fraction(4, 9)), (Fraction(5, 8), Fraction(7, 9)), (Fraction(3, 8), Fraction(2, 9))]
+    np.testing.assert_allclose(way_round._halton(6, 2), np.array(expected, dtype=float))
+    primes = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53]
+    np.testing.assert_allclose(way_round._halton(1, 16)[0], 1.0 / np.array(primes))
+
+
+def test_half_of_them_are_up_to_0_8_rad_outside_the_straight_way_and_all_2_percent_from_the_limits():
+    limits = SimpleNamespace(position_min_rad=np.array([-2.0, -1.0]), position_max_rad=np.array([2.0, 1.0]))
+    points = way_round._via_points(np.array([0.0, 0.5]), np.array([0.5, 0.0]), limits)
+    assert points.shape == (120, 2)
+    share = way_round._halton(60, 2)
+    np.testing.assert_allclose(points[:60, 0], -0.8 + share[:, 0] * 2.1)
+    np.testing.assert_allclose(points[:60, 1], -0.8 + share[:, 1] * (0.96 + 0.8))
+    np.testing.assert_allclose(points[60:], [-1.92, -0.96] + share * [3.84, 1.92])
+
+
+def test_the_shortest_way_is_dijkstras():
+    far = np.inf
+    time_s = np.array([[far, far, 1.0, 4.0], [far, far, 5.0, 1.5], [1.0, 5.0, far, 2.0], [4.0, 1.5, 2.0, far]])
+    assert way_round._shortest(time_s) == [0, 2, 3, 1]
+    time_s[2, 3] = time_s[3, 2] = 3.5
+    assert way_round._shortest(time_s) == [0, 3, 1]
+    time_s[3, 1] = 2.5
+    assert way_round._shortest(time_s) == [0, 2, 1]
+    time_s[2, 1] = time_s[3, 1] = far
+    assert way_round._shortest(time_s) is None

@@ -14,7 +14,15 @@ from armload_drivers.cia402.arm_settings import (
     Identity,
     OperationMode,
 )
-from armload_drivers.cia402.bus_budget import USUAL_RATES_HZ, forecast, frame_bits, require_room, with_rate_for
+from armload_drivers.cia402.bus_budget import (
+    FRAME_BITS,
+    USUAL_RATES_HZ,
+    BusLoad,
+    forecast,
+    frame_bits,
+    require_room,
+    with_rate_for,
+)
 from armload_drivers.cia402.object_dictionary import PdoDirection
 from armload_drivers.driver_errors import BusOverload
 
@@ -131,3 +139,21 @@ def test_a_refusal_says_how_many_drives_load_the_bus_by_how_much():
         require_room(on_two)
     assert "4 + 4 drives on two buses at 1000 Hz" in str(refusal.value)
     assert "second bus" not in str(refusal.value)
+
+
+def test_a_longer_frame_of_another_kind_counts_as_eight_bytes():
+    assert FRAME_BITS[:3] == (55, 65, 75)
+    assert set(FRAME_BITS[8:]) == {135}
+    assert len(FRAME_BITS) == 65, "CAN FD has up to 64 bytes"
+
+
+@pytest.mark.parametrize(("share", "fits"), [(0.4999, True), (0.5001, False)])
+def test_seven_tenths_of_the_bus_may_be_used(share, fits):
+    load = BusLoad(1.0, share, 0.15, 0.05, 250)
+    assert load.share == pytest.approx(share + 0.2)
+    assert load.fits is fits
+
+
+def test_a_sync_counter_takes_a_byte():
+    plain = arm(6, 250)
+    assert forecast(replace(plain, sync_counter=10)).cycle_us - forecast(plain).cycle_us == pytest.approx(10.0)

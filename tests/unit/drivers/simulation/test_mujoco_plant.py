@@ -18,6 +18,7 @@ from armload_drivers.driver_errors import SimulationError
 from armload_drivers.simulation import mujoco_model
 from armload_drivers.simulation.mujoco_model import build_model, load_mujoco
 from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
+from armload_drivers.simulation.plant_interface import EncoderFault
 from armload_drivers.simulation.plant_spec import PlantJoint, PlantSpec, PlantVariant, RigidBody, ScheduledPayload
 
 pytest.importorskip("mujoco")
@@ -572,6 +573,30 @@ class TestServo:
         plant.set_target(3, 1.0, 1.0)
         moved = after(plant, 2.0).joint_position_rad
         np.testing.assert_allclose(moved[3:], [1.0, 0.0167, -0.02], atol=1e-4)
+
+    @pytest.mark.parametrize(
+        ("fault", "at_once_rad", "after_s_rad"),
+        [
+            (EncoderFault(), 0.2, 0.2),
+            (EncoderFault(jump_rad=0.1), 0.3, 0.3),
+            (EncoderFault(drift_rad_s=0.05), 0.2, 0.25),
+            (EncoderFault(scale=0.0, jump_rad=-0.1, drift_rad_s=0.02), 0.1, 0.12),
+        ],
+    )
+    def test_a_failed_encoder_reports_jump_and_drift_from_then_on(self, fault, at_once_rad, after_s_rad) -> None:
+        plant = ArmPlant(arm(joint(), start_position_rad=np.array([0.2])))
+        plant.advance(0.5)
+        plant.fail_encoder(0, fault)
+        assert plant.hold_position(0) == pytest.approx(at_once_rad, abs=1e-6)
+        plant.advance(1.5)
+        assert plant.hold_position(0) == pytest.approx(after_s_rad, abs=1e-6)
+
+    @pytest.mark.parametrize("scale", [-1.0, 0.0, 0.5])
+    def test_a_failed_encoder_counts_by_its_scale(self, scale) -> None:
+        plant = ArmPlant(arm(joint(has_brake=False), start_position_rad=np.array([0.2])))
+        plant.fail_encoder(0, EncoderFault(scale=scale))
+        plant._position[0] = 0.6
+        assert plant.hold_position(0) == pytest.approx(0.2 + 0.4 * scale)
 
 
 class TestMeasurement:

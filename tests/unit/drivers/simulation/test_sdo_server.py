@@ -193,11 +193,13 @@ def test_the_abort_codes_are_those_that_another_library_knows():
     for code in Abort:
         assert code in SdoAbortedError.CODES, code.name
     words = {
-        Abort.READ_ONLY: "read only",
-        Abort.WRITE_ONLY: "write only",
-        Abort.NO_SUBINDEX: "Subindex",
-        Abort.TOGGLE: "Toggle",
-    }
+        Abort.TOGGLE: "toggle", Abort.UNKNOWN_COMMAND: "unknown", Abort.UNSUPPORTED_ACCESS: "unsupported access",
+        Abort.WRITE_ONLY: "write only", Abort.READ_ONLY: "read only", Abort.NO_OBJECT: "object does not exist",
+        Abort.NOT_MAPPABLE: "cannot be mapped", Abort.PDO_TOO_LONG: "PDO length exceeded", Abort.LENGTH: "length code",
+        Abort.NO_SUBINDEX: "subindex", Abort.VALUE_RANGE: "value range", Abort.VALUE_TOO_HIGH: "written too high",
+        Abort.DEVICE_STATE: "present device state",
+    }  # fmt: skip
+    assert set(words) == set(Abort)
     for code, text in words.items():
         assert text.lower() in SdoAbortedError.CODES[code].lower()
 
