@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from armload_identification.calibration.calibrate_arm import HALVES, WEIGHED_WITHIN, _Calibration, _distinct
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounting_mistakes import most_steps, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import (
@@ -23,6 +26,7 @@ from armload_identification.calibration.run_contradictions import (
 )
 from armload_identification.calibration.run_health import _RunFit
 from armload_identification.calibration.session_gains import SessionGains
+from armload_identification.estimation.base_tilt import tilt_axes
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
@@ -409,3 +413,182 @@ def test_another_motion_has_each_joint_at_another_time_of_the_run():
     assert position[0].tolist() == [0.0, 450.0, 300.0]
     assert position[1].tolist() == [2.0, 452.0, 302.0]
     assert seen[1] == pytest.approx(0.02)
+
+
+# A calibration's runs --------------------------------------------------------------------------------------------
+
+
+def used(name="a.mcap", mounting="", weight=1.0, rows=10, effort_nm=5.0):
+    """A run whose two joints move in all of its rows."""
+    of_rows = SimpleNamespace(weight=np.full((rows, 2), weight), effort_nm=np.full((rows, 2), -effort_nm))
+    given = SimpleNamespace(mounting=mounting, recording=SimpleNamespace(source=SimpleNamespace(path=name)))
+    return SimpleNamespace(name=name, given=given, rows=SimpleNamespace(rows=of_rows), signals=name)
+
+
+def calibrating(*runs, **changes):
+    base = {"_used": list(runs), "_chain": ARM, "_moves": np.array([True, True]), "_weighed": {}}
+    made = SimpleNamespace(**(base | {"_layout": SimpleNamespace(base=np.ones(20, dtype=bool))} | changes))
+    for name in ("_rows_and_least", "_refuse_too_little"):
+        setattr(made, name, partial(getattr(_Calibration, name), made))
+    return made
+
+
+def test_three_rows_of_moving_joints_are_needed_for_each_unknown():
+    """Of two joints 7 kinds, 20 of the links, a delay and two tilts; 10 of a payload, and 6 of each run."""
+    arm = 7 * 2 + 20 + 1 + 2
+    runs = [used(weight=0.31), used(weight=0.29), used(mounting="tool", rows=5)]
+    assert calibrating()._rows_and_least(runs) == (20 + 10, 3 * (arm + 10 + 18 - 2 * 1))
+
+
+def test_a_calibration_of_too_few_rows_is_refused():
+    least = 3 * (6 * 2 + 20 + 1 + 2 + 6)
+    calibrating(used(rows=-(-least // 2)))._refuse_too_little()
+    with pytest.raises(EstimationError, match=rf"{least // 3} unknowns, at least {least} are required"):
+        calibrating(used(rows=(least - 1) // 2))._refuse_too_little()
+
+
+@pytest.mark.parametrize(("effort_nm", "refused"), [(4.9, True), (4.91, False)])
+def test_a_mass_that_no_joint_can_hold_a_tenth_of_a_metre_away_is_in_grams(effort_nm, refused):
+    """5 kg take 4.905 N m."""
+    weighed = {"tool": SimpleNamespace(mass_kg=5.0)}
+    made = calibrating(used(), used(mounting="tool", effort_nm=effort_nm), _weighed=weighed)
+    if refused:
+        with pytest.raises(EstimationError, match=r"said to weigh 5 kg, which 0\.1 m from a joint take 4\.91 N m"):
+            _Calibration._refuse_other_units(made)
+    else:
+        _Calibration._refuse_other_units(made)
+    beside = calibrating(used(mounting="tool", effort_nm=1.0), used(mounting="tool"), _weighed=weighed)
+    _Calibration._refuse_other_units(beside)
+
+
+@pytest.mark.parametrize(("deviations", "warned"), [(4.9, False), (5.1, True)])
+def test_friction_five_deviations_off_is_a_cold_gear(deviations, warned):
+    change = np.array([0.1, 0.2, 0.1, 0.1 * deviations, 9.0, 9.0])
+    fit = SimpleNamespace(own_value=lambda *_: change, change_deviation=np.full(6, 0.1))
+    found = _Calibration._friction_warnings(calibrating(used()), fit)
+    assert bool(found) is warned
+    assert not warned or found[0].startswith("a.mcap: the friction of joint 2 is 5 standard deviations")
+
+
+@pytest.mark.parametrize(("share", "warned"), [(0.119, False), (0.121, True)])
+def test_joints_of_which_an_eighth_is_uncertain_on_other_motions_are_named(monkeypatch, share, warned):
+    shares = {"a": np.array([0.0, share]), "b": np.array([0.05, 0.01])}
+    monkeypatch.setattr(f"{ROOM}.calibrate_arm.doubtful_share", lambda found, level, run: shares[run])
+    made = calibrating(used("a"), used("b"))
+    found = _Calibration._motion_warnings(made, SimpleNamespace(level=lambda _: None))
+    assert bool(found) is warned
+    assert not warned or "the predicted torque of joint 2 (12 %)" in found[0]
+
+
+def mass_warnings(entered_kg, others_kg, deviation_kg, within=WEIGHED_WITHIN):
+    """What is said of a weighed mass, where all other data say another one."""
+    scale = (within * entered_kg) ** -2.0
+    information = (deviation_kg / HALVES) ** -2.0
+    mean = (scale * entered_kg + information * others_kg) / (scale + information)
+    problem = SimpleNamespace(mountings=("tool",), place=lambda *_: slice(1, 11))
+    fit = SimpleNamespace(problem=problem, x=np.array([0.0, mean]), bread=np.diag([1.0, 1.0 / (scale + information)]))
+    weighed = {"tool": SimpleNamespace(mass_kg=entered_kg, whole=None)}
+    return _Calibration._mass_warnings(calibrating(_weighed=weighed), fit)
+
+
+@pytest.mark.parametrize(("off", "warned"), [(3.9, False), (4.1, True), (-4.1, True)])
+def test_a_weighed_mass_disagrees_with_all_other_data_beyond_four_deviations(off, warned):
+    """50 g, and what a scale is wrong by."""
+    others_kg = 5.0 + off * np.hypot(0.05, WEIGHED_WITHIN * 5.0)
+    found = mass_warnings(5.0, others_kg, 0.05)
+    assert bool(found) is warned
+    assert not warned or f"5.000 kg was entered, all other data give {others_kg:.3f} +- 0.100 kg" in found[0]
+
+
+@pytest.mark.parametrize(
+    ("deviates", "noise", "rows", "left_out"),
+    [
+        ([1.0, 1.9], 9.0, 99, []),
+        ([1.0, 2.1], 1.9, 99, []),
+        ([1.0, 2.1], 2.1, 99, ["b"]),
+        ([1.0, 3.9], 1.0, 99, []),
+        ([1.0, 4.1], 1.0, 99, ["b"]),
+        ([4.1, 3.0], 1.0, 99, ["a"]),
+        ([1.0, 4.1], 1.0, 0, []),
+    ],
+)
+def test_a_run_is_left_out_if_it_contradicts_the_others_or_makes_them_twice_as_quiet(
+    monkeypatch, deviates, noise, rows, left_out
+):
+    """By four deviations; from two on it is tried."""
+    out = []
+
+    def fitted(runs):
+        sizes = [deviates["ab".index(run.name)] for run in runs] if len(runs) > 1 else [1.0]
+        noise_nm = np.array([1.0]) if len(runs) > 1 else np.array([1.0 / noise])
+        return SimpleNamespace(
+            groups=[None] * len(runs), noise_nm=noise_nm, deviates=lambda index: np.array([sizes[index]])
+        )
+
+    made = calibrating(
+        *(used(name) for name in "ab"),
+        _fitted=fitted,
+        _leave_out=lambda run, _: out.append(run.name),
+        _mass_warnings=lambda _: [],
+        _friction_warnings=lambda _: [],
+        _motion_warnings=lambda _: ("moves",),
+        _refuse_other_units=lambda: None,
+        _refuse_other_mounting=lambda: None,
+        _named=lambda fit, *_: Named(("named",)),
+    )
+    made._refuse_too_little, made._rows_and_least = (lambda: None), (lambda _: (rows, 50))
+    for run in made._used:
+        run.given.recording.source.sha256 = run.name
+    found = _Calibration.result(made, "arm", Named(()))
+    assert out == left_out
+    assert found.warnings == ("named", "moves")
+    assert [run.name for run in made._used] == [name for name in "ab" if name not in left_out]
+
+
+@dataclass(frozen=True)
+class Named:
+    warnings: tuple
+    recordings_sha256: object = None
+
+
+@pytest.mark.parametrize(
+    ("paths", "names"),
+    [
+        (["x/a.csv", "x/b.csv"], ["a.csv", "b.csv"]),
+        (["x/a.csv", "y/a.csv"], ["x/a.csv", "y/a.csv"]),
+        (["u/x/a.csv", "v/x/a.csv"], ["u/x/a.csv", "v/x/a.csv"]),
+        (["x/a.csv", "x/a.csv"], ["a.csv (1)", "a.csv (2)"]),
+        ([], []),
+    ],
+)
+def test_runs_are_called_by_enough_of_their_path(paths, names):
+    assert _distinct([Path(path) for path in paths]) == names
+
+
+# The calibrated arm ----------------------------------------------------------------------------------------------
+
+
+def test_between_three_days_or_more_gains_drift_as_their_weighted_means():
+    """Of the first day 0.01 and, four times as uncertain, 0.05; of the others 0.02 and 0.03."""
+    runs = [("2026-03-01T08", 0.01, 1.0), ("2026-03-01T09", 0.05, 2.0), ("2026-03-02T08", 0.02, 1.0)]
+    runs += [("2026-03-03T08", 0.03, 1.0), ("", 9.0, 1.0), ("2026-03-04", np.nan, 1.0)]
+    made = SimpleNamespace(
+        runs=[
+            SimpleNamespace(recorded=recorded, effort_change=change, effort_change_deviation=deviation)
+            for recorded, change, deviation in runs
+        ]
+    )
+    drift = ArmCalibration.session_drift.fget
+    assert drift(made) == pytest.approx(np.std([0.018, 0.02, 0.03], ddof=1))
+    del made.runs[3]
+    assert drift(made) is None
+
+
+@pytest.mark.parametrize("tilt_rad", [(0.01, 0.0), (0.0, 0.02)])
+def test_a_tilt_moves_gravity_along_its_axes(tilt_rad):
+    """By as much as the angle, and so that the size remains."""
+    level = ArmCalibration.level(SimpleNamespace(tilt_rad=np.array(tilt_rad)), ARM)
+    axes = tilt_axes(DOWN)
+    moved = level.gravity_m_s2 - DOWN
+    np.testing.assert_allclose(axes @ moved / 9.81, np.sin(np.arctan(tilt_rad)), rtol=1e-6)
+    assert np.linalg.norm(level.gravity_m_s2) == pytest.approx(9.81)
