@@ -207,7 +207,8 @@ class PoweredArm:
         """
         if self._host.failed:
             self._host.detach(self._host.failed)
-        suspect = self._limits.index_of(getattr(error, "joint", ""))
+        joint, names = getattr(error, "joint", ""), self._limits.joint_names
+        suspect = names.index(joint) if joint in names else None
         steps = {
             StopStep.RAMP_DOWN: self._ramp_down,
             StopStep.QUICK_STOP: lambda: self._servos.stop(suspect),

@@ -175,12 +175,9 @@ class PluginHost:
                     f"took {timing.last_s * 1e3:.2f} ms, its budget is {self._budget_s * 1e3:.2f} ms a cycle",
                 )
             if torque is not None:
-                self._add(timing.name, torque)
+                if np.shape(torque) != self._torque.shape or not np.isfinite(torque).all():
+                    expected = f"expected {len(self._torque)} finite joint torques in N m"
+                    raise PluginFailed(timing.name, f"returned {torque!r}, {expected}")
+                self._torque += torque
         self.failed = ""
         return self._torque
-
-    def _add(self, name: str, torque: FloatArray) -> None:
-        """Add one plug-in's torque."""
-        if np.shape(torque) != self._torque.shape or not np.isfinite(torque).all():
-            raise PluginFailed(name, f"returned {torque!r}, expected {len(self._torque)} finite joint torques in N m")
-        self._torque += torque

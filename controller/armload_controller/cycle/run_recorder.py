@@ -205,7 +205,8 @@ class Recorder:
                 self._framed_s = feedback.time_s
             if feedback.time_s - self._flushed_s >= FLUSH_S:
                 self._writer.flush()
-                self._require_there()
+                if os.fstat(self._file.fileno()).st_nlink == 0:
+                    raise RecordingFailed(f"{self.partial} was removed while it was being written")
                 self._flushed_s = feedback.time_s
         except OSError as error:
             raise self._failed(error) from error
@@ -230,15 +231,6 @@ class Recorder:
             self._writer.add_message(self._events_channel, stamp_ns, orjson.dumps(event), stamp_ns)
         except OSError as error:
             raise self._failed(error) from error
-
-    def _require_there(self) -> None:
-        """Refuse to continue writing a file that was removed.
-
-        Raises:
-            RecordingFailed: it was removed, or its folder was.
-        """
-        if os.fstat(self._file.fileno()).st_nlink == 0:
-            raise RecordingFailed(f"{self.partial} was removed while it was being written")
 
     def _attach_lateness(self) -> None:
         """Attach how late the cycles were, if there were any."""

@@ -23,10 +23,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from armload_controller.config.robot import Robot
-from armload_controller.export.calibrated_urdf import arm_comment, further_friction, numbers, upright_base
+from armload_controller.export.calibrated_urdf import arm_comment, further_friction, upright_base
 from armload_controller.export.exported_payload import identifier_of
 from armload_controller.export.mjcf import mjcf_inertial
-from armload_controller.export.text_format import exact, printable
+from armload_controller.export.text_format import exact, numbers, printable
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.possible_links import PossibleLinks
@@ -50,7 +50,7 @@ def arm_mjcf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
     names = [printable(name) for name in robot.joint_names]
     armature, tendons = _rotors(body.rotor_inertia_kg_m2, body.coupling, names)
     lines = [
-        *arm_comment(robot, calibration, possible, made_from, "MJCF", further_friction(calibration)),
+        *arm_comment(robot, possible, made_from, "MJCF", further_friction(calibration)),
         f'<mujoco model="{identifier}">',
         '  <compiler angle="radian" autolimits="true"/>',
         f'  <option gravity="0 0 {exact(-float(np.sqrt(np.sum(gravity_m_s2**2))))}"/>',

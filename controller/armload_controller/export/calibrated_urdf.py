@@ -19,7 +19,7 @@ import numpy as np
 
 from armload_controller.config.robot import Robot
 from armload_controller.export.exported_payload import identifier_of
-from armload_controller.export.text_format import exact, printable, xml_comment
+from armload_controller.export.text_format import exact, numbers, printable, xml_comment
 from armload_controller.export.urdf import inertial_lines
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
@@ -43,9 +43,11 @@ def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
     names = [quoteattr(printable(name)) for name in robot.joint_names]
     links = [quoteattr(f"{printable(name)}_link") for name in robot.joint_names]
     chain, limits = robot.chain, robot.limits.motion
+    rotors = {"Rotors, kg m2 at the joint (armature), row by row:": calibration.body.rotor_mass_kg_m2}
+    absent = rotors | further_friction(calibration)
     lines = [
         '<?xml version="1.0"?>',
-        *arm_comment(robot, calibration, possible, made_from, "URDF", _absent(calibration)),
+        *arm_comment(robot, possible, made_from, "URDF", absent),
         f'<robot name="{identifier}">',
     ]
     lines += ['  <link name="world"/>', '  <link name="base"/>']
@@ -69,15 +71,7 @@ def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
     return {f"{identifier}_calibrated.urdf": "\n".join(lines) + "\n"}
 
 
-def _absent(calibration: ArmCalibration) -> Mapping[str, FloatArray]:
-    """The values for which URDF has no element."""
-    return {
-        "Rotors, kg m2 at the joint (armature), row by row:": calibration.body.rotor_mass_kg_m2,
-        **further_friction(calibration),
-    }
-
-
-def further_friction(calibration: ArmCalibration) -> Mapping[str, FloatArray]:
+def further_friction(calibration: ArmCalibration) -> dict[str, FloatArray]:
     """The parts of the friction that are neither viscous nor constant, which no description of arms has."""
     body = calibration.body
     return {
@@ -88,12 +82,7 @@ def further_friction(calibration: ArmCalibration) -> Mapping[str, FloatArray]:
 
 
 def arm_comment(
-    robot: Robot,
-    calibration: ArmCalibration,
-    possible: PossibleLinks,
-    made_from: str,
-    language: str,
-    absent: Mapping[str, FloatArray],
+    robot: Robot, possible: PossibleLinks, made_from: str, language: str, absent: Mapping[str, FloatArray]
 ) -> list[str]:
     """The comment: origin of the file, and the values for which the language of the file has no element."""
     if possible.exact:
@@ -138,8 +127,3 @@ def _fixed(name: str, parent: str, child: str, pose: FloatArray) -> list[str]:
 
 def _origin(pose: FloatArray) -> str:
     return f'<origin xyz="{numbers(pose[:3, 3])}" rpy="{numbers(rpy_rad(pose[:3, :3]))}"/>'
-
-
-def numbers(values: FloatArray) -> str:
-    """Numbers that read back as the same doubles."""
-    return " ".join(exact(value) for value in values)

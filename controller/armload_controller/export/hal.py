@@ -26,7 +26,7 @@ import math
 import re
 
 from armload_controller.cycle.torque_gate import OPENING_S, TORQUE_SHARE
-from armload_controller.export.body_parameters import FRICTION, PARAMETERS, TRANSITION_S, body_values
+from armload_controller.export.body_parameters import FRICTION, PARAMETERS, TRANSITION_S
 from armload_controller.export.c99 import export_c
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
@@ -59,7 +59,7 @@ def _component(subject: ExportSubject, component: str) -> str:
     )
     payload = (
         f'pin in float {parameter.replace("_", "-")} = {exact(value)} "payload: {meaning}, in {unit}";'
-        for (parameter, unit, meaning), value in zip(PARAMETERS, body_values(subject), strict=True)
+        for (parameter, unit, meaning), value in zip(PARAMETERS, subject.payload.values, strict=True)
     )
     friction = "" if subject.calibration is None else f'param rw float friction = 1.0 "share of {FRICTION}";'
     return filled(

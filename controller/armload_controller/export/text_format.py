@@ -23,6 +23,11 @@ def exact(value: float) -> str:
     return repr(float(value) + 0.0)
 
 
+def numbers(values: Iterable[float]) -> str:
+    """The same of several."""
+    return " ".join(map(exact, values))
+
+
 def positional(value: float) -> str:
     """A number without an exponent, which not every controller's language accepts; rounded to `SIGNIFICANT_DIGITS`."""
     return np.format_float_positional(

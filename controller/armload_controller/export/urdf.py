@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
-from armload_controller.export.text_format import exact, provenance, xml_comment
+from armload_controller.export.text_format import exact, numbers, provenance, xml_comment
 from armload_identification.model.payload import InertialParameters
 
 
@@ -32,13 +32,12 @@ def export_urdf(subject: ExportSubject) -> dict[str, str]:
 
 def inertial_lines(body: InertialParameters) -> list[str]:
     """The `<inertial>` element of a body in its link's frame, line by line."""
-    x, y, z = (exact(c) for c in body.center_of_mass_m)
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = (
         [exact(element) for element in row] for row in body.inertia_about_com
     )
     return [
         "<inertial>",
-        f'  <origin xyz="{x} {y} {z}" rpy="0 0 0"/>',
+        f'  <origin xyz="{numbers(body.center_of_mass_m)}" rpy="0 0 0"/>',
         f'  <mass value="{exact(body.mass_kg)}"/>',
         f'  <inertia ixx="{ixx}" ixy="{ixy}" ixz="{ixz}" iyy="{iyy}" iyz="{iyz}" izz="{izz}"/>',
         "</inertial>",

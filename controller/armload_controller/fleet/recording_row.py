@@ -5,7 +5,6 @@ Units are in the names; a number that is not determined is null. Lists are by jo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from typing import Any, Final
@@ -129,9 +128,3 @@ def findings_fields(findings: Findings) -> Row:
     row |= {"condition_number": number(found.plain.condition_number), "notes": list(found.notes)}
     unloaded = found.sources[1:]
     return row | {"unloaded_sha256": unloaded[0].sha256 if unloaded else None}
-
-
-def day_of(row: Mapping[str, Any]) -> str:
-    """The day of the recording, UTC, by which rows are partitioned."""
-    day: str = row["recorded_utc"].date().isoformat()
-    return day

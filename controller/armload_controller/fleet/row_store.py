@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from armload_controller.control_errors import FleetError
-from armload_controller.fleet.recording_row import Row, RowOutcome, column_kinds, day_of
+from armload_controller.fleet.recording_row import Row, RowOutcome, column_kinds
 from armload_identification.storage.replace_file import replace_file
 
 ROWS_PER_PART: Final = 1000
@@ -103,7 +103,7 @@ class RowStore:
         rows = list(_journal_rows(journal))
         by_day: defaultdict[str, list[Row]] = defaultdict(list)
         for row in rows:
-            by_day[day_of(row)].append(row)
+            by_day[row["recorded_utc"].date().isoformat()].append(row)
         try:
             for day, of_day in by_day.items():
                 folder = self._folder / f"day={day}"

@@ -47,10 +47,6 @@ class MotionLimits:
         ):
             object.__setattr__(self, name, np.array(rows)[:, None])
 
-    def index_of(self, joint: str) -> int | None:
-        """Index of a joint; None if none has this name."""
-        return self.joint_names.index(joint) if joint in self.joint_names else None
-
     def excess(self, states: FloatArray) -> FloatArray:
         """Distance of positions, velocities and accelerations beyond their limits, allowing for rounding.
 

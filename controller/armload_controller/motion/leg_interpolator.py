@@ -115,7 +115,7 @@ class LegInterpolator:
         rate = leg.rate * goal.share
         if goal.stop is not None or goal.paused:
             self._come_to_rest(_Mode.OVER if goal.stop is not None else _Mode.REST, Segment.SLOW)
-        elif leg.rest_at_end:
+        elif leg.segment is not Segment.PERIODS:  # which pass `end_s`, and then ramp down
             self._go_to_end(rate)
         elif state.phase_s >= leg.end_s - CLOSE:
             self._come_to_rest(_Mode.OVER, Segment.RAMP_DOWN)

@@ -76,11 +76,6 @@ class Leg:
     rate: float
     segment: Segment
 
-    @property
-    def rest_at_end(self) -> bool:
-        """Whether the leg ends at rest at `end_s`; a leg of periods passes it and then ramps down."""
-        return self.segment is not Segment.PERIODS
-
 
 class PhaseRamp:
     """A jerk-limited transition of the phase, sampled at whole cycles.

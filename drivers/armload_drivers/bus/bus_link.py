@@ -33,6 +33,11 @@ _PASSIVE, _WARNING, _ACTIVE = 0x30, 0x0C, 0x40
 """Bits of an error frame's second byte (CAN_ERR_CRTL_*): both directions of passive and of warning; active again."""
 
 
+def data_frame(cob_id: int, data: bytes) -> can.Message:
+    """A frame with an identifier of 11 bits."""
+    return can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
+
+
 class BusLink:
     """Sending and receiving on one bus.
 
@@ -107,7 +112,7 @@ class BusLink:
 
     def send_frame(self, cob_id: int, data: bytes) -> None:
         """Send a frame from COB-ID and data. Raises as `send`."""
-        self.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+        self.send(data_frame(cob_id, data))
 
     def command(self, command: NmtCommand, node_id: int) -> None:
         """Send an NMT command. Raises as `send`."""

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import can
 
-from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink, data_frame
 from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
 from armload_drivers.cia402.timeouts import FEEDBACK_SHARE
 from armload_drivers.deadline_clock import DeadlineClock
@@ -98,8 +98,7 @@ def sync_data(counter: int) -> list[bytes]:
 
 def sync_messages(counter: int = 0) -> Iterator[can.Message]:
     """SYNC messages for sending by this process, in sequence, without end."""
-    each = sync_data(counter)
-    return cycle([can.Message(arbitration_id=SYNC_DEFAULT_COB_ID, data=data, is_extended_id=False) for data in each])
+    return cycle([data_frame(SYNC_DEFAULT_COB_ID, data) for data in sync_data(counter)])
 
 
 class TimerSync(SyncSource):

@@ -17,7 +17,7 @@ from armload_drivers.canopen.canopen_sdo import CanopenSdo
 from armload_drivers.canopen.canopen_setup import canopen_setups
 from armload_drivers.canopen.safe_reset import powered_drives, reset_drives
 from armload_drivers.cia402.arm_settings import NODE_IDS, ArmSettings
-from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.cia402.timeouts import USUAL, Timeouts
 
 
 class CanopenBringUp(ArmBringUp):
@@ -28,8 +28,8 @@ class CanopenBringUp(ArmBringUp):
         timeouts: Limits of all waits.
     """
 
-    def __init__(self, arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -> None:
-        self._bus, self._link, self._timeouts = bus, BusLink(bus), timeouts or Timeouts()
+    def __init__(self, arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts = USUAL) -> None:
+        self._bus, self._link, self._timeouts = bus, BusLink(bus), timeouts
         super().__init__(arm, canopen_setups(arm, self._link, self._timeouts))
 
     def require_no_strangers(self) -> None:
@@ -55,16 +55,15 @@ class CanopenBringUp(ArmBringUp):
         return ArmStatus(drives, bits / (self.arm.bitrate * listened_s), link.error_frames, link.error_passive)
 
 
-def find_nodes(bus: can.BusABC, timeouts: Timeouts | None = None) -> list[FoundNode]:
+def find_nodes(bus: can.BusABC, timeouts: Timeouts = USUAL) -> list[FoundNode]:
     """All nodes that answer on a bus. Only reads.
 
     Raises:
         ServoError: a node stops answering.
         BusError: the bus failed.
     """
-    limits = timeouts or Timeouts()
     link = BusLink(bus)
     return [
-        describe(CanopenSdo(node_id, "unknown joint", link, limits.sdo_s), node_id, device_types)
-        for node_id, device_types in scan(link, sorted(NODE_IDS), limits.scan_s).items()
+        describe(CanopenSdo(node_id, "unknown joint", link, timeouts.sdo_s), node_id, device_types)
+        for node_id, device_types in scan(link, sorted(NODE_IDS), timeouts.scan_s).items()
     ]

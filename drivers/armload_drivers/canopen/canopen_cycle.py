@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import can
-
-from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink, data_frame
 from armload_drivers.bus.rival_master import ForeignTraffic
 from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.canopen.drive_node import DriveNode
@@ -53,11 +51,7 @@ class CanopenCycle(ArmCycle[DriveNode]):
         self._heartbeat_s = arm.heartbeat_s
         self._link, self._sync = link, sync
         self._sync_rhythm, self._feedback_rhythm = rhythms
-        self._heartbeat = can.Message(
-            arbitration_id=od.HEARTBEAT_BASE + arm.master_node_id,
-            data=[NmtState.OPERATIONAL.value],
-            is_extended_id=False,
-        )
+        self._heartbeat = data_frame(od.HEARTBEAT_BASE + arm.master_node_id, bytes([NmtState.OPERATIONAL.value]))
         self._heartbeat_due_s = self._looked_s = 0.0
         self._offset_frames = [(node, node.offset_message) for node in nodes if node.offset_message is not None]
 

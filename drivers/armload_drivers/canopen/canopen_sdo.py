@@ -10,13 +10,12 @@ import logging
 import struct
 from collections import deque
 
-import can
 from canopen import ObjectDictionary
 from canopen.sdo import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from armload_drivers.bring_up.sdo_channel import SdoChannel
-from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink, data_frame
 from armload_drivers.cia402.object_dictionary import SDO_RX_BASE, SDO_TX_BASE, Entry
 from armload_drivers.driver_errors import ServoTimeout
 
@@ -52,7 +51,7 @@ class _PumpedSdoClient(SdoClient):  # type: ignore[misc]
         self._answers: deque[bytes] = deque()
         self._earlier = b""
         self._asked = False
-        self._asking = can.Message(arbitration_id=self.rx_cobid, data=bytes(8), is_extended_id=False)
+        self._asking = data_frame(self.rx_cobid, bytes(8))
         link.subscribe(self.tx_cobid, lambda data: self._answers.append(bytes(data)))
 
     def send_request(self, request: bytes) -> None:

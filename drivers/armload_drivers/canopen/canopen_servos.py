@@ -25,7 +25,7 @@ from armload_drivers.canopen.safe_reset import answering_drives, powered_drives,
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.bus_budget import require_room
 from armload_drivers.cia402.drive_safety import Safety
-from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.cia402.timeouts import USUAL, Timeouts
 from armload_drivers.cyclic.cyclic_servos import CyclicServos, Phase
 from armload_drivers.cyclic.rhythm import Rhythm
 
@@ -38,12 +38,11 @@ class CanopenServos(CyclicServos):
         timeouts: Limits of all waits.
     """
 
-    def __init__(self, arm: ArmSettings, bus: can.BusABC, sync: SyncSource, timeouts: Timeouts | None = None) -> None:
+    def __init__(self, arm: ArmSettings, bus: can.BusABC, sync: SyncSource, timeouts: Timeouts = USUAL) -> None:
         self._link, self._sync = BusLink(bus), sync
-        limits = timeouts or Timeouts()
-        self._can_setups = canopen_setups(arm, self._link, limits)
+        self._can_setups = canopen_setups(arm, self._link, timeouts)
         self._can_nodes = [DriveNode(drive, self._link, sync, arm) for drive in arm.drives]
-        super().__init__(arm, self._can_setups, self._can_nodes, limits)
+        super().__init__(arm, self._can_setups, self._can_nodes, timeouts)
         self._rhythms = Rhythm("SYNC", arm.cycle_s), Rhythm("feedback", arm.cycle_s)
         self._bus_remarks = BusRemarks(self._link, self._can_nodes, self._rhythms)
         self._taken_over = ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import can
 
-from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink, data_frame
 from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.cia402 import emergency
 from armload_drivers.cia402 import object_dictionary as od
@@ -53,14 +53,10 @@ class DriveNode(CyclicDrive):
     def __init__(self, drive: DriveSettings, link: BusLink, sync: SyncSource, arm: ArmSettings) -> None:
         super().__init__(drive, sync.now_s, arm)
         self._link, image = link, drive_image(drive)
-        self.message = can.Message(
-            arbitration_id=image.rpdo.cob_id, data=bytes(image.rpdo.length), is_extended_id=False
-        )
+        self.message = data_frame(image.rpdo.cob_id, bytes(image.rpdo.length))
         self.offset_message: can.Message | None = None
         if image.offset is not None:
-            self.offset_message = can.Message(
-                arbitration_id=image.offset.cob_id, data=bytes(image.offset.length), is_extended_id=False
-            )
+            self.offset_message = data_frame(image.offset.cob_id, bytes(image.offset.length))
             self._pack_offset = image.offset.pack
         self.arrived = 0
         self.expected = sum(layout.direction is PdoDirection.TRANSMIT for layout in image.layouts)

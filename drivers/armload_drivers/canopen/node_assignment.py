@@ -14,7 +14,7 @@ from armload_drivers.canopen.lss_master import LssAddress, LssMaster
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import NODE_IDS
 from armload_drivers.cia402.state_machine import POWERED
-from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.cia402.timeouts import USUAL, Timeouts
 from armload_drivers.driver_errors import LssRefused
 
 
@@ -24,7 +24,7 @@ def assign(
     bitrate: int | None,
     address: LssAddress | None,
     consent: Callable[[str], bool],
-    timeouts: Timeouts | None = None,
+    timeouts: Timeouts = USUAL,
 ) -> LssAddress | None:
     """Give one node a node id, and a bit rate from its next power-on; the node stores both.
 
@@ -43,13 +43,13 @@ def assign(
         ServoError: a drive does not report its state.
         BusError: the bus failed.
     """
-    link, limits = BusLink(bus), timeouts or Timeouts()
-    found = scan(link, sorted(NODE_IDS), limits.scan_s)
+    link = BusLink(bus)
+    found = scan(link, sorted(NODE_IDS), timeouts.scan_s)
     if node_id in found:
         raise LssRefused(f"node id {node_id} is in use on this bus: choose another, or unplug that node")
     for other, device_types in found.items():
         if any(kind is not None and od.is_drive(kind) for kind in device_types):
-            _require_no_torque(CanopenSdo(other, "unknown joint", link, limits.sdo_s), other)
+            _require_no_torque(CanopenSdo(other, "unknown joint", link, timeouts.sdo_s), other)
     master = LssMaster(link)
     with master.services():
         if address is None:

@@ -113,16 +113,12 @@ def require_room(arm: ArmSettings) -> BusLoad:
         remedy = f"no cycle rate fits at {arm.bitrate} bit/s; raise the bit rate"
     if not any(drive.bus for drive in arm.drives):
         remedy += ". Or put some of the joints on a second bus ([bus.a], [bus.b])"
+    counts = [len(part.drives) for part in arm.by_bus()]
+    drives = f"{' + '.join(map(str, counts))} drives{' on two buses' if len(counts) > 1 else ''}"
     raise BusOverload(
-        f"{_drives_of(arm)} at {1 / arm.cycle_s:.0f} Hz load the bus by up to {100.0 * load.share:.0f} %, the "
+        f"{drives} at {1 / arm.cycle_s:.0f} Hz load the bus by up to {100.0 * load.share:.0f} %, the "
         f"limit is {100.0 * MAX_BUS_LOAD:.0f} %: {remedy}"
     )
-
-
-def _drives_of(arm: ArmSettings) -> str:
-    """The number of drives, by bus."""
-    counts = [len(part.drives) for part in arm.by_bus()]
-    return f"{counts[0]} drives" if len(counts) == 1 else f"{' + '.join(map(str, counts))} drives on two buses"
 
 
 def with_rate_for(arm: ArmSettings, **of_drives: Any) -> str:

@@ -40,3 +40,7 @@ class Timeouts(Struct, frozen=True):
     torque_off_s: float = 0.05
     store_s: float = 10.0
     fault_reset_s: float = 2.0
+
+
+USUAL: Final = Timeouts()
+"""The limits of a real arm; tests have shorter ones."""

@@ -18,7 +18,7 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, Fieldbus, Identity
 from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.state_machine import State
-from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.cia402.timeouts import USUAL, Timeouts
 from armload_drivers.deadline_clock import DeadlineClock
 from armload_drivers.driver_errors import BusError, ServoError, ServoFault, TransitionError, WrongDevice
 from armload_drivers.ethercat.coe_sdo import CoeSdo
@@ -45,9 +45,9 @@ class EthercatBringUp(ArmBringUp):
     """
 
     def __init__(
-        self, arm: ArmSettings, line: EthercatLine, clock: DeadlineClock | None = None, timeouts: Timeouts | None = None
+        self, arm: ArmSettings, line: EthercatLine, clock: DeadlineClock | None = None, timeouts: Timeouts = USUAL
     ) -> None:
-        self._line, self._clock, self.timeouts = line, clock or DeadlineClock(), timeouts or Timeouts()
+        self._line, self._clock, self.timeouts = line, clock or DeadlineClock(), timeouts
         channels = [CoeSdo(d.node_id, d.joint, line, line.worker, self.timeouts.sdo_s) for d in arm.drives]
         self.line_setups = [
             EthercatSetup(drive, arm, sdo, self.timeouts, line) for drive, sdo in zip(arm.drives, channels, strict=True)
@@ -151,7 +151,7 @@ def find_drives(line: EthercatLine) -> list[FoundNode]:
     """
     found = []
     for place in range(line.find()):
-        sdo = CoeSdo(place + 1, "unknown joint", line, line.worker, Timeouts().sdo_s)
+        sdo = CoeSdo(place + 1, "unknown joint", line, line.worker, USUAL.sdo_s)
         try:
             device_type = sdo.read(od.DEVICE_TYPE)
         except ServoError:

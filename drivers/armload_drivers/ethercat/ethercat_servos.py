@@ -11,7 +11,7 @@ The line belongs to the caller: open it before (`open_line`), and close it after
 from __future__ import annotations
 
 from armload_drivers.cia402.arm_settings import ArmSettings
-from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.cia402.timeouts import USUAL, Timeouts
 from armload_drivers.cyclic.cyclic_servos import CyclicServos, Phase
 from armload_drivers.deadline_clock import DeadlineClock
 from armload_drivers.ethercat.ethercat_bring_up import EthercatBringUp
@@ -27,12 +27,9 @@ class EthercatServos(CyclicServos):
         timeouts: Limits of all waits.
     """
 
-    def __init__(
-        self, arm: ArmSettings, line: EthercatLine, clock: DeadlineClock, timeouts: Timeouts | None = None
-    ) -> None:
-        limits = timeouts or Timeouts()
-        self._bring_up = EthercatBringUp(arm, line, clock, limits)
-        super().__init__(arm, self._bring_up.setups, self._bring_up.nodes, limits)
+    def __init__(self, arm: ArmSettings, line: EthercatLine, clock: DeadlineClock, timeouts: Timeouts = USUAL) -> None:
+        self._bring_up = EthercatBringUp(arm, line, clock, timeouts)
+        super().__init__(arm, self._bring_up.setups, self._bring_up.nodes, timeouts)
         self._ethercat_cycle: EthercatCycle | None = None
         self._reported = (0, 0)
 

@@ -80,8 +80,3 @@ class ArmRun:
     problem: str
     figures: Mapping[Quantity, tuple[float, float]]
     dated_by: str = STATED[0]
-
-    @property
-    def states_its_date(self) -> bool:
-        """Whether the date is the recording's own."""
-        return self.dated_by in STATED

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -66,17 +66,6 @@ class RecordingReader(Protocol):
         """
 
 
-class ReaderFactory(Protocol):
-    """Opens files of one format."""
-
-    def __call__(self, path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
-        """A reader, or None for another format.
-
-        Args:
-            path: The file or folder.
-            start: Its first bytes; empty for a folder.
-            options: Information that is not in the file.
-
-        Raises:
-            RecordingError: the file is of this format, but cannot be read.
-        """
+ReaderFactory = Callable[[Path, bytes, ReadingOptions], RecordingReader | None]
+"""Opens files of one format: of the file or folder, its first bytes (empty for a folder) and what is not in the file, a
+reader; None for another format."""

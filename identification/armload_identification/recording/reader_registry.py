@@ -39,9 +39,8 @@ def open_ros(path: Path, start: bytes, options: ReadingOptions) -> RecordingRead
     return RosReader(path, options)
 
 
-def open_mcap(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
+def open_mcap(path: Path, start: bytes, _options: ReadingOptions) -> RecordingReader | None:
     """The reader of armload's own recordings."""
-    del options
     if not start.startswith(MAGIC):
         return None
     from armload_identification.recording.formats.mcap_reader import McapReader
@@ -49,9 +48,8 @@ def open_mcap(path: Path, start: bytes, options: ReadingOptions) -> RecordingRea
     return McapReader(path)
 
 
-def open_numpy(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
+def open_numpy(path: Path, start: bytes, _options: ReadingOptions) -> RecordingReader | None:
     """The reader of NumPy archives."""
-    del options
     if not start.startswith(_ZIP) or path.suffix != ".npz":
         return None
     from armload_identification.recording.formats.numpy_reader import NumpyReader

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.files.payload_file import grouped_parameters
-from armload_identification.model.payload import AXES, InertialParameters, PayloadResult
+from armload_identification.model.payload import AXES, PayloadResult
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.recording.recording import RecordingSource
@@ -62,7 +62,7 @@ def payload_fields(payload: PayloadResult) -> dict[str, Any]:
         **grouped_parameters(values),
         "determined": grouped_parameters(known),
         "interval_95": grouped_parameters(intervals),
-        "model": body_fields(payload.model),
+        "model": grouped_parameters(payload.model.values.tolist()),
         "residual_rms_nm": numbers(payload.residual_rms_nm),
         "noise_nm": numbers(payload.noise_nm),
         "feedforward_ready": payload.feedforward_ready,
@@ -73,11 +73,6 @@ def payload_fields(payload: PayloadResult) -> dict[str, Any]:
         "validation_sha256": dict(payload.provenance.validation_sha256),
         "calibration_sha256": dict(payload.provenance.calibration_sha256),
     }
-
-
-def body_fields(body: InertialParameters) -> dict[str, Any]:
-    """A body's ten values."""
-    return grouped_parameters(body.values.tolist())
 
 
 def validation_fields(validation: Validation, joint_names: Sequence[str]) -> dict[str, Any]:

@@ -119,7 +119,8 @@ class BusTable(Table):
     def __post_init__(self) -> None:
         self._one_or_two()
         self._keys_of_its_kind()
-        self._countable()
+        if self.sync_counter == 1:
+            raise BadValue("sync_counter", 1, "expected 0 (SYNC without a counter) or 2 to 240 (1019)")
 
     def _one_or_two(self) -> None:
         single: dict[str, object] = {"interface": self.interface, "channel": self.channel}
@@ -162,10 +163,6 @@ class BusTable(Table):
                 f"expected at least {least_s:g}: max_missing_cycles = {self.max_missing_cycles} frames may be lost at "
                 f"{self.cycle_hz:g} Hz, and the drives would leave OP first",
             )
-
-    def _countable(self) -> None:
-        if self.sync_counter == 1:
-            raise BadValue("sync_counter", 1, "expected 0 (SYNC without a counter) or 2 to 240 (1019)")
 
     def arm_settings(self, drives: Sequence[DriveSettings], coupling: FloatArray) -> ArmSettings:
         """Settings for the driver layer.

@@ -125,7 +125,8 @@ class RobotFile(Table):
     def __post_init__(self) -> None:
         self._joints_are_told_apart()
         self._kinematics_fit_the_joints()
-        self._simulation_fits_the_joints()
+        if self.simulation is not None:
+            self.simulation.check(self.joints)
         self._body_fits_the_joints()
         self._workspace_fits_the_arm()
 
@@ -153,10 +154,6 @@ class RobotFile(Table):
             raise BadValue("kinematics", found, f"the file has {self.n} [[joints]]; give one row per joint")
         if self.transmission is not None:
             self.transmission.check(self.n)
-
-    def _simulation_fits_the_joints(self) -> None:
-        if self.simulation is not None:
-            self.simulation.check(self.joints)
 
     def _body_fits_the_joints(self) -> None:
         if self.body is None:

@@ -23,7 +23,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from html import escape
 
-from armload_controller.export.body_parameters import FRICTION, PARAMETERS, TRANSITION_S, body_values
+from armload_controller.export.body_parameters import FRICTION, PARAMETERS, TRANSITION_S
 from armload_controller.export.c99 import export_c
 from armload_controller.export.compiled_library import compiled_library
 from armload_controller.export.exported_payload import ExportSubject
@@ -42,7 +42,6 @@ class FmuVariable:
     Attributes:
         name: Structured name.
         causality: As in the standard: independent, input, parameter or output.
-        variability: continuous or tunable.
         unit: Name of its unit.
         description: Its meaning.
         start: Start value; None if it has none.
@@ -50,7 +49,6 @@ class FmuVariable:
 
     name: str
     causality: str
-    variability: str
     unit: str
     description: str
     start: float | None = None
@@ -62,8 +60,9 @@ class FmuVariable:
 
     def attributes(self, reference: int) -> dict[str, str]:
         """Its XML attributes in both versions of the standard, with its value reference."""
-        names = ("description", "causality", "variability")
-        return {"name": self.name, "valueReference": str(reference)} | {name: getattr(self, name) for name in names}
+        about = {"description": self.description, "causality": self.causality}
+        variability = "tunable" if self.causality == "parameter" else "continuous"
+        return {"name": self.name, "valueReference": str(reference)} | about | {"variability": variability}
 
 
 def model_name(subject: ExportSubject) -> str:
@@ -103,21 +102,21 @@ def _attribute(text: str) -> str:
 
 def variables(subject: ExportSubject) -> list[FmuVariable]:
     """All variables in the order of `value` in the C code."""
-    found = [FmuVariable("time", "independent", "continuous", "s", "simulated time")]
+    found = [FmuVariable("time", "independent", "s", "simulated time")]
     motion = (("q", "rad", "position"), ("dq", "rad/s", "velocity"), ("ddq", "rad/s2", "acceleration"))
     for symbol, unit, what in motion:
         for i, joint in enumerate(subject.joint_names, 1):
-            found.append(FmuVariable(f"{symbol}[{i}]", "input", "continuous", unit, f"{what} of {joint}", 0.0))
-    body = zip(PARAMETERS, body_values(subject), strict=True)
+            found.append(FmuVariable(f"{symbol}[{i}]", "input", unit, f"{what} of {joint}", 0.0))
+    body = zip(PARAMETERS, subject.payload.values, strict=True)
     parameters = [(name, unit, f"payload: {text}", value) for (name, unit, text), value in body]
     text = "transition time of a change of the payload; longer if torque would change too fast"
     parameters.append(("transition", "s", text, TRANSITION_S))
     if subject.calibration is not None:
         parameters.append(("friction", "1", f"share of {FRICTION}", 1.0))
-    found += [FmuVariable(name, "parameter", "tunable", unit, text, value) for name, unit, text, value in parameters]
+    found += [FmuVariable(name, "parameter", unit, text, value) for name, unit, text, value in parameters]
     for i, joint in enumerate(subject.joint_names, 1):
         text = f"torque that the payload requires of {joint}"
-        found.append(FmuVariable(f"tau[{i}]", "output", "continuous", "N.m", text))
+        found.append(FmuVariable(f"tau[{i}]", "output", "N.m", text))
     return [replace(variable, description=printable(variable.description)) for variable in found]
 
 

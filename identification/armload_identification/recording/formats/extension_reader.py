@@ -27,9 +27,8 @@ OWN_SUFFIXES: Final = frozenset({"csv", "tsv", "txt", "log", "mcap", "npz", "npy
 ReadArrays = Callable[[Path], Mapping[str, FloatArray]]
 
 
-def open_extension(path: Path, start: bytes, options: ReadingOptions) -> ExtensionReader | None:
+def open_extension(path: Path, _start: bytes, _options: ReadingOptions) -> ExtensionReader | None:
     """The reader of the installed package for files with this suffix."""
-    del start, options
     suffix = path.suffix.removeprefix(".").lower()
     if not suffix or suffix in OWN_SUFFIXES or path.is_dir():
         return None

@@ -59,7 +59,7 @@ def test_variables_are_time_motion_payload_and_torque(subject):
     assert len(inputs) == 3 * n
     assert all(variable.start == 0.0 for variable in inputs)
     assert [inputs[k * n].unit for k in range(3)] == ["rad", "rad/s", "rad/s2"]
-    tunable = {variable.name: variable for variable in found if variable.variability == "tunable"}
+    tunable = {variable.name: variable for variable in found if variable.attributes(0)["variability"] == "tunable"}
     assert next(iter(tunable)) == "mass"
     assert list(tunable)[-1] == "transition"
     assert tunable["mass"].start == subject.payload.model.mass_kg

@@ -62,7 +62,9 @@ def test_drives_that_do_not_boot_are_returned_and_strangers_refused_by_the_arms_
     ]
 
 
-@pytest.mark.parametrize(("limits", "scan_s", "sdo_s"), [(None, 0.2, 0.5), (Timeouts(scan_s=0.4, sdo_s=2.0), 0.4, 2.0)])
+@pytest.mark.parametrize(
+    ("limits", "scan_s", "sdo_s"), [((), 0.2, 0.5), ((Timeouts(scan_s=0.4, sdo_s=2.0),), 0.4, 2.0)]
+)
 def test_all_nodes_that_answer_are_described(bus, monkeypatch, limits, scan_s, sdo_s):
     asked = []
 
@@ -73,7 +75,7 @@ def test_all_nodes_that_answer_are_described(bus, monkeypatch, limits, scan_s, s
     monkeypatch.setattr(canopen_bring_up, "scan", scan)
     monkeypatch.setattr(canopen_bring_up, "CanopenSdo", lambda node_id, joint, link, limit_s: (node_id, joint, limit_s))
     monkeypatch.setattr(canopen_bring_up, "describe", lambda sdo, node_id, types: (sdo, node_id, types))
-    assert find_nodes(bus, limits) == [
+    assert find_nodes(bus, *limits) == [
         ((5, "unknown joint", sdo_s), 5, ["a"]),
         ((9, "unknown joint", sdo_s), 9, ["b", "c"]),
     ]
