@@ -212,13 +212,25 @@ def _by_position(loaded: Run, unloaded: Run) -> LoadSignal:
     one, two = loaded.moving_part, unloaded.moving_part
     shift_s = _shift_by_phase(one.recording, two.recording)
     if shift_s is None:
-        shift_s = time_shift(one.path, two.path)
+        shift_s = time_shift(_long_enough(one), _long_enough(two))
     grid = one.moving_grid(max(0.0, -shift_s), min(one.path.duration_s, two.path.duration_s - shift_s))
     begin_s, end_s = _common_part(one, two, grid, shift_s)
     grid = one.moving_grid(begin_s, end_s)
     motions = one.sampled(grid), two.sampled(grid.later(shift_s))
     mismatch = _require_same_path(loaded.recording, unloaded.recording, *motions)
     return LoadSignal(*motions, mismatch, shift_s + float(two.recording.time_s[0] - one.recording.time_s[0]))
+
+
+def _long_enough(run: Run) -> MeasuredMotion:
+    """The motion of a run that may have something in common with another."""
+    path = run.path
+    if path.duration_s < RunAlignment.shortest_s:
+        raise RecordingError(
+            f"{run.recording.source.path}: too short, {path.duration_s:.2g} s of motion; at least "
+            f"{RunAlignment.shortest_s:g} s is required, a whole period of the excitation recommended. Record both "
+            "runs again, or give longer parts of them."
+        )
+    return path
 
 
 def _shift_by_phase(one: Recording, two: Recording) -> float | None:

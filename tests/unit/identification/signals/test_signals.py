@@ -390,6 +390,9 @@ def test_runs_that_do_not_belong_together_are_refused(pair, pinocchio_arm):
     free = [replace(run, phase_s=None, excitation=None) for run in (loaded, other)]
     with pytest.raises(RecordingError, match=r"not of the same trajectory: .*joint \d differs by .* rad RMS"):
         load_signal(*(Run.of(run, transmission) for run in free))
+    short = [replace(run, phase_s=None, excitation=None).rows(run.time_s < 0.6 + run.time_s[0]) for run in pair]
+    with pytest.raises(RecordingError, match=r"too short, 0\.59 s of motion; at least 1 s is required"):
+        load_signal(*(Run.of(run, transmission) for run in short))
     for rate in (1.1, 1.003):
         slow = pinocchio_arm.run(pinocchio_arm.trajectory(), False, seed=1, rate=rate)
         with pytest.raises(RecordingError, match="same speed and with the same clock"):
