@@ -102,8 +102,7 @@ def read_recording(
     if robot is not None:
         return read_of(arm_of(robot), source, choice)
     options = ReadingOptions(known, choice.effort, episode=episode)
-    recording = file_reading.read_recording(source, options, between_s=between_s)
-    return chosen_joints(recording, choice.joints)
+    return chosen_joints(file_reading.read_recording(source, options, between_s=between_s), choice.joints)
 
 
 def identify(

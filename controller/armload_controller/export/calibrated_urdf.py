@@ -12,7 +12,7 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -51,23 +51,20 @@ def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
         f'<robot name="{identifier}">',
     ]
     lines += ['  <link name="world"/>', '  <link name="base"/>']
-    lines += _fixed("base_joint", '"world"', '"base"', upright_base(calibration.level(chain).gravity_m_s2))
+    lines += _joint('"base_joint"', "fixed", '"world"', '"base"', upright_base(calibration.level(chain).gravity_m_s2))
     for i, (name, parent, child) in enumerate(zip(names, ['"base"', *links[:-1]], links, strict=True)):
         link = inertial_lines(InertialParameters(possible.links[i]))
         lines += [f"  <link name={child}>", *(f"    {line}" for line in link), "  </link>"]
-        lines += [
-            f'  <joint name={name} type="revolute">',
-            f"    <parent link={parent}/>",
-            f"    <child link={child}/>",
-            f"    {_origin(chain.placement[i])}",
-            f'    <axis xyz="{numbers(chain.axis[i])}"/>',
-            f'    <limit lower="{exact(limits.position_min_rad[i])}" upper="{exact(limits.position_max_rad[i])}" '
+        about = (
+            f'<axis xyz="{numbers(chain.axis[i])}"/>',
+            f'<limit lower="{exact(limits.position_min_rad[i])}" upper="{exact(limits.position_max_rad[i])}" '
             f'velocity="{exact(limits.velocity_max_rad_s[i])}" effort="{exact(robot.limits.torque_max_nm[i])}"/>',
-            f'    <dynamics damping="{exact(max(calibration.body.viscous_nm_s_rad[i], 0.0))}" '
+            f'<dynamics damping="{exact(max(calibration.body.viscous_nm_s_rad[i], 0.0))}" '
             f'friction="{exact(max(calibration.body.coulomb_nm[i], 0.0))}"/>',
-            "  </joint>",
-        ]
-    lines += ['  <link name="flange"/>', *_fixed("flange_joint", links[-1], '"flange"', chain.flange), "</robot>"]
+        )
+        lines += _joint(name, "revolute", parent, child, chain.placement[i], about)
+    lines += ['  <link name="flange"/>', *_joint('"flange_joint"', "fixed", links[-1], '"flange"', chain.flange)]
+    lines.append("</robot>")
     return {f"{identifier}_calibrated.urdf": "\n".join(lines) + "\n"}
 
 
@@ -115,15 +112,12 @@ def upright_base(gravity_m_s2: FloatArray) -> FloatArray:
     return pose
 
 
-def _fixed(name: str, parent: str, child: str, pose: FloatArray) -> list[str]:
-    return [
-        f'  <joint name="{name}" type="fixed">',
-        f"    <parent link={parent}/>",
-        f"    <child link={child}/>",
-        f"    {_origin(pose)}",
-        "  </joint>",
-    ]
-
-
-def _origin(pose: FloatArray) -> str:
-    return f'<origin xyz="{numbers(pose[:3, 3])}" rpy="{numbers(rpy_rad(pose[:3, :3]))}"/>'
+def _joint(name: str, kind: str, parent: str, child: str, pose: FloatArray, about: Iterable[str] = ()) -> list[str]:
+    """A joint; names with their quotes."""
+    inside = (
+        f"<parent link={parent}/>",
+        f"<child link={child}/>",
+        f'<origin xyz="{numbers(pose[:3, 3])}" rpy="{numbers(rpy_rad(pose[:3, :3]))}"/>',
+        *about,
+    )
+    return [f'  <joint name={name} type="{kind}">', *(f"    {line}" for line in inside), "  </joint>"]

@@ -35,16 +35,7 @@ class ExportFormat(StrEnum):
     THRESHOLDS = "thresholds"
 
 
-LOAD_DATA: Final = frozenset(
-    {
-        ExportFormat.KUKA,
-        ExportFormat.ABB,
-        ExportFormat.UR,
-        ExportFormat.FRANKA,
-        ExportFormat.FANUC,
-        ExportFormat.YASKAWA,
-    }
-)
+LOAD_DATA: Final = frozenset(map(ExportFormat, ("kuka", "abb", "ur", "franka", "fanuc", "yaskawa")))
 """Formats of robot controllers, in the flange frame of the robot's maker."""
 OF_AN_ARM: Final = frozenset({ExportFormat.URDF, ExportFormat.MJCF})
 """Formats of a calibrated arm."""

@@ -36,17 +36,18 @@ def runs_of(folder: Path) -> list[ArmRun]:
             f"{folder}: no rows there; `armload fleet identify JOBS --output {folder}` creates them, and writes them "
             "in parts while it runs"
         )
+    models = {row["arm"]: row["robot_name"] for row in rows if row["robot_name"]}  # a refused recording may lack it
     return [
         ArmRun(
             arm=row["arm"],
-            model=row["robot_name"] or row["robot"],
+            model=row["robot_name"] or models.get(row["arm"]) or row["robot"],
             recorded=row["recorded_utc"],
             recording=row["loaded"],
             problem="" if row["outcome"] == RowOutcome.IDENTIFIED else row["error"] or row["outcome"],
             figures=dict(_figures(row)),
             dated_by=row["recorded_by"] or "identification",
         )
-        for row in _of_known_models(_each_once(rows))
+        for row in _each_once(rows)
     ]
 
 
@@ -59,12 +60,6 @@ def _each_once(rows: list[Row]) -> list[Row]:
     for row in sorted(rows, key=precedence):
         latest[row["arm"], row["loaded_sha256"] or row["loaded"]] = row
     return [row for row in rows if latest[row["arm"], row["loaded_sha256"] or row["loaded"]] is row]
-
-
-def _of_known_models(rows: list[Row]) -> list[Row]:
-    """Rows with the robot's name filled in from other rows of the arm: a refused recording may lack it."""
-    names = {row["arm"]: row["robot_name"] for row in rows if row["robot_name"]}
-    return [row | {"robot_name": row["robot_name"] or names.get(row["arm"])} for row in rows]
 
 
 def _figures(row: Row) -> Iterator[tuple[Quantity, tuple[float, float]]]:

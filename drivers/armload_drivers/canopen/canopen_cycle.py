@@ -112,8 +112,7 @@ class CanopenCycle(ArmCycle[DriveNode]):
             looked_s = sync.now_s()
         self._looked_s = looked_s
         self.number += 1
-        missing = [node.evaluate(tick.time_s) for node in nodes]
-        return self._feedback(tick.time_s, missing, tick.skipped)
+        return self._feedback(tick.time_s, [node.evaluate(tick.time_s) for node in nodes], tick.skipped)
 
     @property
     def rivals(self) -> tuple[str, str]:

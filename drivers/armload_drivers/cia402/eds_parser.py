@@ -133,7 +133,6 @@ class DeviceDescription:
     Attributes:
         source: Name of the file.
         vendor_name: Vendor.
-        product_name: Product.
         vendor_id: Expected value of 1018:1; None if the file gives none.
         product_code: Expected value of 1018:2, likewise.
         revision: Expected value of 1018:3, likewise.
@@ -144,7 +143,6 @@ class DeviceDescription:
 
     source: str
     vendor_name: str
-    product_name: str
     vendor_id: int | None
     product_code: int | None
     revision: int | None
@@ -230,7 +228,6 @@ class _Reader:
         return DeviceDescription(
             source=self._source,
             vendor_name=info.get("vendorname", ""),
-            product_name=info.get("productname", ""),
             vendor_id=self._identity(info, "VendorNumber"),
             product_code=self._identity(info, "ProductNumber"),
             revision=self._identity(info, "RevisionNumber"),

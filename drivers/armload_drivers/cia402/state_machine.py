@@ -330,8 +330,7 @@ class DriveMachine:
     @property
     def status_bits(self) -> int:
         """Bits of the statusword that encode the state; bit 5 (quick stop, active low) is high if not determined."""
-        free = 0x20 if self.state is State.SWITCH_ON_DISABLED else 0x00
-        return self.state.bits | free
+        return self.state.bits | (0x20 if self.state is State.SWITCH_ON_DISABLED else 0x00)
 
     def initialised(self) -> None:
         """The self-test is complete: transition 1."""

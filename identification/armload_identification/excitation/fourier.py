@@ -126,8 +126,7 @@ class FourierTrajectory:
         """
         omega = 2.0 * np.pi * self.base_frequency_hz * np.arange(1, self.harmonics + 1)
         angle = np.asarray(t_s, dtype=np.float64)[..., None] * omega
-        values = np.concatenate([np.sin(angle), np.cos(angle)], axis=-1) @ self._all_orders
-        return self._state(values)
+        return self._state(np.concatenate([np.sin(angle), np.cos(angle)], axis=-1) @ self._all_orders)
 
     def period(self, samples: int) -> FourierState:
         """One period, by a fast Fourier transform if N > 2 H.
@@ -144,8 +143,7 @@ class FourierTrajectory:
         spectrum = np.zeros((samples // 2 + 1, self._all_orders.shape[1]), dtype=np.complex128)
         spectrum[1 : harmonics + 1].real = self._all_orders[harmonics:]
         spectrum[1 : harmonics + 1].imag = -self._all_orders[:harmonics]
-        values = np.fft.irfft(spectrum * (0.5 * samples), samples, axis=0)
-        return self._state(values)
+        return self._state(np.fft.irfft(spectrum * (0.5 * samples), samples, axis=0))
 
     def _state(self, values: FloatArray) -> FourierState:
         """State of (..., 4 n) values without the offset."""

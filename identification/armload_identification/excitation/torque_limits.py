@@ -172,8 +172,7 @@ class TorqueLimits:
         samples = min(max(_FEWEST_SAMPLES, wanted), MOST_SAMPLES)
         step_s = trajectory.period_s / samples
         state = trajectory.evaluate(np.arange(samples) * step_s)
-        demand = self.demand(*state[:3]).max(axis=0)
-        return np.asarray(demand + curvature * step_s**2 / 8.0)
+        return np.asarray(self.demand(*state[:3]).max(axis=0) + curvature * step_s**2 / 8.0)
 
     def _torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """(N, cases n) torque of links, rotors and payload, with its sign."""

@@ -114,8 +114,7 @@ def _on_grid(place: FloatArray, values: FloatArray, periods: int, phases: int) -
         near &= wanted <= place[-1] + PeriodSeries.beyond_the_last * spacing
         for column in range(values.shape[1]):
             table[near, column] = np.interp(wanted[near], place, values[:, column])
-    folded = table.reshape(periods, phases, -1)
-    return np.asarray(np.roll(folded, first % phases, axis=1))
+    return np.asarray(np.roll(table.reshape(periods, phases, -1), first % phases, axis=1))
 
 
 def _scatter(table: FloatArray, mean: FloatArray, count: NDArray[np.intp]) -> FloatArray | None:

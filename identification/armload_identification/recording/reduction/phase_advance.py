@@ -221,8 +221,7 @@ def interruptions(recording: Recording) -> int:
         return recording.average.interruptions
     if not whole_periods(recording):
         return 0
-    period_s = periodic_phase(recording)[1].period_s
-    return PhaseAdvance.of(*phase_and_time(recording), period_s).interruptions
+    return PhaseAdvance.of(*phase_and_time(recording), periodic_phase(recording)[1].period_s).interruptions
 
 
 def measured_periods(recording: Recording) -> int:
