@@ -53,7 +53,7 @@ def _commissioned(robot, folder, open_servos):
     for load in SessionLoad:
         record_half(robot, load, open_servos, no_operator(), CommissioningPlan(folder))
     first, second = (read_pair(robot, folder, role) for role in ROLES)
-    return identify(robot, first.loaded, first.unloaded, validation=(second.loaded, second.unloaded))
+    return identify(robot, *first, validation=second)
 
 
 def _judged(findings):

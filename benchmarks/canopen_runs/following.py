@@ -64,9 +64,9 @@ def _identify(robot: Robot) -> tuple[PayloadResult, BodyModel]:
             record_half(
                 robot, load, lambda which: simulated_arm(robot, which), no_operator(), CommissioningPlan(Path(folder))
             )
-        pair = read_pair(robot, Path(folder), "identification")
-        found = identify(pair.loaded, pair.unloaded, robot.chain, robot.drives.transmission)
-        arm = calibrated([MountedRun(pair.unloaded, "")], {}, robot.chain, robot.drives.transmission)
+        loaded, unloaded = read_pair(robot, Path(folder), "identification")
+        found = identify(loaded, unloaded, robot.chain, robot.drives.transmission)
+        arm = calibrated([MountedRun(unloaded, "")], {}, robot.chain, robot.drives.transmission)
         return payload_result(found, "benchmark", robot.sha256), arm.body
 
 

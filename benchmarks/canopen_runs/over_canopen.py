@@ -34,8 +34,7 @@ def commissioned(pool: Executor, robot_name: str, transmission: Transmission, se
         for load in (SessionLoad.UNLOADED, SessionLoad.LOADED):
             pool.submit(_record, robot_name, load, directory, seed).result()
         robot = load_robot(robot_name)
-        runs = read_pair(robot, Path(directory), "identification")
-        return identify(runs.loaded, runs.unloaded, robot.chain, transmission)
+        return identify(*read_pair(robot, Path(directory), "identification"), robot.chain, transmission)
 
 
 def _record(robot_name: str, load: SessionLoad, directory: str, seed: int) -> None:

@@ -50,14 +50,6 @@ MOST_TIMES = 5
 
 
 @dataclass(frozen=True)
-class Pair:
-    """The same excitation run empty and loaded."""
-
-    unloaded: Recording
-    loaded: Recording
-
-
-@dataclass(frozen=True)
 class CommissioningPlan:
     """Where the recordings of a commissioning are, and what is known before them.
 
@@ -232,21 +224,20 @@ def require_excitation(robot: Robot, role: str) -> Excitation:
     return robot.excitations[role]
 
 
-def read_pair(robot: Robot, directory: Path, role: str) -> Pair:
-    """The empty and the loaded recording of one excitation.
+def read_pair(robot: Robot, directory: Path, role: str) -> tuple[Recording, Recording]:
+    """The loaded and the empty recording of one excitation.
 
     Raises:
         CommissioningError: the two followed different excitations.
         RecordingError: a recording is missing or contains nothing usable.
     """
-    pair = Pair(*(read_of(robot, recording_path(directory, load, role)) for load in SessionLoad))
-    texts = {r.source.attachments.get(EXCITATION_ATTACHMENT) for r in (pair.unloaded, pair.loaded)}
-    if len(texts) != 1:
+    unloaded, loaded = (read_of(robot, recording_path(directory, load, role)) for load in SessionLoad)
+    if len({run.source.attachments.get(EXCITATION_ATTACHMENT) for run in (unloaded, loaded)}) != 1:
         raise CommissioningError(
             f"{directory}: the {role} runs without and with the payload followed different excitations; "
             "record both with the same configuration"
         )
-    return pair
+    return loaded, unloaded
 
 
 def require_recordings(directory: Path, load: SessionLoad) -> None:

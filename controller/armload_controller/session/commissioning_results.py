@@ -102,9 +102,8 @@ def evaluate(
     first, second = (read_pair(arm, directory, role) for role in ROLES)
     findings = identify(
         arm,
-        first.loaded,
-        first.unloaded,
-        validation=(second.loaded, second.unloaded),
+        *first,
+        validation=second,
         calibration=plan.calibration,
         known=plan.known,
         tolerance=tolerance,
@@ -113,8 +112,7 @@ def evaluate(
     truth = arm.simulation.payload(arm.simulation.payload_name) if arm.bus.in_virtual_time else None
     findings = replace(findings, truth=truth).with_validation_in_provenance()
     findings.save(directory / PAYLOAD_NAME)
-    runs = (first.unloaded, first.loaded, second.unloaded, second.loaded)
-    remarks = _calibrate(arm, directory, runs, plan.mass_kg)
+    remarks = _calibrate(arm, directory, (*first[::-1], *second[::-1]), plan.mass_kg)
     findings.report(directory / REPORT_NAME, created or datetime.now(UTC))
     return findings, remarks
 

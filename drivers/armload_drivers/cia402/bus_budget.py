@@ -46,14 +46,12 @@ class BusLoad(Struct, frozen=True):
     """Worst-case bus load of a configuration.
 
     Attributes:
-        cycle_us: Bus time of the frames of one cycle (SYNC and all PDOs).
-        cycle_share: `cycle_us` as a share of the cycle.
+        cycle_share: Bus time of the frames of one cycle (SYNC and all PDOs) as a share of the cycle.
         heartbeat_share: Share of the heartbeats of master and drives.
         settings_share: Share of reading the drives' settings again.
         cycle_hz: The highest usual rate within the limit; 0 if there is none.
     """
 
-    cycle_us: float
     cycle_share: float
     heartbeat_share: float
     settings_share: float
@@ -90,7 +88,6 @@ def _forecast(arm: ArmSettings) -> BusLoad:
     settings_share = settings * 2 * frame_bits(8) / arm.bitrate / READ_AGAIN_S
     room = max(0.0, MAX_BUS_LOAD - heartbeat_share - settings_share)
     return BusLoad(
-        cycle_us=cycle_bus_s * 1e6,
         cycle_share=cycle_bus_s / arm.cycle_s,
         heartbeat_share=heartbeat_share,
         settings_share=settings_share,

@@ -148,19 +148,14 @@ def _refuse_no_mass(fit: FittedPair) -> None:
     mass_kg, half_width_kg = float(fit.plain.theta[0]), fit.half_width_kg
     if mass_kg > 0.0:
         return
+    text = f"the estimated mass is negative, {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. The loaded and the unloaded "
+    text += "recording are exchanged: exchange them."
     if abs(mass_kg) <= half_width_kg:
-        raise NoPayloadMass(
-            f"the two runs do not differ by a payload: the estimated mass is {mass_kg:.3g} kg +- "
-            f"{half_width_kg:.2g} kg. Check that the payload was mounted in the loaded run.",
-            mass_kg,
-            half_width_kg,
+        text = (
+            f"the two runs do not differ by a payload: the estimated mass is {mass_kg:.3g} kg +- {half_width_kg:.2g} "
         )
-    raise NoPayloadMass(
-        f"the estimated mass is negative, {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. The loaded and the unloaded "
-        "recording are exchanged: exchange them.",
-        mass_kg,
-        half_width_kg,
-    )
+        text += "kg. Check that the payload was mounted in the loaded run."
+    raise NoPayloadMass(text, mass_kg, half_width_kg)
 
 
 def _refuse_strange_scales(fit: FittedPair) -> None:

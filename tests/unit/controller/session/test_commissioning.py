@@ -242,8 +242,7 @@ def test_slow_rounds_alone_give_the_mass_and_blame_no_joint(tmp_path):
     for load in SessionLoad:
         plan = CommissioningPlan(tmp_path, slow_only=True)
         record_half(arm, load, lambda load: simulated_arm(arm, load), no_operator(), plan)
-    pair = commissioning.read_pair(arm, tmp_path, "identification")
-    found = identify(arm, pair.loaded, pair.unloaded)
+    found = identify(arm, *commissioning.read_pair(arm, tmp_path, "identification"))
     low, high = found.intervals["mass"]
     assert low < 3.0 < high
     assert not [note for note in found.notes if "joint order" in note]

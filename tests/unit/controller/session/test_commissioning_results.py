@@ -9,7 +9,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError, UnsafeBus
 from armload_controller.session import commissioning_results
-from armload_controller.session.commissioning import CommissioningPlan, Pair
+from armload_controller.session.commissioning import CommissioningPlan
 from armload_controller.session.commissioning_results import commission, evaluate
 from armload_identification.identification_errors import EstimationError
 from armload_identification.verdict.tolerance import Tolerance
@@ -41,7 +41,7 @@ class FakeFindings:
 def test_the_first_pair_identifies_the_second_validates_and_the_report_is_last(monkeypatch, tmp_path, simulated):
     log, calls = [], []
     monkeypatch.setattr(
-        commissioning_results, "read_pair", lambda arm, directory, role: Pair(f"empty {role}", f"loaded {role}")
+        commissioning_results, "read_pair", lambda arm, directory, role: (f"loaded {role}", f"empty {role}")
     )
     monkeypatch.setattr(
         commissioning_results, "identify", lambda *runs, **known: calls.append((runs, known)) or FakeFindings(log)

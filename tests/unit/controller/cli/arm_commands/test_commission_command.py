@@ -39,7 +39,7 @@ def test_four_recordings_without_a_report_are_taken_to_one(armload, recorded, re
 
 def test_recordings_that_do_not_belong_together_are_not_taken_up(recorded):
     robot = load_robot("er50")
-    assert read_pair(robot, recorded, "identification").loaded.n == robot.n
+    assert read_pair(robot, recorded, "identification")[0].n == robot.n
     with pytest.raises(CommissioningError, match="was recorded on er50, not on prbt"):
         read_pair(load_robot("prbt"), recorded, "identification")
     (recorded / "loaded_identification.mcap").unlink()
