@@ -11,6 +11,16 @@ from scipy.stats import t
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
+from armload_identification.pipeline.operator_notes import (
+    _by_how_much,
+    _on_arm,
+    _on_calibrated_arm,
+    _on_contradictions,
+    _on_signal,
+    _on_times,
+    misfit_notes,
+)
+from armload_identification.signals.motion import ABOVE_BAND
 from armload_identification.verdict.agreement import KnownMassCenter, compare_known, length_needed
 from armload_identification.verdict.control_limits import control_chart
 from armload_identification.verdict.decision_levels import FalseAlarms
@@ -556,3 +566,149 @@ def test_a_mass_below_zero_is_none(mass_kg, said):
     found = refusal(_refuse_no_mass, fit)
     assert said in found
     assert bool(said) is bool(found)
+
+
+# Notes -----------------------------------------------------------------------------------------------------------
+
+
+def explained(left_nm, others_nm=0.1, noise_nm=0.1):
+    """What is left of 10 N m on joint 2, and on the other two; each joint has moved all the time."""
+    torque, left = np.full((4, 3), 10.0), np.full((4, 3), others_nm)
+    left[:, 1] = left_nm
+    moving = np.ones((4, 3))
+    signal = SimpleNamespace(
+        loaded=SimpleNamespace(reversal_weight=moving),
+        valid=np.ones(4, dtype=bool),
+        torque_nm=torque,
+        averaged_noise_nm=np.full(3, noise_nm),
+    )
+    return misfit_notes(SimpleNamespace(signal=signal, plain=SimpleNamespace(noise_nm=np.ones(3)), residual_nm=left))
+
+
+def test_half_of_the_torque_of_a_loud_joint_or_of_all_is_a_misfit():
+    assert explained(4.9) == []
+    assert "torque difference of joint 2" in explained(5.1)[0]
+    assert "torque difference of joint 2" in explained(5.1, noise_nm=1.99)[0]
+    assert explained(5.1, noise_nm=2.01) == [], "loud is five times the noise"
+    # 9.9 of 10 N m on one joint and 5 on the others: half of all squares is 150 of 300.
+    assert "explains only 51 %" not in explained(9.9, 4.9)[0]
+    assert "explains only 49 %" in explained(9.9, 5.2)[0]
+
+
+def contradicted_gains(noticeable):
+    nothing = np.zeros(2, dtype=bool)
+    return SimpleNamespace(
+        contradicted=nothing,
+        possible=nothing,
+        disagree=False,
+        log_gain=np.zeros(2),
+        half_width_95=np.ones(2),
+        assumed_deviation=np.ones(2),
+        noticeable=np.array([0.0, noticeable]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("noticeable", "said"),
+    [
+        (0.079, ""),
+        (0.081, "may go unnoticed in these runs on joint 2 (up to 8 %)"),
+        (np.log(1.49), "joint 2 (up to 49 %)"),
+        (np.log(1.51), "say nothing about the drive gain of joint 2: even an error of 50 %"),
+    ],
+)
+def test_a_gain_is_not_judged_from_8_percent_on_and_not_at_all_from_50(noticeable, said):
+    found = " ".join(_on_contradictions(contradicted_gains(noticeable)))
+    assert said in found
+    assert bool(said) is bool(found)
+
+
+def timed(rate=1.0, delay_s=0.0):
+    signal = SimpleNamespace(time_s=np.arange(400), interval_s=0.01, loaded=SimpleNamespace(rate=rate))
+    posterior = SimpleNamespace(delay_s=delay_s)
+    return " ".join(_on_times(SimpleNamespace(signal=signal, plain=SimpleNamespace(posterior=posterior))))
+
+
+@pytest.mark.parametrize(
+    ("rate", "delay_s", "said"),
+    [
+        (1.0019, 0.0, ""),
+        (1.0021, 0.0, "A period took 4 s by the time stamps, 3.992 s by the excitation"),
+        (0.951, 0.0, "4.206 s by the excitation"),
+        (0.949, 0.0, ""),
+        (1.0, 0.0199, ""),
+        (1.0, 0.0201, "belongs to positions 20 ms before it"),
+        (1.0, -0.0301, "belongs to positions 30 ms after it"),
+    ],
+)
+def test_a_clock_is_wrong_between_0_2_and_5_percent_and_torque_is_late_beyond_20_ms(rate, delay_s, said):
+    assert said in timed(rate, delay_s)
+    assert bool(said) is bool(timed(rate, delay_s))
+
+
+@pytest.mark.parametrize(("periods", "said"), [((1, 3), True), ((2, 3), False), ((0, 1), True), ((0, 0), False)])
+def test_of_one_period_the_repeatability_is_unknown(periods, said):
+    signal = SimpleNamespace(
+        smoothing_loss=np.zeros(2),
+        valid=np.ones(4, dtype=bool),
+        periodic=any(periods),
+        periods=periods,
+        noise_source=ABOVE_BAND,
+    )
+    assert bool(_on_signal(signal, np.zeros(4, dtype=bool))) is said
+
+
+@pytest.mark.parametrize(
+    ("residual_nm", "coulomb_nm", "moves", "noise_nm", "said"),
+    [
+        (2.9, 1.0, True, 0.1, False),
+        (3.1, 1.0, True, 0.1, True),
+        (1.0, -0.19, True, 0.1, False),
+        (1.0, -0.21, True, 0.1, True),
+        (3.1, 1.0, False, 0.1, False),
+        (3.1, 1.0, True, 2.01, False),
+    ],
+)
+def test_links_and_friction_leave_three_tenths_of_a_torque_and_drive_no_joint_by_a_fiftieth(
+    residual_nm, coulomb_nm, moves, noise_nm, said
+):
+    states = SimpleNamespace(velocity_rad_s=np.full((4, 2), 2.0))
+    signal = SimpleNamespace(
+        unloaded=SimpleNamespace(moves=np.array([True, moves])),
+        averaged_noise_nm=np.array([0.1, noise_nm]),
+        states=states,
+    )
+    body = SimpleNamespace(
+        torque_rms_nm=np.full(2, 10.0),
+        residual_rms_nm=np.array([1.0, residual_nm]),
+        model=SimpleNamespace(coulomb_nm=np.array([1.0, coulomb_nm - 0.02]), viscous_nm_s_rad=np.array([0.0, 0.01])),
+    )
+    found = _on_arm(signal, body)
+    assert bool(found) is said
+    assert not said or "torque of joint 2 is not that" in found[0]
+
+
+@pytest.mark.parametrize(("noise", "said"), [(14.9, False), (15.1, True)])
+def test_a_joint_that_fits_fifteen_times_worse_than_in_the_calibration_is_named(noise, said):
+    plain = SimpleNamespace(
+        runs=1,
+        noise_nm=np.array([1.0, noise]),
+        friction=lambda _: np.zeros((3, 2)),
+        friction_covariance=lambda _: np.tile(np.eye(2), (2, 1, 1)),
+    )
+    found = _on_calibrated_arm(plain, SimpleNamespace(drift=np.ones((3, 2)), noise_nm=np.ones(2)))
+    assert bool(found) is said
+    assert not said or "torque of joint 2 fits more than 15 times worse" in found[0]
+
+
+@pytest.mark.parametrize(
+    ("change_kg", "said"),
+    [(-1.59, "by -1.590 +- 0.020 kg; its centre"), (-1.61, "by -1.610 +- 0.020 kg"), (7.9, "; its centre"), (8.1, "")],
+)
+def test_a_centre_is_stated_for_a_fifth_of_the_greater_mass(change_kg, said):
+    found = _by_how_much(
+        np.array([2.0, 0.2, *np.zeros(8)]),
+        SimpleNamespace(change=np.array([change_kg, 0.0, 0.0, 0.0]), deviation=np.full(4, 0.0102)),
+    )
+    assert said in found
+    assert ("centre" in found) is ("centre" in said)
