@@ -10,14 +10,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from armload_identification.estimation.arm_rows import RowWindow
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import CONFIDENCE
+from armload_identification.pipeline.operator_notes import _on_signal
+from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import _common_part, load_signal, time_shift
 from armload_identification.signals.motion import SCATTER, Motion
+from armload_identification.signals.periods import _on_grid, _supported_harmonics
 from armload_identification.signals.recorded_run import Grid
+from armload_identification.signals.repetition import repeated_after
+from armload_identification.signals.reversals import reversal_speed, reversal_weights
 from armload_identification.signals.signal_constants import SampleNoise
 from armload_identification.signals.spline import _knots, fit_motion
 
@@ -235,3 +241,98 @@ def test_a_motion_that_is_fast_for_its_sampling_has_knots_that_are_finer_than_us
     assert found.fit_rad[0] < 2e-3
     there = np.linspace(1.0, 18.0, 500)
     np.testing.assert_allclose(found.spline(there)[:, 0], np.sin(np.pi * there), atol=5e-3)
+
+
+# Periods ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("gap", "empty"), [(1.64, 0), (1.66, 2)])
+def test_a_phase_is_interpolated_between_samples_one_and_a_half_intervals_apart(gap, empty):
+    """Samples 1.1 steps apart lie on no grid; after the third one the next comes later, and the last is the 20th."""
+    place = np.cumsum([0.0, 1.1, 1.1, gap, *[1.1] * 15])
+    table = _on_grid(place, 3.0 * place[:, None], 1, 18)
+    assert np.flatnonzero(np.isnan(table[0, :, 0])).tolist() == [3][:empty]
+    known = ~np.isnan(table[0, :, 0])
+    np.testing.assert_allclose(table[0, known, 0], 3.0 * np.arange(18)[known])
+
+
+@pytest.mark.parametrize(("last", "known"), [(19, True), (18, True), (17, False)])
+def test_half_an_interval_after_the_last_sample_a_phase_is_still_its_own(last, known):
+    """Samples 1.04 steps apart; the last of 20 phases is 19."""
+    place = 1.04 * np.arange(last + 1)
+    table = _on_grid(place, place[:, None], 1, 20)
+    assert bool(np.isfinite(table[0, 19, 0])) is known
+
+
+@pytest.mark.parametrize(
+    ("phases", "period_s", "most"), [(200, 1.0, 24), (40, 4.0, 8), (400, 10.0, 61), (401, 10.0, 61), (40, 0.9, 4)]
+)
+def test_a_series_has_an_eighth_of_the_samples_or_up_to_6_25_hz(phases, period_s, most):
+    """At low rates not more than 0.225 of the samples; what is above that is noise."""
+    for harmonic, found in ((most, most), (most + 1, 2)):
+        spectrum = 1e-3 * np.random.default_rng(1).normal(size=(phases // 2 + 1, 1)).astype(complex)
+        spectrum[[1, harmonic]] = 1.0
+        assert _supported_harmonics(spectrum, 2, phases, period_s) == found
+
+
+def swing(time_s):
+    return np.sin(2.0 * np.pi * time_s / 5.0)[:, None]
+
+
+@pytest.mark.parametrize(("samples", "found"), [(15, False), (16, True)])
+def test_a_period_is_looked_for_in_sixteen_samples(samples, found):
+    time_s = np.arange(float(samples))
+    period_s = repeated_after(time_s, swing(time_s))
+    assert (period_s == pytest.approx(5.0, rel=0.01)) if found else period_s is None
+
+
+@pytest.mark.parametrize(("travel_rad", "found"), [(0.0099, False), (0.0101, True)])
+def test_a_joint_that_travels_a_hundredth_of_a_radian_has_a_period(travel_rad, found):
+    time_s = 0.01 * np.arange(1300)
+    assert (repeated_after(time_s, 0.5 * travel_rad * swing(time_s)) is not None) is found
+
+
+@pytest.mark.parametrize(("apart", "found"), [(0.058, True), (0.068, False)])
+def test_a_motion_repeats_to_6_percent_of_its_deviation(apart, found):
+    """Of the periods the second has a third harmonic of that share: 1 - d^2 / 2 is 0.998 at 0.0632."""
+    time_s = 0.005 * np.arange(2200)
+    other = apart * np.sin(6.0 * np.pi * time_s / 5.0) * ((time_s >= 5.0) & (time_s < 10.0))
+    assert (repeated_after(time_s, swing(time_s) + other[:, None]) is not None) is found
+
+
+# Joints and gains ------------------------------------------------------------------------------------------------
+
+
+def test_near_a_reversal_is_a_tenth_of_the_greatest_speed_and_its_direction_turns_within_a_hundredth():
+    velocity = np.array([[2.0, 0.0], [0.2, 0.0], [0.0, 0.0]])
+    position = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]])
+    np.testing.assert_allclose(reversal_weights(position, velocity)[1], [np.sqrt(0.5), 0.0])
+    np.testing.assert_allclose(reversal_speed(velocity), [0.02, 1e-4])
+
+
+def test_nominal_gains_are_known_to_2_percent_and_all_together_to_1_or_as_reported_to_2():
+    transmission = Transmission(np.ones(2), np.eye(2))
+    np.testing.assert_allclose(transmission.deviation, 0.02)
+    assert transmission.gains(from_torque=False).common_deviation == 0.01
+    assert transmission.gains(from_torque=True).common_deviation == 0.02
+
+
+@pytest.mark.parametrize(("ratio", "held"), [(2.7, True), (0.37, True), (2.75, False), (0.36, False)])
+def test_gains_of_one_quantity_differ_by_less_than_a_factor_of_e(ratio, held):
+    found = Transmission(np.full(2, 50.0), np.eye(2)).held_at(np.array([50.0, 50.0 * ratio]), np.eye(2))
+    assert bool(found.gain_nm_a[1] == 50.0 * ratio) is held
+
+
+def test_rows_are_means_over_a_third_of_a_second_of_joints_that_hardly_turn():
+    window = RowWindow.of(200, 0.01, 50)
+    assert window.offset.tolist() == list(range(-16, 17))
+    directions = np.ones((200, 1)) * [1.0, -0.975, 0.95, 0.9, 0.96]
+    np.testing.assert_allclose(window.onward(directions)[1], [1.0, 0.5, 0.0, 0.0, 0.2], atol=1e-9)
+
+
+@pytest.mark.parametrize(("loss", "said"), [(0.099, False), (0.101, True)])
+def test_smoothing_that_removes_a_tenth_is_noted(loss, said):
+    signal = SimpleNamespace(smoothing_loss=np.array([0.0, loss]), valid=np.ones(4, dtype=bool), periodic=False)
+    found = _on_signal(signal, np.zeros(4, dtype=bool))
+    assert bool(found) is said
+    assert not said or "more than 10 % of the signal of joint 2 (10 %)" in found[0]
