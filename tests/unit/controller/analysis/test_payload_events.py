@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_controller.analysis.payload_events import PayloadEvents
+from armload_controller.analysis.payload_events import PayloadEvents, kind_of_change
 from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.contact.force_watch import ForceEvent, ForceEventKind
 from tests.live_estimates import live_estimate
@@ -126,3 +126,50 @@ def test_what_the_controller_was_told_is_compared_with_what_was_found(told_kg, w
 def test_a_controller_that_states_no_payload_was_told_nothing_wrong():
     of = PayloadEvents(CALIBRATION, NAMES)
     assert not [event for time_s in np.arange(0.0, 3.0 * HELD_S) for event in of.of(found(time_s, 2.5))]
+
+
+def estimate(mass_kg, width_kg, center_m=(0.0, 0.0, 0.05), center_width_m=0.002, known=(True, True, True, True)):
+    given = found(0.0, mass_kg, width_kg, center_m)
+    return replace(
+        given, half_width_95=np.array([width_kg, *[center_width_m] * 3]), determined=np.array(known, dtype=bool)
+    )
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "kind"),
+    [
+        (estimate(1.0, 0.1), estimate(2.0, 0.249), "grasped"),
+        (estimate(1.0, 0.1), estimate(2.0, 0.251), None),
+        (estimate(2.0, 0.249), estimate(1.0, 0.1), "dropped"),
+        (estimate(2.0, 0.251), estimate(1.0, 0.1), None),
+        (estimate(2.0, 0.1), estimate(2.05, 0.149, (0.0, 0.0, 0.08)), "changed tool"),
+        (estimate(2.0, 0.1), estimate(2.05, 0.151, (0.0, 0.0, 0.08)), None),
+        (estimate(2.0, 0.1), estimate(1.95, 0.149, (0.08, 0.0, 0.05)), "changed tool"),
+        (estimate(2.0, 0.1), estimate(2.0, 0.1, (0.0, 0.0141, 0.05)), "changed tool"),
+        (estimate(2.0, 0.1), estimate(2.0, 0.1, (0.0, 0.0139, 0.05)), None),
+        (estimate(2.0, 0.1), estimate(2.0, 0.1, (0.0, 0.02, 0.05), known=(True, True, False, True)), None),
+        (estimate(2.0, 0.1, known=(True, True, False, True)), estimate(2.0, 0.1, (0.0, 0.02, 0.05)), None),
+    ],
+)
+def test_a_change_has_its_kind_from_a_quarter_a_tenth_and_a_centimetre_on(before, after, kind):
+    """A quarter of the change of mass; a tenth of the mass; 10 mm beyond both half widths of 2 mm."""
+    assert kind_of_change(before, after) == kind
+
+
+@pytest.mark.parametrize(("deviation_n", "known"), [(16.6, True), (16.7, False)])
+def test_a_force_of_three_deviations_has_a_direction(deviation_n, known):
+    measured = SimpleNamespace(
+        force_n=np.array([30.0, -40.0, 0.0]), force_deviation_n=np.array([deviation_n, 0.0, 0.0])
+    )
+    pushed = ForceEvent(ForceEventKind.PUSH, 5.6, 5.0, np.array([False, True, False]), measured)
+    (event,) = PayloadEvents(CALIBRATION, NAMES).of_forces([pushed])
+    assert (event.force_n is not None) is known
+
+
+@pytest.mark.parametrize(
+    ("moving_s", "times_s", "said"),
+    [(5.0, (0.0, 10.0), True), (5.0, (0.0, 9.9), False), (4.9, (0.0, 10.0, 20.0), False)],
+)
+def test_a_sign_counts_after_five_seconds_of_motion_if_it_lasts_for_ten(moving_s, times_s, said):
+    moving = np.array([0.0, moving_s, 1.0])
+    assert bool(events(*(found(time_s, -0.2, moving_s=moving) for time_s in times_s))) is said

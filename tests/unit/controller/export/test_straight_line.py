@@ -154,3 +154,49 @@ def test_the_links_of_any_arrangement_take_the_cores_torque(name, gravity):
         names = {f"{v}[{i}]": states[k, t, i] for k, v in enumerate(STATE) for i in range(n)}
         found = evaluated(function.graph, function.elements, names)
         np.testing.assert_allclose(found, expected[t], rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "signs"), [("three parallel joints", [1, 1, 1]), ("opposite axes", [1, -1, 1])])
+def test_parallel_joints_are_one_group_with_shifts_along_their_normals(name, signs):
+    """Axes along y: 0.4 m to the second, and 0.3 and 0.05 m, so 0.30414 m at -9.46 degrees about y, to the third."""
+    xyz, rpy, axis = CHAINS[name]
+    groups = planar_groups(Chain.from_origins(xyz, rpy, axis, pose_from_xyz_rpy((0, 0, 0.2), (0, 0, 0)), UP))
+    np.testing.assert_allclose(groups.gravity_m_s2, [9.81, 0.0, 0.0])
+    (group,) = groups.groups
+    assert (group.alpha_rad, group.shift_m) == (0.0, (0.0, 0.0))
+    assert [joint.index for joint in group.joints] == [0, 1, 2]
+    assert [joint.sign for joint in group.joints] == signs
+    np.testing.assert_allclose(
+        [joint.shift_m for joint in group.joints], [[0.4, 0.0], [np.hypot(0.3, 0.05), 0.0], [0, 0]]
+    )
+    slope = math.atan2(0.05, 0.3)
+    # From gravity, along x of the base frame, to the first normal; then to the second one, about the joint's own axis.
+    turns = [joint.sign * joint.zero_rad for joint in group.joints]
+    np.testing.assert_allclose(turns, [-QUARTER, -slope, 0.0], atol=1e-12)
+    # The flange is 0.2 m above the last axis: with x along the last normal, that is before and above it.
+    place = groups.flange[:3, 3]
+    assert place[0] == pytest.approx(0.2 * math.sin(slope))
+    assert np.hypot(*place[:2]) == pytest.approx(0.2)
+    assert place[2] == 0.0
+
+
+def test_axes_that_meet_are_three_groups_at_right_angles_in_one_point():
+    """Up, along y, and up again through one point, and the flange 0.1 m above it."""
+    xyz, rpy, axis = CHAINS["axes that meet"]
+    groups = planar_groups(Chain.from_origins(xyz, rpy, axis, pose_from_xyz_rpy((0, 0, 0.1), (0, 0, 0)), UP))
+    np.testing.assert_allclose(groups.gravity_m_s2, [0.0, 0.0, -9.81])
+    assert [len(group.joints) for group in groups.groups] == [1, 1, 1]
+    assert [group.shift_m for group in groups.groups] == [(0.0, 0.0)] * 3
+    assert [abs(group.alpha_rad) for group in groups.groups] == pytest.approx([0.0, QUARTER, QUARTER])
+    np.testing.assert_allclose(groups.flange[:3, 3], [0.0, 0.0, 0.1], atol=1e-15)
+
+
+def test_skew_axes_are_apart_by_their_common_normal():
+    """The second axis, along y, passes 0.3 m before the first, along z, at a height of 0.25 m."""
+    chain = Chain.from_origins([(0, 0, 0.1), (0.3, 0.7, 0.15)], [(0, 0, 0)] * 2, [(0, 0, 1), (0, 1, 0)], np.eye(4), UP)
+    first, second = planar_groups(chain).groups
+    assert first.shift_m == (0.0, 0.0)
+    assert second.shift_m == pytest.approx((0.3, 0.0))
+    assert abs(second.alpha_rad) == pytest.approx(QUARTER)
+    # The second frame's origin is at the foot of the normal, 0.7 m before the joint's own along its axis.
+    np.testing.assert_allclose(np.abs(second.joints[0].link[:3, 3]), [0.0, 0.0, 0.7], atol=1e-15)

@@ -11,7 +11,7 @@ from armload_controller.control_errors import MotionError, OffsetRefused
 from armload_controller.cycle.control_cycle import Cycle
 from armload_controller.cycle.monitors import FollowingMonitor
 from armload_controller.cycle.torque_gate import TorqueGate
-from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, tried_torque
+from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, positions_along, tried_torque
 from armload_controller.motion.motion_control import MotionControl
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.simulation.mujoco_plant import ArmPlant
@@ -172,3 +172,53 @@ def test_a_fifth_of_what_the_payloads_weight_takes_is_tried():
     chain, body = ROBOT.chain, ROBOT.simulation.payload("gripper")
     weight = [payload_torque(chain, body.theta, q, np.zeros(6), np.zeros(6)) for q in PATH]
     np.testing.assert_allclose(tried_torque(chain, body, PATH), 0.2 * np.abs(weight).max(axis=0), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("cycle_s", "fade_cycles"), [(0.01, 25), (0.1, 8), (0.004, 62)])
+def test_a_fade_takes_a_quarter_of_a_second_or_eight_cycles(cycle_s, fade_cycles):
+    check = OffsetCheck(("a", "b"), UNIT, np.array([10.0, 40.0]), cycle_s)
+    found = np.array([check.on_cycle(SimpleNamespace(sent=None, feedback=None)) for _ in range(2 * fade_cycles)])
+    turn = 2.0 * np.pi * np.arange(1, 2 * fade_cycles + 1) / fade_cycles
+    np.testing.assert_allclose(found, np.outer(0.5 - 0.5 * np.cos(turn), [10.0, 40.0]), atol=1e-12)
+
+
+def test_eight_fits_of_four_fades_follow_the_four_in_which_the_gate_opens():
+    """Of 25 cycles each: the 101st feedback is the first that counts, the 900th the last."""
+    bench = Bench(lambda time_s, offset, before: offset)
+    assert bench.verdict.fits == 8
+    assert bench.check._cycle == 900
+
+
+def test_a_joint_that_never_gets_certain_ends_it_after_twenty_fits():
+    rng = np.random.default_rng(3)
+    bench = Bench(lambda time_s, offset, before: offset + rng.normal(size=2) * [300.0, 0.0])
+    assert bench.verdict.fits == 20
+    assert bench.check._cycle == 2100
+    assert bench.verdict.usable.tolist() == [False, True]
+
+
+@pytest.mark.parametrize(("second_nm", "tried"), [(0.0101, True), (0.0099, False)])
+def test_a_joint_with_a_thousandth_of_the_greatest_torque_is_not_tried(second_nm, tried):
+    check = OffsetCheck(("a", "b"), UNIT, np.array([10.0, second_nm]), 0.01)
+    assert check._tried_joints.tolist() == [True, tried]
+    check._gains = [np.ones(2)] * 4
+    assert np.isinf(check.verdict().sigma).tolist() == [False, not tried]
+
+
+def test_the_standard_error_is_that_of_a_median():
+    """1.2533 = sqrt(pi / 2) of the spread over the root of the number, by the greater of two measures of spread."""
+    check = OffsetCheck(("a",), Transmission(np.ones(1), np.eye(1)), np.array([10.0]), 0.01)
+    check._gains = [np.array([gain]) for gain in (0.9, 1.1, 0.9, 1.1)]
+    spread = max(0.1, 1.4826 * 0.1)
+    assert check.verdict().gain == pytest.approx([1.0])
+    assert check.verdict().sigma == pytest.approx([np.sqrt(np.pi / 2.0) * spread / 2.0], rel=1e-3)
+
+
+def test_the_greatest_weight_is_looked_for_at_512_places_of_a_period():
+    asked = []
+    trajectory = SimpleNamespace(
+        period_s=4.0, evaluate=lambda t_s: asked.append(t_s) or SimpleNamespace(position_rad="positions")
+    )
+    path = SimpleNamespace(excitation=SimpleNamespace(trajectory=trajectory))
+    assert positions_along(path) == "positions"
+    assert (len(asked[0]), asked[0][0], asked[0][-1]) == (512, 0.0, 4.0)

@@ -125,3 +125,17 @@ def test_no_connection_and_no_address_are_said():
     for host in ("", ":30004", "robot:port"):
         with pytest.raises(BusError, match="expected the name or address"):
             RtdeClient(host)
+
+
+@pytest.mark.parametrize(("host", "address"), [("robot", ("robot", 30004)), ("10.0.0.7:30005", ("10.0.0.7", 30005))])
+def test_the_port_is_rtdes_unless_another_is_given_and_five_seconds_are_waited(monkeypatch, host, address):
+    asked = []
+
+    def refuse(*values):
+        asked.append(values)
+        raise OSError("no")
+
+    monkeypatch.setattr(socket, "create_connection", refuse)
+    with pytest.raises(BusError, match=r"no connection to RTDE \(no\)"):
+        RtdeClient(host)
+    assert asked == [(address, 5.0)]
