@@ -128,3 +128,61 @@ def test_the_shipped_arms_rounds_are_short(name, most_s):
         bounds = bound_phase(path, robot.limits.motion)
         paced, _ = reduced_pace(path, bounds, robot.motion_constraints.reduced_speed)
         assert paced.pace.lasts_s < most_s
+
+
+class Known(Pace):
+    """A pace with given bounds between samples, or given rates."""
+
+    def bounds(self, samples):
+        assert samples == 2048
+        return np.array([2.0, 1.0]), np.array([0.5, 0.2]), np.array([0.4, 0.1])
+
+
+def test_rates_are_the_greatest_derivatives_of_the_paths_phase():
+    """1/w; w'/w^3 of 0.0625 and 0.2; 3 w'^2/w^5 + w''/w^4 of 0.0484 and 0.22."""
+    assert Known(3.0, np.ones(8)).rates == pytest.approx((1.0, 0.2, 0.22))
+
+
+@pytest.mark.parametrize(
+    ("rates", "expected"),
+    [
+        ((0.25, 0.1, 0.2), (3.6, 34.88)),  # (1 - 0.1) / 0.25; (10 - 0.2 - 3 0.1 3.6) / 0.25
+        ((0.25, 0.5, 0.2), (2.0, 27.2)),  # (1 - 0.5) / 0.25; (10 - 0.2 - 3 0.5 2) / 0.25
+        ((0.25, 0.501, 0.2), None),
+        ((0.25, 0.1, 3.92), (3.6, 20.0)),
+        ((0.25, 0.1, 3.921), None),
+    ],
+)
+def test_half_of_the_phases_acceleration_and_jerk_may_be_used_by_a_varying_pace(monkeypatch, rates, expected):
+    monkeypatch.setattr(Known, "rates", property(lambda pace: rates), raising=False)
+    found = Known(3.0, np.ones(8)).within(PhaseLimits(1.0, 10.0))
+    if expected is None:
+        assert found is None
+    else:
+        assert (found.acceleration_1_s, found.jerk_1_s2) == pytest.approx(expected)
+
+
+def test_a_constant_pace_is_a_stretched_path():
+    pace = Pace(4.0, np.full(8, 2.5))
+    assert pace.lasts_s == pytest.approx(10.0)
+    s, first, second, third = pace.evaluate(np.array([-2.5, 0.0, 1.0, 12.5]))
+    np.testing.assert_allclose(s, [-1.0, 0.0, 0.4, 5.0], atol=1e-12)
+    np.testing.assert_allclose(first, 0.4)
+    np.testing.assert_allclose([second, third], 0.0, atol=1e-12)
+    least, slope, bend = pace.bounds(16)
+    np.testing.assert_allclose([least, slope, bend], np.outer([2.5, 0.0, 0.0], np.ones(16)), atol=1e-12)
+
+
+def test_one_coefficient_has_four_sixths_of_its_weight_at_its_knot_and_one_sixth_beside_it():
+    """The cubic B-spline: at knot k + 2 of coefficient k; w' = 0 there and 1/2 per knot beside, w'' = -2 per knot^2."""
+    slowness = np.ones(8)
+    slowness[1] = 7.0
+    pace = Pace(8.0, slowness)
+    phases = np.array([pace.phase_of(float(knot)) for knot in (1, 2, 3, 4, 5)])
+    _, first, second, third = pace.evaluate(phases)
+    w = 1.0 / first
+    np.testing.assert_allclose(w, [1.0, 2.0, 5.0, 2.0, 1.0])
+    slope = -second * w**3
+    np.testing.assert_allclose(slope, [0.0, 3.0, 0.0, -3.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose((3.0 * slope**2 - third * w**5) / w, [0.0, 6.0, -12.0, 6.0, 0.0], atol=1e-9)
+    assert pace.lasts_s == pytest.approx(7.0 + 7.0), "the mean of the coefficients, 14 / 8, over 8 s"
