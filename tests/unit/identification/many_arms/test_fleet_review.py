@@ -409,3 +409,28 @@ def test_the_fleets_date_is_what_a_quarter_of_its_arms_and_at_least_two_have_rea
     found = review_fleet(runs)
     assert len(found.absent) == absent
     assert len(found.odd) == (0 if absent else late)
+
+
+def test_what_scatters_between_runs_is_their_steps_less_the_stated_noise():
+    """Steps of 0.5, of a normal variable of 0.7413; noise of 0.3 is 0.4243 of a difference."""
+    runs = arm_runs("a", [9.0, 9.5] * 4, 0.3)
+    (arm,) = review_fleet(runs).arms
+    usual = np.sqrt(0.5 * ((0.5 / 0.6744898) ** 2 - 0.18))
+    chart = arm.figures[FRICTIONS[0]].chart
+    expected = np.sqrt((5.0 * usual**2 + 7.0 * max(0.5 * (0.25 - 0.18), 0.0)) / 12.0)
+    assert chart.spread == pytest.approx(expected)
+    np.testing.assert_allclose(chart.deviation, np.hypot(0.3, expected))
+    doubt = np.sqrt(0.5 * np.pi / 7.0) * np.hypot(0.3, usual)
+    np.testing.assert_allclose(chart.limit, 3.0 * np.hypot(chart.deviation, doubt))
+
+
+def test_a_change_is_as_large_as_it_is_improbable():
+    (arm,) = review_fleet(arm_runs("a", [9.0, 9.2] * 4 + [12.0, 12.2] * 4)).arms
+    chart = arm.figures[FRICTIONS[0]].chart
+    (change,) = chart.changes
+    assert arm.suspicions[0].deviations == pytest.approx(min(3.0 / change.deviation, 99.0))
+    assert 1.0 < arm.suspicions[0].deviations < 99.0
+    steady = [9.02, 9.00, 9.06, 9.06, 9.00, 9.04, 9.50, 9.02, 9.08, 9.06, 9.00, 9.04, 9.02, 9.06]
+    (arm,) = review_fleet(arm_runs("a", steady)).arms
+    chart = arm.figures[FRICTIONS[0]].chart
+    assert arm.suspicions[0].deviations == pytest.approx((9.50 - 9.03) / chart.deviation[6])

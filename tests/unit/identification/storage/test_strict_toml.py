@@ -2,6 +2,7 @@
 
 from typing import Annotated, Literal
 
+import numpy as np
 import pytest
 from msgspec import Meta, field
 
@@ -15,7 +16,11 @@ from armload_identification.storage.strict_toml import (
     Text,
     parse,
     read_text,
+    read_toml,
+    require_shape,
+    require_shapes,
     validated,
+    write_text,
 )
 
 
@@ -251,3 +256,98 @@ def test_what_was_expected_is_in_the_terms_of_toml(line, words):
     with pytest.raises(FileError) as caught:
         parse(f"rows = [[1]]\n{line}", "a.toml", Matrix, FileError)
     assert words in str(caught.value)
+
+
+class Bounds(Table):
+    content = "bounds"
+
+    above: Annotated[float, Meta(gt=0.0)] = 1.0
+    below: Annotated[float, Meta(lt=0.5)] = 0.1
+    least: Annotated[float, Meta(ge=0.25)] = 1.0
+    most: Annotated[int, Meta(le=3)] = 1
+    one: Annotated[list[float], Meta(min_length=1)] = field(default_factory=lambda: [1.0])
+    few: Annotated[list[float], Meta(max_length=1)] = field(default_factory=list)
+    described: Annotated[str, Meta(pattern="^a", description="expected a word with a")] = "a"
+    own: Annotated[float, Meta(gt=0.0, extra={"expected": lambda value: f"expected more than {value:g}"})] = 1.0
+    any: dict[str, int] = field(default_factory=dict)
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("above = 0.0", "expected a number greater than 0"),
+        ("below = 0.5", "expected a number less than 0.5"),
+        ("least = 0.2", "expected at least 0.25"),
+        ("most = 4", "expected at most 3"),
+        ("one = []", "expected at least 1 item"),
+        ("few = [1.0, 2.0]", "expected at most 1 item"),
+        ('described = "b"', "expected a word with a"),
+        ("described = 3", "expected a word with a"),
+        ("own = -2.0", "expected more than -2"),
+        ('own = "x"', "expected a number"),
+        ("any = {a = 1, b = 2.5}", "expected a whole number"),
+        ("any = 3", "expected a table"),
+        ("above = inf", "expected a finite number"),
+    ],
+)
+def test_a_bound_is_said_with_its_number_or_as_its_key_says(line, expected):
+    with pytest.raises(FileError) as caught:
+        parse(line, "a.toml", Bounds, FileError)
+    assert caught.value.expected == expected
+    assert caught.value.key == ("any.b" if "b = 2.5" in line else line.split()[0])
+
+
+@pytest.mark.parametrize(
+    ("values", "other"),
+    [
+        ({"a": 1, "b": 2}, True),
+        ({"a": 1}, False),
+        ({"a": 1, "b": 2, "tools": {}, "offset": [1.0]}, True),
+        ({"a": 1, "b": 2, "tools": {}, "offset": [1.0], "rows": [[1.0]]}, False),
+        ({"a": 1, "b": 2, "joints": []}, False),
+    ],
+)
+def test_a_file_of_another_kind_has_two_unknown_keys_and_at_least_half_of_all(values, other):
+    with pytest.raises(FileError) as caught:
+        validated(values, "arm.toml", Arm, FileError)
+    assert ("not an arm: contains a, b instead of joints" in str(caught.value)) is other
+
+
+def test_a_key_is_a_misspelling_from_six_tenths_of_similarity_on():
+    """Of 9 letters each, 5 or 6 in common."""
+    for key, close in (("describxxx", True), ("descrxxxxx", False)):
+        with pytest.raises(FileError) as caught:
+            parse(f"{key} = 3", "a.toml", Bounds, FileError)
+        assert ("did you mean described?" in str(caught.value)) is close
+
+
+def test_problems_are_counted():
+    with pytest.raises(FileError, match=r"\(and 2 more problems in this file\)"):
+        parse("above = 0\nmost = 4\nleast = 0", "a.toml", Bounds, FileError)
+
+
+def test_an_array_has_the_shape_that_is_required():
+    require_shape("rows", np.zeros((2, 3)), (2, 3))
+    with pytest.raises(BadValue, match=r"rows: expected 2 lists of 3 finite numbers"):
+        require_shape("rows", np.zeros((2, 2)), (2, 3))
+    table = Arm(joints=[], offset=np.zeros(4))
+    require_shapes("arm", table, {"offset": (4,)})
+    with pytest.raises(BadValue, match=r"arm\.offset: expected 3 finite numbers"):
+        require_shapes("arm", table, {"offset": (3,)})
+
+
+def test_a_recording_is_no_file_in_toml_and_a_text_is_written(tmp_path):
+    path = tmp_path / "run.MCAP"
+    with pytest.raises(FileError, match="cannot be read: No such file"):
+        read_toml(path, FileError)
+    path.write_bytes(b"x")
+    with pytest.raises(FileError, match="a recording or a table, where a file in TOML is expected"):
+        read_toml(path, FileError)
+    write_text(tmp_path / "a.toml", "a = 1", FileError)
+    assert read_toml(str(tmp_path / "a.toml"), FileError) == "a = 1"
+    with pytest.raises(FileError, match="cannot be written"):
+        write_text(tmp_path / "none" / "a.toml", "a = 1", FileError)
+    with pytest.raises(TypeError):
+        read_toml(3, FileError)
+    with pytest.raises(FileError, match="cannot be read"):
+        read_text(tmp_path / "a.toml", FileError, 4)

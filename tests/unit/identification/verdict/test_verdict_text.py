@@ -187,3 +187,47 @@ def test_a_comparison_says_with_what():
 def test_the_title_claims_no_more_than_is_verified(outcome, verified, own_run, said):
     agreement = replace(AGREEMENT, outcome=outcome)
     assert title(PayloadVerdict(agreement, AGREED, AGREED, REMEDY, own_run, verified)) == said
+
+
+def test_an_error_of_both_is_one_sentence_with_its_share_of_the_mass():
+    found = wrong((-0.4, 0.0, 0.004, -0.0021))
+    assert found[0] == (
+        "The payload's mass is 0.400 kg (10.0 %) too high and its centre of mass is off by -4.0 mm in y, +2.1 mm in z."
+    )
+    assert found[2].endswith("(F 9.0, limit 4.0).")
+    other = wrong((0.4, 0.0, 0.0, 0.0), judged_kg=2.0, tolerance_kg=0.1)
+    assert "0.400 kg (20.0 %) too low" in other[0]
+    assert "a mass 0.400 kg higher (20.0 %) +- 0.050 kg" in other[1]
+    assert "the tolerance is 5 % of the mass (0.100 kg) and 5 mm" in other[1]
+
+
+@pytest.mark.parametrize(
+    ("weakest", "said"), [((0.901, 0.0, -0.434), "x axis"), ((0.899, 0.0, -0.438), "along [0.90, 0.00, -0.44]")]
+)
+def test_a_direction_within_26_degrees_of_an_axis_is_that_axis(weakest, said):
+    assert said in unclear(weakest=np.array(weakest))[1]
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.49, "hardly ever brings"), (0.51, "is best determined by wrist")])
+def test_poses_are_missing_if_the_direction_is_level_for_less_than_half(share, said):
+    assert said in unclear(replace(REMEDY, center_limits=True, level_share=share))[-1]
+
+
+@pytest.mark.parametrize(
+    ("moved_m", "turned"),
+    [
+        ((0.0, 0.0, 0.0049), True),
+        ((0.0, 0.0, 0.0051), False),
+        ((0.0029, 0.0039, 0.0), True),
+        ((0.0031, 0.0041, 0.0), False),
+    ],
+)
+def test_a_turned_payload_is_as_far_from_the_axis_and_along_it_within_the_tolerance(moved_m, turned):
+    assert ("turned by" in remounted(0.0, moved_m)) is turned
+
+
+def test_floors_are_said_in_grams_and_millimetres():
+    found = unclear(replace(REMEDY, length=LengthNeeded(np.inf, False)))[-1]
+    assert "5 g and 1 mm (one standard deviation)" in found
+    assert "1.1 times the length" in unclear(replace(REMEDY, length=LengthNeeded(1.0, False)))[-1]
+    assert "1.2 times the length" in unclear(replace(REMEDY, length=LengthNeeded(1.2, False)))[-1]
