@@ -17,6 +17,7 @@ from armload_identification.estimation.arm_terms import (
     recorder_delay,
     wide_payload,
 )
+from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.gain_errors import _named_from, _noticeable
 from armload_identification.estimation.normal_equations import (
     GroupState,
@@ -27,6 +28,13 @@ from armload_identification.estimation.normal_equations import (
 )
 from armload_identification.estimation.payload_change import _greatest, _slow_change
 from armload_identification.estimation.payload_estimate import gear_asymmetry, model_doubts
+from armload_identification.estimation.physical_consistency import (
+    WRITTEN_MARGIN,
+    _compact_body,
+    _interior,
+    make_physical,
+    nearest_possible,
+)
 from armload_identification.estimation.problem import Noise
 from armload_identification.estimation.residual_spectrum import _summed
 from armload_identification.estimation.run_drift import RunDrift
@@ -35,6 +43,7 @@ from armload_identification.estimation.term_kinds import Scope, Term
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
+from armload_identification.model.payload import InertialParameters
 
 pytestmark = pytest.mark.pure
 
@@ -474,3 +483,102 @@ def test_a_spectrum_is_averaged_over_half_of_a_bins_number_and_at_most_eight_on_
 def test_the_transposed_sum_is_over_the_bins_in_whose_windows_each_is():
     one, other = np.random.default_rng(9).normal(size=(2, 40))
     assert one @ _summed(other) == pytest.approx(_summed(one, transposed=True) @ other)
+
+
+def drift_of(information, pull, noise=1.0, arm=True):
+    torque = SimpleNamespace(predicted_nm=np.ones((2, 1)), joints=[], gain=np.ones(1))
+    state = SimpleNamespace(torque=[torque], coupling=np.eye(1))
+    posterior = SimpleNamespace(
+        groups=[state],
+        x=np.zeros(1),
+        noise_nm=np.array([[noise]]),
+        beside=lambda *_: (np.array(pull), np.array(information)),
+    )
+    posterior.problem = SimpleNamespace(groups=[])
+    return posterior, SimpleNamespace(noise_nm=np.ones(1)) if arm else None
+
+
+@pytest.mark.parametrize(
+    ("information", "pull", "found"),
+    [
+        ([[1e6, 0.0], [0.0, 0.0]], [-500.0, 7.0], (0.0005, 0.001)),
+        ([[1e4, 5e3], [5e3, 5e3]], [-40.0, 10.0], (40.0 * 1.5e-4 + 10.0 * 1e-4, 1.5e-4**0.5)),
+    ],
+)
+def test_a_drift_is_found_beside_two_percent_of_friction(monkeypatch, information, pull, found):
+    """2500 of information about the friction's common factor."""
+    monkeypatch.setattr("armload_identification.estimation.run_drift._friction_nm", lambda *_: np.ones((2, 1)))
+    drift = RunDrift.of(*drift_of(information, pull))
+    assert (drift.log_factor, drift.deviation) == pytest.approx(found)
+    assert (drift.usual, drift.heard) == (0.001, True)
+    assert RunDrift.of(*drift_of(information, pull, 2.9)).heard
+    assert not RunDrift.of(*drift_of(information, pull, 3.1)).heard
+    nominal = RunDrift.of(*drift_of(information, pull, 9.0, arm=False))
+    assert (nominal.usual, nominal.heard) == (0.0, True)
+
+
+@pytest.mark.parametrize(("pull", "refined"), [(-1.4e3, False), (-1.5e3, True)])
+def test_a_drift_beyond_one_deviation_is_refined(monkeypatch, pull, refined):
+    """0.1 % of deviation and 0.1 % that is usual are 0.141 %."""
+    room = "armload_identification.estimation.run_drift"
+    monkeypatch.setattr(f"{room}._friction_nm", lambda *_: np.ones((2, 1)))
+    monkeypatch.setattr(f"{room}.replace", lambda one, **_: one if isinstance(one, RunDrift) else None)
+    again, _ = drift_of([[1e6, 0.0], [0.0, 0.0]], [-200.0, 0.0])
+    solved = []
+    monkeypatch.setattr(f"{room}.solve", lambda *_, **__: solved.append(1) or again)
+    RunDrift.of(*drift_of([[1e6, 0.0], [0.0, 0.0]], [pull, 0.0]))
+    assert bool(solved) is refined
+
+
+def test_gears_give_way_by_two_milliradians_at_the_usual_torque(monkeypatch):
+    """Of joints with 4 and 10 N m; what rows say of the first counts for a third of its square."""
+    room = "armload_identification.estimation.elastic_joints"
+    lag = np.stack([np.full((3, 2), 1.0), np.full((3, 2), 2.0)])
+    monkeypatch.setattr(f"{room}._lag_torque", lambda *_: lag)
+    rows = SimpleNamespace(effort_nm=np.array([[4.0, 10.0], [-4.0, -10.0]]))
+    group = SimpleNamespace(runs=[SimpleNamespace(rows=rows, mounting="")])
+    found = SimpleNamespace(problem=SimpleNamespace(groups=[group]), value=lambda *_: np.zeros(2))
+    body = SimpleNamespace(coupling=np.eye(2))
+    found.beside = lambda *_: (np.zeros(2), np.zeros((2, 2)))
+    (torque,) = elastic_torque(found, None, body)
+    np.testing.assert_allclose(torque, [0.002 / 4.0 * lag[0], 0.002 / 10.0 * lag[1]])
+    found.beside = lambda *_: (np.array([3e6, 0.0]), np.diag([12e6, 0.0]))
+    (torque,) = elastic_torque(found, None, body)
+    # Information 4e6 by the prior: 1/16e6, of which 3e6 are 0.1875.
+    np.testing.assert_allclose(torque[0], np.sqrt(1.0 / 16e6 + 0.1875**2 / 3.0) * lag[0])
+    pair = SimpleNamespace(runs=[*group.runs, SimpleNamespace(rows=rows, mounting="")])
+    found.problem.groups = [pair]
+    assert not elastic_torque(found, None, body)[0].any(), "both runs lag alike"
+
+
+def test_undetermined_directions_are_drawn_towards_a_ball_of_five_centimetres():
+    """2 m r^2 of inertia about its centre; the start is wider by the square of its distance from the flange."""
+    plain = InertialParameters.from_center_of_mass(3.0, [0.0, 1.0, 2.0], np.diag([1.0, 2.0, 3.0]))
+    ball = _compact_body(plain)
+    np.testing.assert_allclose(ball.values, [3.0, 0.0, 1.0, 2.0, *[0.015] * 3, 0.0, 0.0, 0.0], atol=1e-12)
+    wide = InertialParameters(_interior(plain))
+    np.testing.assert_allclose(wide.values, [3.0, 0.0, 1.0, 2.0, *[0.09] * 3, 0.0, 0.0, 0.0], atol=1e-12)
+
+
+def test_a_possible_body_with_room_is_its_own_nearest_one():
+    body = InertialParameters.from_center_of_mass(3.0, [0.0, 0.1, 0.2], 0.03 * np.eye(3))
+    assert nearest_possible(body, np.eye(10)) is body
+    flat = InertialParameters.from_center_of_mass(3.0, [0.0, 0.1, 0.2], np.diag([0.01, 0.01, 0.03]))
+    found = nearest_possible(flat, np.eye(10))
+    assert found.margin >= WRITTEN_MARGIN * (1.0 - 1e-9)
+    np.testing.assert_allclose(found.theta[:7], flat.theta[:7], atol=0.01)
+    assert found.theta[6] < flat.theta[6]
+
+
+@pytest.mark.parametrize(("rank", "plain", "changed"), [(10, True, False), (10, False, True), (9, True, True)])
+def test_an_estimate_is_reported_as_it_is_if_it_is_possible_and_determined(rank, plain, changed):
+    inertia = 0.03 * np.eye(3) if plain else np.diag([0.01, 0.01, 0.03])
+    body = InertialParameters.from_center_of_mass(3.0, [0.0, 0.1, 0.2], inertia)
+    root = np.diag([1e3] * 9 + [0.0 if rank == 9 else 1e3])
+    found = make_physical(SimpleNamespace(theta=body.theta, rank=rank, root=root))
+    assert found.changed is changed
+    assert found.plain_margin == pytest.approx(body.margin)
+    assert found.parameters.margin >= WRITTEN_MARGIN * (1.0 - 1e-9)
+    assert (found.parameters.theta is body.theta or np.allclose(found.parameters.theta, body.theta)) is (plain)
+    with pytest.raises(EstimationError, match=r"the estimated mass is -3 kg, which is physically impossible"):
+        make_physical(SimpleNamespace(theta=-body.theta, rank=10, root=root))
