@@ -8,7 +8,13 @@ import pytest
 from matplotlib.axes import Axes
 
 from armload_identification.report import watch_report
-from armload_identification.report.watch_report import WatchedJoint, WatchHistory, watch_svg, write_watch_report
+from armload_identification.report.watch_report import (
+    WatchedEvent,
+    WatchedJoint,
+    WatchHistory,
+    watch_svg,
+    write_watch_report,
+)
 
 
 def history_of(mass_kg, half_width_95_kg, known):
@@ -88,3 +94,67 @@ def test_friction_far_from_what_is_usual_is_told(tmp_path, monkeypatch, share, t
     joint = WatchedJoint("wrist", 12.0, share * 0.4, 0.4, 0)
     write_watch_report(tmp_path / "shift.html", replace(history_of([1.0], [0.1], [True]), joints=(joint,)))
     assert given["far"] == ([joint] if told else [])
+
+
+def watched_over(count, **changes):
+    history = history_of(np.full(count, 2.0), np.full(count, 0.1), np.ones(count, dtype=bool))
+    return replace(history, **changes)
+
+
+@pytest.fixture
+def axes_of(monkeypatch):
+    """The axes of a watch's figure."""
+    figures = []
+    monkeypatch.setattr(watch_report, "inline_svg", lambda figure, *_: figures.append(figure))
+
+    def axes_of(history):
+        watch_svg(history, "mass", "a title")
+        return figures.pop().axes[0]
+
+    return axes_of
+
+
+@pytest.mark.parametrize(("count", "drawn"), [(1999, 1999), (3999, 3999), (4000, 2000), (6001, 2001)])
+def test_of_a_long_watch_every_kth_moment_is_drawn(axes_of, count, drawn):
+    zero, mass = axes_of(watched_over(count)).lines
+    assert len(mass.get_xdata()) == drawn
+    assert (zero.get_ydata()[0], zero.get_linewidth(), mass.get_linewidth()) == (0.0, 0.7, 1.4)
+
+
+def test_the_mass_is_within_its_interval_and_marked_events_have_a_line_and_their_text(axes_of):
+    events = (WatchedEvent(2.0, "grasped", True), WatchedEvent(3.0, "push", False))
+    axes = axes_of(watched_over(5, events=events))
+    assert axes.figure.get_size_inches().tolist() == [7.0, 3.0]
+    _, mass, line = axes.lines
+    assert mass.get_xydata().tolist() == [[float(k), 2.0] for k in range(5)]
+    (band,) = axes.collections
+    assert np.ptp(band.get_paths()[0].vertices[:, 1]) == pytest.approx(0.2)
+    assert (band.get_alpha(), band.get_linewidth()) == (0.25, 0)
+    assert (list(line.get_xdata()), line.get_linewidth()) == ([2.0, 2.0], 0.9)
+    (text,) = axes.texts
+    assert (text.get_text(), text.xy, text.get_position()) == ("grasped", (2.0, 1.0), (3.0, -2.0))
+    assert (text.get_rotation(), text.get_fontsize()) == (90.0, 7)
+    assert axes.get_xlim() == (0.0, 4.0)
+
+
+def test_a_single_moment_has_a_second_of_width(axes_of):
+    assert axes_of(watched_over(1)).get_xlim() == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("widths", "drawn"),
+    [([0.49, 0.51, 0.1], [True, False, True]), ([0.79, 0.81, 0.2], [True, False, True]), ([0.3, 0.4, 0.5], [True] * 3)],
+)
+def test_an_interval_is_drawn_up_to_a_quarter_of_the_range_or_four_times_the_narrowest(axes_of, widths, drawn):
+    """The range includes zero: 2 kg."""
+    _, mass = axes_of(history_of([2.0] * 3, widths, [True] * 3)).lines
+    assert np.isfinite(mass.get_ydata()).tolist() == drawn
+
+
+@pytest.mark.parametrize(("friction_nm", "far"), [(-1.19, 0), (-1.21, 1), (1.21, 1)])
+def test_friction_beyond_three_usual_deviations_is_named(tmp_path, monkeypatch, friction_nm, far):
+    pages = []
+    monkeypatch.setattr(watch_report, "rendered", lambda _, **content: pages.append(content) or "")
+    joints = (WatchedJoint("elbow", 12.0, 0.0, 0.4, 0), WatchedJoint("wrist", 12.0, friction_nm, 0.4, 3))
+    write_watch_report(tmp_path / "shift.html", watched_over(3, joints=joints))
+    assert [joint.name for joint in pages[0]["far"]] == ["wrist"] * far

@@ -113,3 +113,15 @@ def test_the_page_of_an_arm_has_all_charts_in_the_order_of_the_kinds(page):
         "a: gain of j2", "a: mass of box", "a: friction of j3"
     ]  # fmt: skip
     assert found["acknowledged"] == "known"
+
+
+def test_ten_arms_have_panels_and_fifty_odd_dates_are_listed(page):
+    many = [arm(f"a{k}", suspicions=(SimpleNamespace(quantity=None),)) for k in range(12)]
+    found = page(*many, odd=tuple(range(60)))
+    assert [one.arm for one, _ in found["panels"]] == [f"a{k}" for k in range(10)]
+    assert found["odd"] == tuple(range(50))
+
+
+@pytest.mark.parametrize(("deviation", "text"), [(1e-9, "12.35 kg"), (0.004, "12.346 kg"), (3.0, "12.3 kg")])
+def test_a_value_without_scatter_has_four_digits(page, deviation, text):
+    assert shown(page, figure(HEAVY, 12.3456, deviation))[0] in {text, text.replace("12.346", "12.35")}
