@@ -13,7 +13,7 @@ import pytest
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
-from armload_identification.recording.formats.parquet_reader import ParquetReader, _numbers
+from armload_identification.recording.formats.parquet_reader import ParquetReader, _numbered, _numbers
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import ReadingOptions
 from tests.three_joints import NAMES, POSITION, TIME, TORQUE, assert_read
@@ -216,3 +216,38 @@ def test_damaged_tables_are_named(tmp_path):
     pq.write_table(uneven, path)
     with pytest.raises(RecordingError, match="damaged, "):
         read_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("episodes", "text"), [({3}, "3 to 3"), ({1, 2, 3}, "1 to 3"), ({1, 3}, "1, 3"), ({0, 1, 3, 4}, "0, 1, 3, 4")]
+)
+def test_episodes_are_a_range_if_none_is_missing(episodes, text):
+    assert _numbered(episodes) == text
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "limits_rad", "degrees"),
+    [
+        ([-1.0, -1.0], [1.09, 1.0], [[-1.0, 1.0]] * 2, False),
+        ([-1.0, -1.0], [1.11, 1.0], [[-1.0, 1.0]] * 2, True),
+        ([-1.11, -1.0], [1.0, 1.0], [[-1.0, 1.0]] * 2, True),
+        ([-60.0, -1.0], [62.0, 1.0], [[-1.0, 1.0]] * 2, True),
+        ([-60.0, -1.0], [64.0, 1.0], [[-1.0, 1.0]] * 2, False),
+        ([-6.3, -1.0], [6.38, 1.0], [[-99.0, 99.0]] * 2, False),
+        ([-6.3, -1.0], [6.39, 1.0], [[-99.0, 99.0]] * 2, True),
+    ],
+)
+def test_positions_may_be_a_tenth_of_a_radian_beyond_the_limits_and_two_half_turns_in_any_case(
+    low, high, limits_rad, degrees
+):
+    """63 degrees are 1.1 rad."""
+    reader = object.__new__(ParquetReader)
+    reader._options = ReadingOptions(joint_names=("a_x", "b_x"))
+    reader._path, reader._remarks, reader._names = "set", (), ["time", "state"]
+    batch = pa.table({"state": [low, high]}).to_batches()
+    reader._batches = lambda _: batch
+    columns = CsvColumns("time", ["state"], joint_names=("a_x", "b_x"))
+    found = reader._in_stated_unit(columns, "state", np.array(limits_rad))
+    assert (found.scale.get("position_rad") is not None) is degrees
+    assert bool(reader._remarks) is degrees
+    assert not degrees or f"reaches {max(np.max(high), -np.min(low)):.4g}, beyond" in reader._remarks[0]

@@ -17,8 +17,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from armload_identification.identification_errors import ExtraMissing, RecordingError
 from armload_identification.recording.file_reading import read_recording
-from armload_identification.recording.formats.ros_reader import _DEFINITIONS
+from armload_identification.recording.formats.ros_reader import _DEFINITIONS, RosReader, _bag_of
 from armload_identification.recording.read_boundary import MOST_BYTES
+from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 
 ROWS = 60
@@ -384,3 +385,58 @@ def test_a_bag_of_ros_1(tmp_path):
     np.testing.assert_allclose(recording.position_rad, POSITION)
     np.testing.assert_allclose(recording.torque_nm, EFFORT)
     assert recording.joint_names == tuple(NAMES)
+
+
+@pytest.mark.parametrize("velocity", [True, False])
+def test_alike_messages_are_not_read_one_by_one(bag, state, monkeypatch, velocity):
+    """512 at a time; those without a quantity are, as its numbers are not where they would be."""
+    path = bag(
+        [("/joint_states", STATE, START_NS + STEP_NS * k, state(k % ROWS, velocity=velocity)) for k in range(600)]
+    )
+    singly = []
+    one_by_one = RosReader._one_by_one
+
+    def noted(reader, library, part, account):
+        singly.append(len(part))
+        return one_by_one(reader, library, part, account)
+
+    monkeypatch.setattr(RosReader, "_one_by_one", noted)
+    account = ReadingAccount()
+    blocks = list(RosReader(path, ReadingOptions()).blocks(account))
+    assert singly == ([] if velocity else [512, 88])
+    assert [block.size for block in blocks] == [512, 88]
+    assert account.rows_read == 600
+    np.testing.assert_array_equal(blocks[1].position_rad, POSITION[(512 + np.arange(88)) % ROWS])
+    np.testing.assert_array_equal(blocks[1].torque_nm, EFFORT[(512 + np.arange(88)) % ROWS])
+
+
+@pytest.mark.parametrize(("first", "known"), [(400, True), (401, False)])
+def test_joints_and_quantities_are_learnt_from_four_hundred_messages(bag, state, first, known):
+    messages = [
+        ("/joint_states", STATE, START_NS + STEP_NS * k, state(k % ROWS, effort=k >= first, velocity=False))
+        for k in range(440)
+    ]
+    choice = RosReader(bag(messages), ReadingOptions())._choice
+    assert (choice.names, choice.velocity, choice.effort) == (tuple(NAMES), False, known)
+
+
+@pytest.mark.parametrize(("stands", "by_header"), [(5, True), (7, False)])
+def test_header_stamps_are_used_if_nine_of_ten_increase(bag, state, stands, by_header):
+    """Of 59 steps between 60 messages 53.1."""
+    stamps = START_NS + STEP_NS * np.maximum(np.arange(ROWS) - stands, 0)
+    messages = [
+        ("/joint_states", STATE, START_NS + STEP_NS * k, state(k, stamp_ns=int(stamps[k]))) for k in range(ROWS)
+    ]
+    assert RosReader(bag(messages), ReadingOptions())._choice.by_header is by_header
+
+
+@pytest.mark.parametrize(
+    ("text", "refused"), [(b"[" * 50, False), (b"[" * 51, True), (b"a: [1, {b: 2}]\n" * 90, False), (b"{[" * 26, True)]
+)
+def test_the_description_of_a_bag_is_nested_at_most_fifty_times(tmp_path, text, refused):
+    (tmp_path / "metadata.yaml").write_bytes(text)
+    if refused:
+        with pytest.raises(ValueError, match="nested more than 50 times"):
+            _bag_of(tmp_path)
+    else:
+        assert _bag_of(tmp_path) == tmp_path
