@@ -55,11 +55,6 @@ def draft_of_urdf(arm: UrdfArm) -> ArmDraft:
     )
 
 
-def named(draft: ArmDraft, name: str | None) -> ArmDraft:
-    """The same arm under another name."""
-    return draft if name is None else replace(draft, name=name)
-
-
 def within(draft: ArmDraft, range_rad: FloatArray) -> ArmDraft:
     """The same arm with other ranges.
 

@@ -57,7 +57,6 @@ def init(
     """Write a first robot file, complete except for values that only you can know, and design its two excitations."""
     from armload_controller.cli.output.json_documents import init_document
     from armload_controller.control_errors import CommissioningError, ConfigurationError
-    from armload_controller.new_robot.arm_draft import named
     from armload_controller.new_robot.draft_text import draft_file
     from armload_identification.storage.strict_toml import write_text
 
@@ -73,7 +72,7 @@ def init(
         payload_kg = Interview(screen.ask, screen.step).positive(question)
         payload_kg = None if isnan(payload_kg) else payload_kg
     arm, workspace = _arm(screen, urdf, base, flange, payload_kg, output)
-    arm = named(arm, name)
+    arm = arm if name is None else replace(arm, name=name)
     if simulated:
         _require_twin(arm, payload_kg, scan is not None or description is not None)
     bus = _bus(arm.n, scan, bitrate, description, output)
