@@ -22,8 +22,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 def tools_folder() -> Path:
     """The folder of the user's tools; it may not exist."""
-    home = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    return Path(home) / "armload" / "tools"
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "armload" / "tools"
 
 
 def tool_names() -> tuple[str, ...]:

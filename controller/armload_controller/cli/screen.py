@@ -69,9 +69,9 @@ class Screen:
         for text in texts:
             self.step(f"{kind}: {text}")
 
-    def result(self, text: str) -> None:
-        """Print a result as text."""
-        if not self.as_json:
+    def result(self, *texts: str) -> None:
+        """Print a result as text, one line each."""
+        for text in () if self.as_json else texts:
             self.step(text)
 
     def table(self, table: Table) -> None:
@@ -88,8 +88,7 @@ class Screen:
         from armload_controller.cli.console_text import drawn
 
         self.table(drawn(result))
-        for sentence in result.sentences:
-            self.result(sentence)
+        self.result(*result.sentences)
 
     def write(self, write: Callable[[Path], object], file: Path | None) -> None:
         """Write a result's file, if one is requested.

@@ -176,8 +176,7 @@ def report_command(
     attention = attention_of(review, folder, now.date())
     text = render_fleet_report(review, attention.words, attention.arms)
     screen.write(lambda path: write_page(path, text), page)
-    for line in suspicion_lines(review, attention):
-        screen.result(line)
+    screen.result(*suspicion_lines(review, attention))
     screen.write(lambda path: write_metrics(path, metrics_text(review, attention, now)), metrics)
     screen.document(partial(fleet_report_document, review, attention), {"report": page, "metrics": metrics})
     if webhook is not None:
@@ -225,8 +224,7 @@ def history_command(
     )
     attention = attention_of(review, folder, datetime.now(UTC).date())
     write_page(page, render_arm_history(found[0], attention.words.get(arm, "")))
-    for suspicion in found[0].suspicions:
-        screen.result(suspicion.sentence)
+    screen.result(*(suspicion.sentence for suspicion in found[0].suspicions))
     screen.step(f"written: {page}")
     screen.document(partial(arm_document, found[0]), {"page": page})
 
@@ -263,7 +261,5 @@ def _show_tally(screen: Screen, tally: FleetTally, output: Path) -> None:
     from armload_controller.cli.output.fleet_output import problem_lines
     from armload_identification.results.json_document import json_document
 
-    screen.result(str(tally))
-    for line in problem_lines(tally, output):
-        screen.result(line)
+    screen.result(str(tally), *problem_lines(tally, output))
     screen.document(lambda: json_document("fleet", tally.to_dict()), {"directory": output})
