@@ -71,8 +71,9 @@ class Screen:
 
     def result(self, *texts: str) -> None:
         """Print a result as text, one line each."""
-        for text in () if self.as_json else texts:
-            self.step(text)
+        if not self.as_json:
+            for text in texts:
+                self.step(text)
 
     def table(self, table: Table) -> None:
         """Print a result as a table, complete at any width."""

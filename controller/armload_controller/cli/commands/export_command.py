@@ -79,6 +79,7 @@ def export(
         calibration=calibration,
         options=robot_export.ExportOptions(single, flange_rpy_rad, licence),
     )
-    screen.result(*(f"{'written' if new else 'unchanged'}: {path}" for path, new in done.files.items()))
+    for path, written in done.files.items():
+        screen.result(f"{'written' if written else 'unchanged'}: {path}")
     screen.remarks("note", done.notes)
     screen.document(partial(export_document, done))

@@ -33,7 +33,8 @@ def show_findings(screen: Screen, findings: Findings) -> None:
         screen.result_table(validation_table(content.validation, findings.arm.joint_names))
         name = title(content.validation.verdict)
         screen.result(f"verdict: {name if findings.outcome is Outcome.RIGHT else name.upper()}")
-        screen.result(*(f"  {each}" for each in sentences(content.validation.verdict, findings.arm.joint_names)))
+        for sentence in sentences(content.validation.verdict, findings.arm.joint_names):
+            screen.result(f"  {sentence}")
     screen.remarks("note", findings.notes)
 
 

@@ -32,8 +32,6 @@ class Screen(screen_module.Screen):
     def step(self, text):
         self.lines.append(text)
 
-    result = step
-
 
 def test_ten_values_stand_beside_cad_with_their_error_or_as_not_determined():
     truth = np.arange(1.0, 11.0)
