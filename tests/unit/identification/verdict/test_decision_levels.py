@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,6 +25,13 @@ from armload_identification.signals.motion import ABOVE_BAND
 from armload_identification.verdict.agreement import KnownMassCenter, compare_known, length_needed
 from armload_identification.verdict.control_limits import control_chart
 from armload_identification.verdict.decision_levels import FalseAlarms
+from armload_identification.verdict.recording_checks.column_mistakes import (
+    RunColumns,
+    _Correction,
+    _Exchange,
+    exchanged_columns,
+    flipped_signs,
+)
 from armload_identification.verdict.recording_checks.contradictions import (
     _ImpliedShare,
     _refuse_contradicting_joint,
@@ -712,3 +720,180 @@ def test_a_centre_is_stated_for_a_fifth_of_the_greater_mass(change_kg, said):
     )
     assert said in found
     assert ("centre" in found) is ("centre" in said)
+
+
+# Mistakes in columns ---------------------------------------------------------------------------------------------
+
+
+def correction(cost=0.0, share=0.0, friction=0.1):
+    return _Correction(cost, np.array([0.0, share]), np.array([0.1, friction]))
+
+
+@pytest.mark.parametrize(
+    ("share", "friction", "possible"),
+    [
+        (0.29, 0.1, True),
+        (0.31, 0.1, False),
+        (0.0, -0.049, True),
+        (0.0, -0.051, False),
+        (0.2, -0.19, True),
+        (0.2, -0.21, False),
+    ],
+)
+def test_a_run_leaves_three_tenths_and_friction_moves_it_by_a_twentieth(share, friction, possible):
+    assert correction(0.0, share, friction).possible is possible
+    assert not correction(0.0, 0.0, -0.3).driven_beyond(np.array([0.0, 0.31]))
+    assert correction(0.0, 0.0, -0.3).driven_beyond(np.array([0.0, 0.29]))
+
+
+@pytest.fixture
+def turned(monkeypatch):
+    """Motors of the wrong sign, where trials with some signs have given results; others are as bad as can be."""
+
+    def turned(trials, n=3, moves=None):
+        asked = []
+
+        class Fake:
+            def __init__(self, *_):
+                pass
+
+            def trial(self, signs):
+                joints = tuple(np.flatnonzero(np.diag(signs) < 0.0).tolist())
+                asked.append(joints)
+                return trials.get(joints, correction(99.0, 0.9))
+
+            def friction_half_width(self, _):
+                return np.array([0.0, 0.2])
+
+        monkeypatch.setattr(f"{CHECKS}.column_mistakes._LinksAndFriction", Fake)
+        monkeypatch.setattr(f"{CHECKS}.column_mistakes.base_columns", lambda *_: None)
+        run = SimpleNamespace(moves=np.ones(n, dtype=bool) if moves is None else np.array(moves))
+        return flipped_signs(run, SimpleNamespace(n=n), None), asked
+
+    return turned
+
+
+@pytest.mark.parametrize(
+    ("as_it_is", "other", "found"),
+    [
+        (correction(2.6, 0.5), correction(1.0), (1,)),
+        (correction(2.4, 0.5), correction(1.0), ()),
+        (correction(2.6, 0.5), correction(1.0, 0.31), ()),
+        (correction(0.6, 0.0, -0.21), correction(1.0), (1,)),
+        (correction(0.4, 0.0, -0.21), correction(1.0), ()),
+        (correction(0.6, 0.0, -0.19), correction(1.0), ()),
+    ],
+)
+def test_a_sign_is_wrong_if_the_residual_is_smaller_by_far_or_friction_drives_the_arm(turned, as_it_is, other, found):
+    """By 1.5 of its logarithm; else it may be greater by half where friction drives beyond its half width."""
+    assert turned({(): as_it_is, (1,): other})[0] == found
+
+
+def test_of_up_to_eight_joints_all_signs_are_tried_and_of_more_two_at_once(turned):
+    better = {(): correction(9.0), (0,): correction(3.0), (0, 2): correction(2.0), (0, 1, 2): correction(1.0)}
+    assert turned(better)[0] == (0, 1, 2)
+    assert len(turned({(): correction()}, 8)[1]) == 2**8
+    assert len(turned({(): correction()}, 9)[1]) == 1 + 9 + 36
+    assert turned(better, 9)[0] == (0, 2)
+    assert turned(better, 3, [True, False, True])[1] == [(), (0,), (2,), (0, 2)]
+
+
+@pytest.mark.parametrize(("cost", "found"), [(0.9, True), (1.1, False)])
+def test_columns_are_exchanged_if_the_residual_is_smaller_by_1_5_of_its_logarithm(monkeypatch, cost, found):
+    """The torques of three joints in a cycle: joint 1 has those of joint 3."""
+    cycle = np.eye(3)[[2, 0, 1]]
+
+    class Fake:
+        def __init__(self, run, chain, coupling, base, order=None):
+            self.order = order
+
+        def trial(self, columns):
+            if self.order is None and np.array_equal(columns, np.eye(3)):
+                return correction(2.5)
+            return correction(cost if self.order is None and np.array_equal(columns, cycle) else 99.0)
+
+    monkeypatch.setattr(f"{CHECKS}.column_mistakes._LinksAndFriction", Fake)
+    monkeypatch.setattr(f"{CHECKS}.column_mistakes.base_columns", lambda *_: None)
+    exchange = exchanged_columns(SimpleNamespace(moves=np.ones(3, dtype=bool)), SimpleNamespace(n=3), None)
+    assert (exchange is not None) is found
+    assert not found or exchange.joints == (0, 1, 2)
+
+
+def pair_of(slope=1.0, residual=0.1, coulomb=1.0, moves=True, noise=0.1):
+    """A pair whose second joint has a loaded torque that is a multiple of its unloaded one, of 10 N m."""
+    unloaded = 10.0 * np.sqrt(2.0) * np.hstack([SWING, SWING])
+    runs = [
+        SimpleNamespace(
+            torque_nm=unloaded * factor,
+            moves=np.array([True, moves]),
+            states=SimpleNamespace(velocity_rad_s=np.ones((4001, 2))),
+        )
+        for factor in ([1.0, slope], [1.0, 1.0])
+    ]
+    signal = SimpleNamespace(
+        loaded=runs[0], unloaded=runs[1], valid=np.ones(4001, dtype=bool), averaged_noise_nm=np.array([0.1, noise])
+    )
+    recorded_as = [SimpleNamespace(recording=SimpleNamespace(source=SimpleNamespace(path=path))) for path in "ab"]
+    columns = RunColumns(signal, recorded_as, None, None, None)
+    model = SimpleNamespace(coulomb_nm=np.array([1.0, coulomb - 0.1]), viscous_nm_s_rad=np.full(2, 0.1))
+    columns.__dict__["arm"] = SimpleNamespace(
+        model=model, torque_rms_nm=np.full(2, 10.0), residual_rms_nm=np.array([0.1, 10.0 * residual])
+    )
+    return columns
+
+
+@pytest.mark.parametrize(
+    ("changes", "right"),
+    [
+        ({}, True),
+        ({"slope": 0.21}, True),
+        ({"slope": 0.19}, False),
+        ({"slope": 0.19, "moves": False}, True),
+        ({"residual": 0.29}, True),
+        ({"residual": 0.31}, False),
+        ({"residual": 0.31, "moves": False}, True),
+        ({"residual": 0.31, "noise": 10.1}, True),
+        ({"coulomb": -0.49}, True),
+        ({"coulomb": -0.51}, False),
+    ],
+)
+def test_columns_look_right_if_links_and_friction_explain_the_arm_and_both_runs_are_alike(changes, right):
+    """A fifth of the unloaded torque is in the loaded one; three tenths of it are left, and a twentieth drives it."""
+    assert pair_of(**changes).look_right is right
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "slope", "said"),
+    [
+        ((1,), (1,), 1.0, "a and b: joint 2 measures the opposite"),
+        ((1,), (), -1.0, "a: joint 2 measures the opposite"),
+        ((), (1,), -1.0, "b: joint 2 measures the opposite"),
+        ((), (1,), 1.0, None),
+        ((0, 1), (0, 1), 1.0, "a and b: joints 1 and 2 measure the opposite .* The sign of their current"),
+    ],
+)
+def test_a_sign_of_one_run_must_show_in_the_comparison_of_both(monkeypatch, first, second, slope, said):
+    columns = pair_of(slope=slope)
+    signs = {id(columns._signal.loaded): first, id(columns._signal.unloaded): second}
+    monkeypatch.setattr(f"{CHECKS}.column_mistakes.flipped_signs", lambda run, *_: signs[id(run)])
+    monkeypatch.setattr(f"{CHECKS}.column_mistakes.exchanged_columns", lambda *_: None)
+    assert re.match(said, refusal(columns.require_right)) if said else refusal(columns.require_right) == ""
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "said"),
+    [
+        (("the currents or torques", (0, 1)), None, "a: the currents or torques of joints 1 and 2 are exchanged"),
+        (None, ("the currents or torques", (0, 1)), "b: the currents or torques of joints 1 and 2 are exchanged"),
+        (("the currents or torques", (0, 1)), ("the currents or torques", (0, 1)), "a and b: the currents or torques"),
+        (("the positions", (0, 1)), None, "a and b: the positions of joints 1 and 2 are exchanged: links and friction"),
+        (None, None, None),
+    ],
+)
+def test_exchanged_positions_are_those_of_both_runs(monkeypatch, first, second, said):
+    columns = pair_of()
+    found = {id(columns._signal.loaded): first, id(columns._signal.unloaded): second}
+    exchange = {key: value and _Exchange(value[1], value[0]) for key, value in found.items()}
+    monkeypatch.setattr(f"{CHECKS}.column_mistakes.flipped_signs", lambda *_: ())
+    monkeypatch.setattr(f"{CHECKS}.column_mistakes.exchanged_columns", lambda run, *_: exchange[id(run)])
+    assert refusal(columns.require_right).startswith(said) if said else refusal(columns.require_right) == ""
