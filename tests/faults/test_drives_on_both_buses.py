@@ -249,7 +249,7 @@ def test_torque_goes_at_standstill_only_even_where_another_master_stopped_the_no
 
 
 def test_without_a_configured_identity_the_device_description_is_asked(fault_arm, arm_settings):
-    described = DeviceDescription("servo.eds", "", "", 0x1AB, None, None, None, {}, ())
+    described = DeviceDescription("servo.eds", "", 0x1AB, None, None, None, {}, ())
     settings = arm_settings(cycle_s=0.02, identity=Identity(None, None), description=described)
     arm = fault_arm(settings)
     with pytest.raises(WrongDevice, match=r"vendor id \(1018\) is 0x41524D4C instead of 0x000001AB"):
