@@ -107,7 +107,7 @@ def test_a_table_of_runs():
     ("table", "said"),
     [
         ("", "the header must name recording, mounting, mass_kg"),
-        ("recording,mounting,mass\n", "'mass'.* once; the nearest is 'mass_kg'"),
+        ("recording,mounting,mass\n", "'mass'.* recorded; the nearest is 'mass_kg'"),
         ("recording;mounting;mass_kg\na;;\n", "line 1 .* separated by semicolons; expected commas"),
         ("recording,mounting,mass_kg\n", "the table has no rows"),
         ("recording,mounting,mass_kg\n,disc,2\n", "line 2, recording"),
