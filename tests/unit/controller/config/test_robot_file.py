@@ -19,7 +19,12 @@ from armload_controller.control_errors import ConfigurationError
         ('mode = "csp"', 'mode = "pp"', "joints[1].drive.mode", "'csp' or 'ip'"),
         ("rated_current_a = 10.0", "", "joints[1].drive.rated_current_a", "needs its scale"),
         ("cycle_hz = 250.0", "cycle_hz = 900.0", "bus.cycle_hz", "this fits: cycle_hz = 250"),
-        ("rated_payload_kg = 16.0", "rated_payload_kg = 16e3", "robot.rated_payload_kg", "in grams .* be 16 kg"),
+        (
+            "rated_payload_kg = 16.0",
+            "rated_payload_kg = 16e3",
+            "robot.rated_payload_kg",
+            "in grams this would be 16 kg",
+        ),
         ("mass_kg = 9.814", "mass_kg = 40.0", "expected_payload.mass_kg", "rated_payload_kg = 16"),
         (
             "center_of_mass_m = [0.0, 0.102, 0.1]",

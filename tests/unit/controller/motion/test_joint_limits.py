@@ -83,10 +83,6 @@ def test_what_rounding_explains_is_not_named_in_place_of_what_breaks_a_limit():
         check_setpoints(np.array([1.0 + 1e-10, 0.0]), np.array([0.0, 0.7]), REST, LIMITS)
 
 
-def test_joints_are_found_by_name():
-    assert [LIMITS.index_of(name) for name in ("base", "elbow", "wrist")] == [0, 1, None]
-
-
 def test_an_arm_that_stands_beyond_a_limit_is_named_with_both():
     require_within(np.array([1.0, -2.0]), LIMITS)
     with pytest.raises(BeyondLimit, match=r"^elbow stands at -2\.5000 rad, beyond its limit of -2\.0000 rad") as caught:

@@ -30,7 +30,7 @@ def description(changes=()):
         found = objects.pop(index << 8)
         if change is not None:
             objects[index << 8] = replace(found, **change)
-    return DeviceDescription("servo.eds", "", "", None, None, None, None, objects, ())
+    return DeviceDescription("servo.eds", "", None, None, None, None, objects, ())
 
 
 @pytest.fixture

@@ -149,11 +149,12 @@ def test_a_longer_frame_of_another_kind_counts_as_eight_bytes():
 
 @pytest.mark.parametrize(("share", "fits"), [(0.4999, True), (0.5001, False)])
 def test_seven_tenths_of_the_bus_may_be_used(share, fits):
-    load = BusLoad(1.0, share, 0.15, 0.05, 250)
+    load = BusLoad(share, 0.15, 0.05, 250)
     assert load.share == pytest.approx(share + 0.2)
     assert load.fits is fits
 
 
 def test_a_sync_counter_takes_a_byte():
     plain = arm(6, 250)
-    assert forecast(replace(plain, sync_counter=10)).cycle_us - forecast(plain).cycle_us == pytest.approx(10.0)
+    counted = forecast(replace(plain, sync_counter=10)).cycle_share - forecast(plain).cycle_share
+    assert counted == pytest.approx(10e-6 * 250.0), "ten bits at 1 Mbit/s"
