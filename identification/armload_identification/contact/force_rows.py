@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
-from armload_identification.contact.contact_levels import BIN_S, BINS, HOLE_S, SLOW, STEP_S, STOPPING
+from armload_identification.contact.contact_levels import BIN_S, BINS, HOLE_S, SCATTER, SLOW, STEP_S, STOPPING
 from armload_identification.estimation.empty_arm.known_arm_rows import MOVING, payload_scale
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import payload_regressor
@@ -42,7 +42,8 @@ class ForceRows:
         position_rad: (K, n) positions.
         residual_nm: (K, n) e.
         columns: (K, n, 10 + 3 n) H.
-        doubt_nm: (K, n) torque by which a joint is uncertain because it stops, starts or reverses.
+        doubt_nm: (K, n) torque by which a joint is uncertain because it stops, starts or reverses, or because
+            the stamps of its samples scatter.
         acceleration_rad_s2: (K, n) acceleration.
         weight: (K, n) 0 to 1, how well a row shows a joint's friction.
     """
@@ -145,6 +146,9 @@ class RowMaker:
         friction = direction * steady + body.viscous_nm_s_rad * dq + body.offset_nm
         own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * self._spread.ravel()
         changes = own[:, None, :] * np.tile(np.eye(n), 3)
+        shaken = dq * _scatter_per_s(windows[:, :, 1 : 1 + n] - powers @ cubic, dq, normal, span)[:, None]
+        uneven = self._body.link_torque(self.chain, q, dq, ddq + shaken) - links if len(q) else links
+        uneven = uneven + shaken @ body.rotor_mass_kg_m2
         slowest = np.maximum(np.abs(dq) - span[:, None] * np.abs(ddq), 0.0)
         slow = 1.0 - np.tanh(slowest / (SLOW * body.reversal_speed_rad_s))
         return ForceRows(
@@ -152,7 +156,8 @@ class RowMaker:
             position_rad=q,
             residual_nm=tau - through * links - ddq @ body.rotor_mass_kg_m2 - friction,
             columns=np.concatenate([through[:, :, None] * regressor * self.scale, changes], axis=2),
-            doubt_nm=STOPPING * (body.coulomb_nm + body.load_friction * np.abs(carried)) * slow,
+            doubt_nm=STOPPING * (body.coulomb_nm + body.load_friction * np.abs(carried)) * slow
+            + SCATTER * np.abs(uneven),
             acceleration_rad_s2=ddq,
             weight=moving_weights(dq, MOVING * body.reversal_speed_rad_s),
         )
@@ -163,3 +168,20 @@ class RowMaker:
         unit = np.vstack([np.eye(n), np.zeros(n)])
         torque = self._body.link_torque(self.chain, np.tile(position, (n + 1, 1)), still, unit)
         return np.asarray(np.diag(torque[:n] - torque[n]) + np.diag(self._body.rotor_mass_kg_m2))
+
+
+def _scatter_per_s(left: FloatArray, dq: FloatArray, normal: FloatArray, span: FloatArray) -> FloatArray:
+    """(K,) standard deviation of the acceleration per speed, in 1/s, by stamps that scatter.
+
+    A stamp's error moves all joints along their speeds. What the cubic leaves of a smooth motion has small second
+    differences.
+
+    Args:
+        left: (K, B, n) positions minus the cubic.
+        dq: (K, n) speeds.
+        normal: (K, 4, 4) normal matrix of the cubic.
+        span: (K,) its unit of time.
+    """
+    late_s = np.einsum("kbj,kj->kb", left, dq) / np.maximum(np.sum(dq**2, axis=1), 1e-12)[:, None]
+    deviation_s = np.sqrt(np.mean(np.diff(late_s, 2, axis=1) ** 2, axis=1) / 6.0)
+    return np.asarray(2.0 * np.sqrt(np.linalg.inv(normal)[:, 2, 2]) / span**2 * deviation_s)

@@ -46,3 +46,28 @@ def test_a_joint_is_uncertain_from_when_a_row_sees_it_stop(moved, step_s):
     doubt, half_s = rows.doubt_nm[:, 0] / STOPPING, 0.5 * BINS * step_s
     assert doubt[rows.time_s < stop_s - half_s].max() < 1e-6
     assert doubt[rows.time_s > stop_s - 0.25 * half_s].min() > 0.9
+
+
+def moving_steadily(moved, late_s):
+    """Rows of a joint at constant speed, whose samples are stamped late."""
+    calibration, chain, transmission = moved.watched_arm
+    nothing = dict.fromkeys(("coulomb_nm", "viscous_nm_s_rad", "root_nm", "load_friction"), np.zeros(chain.n))
+    calibration = replace(calibration, body=replace(calibration.body, torque_delay_s=0.0, **nothing))
+    time_s = 0.01 * np.arange(len(late_s))
+    velocity = np.zeros((len(late_s), chain.n))
+    velocity[:, 0] = SPEED_RAD_S
+    position = moved.position[0] + velocity * time_s[:, None]
+    torque = calibration.body.torque(calibration.level(chain), position, velocity, np.zeros_like(position))
+    from_effort = estimator_constants(calibration, chain, transmission).from_effort
+    effort = torque @ np.linalg.inv(from_effort)
+    return RowMaker(calibration, chain, from_effort).take(time_s + late_s, position, effort, np.zeros(10))
+
+
+def test_a_joint_is_uncertain_by_what_scattered_stamps_do_to_its_acceleration(moved):
+    late_s = np.random.default_rng(1).normal(0.0, 1e-3, 400)
+    rows = moving_steadily(moved, late_s)
+    off, doubt = np.abs(rows.residual_nm[:, 0]), rows.doubt_nm[:, 0]
+    assert np.sqrt(np.mean(off**2)) > 0.5
+    assert (off < doubt).mean() > 0.95
+    assert np.median(doubt) < 6.0 * np.median(off)
+    assert moving_steadily(moved, np.zeros(400)).doubt_nm[:, 0].max() < 1e-6
