@@ -8,7 +8,8 @@ then
   the tests of signals, and with six identifications, of which the greatest change is given: the UR10e's pairs a and b
   with nominal gains, pair a and its loaded run alone with a calibration from the other runs, and the simulated arm of
   the unit tests with and without whole periods. "Nothing" is less than 0.01 % of the mass, 0.05 mm of the centre of
-  mass and 1 % of an interval, with as many notes, and no test fails.
+  mass and 1 % of an interval, with as many notes, and no test fails. Tests are those of then; since, many more turn at
+  a number.
 
 Numbers that follow from others are computed from them. Plain arithmetic (a half, a square) is not listed.
 """
