@@ -1,7 +1,7 @@
 """The normal equations of a group of runs at given unknowns: torque, derivatives, weights, and elimination.
 
 The torque of a run follows from the terms that act on it (`term_kinds`). Rows are weighted by the speed of the joint
-and by `robust_weights`. The unknowns that only the group has are eliminated.
+and by Huber's weight; samples close to a blow have none. The unknowns that only the group has are eliminated.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.blows import struck_samples
 from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.problem import Group
-from armload_identification.estimation.robust_weights import huber_weight, struck_samples
 from armload_identification.estimation.term_kinds import Joint, Load, LoadColumns, Motor, Placed, Shared, Term
 
 if TYPE_CHECKING:
@@ -339,6 +339,15 @@ def joined_columns(parts: Sequence[AxisColumns]) -> AxisColumns:
     for run, (columns, where) in zip(joined, parts, strict=True):
         run[:, np.searchsorted(place, where)] = columns
     return joined, place
+
+
+def huber_weight(relative: FloatArray) -> FloatArray:
+    """Root of Huber's weight: 1 up to `Solver.huber`, from where a residual counts as its size, not its square.
+
+    Args:
+        relative: Residuals divided by their standard deviation.
+    """
+    return np.asarray(1.0 / np.sqrt(np.maximum(np.abs(relative) / Solver.huber, 1.0)))
 
 
 def eliminate(

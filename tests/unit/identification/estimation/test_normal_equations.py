@@ -1,11 +1,11 @@
-"""Normal equations of unknowns of which some are hardly known."""
+"""Normal equations of unknowns of which some are hardly known; a large residual counts as its size."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from armload_identification.estimation.normal_equations import eliminate
+from armload_identification.estimation.normal_equations import eliminate, huber_weight
 
 pytestmark = pytest.mark.pure
 
@@ -25,3 +25,8 @@ def test_what_is_known_well_keeps_its_variance_however_little_is_known_of_the_re
     known_best = np.concatenate([axes[:, 0], np.zeros(own)])
     assert np.sum((known_best @ root) ** 2) == pytest.approx(1.0, rel=1e-6)
     assert np.linalg.norm(whole @ root, 2) <= 1.0 + 1e-6, "the rows in this basis are orthonormal, or less"
+
+
+def test_the_square_of_a_weighted_residual_grows_as_the_residual_beyond_two_standard_deviations():
+    relative = np.array([0.0, -1.0, 2.0, 8.0, -32.0])
+    assert huber_weight(relative) ** 2 * relative**2 == pytest.approx([0.0, 1.0, 4.0, 16.0, 64.0])

@@ -1,4 +1,4 @@
-"""Weights of rows that the model does not explain: Huber's, and none close to a blow to the arm."""
+"""Samples that the model does not explain because somebody or something hit the arm."""
 
 from __future__ import annotations
 
@@ -6,16 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.estimation_constants import Blows, Solver
-
-
-def huber_weight(relative: FloatArray) -> FloatArray:
-    """Root of Huber's weight: 1 up to `Solver.huber`, from where a residual counts as its size, not its square.
-
-    Args:
-        relative: Residuals divided by their standard deviation.
-    """
-    return np.asarray(1.0 / np.sqrt(np.maximum(np.abs(relative) / Solver.huber, 1.0)))
+from armload_identification.estimation.estimation_constants import Blows
 
 
 def struck_samples(size: FloatArray, time_s: FloatArray) -> NDArray[np.bool_]:
