@@ -477,7 +477,7 @@ class Drift:
 
 
 class Blows:
-    """Blows to an arm (`normal_equations`)."""
+    """Blows to an arm (`weighted_equations`)."""
 
     struck: Final = 8.0
     """[1] Standard deviations of a blow; a second joint must exceed half of it, because a blow shakes the entire

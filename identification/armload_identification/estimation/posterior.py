@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.estimation_constants import Solver
-from armload_identification.estimation.normal_equations import (
+from armload_identification.estimation.problem import EMPTY, Problem
+from armload_identification.estimation.residual_spectrum import FREEST, ResidualSpectrum
+from armload_identification.estimation.weighted_equations import (
     Eliminated,
     GroupState,
     WeightedRows,
     eliminate,
     solved,
 )
-from armload_identification.estimation.problem import EMPTY, Problem
-from armload_identification.estimation.residual_spectrum import FREEST, ResidualSpectrum
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,7 @@ A class is a concern, an attribute a level. Its docstring states the unit in bra
 - Origin: physics, a standard, the measurement that chose it, or "prior, not measured";
 - Factor of two: what happens with twice and with half the value. Unless marked as reasoned, this was measured: the
   number is given of those tests of the concern at that time, real data included, that fail. None fails where data are
-  far from the
-  level on either side, or where it only decides on words.
+  far from the level on either side, or where it only decides on words.
 
 What contradicts, differs or has changed is decided by `FalseAlarms`, with a correction where several tests are made at
 once. The few thresholds that stay multiples of a standard deviation say why. Numbers that follow from others are
