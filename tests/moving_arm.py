@@ -37,10 +37,10 @@ def main(name: str | None = None) -> None:
                 robot, load, lambda which: simulated_arm(robot, which), no_operator(), CommissioningPlan(folder)
             )
         for role in roles:
-            pair = read_pair(robot, folder, role)
-            for run in (pair.unloaded, pair.loaded):
+            loaded, unloaded = read_pair(robot, folder, role)
+            for run in (unloaded, loaded):
                 print(hashlib.sha256(run.position_rad.tobytes()).hexdigest(), len(run.time_s))
-            found = identify(pair.loaded, pair.unloaded, robot.chain, robot.drives.transmission)
+            found = identify(loaded, unloaded, robot.chain, robot.drives.transmission)
             print(f"{payload_result(found, 'test', robot.sha256).model.mass_kg:.2f} kg")
     print(f"{platform.machine()}: {time.process_time():.0f} s of CPU", file=sys.stderr)
 
