@@ -116,12 +116,14 @@ class Modification:
         acts: On which runs.
         change: What it does to a run.
         of_payload: Whether it changes the payload, so that no single one is right.
+        hangs_kg: Mass of a weight on the flange that nothing distinguishes from it at rest, which is then right.
     """
 
     name: str
     acts: Acts
     change: Change
     of_payload: bool = False
+    hangs_kg: float = 0.0
 
 
 def _on(joint: int, change: Callable[[FloatArray], FloatArray]) -> Callable[[FloatArray], FloatArray]:
@@ -367,7 +369,9 @@ MODIFICATIONS: Final = (
     Modification("hose at the shoulder (joint 2), 5 %", LOADED, _drag(1, 0.05)),
     Modification("push downwards, 30 N for 2 s", LOADED, _push((0.0, 0.0, -30.0), 6.0, 2.0)),
     Modification("push sideways, 50 N for 3 s", LOADED, _push((0.0, 50.0, 0.0), 5.0, 3.0)),
-    Modification("something pulls down all the time, 5 N", LOADED, _push((0.0, 0.0, -5.0), 0.0, 1e9)),
+    Modification(
+        "something pulls down all the time, 5 N", LOADED, _push((0.0, 0.0, -5.0), 0.0, 1e9), hangs_kg=5.0 / 9.81
+    ),
     Modification("something pulls sideways all the time, 10 N", LOADED, _push((10.0, 0.0, 0.0), 0.0, 1e9)),
     Modification("impact, 200 N for 0.1 s", LOADED, _blow),
     Modification("base sways by 0.5 deg at 0.3 Hz", LOADED, _moving_base(np.radians(0.5), 0.3)),
