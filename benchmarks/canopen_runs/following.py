@@ -25,7 +25,7 @@ from armload_controller.config.robot import Robot, load_robot
 from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction, held_torque
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.arm_access import simulated_arm
-from armload_controller.session.commissioning import CommissioningPlan, read_pair, record_half
+from armload_controller.session.commissioning import ROLES, CommissioningPlan, read_pair, record_half
 from armload_controller.session.feedforward_comparison import ComparisonRuns
 from armload_controller.session.run_session import no_operator, run_session
 from armload_controller.session.session_load import SessionLoad
@@ -58,15 +58,15 @@ def run() -> None:
 
 
 def _identify(robot: Robot) -> tuple[PayloadResult, BodyModel]:
-    """The payload identified by a commissioning, and the body from its empty half."""
+    """The payload identified by a commissioning, and the body from its empty half: one run alone is too short."""
     with tempfile.TemporaryDirectory() as folder:
         for load in SessionLoad:
             record_half(
                 robot, load, lambda which: simulated_arm(robot, which), no_operator(), CommissioningPlan(Path(folder))
             )
-        loaded, unloaded = read_pair(robot, Path(folder), "identification")
+        (loaded, unloaded), (_, other) = (read_pair(robot, Path(folder), role) for role in ROLES)
         found = identify(loaded, unloaded, robot.chain, robot.drives.transmission)
-        arm = calibrated([MountedRun(unloaded, "")], {}, robot.chain, robot.drives.transmission)
+        arm = calibrated([MountedRun(unloaded, ""), MountedRun(other, "")], {}, robot.chain, robot.drives.transmission)
         return payload_result(found, "benchmark", robot.sha256), arm.body
 
 

@@ -84,6 +84,16 @@ def arm_alone(arm, position):
     return np.array([pin.computeGeneralizedGravity(model, data, q) for q in position])
 
 
+@pytest.mark.parametrize(("errors", "said"), [(7.5, False), (8.5, True)])
+def test_a_zero_is_doubted_from_eight_standard_errors_beyond_a_twentieth_of_the_limit(
+    pinocchio_arm, slow, errors, said
+):
+    """Friction that grows with load looks like a zero of up to six and a half."""
+    found = fitted(pinocchio_arm, slow(True))
+    found.zero[1] = -(0.05 * TORQUE_MAX_NM[1] + errors * 3.0), 3.0
+    assert any("off zero" in text for text in found.doubts(TORQUE_MAX_NM)) is said
+
+
 @pytest.mark.parametrize("loaded", [False, True])
 def test_the_mass_on_the_flange_is_found_beside_the_arms_own_torque(pinocchio_arm, slow, loaded):
     seen = fitted(pinocchio_arm, slow(loaded))
