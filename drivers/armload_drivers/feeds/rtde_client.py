@@ -158,7 +158,8 @@ class RtdeClient:
             if len(buffer) < size:
                 yield None
             else:
-                kind, content, buffer = buffer[_HEADER.size - 1], buffer[_HEADER.size : size], buffer[size:]
+                _, kind = _HEADER.unpack_from(buffer)
+                content, buffer = buffer[_HEADER.size : size], buffer[size:]
                 yield kind, content
 
     def _first_size(self, buffer: bytes) -> int:

@@ -43,7 +43,7 @@ COLOUR_S: Final = 0.5
 STOPPING: Final = 1.5
 """Share of its friction by which a joint is uncertain that stops, starts or reverses. Half: a joint that stops looks
 like a payload."""
-SCATTER: Final = 3.0
+STAMP_SIGMAS: Final = 3.0
 """Standard deviations of the inertial torque by stamps that scatter about a smooth motion by which a joint is uncertain
 as well. With 1 ms of scatter on the recorded UR10e, which has 1 false event: 41 without, 11 with half, 1 with this.
 Twice: no contact of a simulated prbt is noticed later."""

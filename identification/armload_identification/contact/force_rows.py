@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
-from armload_identification.contact.contact_levels import BIN_S, BINS, HOLE_S, SCATTER, SLOW, STEP_S, STOPPING
+from armload_identification.contact.contact_levels import BIN_S, BINS, HOLE_S, SLOW, STAMP_SIGMAS, STEP_S, STOPPING
 from armload_identification.estimation.empty_arm.known_arm_rows import MOVING, payload_scale
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import payload_regressor
@@ -139,7 +139,7 @@ class RowMaker:
         tau = np.tensordot(windows[:, 1:-1, 1 + n :], _SEEN, (1, 0))
         direction = smooth_sign(dq, body.reversal_speed_rad_s)
         regressor = payload_regressor(self.chain, q, dq, ddq) if len(q) else np.zeros((0, n, PAYLOAD))
-        links = body.link_torque(self.chain, q, dq, ddq) if len(q) else np.zeros((0, n))
+        links = self._link_torque(q, dq, ddq)
         carried = links + regressor @ theta
         through = 1.0 + body.load_friction * direction * np.sign(carried)
         steady = body.coulomb_nm + body.root_nm * np.sqrt(np.abs(dq))
@@ -147,8 +147,7 @@ class RowMaker:
         own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * self._spread.ravel()
         changes = own[:, None, :] * np.tile(np.eye(n), 3)
         shaken = dq * _scatter_per_s(windows[:, :, 1 : 1 + n] - powers @ cubic, dq, normal, span)[:, None]
-        uneven = self._body.link_torque(self.chain, q, dq, ddq + shaken) - links if len(q) else links
-        uneven = uneven + shaken @ body.rotor_mass_kg_m2
+        uneven = self._link_torque(q, dq, ddq + shaken) - links + shaken @ body.rotor_mass_kg_m2
         slowest = np.maximum(np.abs(dq) - span[:, None] * np.abs(ddq), 0.0)
         slow = 1.0 - np.tanh(slowest / (SLOW * body.reversal_speed_rad_s))
         return ForceRows(
@@ -157,10 +156,14 @@ class RowMaker:
             residual_nm=tau - through * links - ddq @ body.rotor_mass_kg_m2 - friction,
             columns=np.concatenate([through[:, :, None] * regressor * self.scale, changes], axis=2),
             doubt_nm=STOPPING * (body.coulomb_nm + body.load_friction * np.abs(carried)) * slow
-            + SCATTER * np.abs(uneven),
+            + STAMP_SIGMAS * np.abs(uneven),
             acceleration_rad_s2=ddq,
             weight=moving_weights(dq, MOVING * body.reversal_speed_rad_s),
         )
+
+    def _link_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """(K, n) torque of the links; there may be no rows."""
+        return self._body.link_torque(self.chain, q, dq, ddq) if len(q) else q
 
     def inertia_kg_m2(self, position: FloatArray) -> FloatArray:
         """(n,) inertia about each joint in one position, rotors included."""

@@ -148,13 +148,17 @@ def _refuse_no_mass(fit: FittedPair) -> None:
     mass_kg, half_width_kg = float(fit.plain.theta[0]), fit.half_width_kg
     if mass_kg > 0.0:
         return
-    text = f"the estimated mass is negative, {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. The loaded and the unloaded "
-    text += "recording are exchanged: exchange them."
+    estimate = f"{mass_kg:.3g} kg +- {half_width_kg:.2g} kg"
     if abs(mass_kg) <= half_width_kg:
         text = (
-            f"the two runs do not differ by a payload: the estimated mass is {mass_kg:.3g} kg +- {half_width_kg:.2g} "
+            f"the two runs do not differ by a payload: the estimated mass is {estimate}. Check that the payload was "
+            "mounted in the loaded run."
         )
-        text += "kg. Check that the payload was mounted in the loaded run."
+    else:
+        text = (
+            f"the estimated mass is negative, {estimate}. The loaded and the unloaded recording are exchanged: "
+            "exchange them."
+        )
     raise NoPayloadMass(text, mass_kg, half_width_kg)
 
 

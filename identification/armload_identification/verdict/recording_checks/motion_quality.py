@@ -64,15 +64,16 @@ class MotionQuality:
     def undetermined(self, name: str, mass_kg: float, half_width_kg: float) -> NoPayloadMass:
         """The error for a mass that the motion does not determine, or that is negative, with the half width of 95 %."""
         estimate = f"{mass_kg:.3g} kg +- {half_width_kg:.2g} kg"
-        cause = "the payload is light for this arm" if mass_kg > half_width_kg else "nothing is mounted"
-        said = (
-            f"the mass is not determined: the estimate is {estimate}. Either {cause}, or the motion is insufficient: "
-            f"{self.missing or 'record a longer run'}, or add an unloaded run of the same motion."
-        )
         if mass_kg < -half_width_kg:
             said = (
                 f"the mass is negative, {estimate}: the torque is not that of the calibrated arm. Check the joint "
                 "order, units and signs of the recording, that it is of this arm, and that nothing was taken off the "
                 "arm, or its base tilted, since the calibration."
+            )
+        else:
+            cause = "the payload is light for this arm" if mass_kg > half_width_kg else "nothing is mounted"
+            said = (
+                f"the mass is not determined: the estimate is {estimate}. Either {cause}, or the motion is "
+                f"insufficient: {self.missing or 'record a longer run'}, or add an unloaded run of the same motion."
             )
         return NoPayloadMass(f"{name}: {said}", mass_kg, half_width_kg)

@@ -11,8 +11,9 @@ import pytest
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.joint_states import JointStates
 from armload_identification.signals.load_signal import LoadSignal, load_signal, without_body
-from armload_identification.signals.motion import ABOVE_BAND, SCATTER, Motion
+from armload_identification.signals.motion import ABOVE_BAND, SCATTER
 from armload_identification.signals.recorded_run import Run
+from tests.four_samples import motion
 
 pytestmark = pytest.mark.pure
 
@@ -85,27 +86,6 @@ def test_a_prediction_has_no_noise_and_no_periods(runs):
 
 
 # Two runs of which everything is known ---------------------------------------------------------------------------
-
-
-def motion(raw=0.0, noise=0.0, states=None, **changes):
-    """Four samples of one joint."""
-    still = JointStates(*np.zeros((3, 4, 1)))
-    base = Motion(
-        time_s=0.01 * np.arange(4),
-        periodic=True,
-        states=states or still,
-        raw_nm=np.full((4, 1), raw),
-        torque_nm=np.full((4, 1), 0.5 * raw),
-        valid=np.ones(4, dtype=bool),
-        noise_nm=np.array([noise]),
-        averaged_noise_nm=np.array([0.5 * noise]),
-        noise_source=SCATTER,
-        smoothing_loss=np.array([0.1 * noise]),
-        periods=2,
-        position_fit_rad=np.zeros(1),
-        began_s=0.0,
-    )
-    return replace(base, **changes)
 
 
 def test_a_signal_is_the_difference_of_two_runs_with_the_noise_of_both():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import comb
 from statistics import NormalDist
 from types import SimpleNamespace
@@ -19,13 +18,13 @@ from armload_identification.model.payload import CONFIDENCE
 from armload_identification.pipeline.operator_notes import _on_signal
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import _common_part, load_signal, time_shift
-from armload_identification.signals.motion import SCATTER, Motion
 from armload_identification.signals.periods import _on_grid, _supported_harmonics
 from armload_identification.signals.recorded_run import Grid
 from armload_identification.signals.repetition import repeated_after
 from armload_identification.signals.reversals import reversal_speed, reversal_weights
 from armload_identification.signals.signal_constants import SampleNoise
 from armload_identification.signals.spline import _knots, fit_motion
+from tests.four_samples import motion
 
 pytestmark = pytest.mark.pure
 
@@ -43,27 +42,6 @@ def test_the_variance_of_a_third_difference_is_the_sum_of_the_squared_binomials(
 
 
 # Two runs of one motion -----------------------------------------------------------------------------------------------
-
-
-def motion(raw=0.0, noise=0.0, states=None, **changes):
-    """Four samples of one joint."""
-    still = JointStates(*np.zeros((3, 4, 1)))
-    base = Motion(
-        time_s=0.01 * np.arange(4),
-        periodic=True,
-        states=states or still,
-        raw_nm=np.full((4, 1), raw),
-        torque_nm=np.full((4, 1), 0.5 * raw),
-        valid=np.ones(4, dtype=bool),
-        noise_nm=np.array([noise]),
-        averaged_noise_nm=np.array([0.5 * noise]),
-        noise_source=SCATTER,
-        smoothing_loss=np.array([0.1 * noise]),
-        periods=2,
-        position_fit_rad=np.zeros(1),
-        began_s=0.0,
-    )
-    return replace(base, **changes)
 
 
 def of_period(position, interval_s=0.01, period_s=1.0, offset_rad=0.0, joints=1, harmonics=2):
