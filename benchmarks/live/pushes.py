@@ -42,8 +42,6 @@ from benchmarks.results.tally import Tally, progress_line
 
 WEIGHED_KG: Final = 2.805
 BEFORE_S, AFTER_S = 12.0, 3.5
-LATE_S: Final = 0.05
-"""A row is known 40 ms after its time, and samples come every 10 ms."""
 MOVING_RAD_S: Final = 0.06
 STUTTER: Final = ("loaded_b.csv", 10.0, 20.0)
 """Where this recording's own motion stutters: no push or grasp is placed there."""
@@ -92,9 +90,7 @@ class Bench:
 
     def watched(self, motion: Motion) -> list[ForceEvent]:
         """The events of a motion."""
-        watch = self.watch
-        watch.take(*motion)
-        return watch.take_events()
+        return events_in_time(self.watch, motion)
 
     def current_of(self, torque_nm: FloatArray) -> FloatArray:
         """(K, n) motor currents of joint torque."""
@@ -180,14 +176,22 @@ class Outcome:
     mass_kg: tuple[float, float] = (np.nan, np.nan)
 
 
+def events_in_time(watch: WatchedPayload, motion: Motion, part: slice = slice(None)) -> list[ForceEvent]:
+    """The events of a motion, sample by sample, at the stamp of the sample that showed them."""
+    events = []
+    for time_s, *row in zip(*(values[part] for values in motion), strict=True):
+        watch.take(np.array([time_s]), *(values[None] for values in row))
+        events += [replace(event, time_s=float(time_s)) for event in watch.take_events()]
+    return events
+
+
 def outcome(events: list[ForceEvent], at_s: float, force_n: FloatArray | None = None) -> Outcome:
     """Of the first event at a time or later."""
-    # a row is of the samples up to 40 ms after its time: a strong push is noticed in rows from before it
-    later = [each for each in events if each.time_s > at_s - LATE_S]
+    later = [each for each in events if each.time_s >= at_s]
     noticed = next((each.time_s for each in later if each.kind is ForceEventKind.ACTING), np.inf)
     decided = [each for each in later if each.kind in (ForceEventKind.PAYLOAD, ForceEventKind.PUSH)]
     if not decided:
-        return Outcome(noticed - at_s + LATE_S, np.inf, payload=False)
+        return Outcome(noticed - at_s, np.inf, payload=False)
     first = decided[0]
     error = np.nan
     if force_n is not None and first.assessment is not None:
@@ -195,7 +199,7 @@ def outcome(events: list[ForceEvent], at_s: float, force_n: FloatArray | None = 
     # a decision that is corrected later is wrong, whichever way
     kinds = [each.kind is ForceEventKind.PAYLOAD for each in decided]
     payload = all(kinds) if force_n is None else any(kinds)
-    return Outcome(noticed - at_s + LATE_S, first.time_s - noticed, payload, error)
+    return Outcome(noticed - at_s, first.time_s - noticed, payload, error)
 
 
 def _push(
@@ -218,13 +222,12 @@ def _grasp(calibration: Path | None, mass_kg: float, seed: int) -> Outcome:
     watch = bench.watch
     events: list[ForceEvent] = []
     estimates: list[LivePayload] = []
-    due_s, begin = at_s - 0.2, 0
-    for end in range(10, motion[0].size, 10):
-        if motion[0][end] > due_s:
+    due_s = at_s - 0.2
+    for k in range(motion[0].size):
+        if motion[0][k] > due_s:
             estimates.append(watch.estimate())
             due_s = np.inf
-        watch.take(*(values[begin:end] for values in motion))
-        begin, events = end, events + watch.take_events()
+        events += events_in_time(watch, motion, slice(k, k + 1))
         found = outcome(events, at_s)
         if len(estimates) == 1 and np.isfinite(found.noticed_s):
             due_s = at_s + found.noticed_s + 3.0

@@ -36,7 +36,7 @@ from benchmarks.accuracy.simulated_motion import (
 from benchmarks.arms.setups import Twin, twin_spec
 from benchmarks.arms.streamed_arm import streamed
 from benchmarks.arms.streams import as_recorded, point_to_point
-from benchmarks.live.pushes import MOVING_RAD_S, REQUIRED, Outcome, outcome
+from benchmarks.live.pushes import MOVING_RAD_S, REQUIRED, Outcome, events_in_time, outcome
 from benchmarks.results.tally import Tally
 
 ARM: Final = "prbt"
@@ -86,8 +86,7 @@ def contacts(size_n: float, alone: int | None, seed: int) -> list[tuple[int, Out
     moved = streamed(twin_spec(robot, Twin.NORMATIVE, None), robot.drives.settings, setpoints, force)
     signals = signals_of(as_recorded(moved, scales_of(robot), rng, np.zeros(robot.n), "pushed"))
     watch = WatchedPayload(calibration, robot.chain, robot.drives.transmission)
-    watch.take(*signals)
-    events = watch.take_events()
+    events = events_in_time(watch, signals)
     moving = np.count_nonzero(np.abs(np.gradient(setpoints, 1.0 / rate_hz, axis=0)) > MOVING_RAD_S, axis=1)
     return [
         (

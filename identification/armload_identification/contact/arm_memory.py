@@ -2,7 +2,7 @@
 
     A <- f A + H' W H, b <- f b + H' W e, x = (1 + A)^-1 b, P = (1 + A)^-1, f = exp(-dt / memory)
 
-W is one over the residual's spectral density at frequency zero, times the weight of the row.
+W is the square of a row's weight over the residual's spectral density at frequency zero, to which a joint's doubt adds.
 """
 
 from __future__ import annotations
@@ -59,7 +59,8 @@ class ArmMemory:
             steps = np.clip(np.diff(time_s, prepend=before), 0.0, 0.1)
             self._last_s = float(time_s[-1])
             fade = float(np.exp(-(self._last_s - before) / MEMORY_S))
-            weighted = tall * (rows.weight[part] ** 2 / density * steps[:, None]).reshape(-1, 1)
+            uncertain = density + rows.doubt_nm[part] ** 2 * steps[:, None]
+            weighted = tall * (rows.weight[part] ** 2 / uncertain * steps[:, None]).reshape(-1, 1)
             self._information = fade * self._information + weighted.T @ tall
             self._right = fade * self._right + weighted.T @ rows.residual_nm[part].ravel()
             if not self._known or self._last_s - self._known[-1].time_s >= CHECKPOINT_S:

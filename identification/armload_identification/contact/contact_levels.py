@@ -115,8 +115,8 @@ STATE_S: Final = 0.5
 """Time between two kept states of the recursive estimator."""
 KEPT_S: Final = 12.0
 """Time for which states and samples are kept: an onset before the notice, and the time until a decision."""
-PART_S: Final = 0.1
-"""Samples that are processed together."""
+PART_S: Final = BIN_S
+"""Samples that come faster are processed together. Longer: a push is noticed later by up to this."""
 SETTLED_S: Final = 0.5
 """Time after the onset until the new payload alone acts: a grasp's duration, and the window of a row."""
 EVIDENT: Final = 0.4

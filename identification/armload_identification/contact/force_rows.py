@@ -56,6 +56,12 @@ class ForceRows:
     acceleration_rad_s2: FloatArray
     weight: FloatArray
 
+    @classmethod
+    def none(cls, n: int) -> Self:
+        """No rows of n joints."""
+        nothing = np.zeros((0, n))
+        return cls(np.zeros(0), nothing, nothing, np.zeros((0, n, PAYLOAD + 3 * n)), nothing, nothing, nothing)
+
     @property
     def size(self) -> int:
         """Number of rows."""
@@ -86,6 +92,7 @@ class RowMaker:
         self._spread = calibration.friction_spread
         n = chain.n
         self._gathered: list[FloatArray] = []
+        self._sample_s = np.nan
         self._bins = np.zeros((0, 1 + 2 * n))
         self._row_s = -np.inf
 
@@ -108,27 +115,35 @@ class RowMaker:
                 at.append(k)
                 last_s = times[k]
         self._row_s = last_s
-        windows = np.array(at, dtype=np.intp)[:, None] + np.arange(-_HALF, _HALF + 1)
-        rows = self._rows(self._bins[windows].reshape(-1, BINS, 1 + 2 * n), theta)
+        windows = self._bins[np.array(at, dtype=np.intp)[:, None] + np.arange(-_HALF, _HALF + 1)]
         self._bins = self._bins[-2 * _HALF :]
-        return rows
+        return self._rows(windows, theta) if at else ForceRows.none(n)
 
     def _means(self, samples: FloatArray) -> FloatArray:
-        """(B, 1 + 2 n) means of samples over `BIN_S`; the last samples wait for the next call."""
+        """(B, 1 + 2 n) means of samples over `BIN_S`; the last samples wait where another one would belong to them."""
         means = []
         for row in samples:
             if self._gathered and row[0] - self._gathered[0][0] >= BIN_S:
-                means.append(np.mean(self._gathered, axis=0))
-                self._gathered = []
+                means.append(self._mean())
             self._gathered.append(row)
+            next_s = row[0] + (row[0] - self._sample_s)
+            if next_s - self._gathered[0][0] >= BIN_S:
+                means.append(self._mean())
+            self._sample_s = row[0]
         return np.array(means).reshape(-1, self._bins.shape[1])
+
+    def _mean(self) -> FloatArray:
+        """Mean of the gathered samples."""
+        mean = np.asarray(np.mean(self._gathered, axis=0))
+        self._gathered = []
+        return mean
 
     def _rows(self, windows: FloatArray, theta: FloatArray) -> ForceRows:
         """Rows of windows of means."""
         n, body = self.chain.n, self._body
         middle = windows[:, _HALF, 0]
         away = windows[:, :, 0] - (middle - body.torque_delay_s)[:, None]
-        span = np.maximum(np.abs(away).max(axis=1, initial=0.0), BIN_S)
+        span = np.maximum(np.abs(away).max(axis=1), BIN_S)
         powers = (away / span[:, None])[:, :, None] ** np.arange(4)
         normal = np.swapaxes(powers, 1, 2) @ powers
         cubic = np.linalg.solve(normal, np.swapaxes(powers, 1, 2) @ windows[:, :, 1 : 1 + n])
@@ -138,8 +153,8 @@ class RowMaker:
         )
         tau = np.tensordot(windows[:, 1:-1, 1 + n :], _SEEN, (1, 0))
         direction = smooth_sign(dq, body.reversal_speed_rad_s)
-        regressor = payload_regressor(self.chain, q, dq, ddq) if len(q) else np.zeros((0, n, PAYLOAD))
-        links = self._link_torque(q, dq, ddq)
+        regressor = payload_regressor(self.chain, q, dq, ddq)
+        links = body.link_torque(self.chain, q, dq, ddq)
         carried = links + regressor @ theta
         through = 1.0 + body.load_friction * direction * np.sign(carried)
         steady = body.coulomb_nm + body.root_nm * np.sqrt(np.abs(dq))
@@ -147,7 +162,7 @@ class RowMaker:
         own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * self._spread.ravel()
         changes = own[:, None, :] * np.tile(np.eye(n), 3)
         shaken = dq * _scatter_per_s(windows[:, :, 1 : 1 + n] - powers @ cubic, dq, normal, span)[:, None]
-        uneven = self._link_torque(q, dq, ddq + shaken) - links + shaken @ body.rotor_mass_kg_m2
+        uneven = body.link_torque(self.chain, q, dq, ddq + shaken) - links + shaken @ body.rotor_mass_kg_m2
         slowest = np.maximum(np.abs(dq) - span[:, None] * np.abs(ddq), 0.0)
         slow = 1.0 - np.tanh(slowest / (SLOW * body.reversal_speed_rad_s))
         return ForceRows(
@@ -160,10 +175,6 @@ class RowMaker:
             acceleration_rad_s2=ddq,
             weight=moving_weights(dq, MOVING * body.reversal_speed_rad_s),
         )
-
-    def _link_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """(K, n) torque of the links; there may be no rows."""
-        return self._body.link_torque(self.chain, q, dq, ddq) if len(q) else q
 
     def inertia_kg_m2(self, position: FloatArray) -> FloatArray:
         """(n,) inertia about each joint in one position, rotors included."""

@@ -33,6 +33,7 @@ from armload_identification.contact.contact_levels import (
     OLD_S,
     OUTLASTS_S,
     OVER_S,
+    PART_ROWS,
     PAYLOAD_FROM_S,
     PUSH_SURE,
     REMEMBERED_S,
@@ -105,8 +106,7 @@ class ForceWatch:
         constants = estimator_constants(calibration, chain, transmission)
         self._maker = RowMaker(calibration, chain, constants.from_effort)
         self._know_nothing(calibration.known_arm(chain).noise_nm ** 2)
-        nothing = np.zeros((0, chain.n))
-        self._rows = self._maker.take(np.zeros(0), nothing, nothing, np.zeros(PAYLOAD))
+        self._rows = ForceRows.none(chain.n)
         self._noticed_s = self._evident_s = self._before_s = 0.0
         self._push_end_s = np.inf
         self._looks = list(LOOKS_S)
@@ -117,6 +117,7 @@ class ForceWatch:
         """Begin, with (n,) variances of the calibration's residual."""
         self.state = Force.FREE
         self._memory = ArmMemory(PAYLOAD + 3 * self._maker.chain.n)
+        self._unlearnt = ForceRows.none(self._maker.chain.n)
         self._noise = ResidualNoise(coloured_nm2, coloured_nm2)
         self._seen_s, self._above = 0.0, 0
         self._last_mean: FloatArray | None = None
@@ -141,7 +142,7 @@ class ForceWatch:
         self._seen_s += min(float(rows.time_s[-1] - rows.time_s[0]) + 0.02, 0.02 * rows.size)
         predicted = self._base or self._memory.before(float(rows.time_s[0]))
         if predicted is None or self._seen_s < KNOWN_S:
-            self._learn(rows, predicted)
+            self._learn(rows)
             return []
         inertia = self._maker.inertia_kg_m2(rows.position_rad[-1])
         test = acting(self._rows, self._rows.size - rows.size, predicted, self._noise, inertia)
@@ -155,8 +156,13 @@ class ForceWatch:
         """Something else says, while nothing acts, that the payload has changed: look at it as after a notice."""
         return self._begin(float(self._rows.time_s[-1]), np.zeros_like(self._joints)) if self._rows.size else []
 
-    def _learn(self, rows: ForceRows, predicted: RememberedState | None) -> None:
-        """Use rows in which nothing acts."""
+    def _learn(self, rows: ForceRows) -> None:
+        """Use rows in which nothing acts, some together."""
+        rows = self._unlearnt = self._unlearnt.and_then(rows)
+        if rows.size < PART_ROWS:
+            return
+        self._unlearnt = rows.part(slice(0))
+        predicted = self._memory.before(float(rows.time_s[0]))
         self._memory.add(rows, self._noise.density)
         if predicted is None:
             return
@@ -185,7 +191,7 @@ class ForceWatch:
                 far = np.abs(test.joints[-1])
                 return self._begin(now_s, far >= min(FAR_SIGMAS, float(far.max())))
         if not self._above:
-            self._learn(rows, predicted)
+            self._learn(rows)
         return []
 
     def _begin(self, noticed_s: float, joints: NDArray[np.bool_]) -> list[ForceEvent]:
@@ -194,6 +200,7 @@ class ForceWatch:
         if self._base is None:
             return []
         self.state, self._above, self._last_mean = Force.ACTING, 0, None
+        self._unlearnt = self._unlearnt.part(slice(0))
         self._noticed_s = self._evident_s = noticed_s
         self._before_s = self._seen_s
         self._looks, self._joints = list(LOOKS_S), joints

@@ -30,6 +30,7 @@ from armload_identification.contact.force_rows import ForceRows
 
 LEAST_FILLED = 0.6
 """Share of a window that must have rows."""
+_WINDOWS_S, _TAIL_SIGMAS = np.array(WINDOWS_S), np.array(TAIL_SIGMAS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +50,11 @@ class ResidualNoise:
         """(n,) spectral density at frequency zero, (N m)^2 s."""
         return np.asarray(self.white_nm2 * WHITE_S + self.coloured_nm2 * 2.0 * COLOUR_S)
 
-    def of_mean(self, window_s: float) -> FloatArray:
-        """(n,) variance of a mean over a window."""
-        ratio = window_s / COLOUR_S
+    def of_means(self, windows_s: FloatArray) -> FloatArray:
+        """(W, n) variance of means over W windows."""
+        ratio = windows_s[:, None] / COLOUR_S
         coloured = 2.0 / ratio * (1.0 - (1.0 - np.exp(-ratio)) / ratio)
-        return np.asarray(self.white_nm2 * WHITE_S / window_s + self.coloured_nm2 * coloured)
+        return np.asarray(self.white_nm2 * WHITE_S / windows_s[:, None] + self.coloured_nm2 * coloured)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,7 @@ class Test:
     joints: FloatArray
 
 
-def bound(sigmas: float, freedoms: int) -> float:
+def bound(sigmas: FloatArray, freedoms: int) -> FloatArray:
     """Bound of a chi-squared variable (Wilson and Hilferty 1931).
 
     Args:
@@ -77,7 +78,7 @@ def bound(sigmas: float, freedoms: int) -> float:
         freedoms: Degrees of freedom.
     """
     third = 2.0 / (9.0 * freedoms)
-    return float(freedoms * (1.0 - third + sigmas * np.sqrt(third)) ** 3)
+    return np.asarray(freedoms * (1.0 - third + sigmas * np.sqrt(third)) ** 3)
 
 
 def acting(
@@ -93,25 +94,23 @@ def acting(
     """
     first = int(np.searchsorted(rows.time_s, rows.time_s[since] - WINDOWS_S[-1]))
     rows, since = rows.part(slice(first, None)), since - first
-    count, n = rows.size - since, rows.residual_nm.shape[1]
-    best, joints = np.zeros(count), np.zeros((count, n))
+    n = rows.residual_nm.shape[1]
     stacked = np.concatenate([rows.columns, np.stack([rows.residual_nm, rows.doubt_nm], axis=2)], axis=2)
     sums = np.concatenate([np.zeros((1, *stacked.shape[1:])), np.cumsum(stacked, axis=0)])
     ends = np.arange(since, rows.size) + 1
-    for window_s, sigmas in zip(WINDOWS_S, TAIL_SIGMAS, strict=True):
-        starts = np.searchsorted(rows.time_s, rows.time_s[ends - 1] - window_s, side="right")
-        number = ends - starts
-        mean = (sums[ends] - sums[starts]) / number[:, None, None]
-        H, doubt = mean[:, :, :-2], mean[:, :, -1]
-        z = mean[:, :, -2] - H @ known.value
-        z = np.sign(z) * np.maximum(np.abs(z) - BOUNDED * doubt, 0.0)
-        changed = np.array([np.ptp(rows.acceleration_rad_s2[a:b], axis=0) for a, b in zip(starts, ends, strict=True)])
-        jerk = JERK * inertia_kg_m2 * np.maximum(changed - QUIET_RAD_S2, 0.0)
-        own = noise.of_mean(window_s) + (UNBOUNDED * doubt) ** 2 + jerk**2
-        S = H @ known.covariance @ np.swapaxes(H, 1, 2) + own[:, :, None] * np.eye(n)
-        statistic = np.einsum("ki,ki->k", z, np.linalg.solve(S, z[:, :, None])[:, :, 0])
-        ratio = np.where(number * 0.02 >= LEAST_FILLED * window_s, statistic / bound(sigmas, n), 0.0)
-        better = ratio > best
-        best = np.where(better, ratio, best)
-        joints[better] = (z / np.sqrt(np.diagonal(S, axis1=1, axis2=2)))[better]
-    return Test(best, joints)
+    # (W, K) from here on
+    starts = np.searchsorted(rows.time_s, rows.time_s[ends - 1] - _WINDOWS_S[:, None], side="right")
+    number = ends - starts
+    mean = (sums[ends] - sums[starts]) / number[:, :, None, None]
+    H, doubt = mean[..., :-2], mean[..., -1]
+    z = mean[..., -2] - H @ known.value
+    z = np.sign(z) * np.maximum(np.abs(z) - BOUNDED * doubt, 0.0)
+    changed = [[np.ptp(rows.acceleration_rad_s2[a:b], axis=0) for a, b in zip(of, ends, strict=True)] for of in starts]
+    jerk = JERK * inertia_kg_m2 * np.maximum(np.array(changed) - QUIET_RAD_S2, 0.0)
+    own = noise.of_means(_WINDOWS_S)[:, None] + (UNBOUNDED * doubt) ** 2 + jerk**2
+    S = H @ known.covariance @ np.swapaxes(H, 2, 3) + own[..., None] * np.eye(n)
+    statistic = np.einsum("wki,wki->wk", z, np.linalg.solve(S, z[..., None])[..., 0])
+    filled = number * 0.02 >= LEAST_FILLED * _WINDOWS_S[:, None]
+    ratio = np.where(filled, statistic / bound(_TAIL_SIGMAS, n)[:, None], 0.0)
+    best = np.argmax(ratio, axis=0), np.arange(ends.size)
+    return Test(ratio[best], (z / np.sqrt(np.diagonal(S, axis1=2, axis2=3)))[best])

@@ -86,18 +86,18 @@ class WatchedPayload:
         start = 0
         while start < time_s.size:
             first_s = float(time_s[start])
-            went_back = bool(self._samples) and first_s < self._samples[-1][0][-1] - _CLOCK_BACK_S
-            if self._part and (went_back or first_s >= self._part_end_s):
-                self._end_part()
-            if went_back:
+            if self._samples and first_s < self._samples[-1][0][-1] - _CLOCK_BACK_S:
                 self._states, self._samples, self._held, self._force = [], [], None, ForceWatch(*self._arm)
+                self._part, self._part_end_s = [], -np.inf
             if not self._part:
-                self._part_end_s, self._part_changes = first_s + PART_S, self._estimator.changes
-            end = start + max(int(np.searchsorted(time_s[start:], self._part_end_s)), 1)
+                self._part_changes = self._estimator.changes
+            end = start + int(np.searchsorted(time_s[start:], self._part_end_s)) + 1
             piece = time_s[start:end], position[start:end], effort[start:end]
             self._estimator.update_all(*piece)
             self._samples.append(piece)
             self._part.append(piece)
+            if piece[0][-1] >= self._part_end_s:
+                self._end_part()
             start = end
 
     def estimate(self) -> LivePayload:
@@ -112,10 +112,11 @@ class WatchedPayload:
         return events
 
     def _end_part(self) -> None:
-        """Look for forces in a tenth of a second of samples."""
+        """Look for forces in a part."""
         time_s, position, effort = (np.concatenate(values) for values in zip(*self._part, strict=True))
         self._samples[-len(self._part) :] = [(time_s, position, effort)]
         now_s, self._part = float(time_s[-1]), []
+        self._part_end_s = now_s + PART_S
         while self._samples[0][0][-1] < now_s - KEPT_S:
             del self._samples[0]
         was = self._force.state

@@ -23,12 +23,18 @@ def rows(count, begin_s=0.0, seed=1):
         columns=rng.normal(size=(count, JOINTS, STATES)),
         weight=rng.uniform(0.5, 1.0, size=(count, JOINTS)),
         residual_nm=rng.normal(size=(count, JOINTS)),
+        doubt_nm=rng.uniform(0.0, 20.0, size=(count, JOINTS)),
     )
+
+
+def root_of(given, steps_s):
+    """Square roots of the weights."""
+    return given.weight * np.sqrt(steps_s[:, None] / (DENSITY + given.doubt_nm**2 * steps_s[:, None]))
 
 
 def fitted(given, steps_s):
     """Value and covariance of least squares with a prior of one for each unknown."""
-    root = given.weight * np.sqrt(steps_s[:, None] / DENSITY)
+    root = root_of(given, steps_s)
     matrix = (given.columns * root[:, :, None]).reshape(-1, STATES)
     target = (given.residual_nm * root).ravel()
     covariance = np.linalg.inv(np.eye(STATES) + matrix.T @ matrix)
@@ -116,7 +122,7 @@ def test_beginning_anew_keeps_friction_and_forgets_another_payload(payload):
         assert not kept.covariance[:PAYLOAD, PAYLOAD:].any()
     later = rows(2, begin_s=100.0, seed=3)
     memory.add(later, DENSITY)
-    root = later.weight * np.sqrt(np.array([0.0, STEP_S])[:, None] / DENSITY)
+    root = root_of(later, np.array([0.0, STEP_S]))
     matrix, target = (later.columns * root[:, :, None]).reshape(-1, STATES), (later.residual_nm * root).ravel()
     fade = np.exp(-STEP_S / MEMORY_S)
     before = np.linalg.inv(kept.covariance)

@@ -38,12 +38,13 @@ def ratio(found, inertia=1.0):
 @pytest.mark.parametrize("freedoms", [3, 6, 7, 16])
 @pytest.mark.parametrize("sigmas", [3.4, 3.9, 4.8])
 def test_the_bound_is_that_of_chi_squared(freedoms, sigmas):
-    assert bound(sigmas, freedoms) == pytest.approx(chi2.isf(norm.sf(sigmas), freedoms), rel=0.08)
+    assert bound(np.array([sigmas]), freedoms) == pytest.approx(chi2.isf(norm.sf(sigmas), freedoms), rel=0.08)
 
 
 def test_the_noise_of_a_mean_lies_between_its_limits():
-    assert NOISE.of_mean(1e-6)[0] == pytest.approx(0.04 + 0.01 * 0.1 / 1e-6, rel=1e-3)
-    assert NOISE.of_mean(1000.0)[0] == pytest.approx(NOISE.density[0] / 1000.0, rel=1e-2)
+    short, long = NOISE.of_means(np.array([1e-6, 1000.0]))[:, 0]
+    assert short == pytest.approx(0.04 + 0.01 * 0.1 / 1e-6, rel=1e-3)
+    assert long == pytest.approx(NOISE.density[0] / 1000.0, rel=1e-2)
 
 
 def test_a_residual_beyond_its_noise_is_a_force_on_that_joint():
