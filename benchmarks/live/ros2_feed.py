@@ -1,7 +1,7 @@
 """`armload watch --ros2` beside a publisher and a subscriber of another DDS implementation, in real time.
 
-    cargo build --release --locked --manifest-path tests/ros2_peer/Cargo.toml
-    ROS_LOCALHOST_ONLY=1 python -m benchmarks.live.ros2_feed tests/ros2_peer/target/release/ros2_peer 600 500
+    cp -r tests/ros2_peer /tmp && cargo build --release --manifest-path /tmp/ros2_peer/Cargo.toml
+    ROS_LOCALHOST_ONLY=1 python -m benchmarks.live.ros2_feed /tmp/ros2_peer/target/release/ros2_peer 600 500
 
 The currents of ../shared/data/ur10e, stamped at the rate asked for, are published on loopback, watched and recorded.
 """
