@@ -251,6 +251,17 @@ def test_samples_are_averaged_over_9_5_ms_and_rows_are_19_ms_apart(step_s, toget
     np.testing.assert_allclose(found[0, :, 2], 2.0 * found[0, :, 1])
 
 
+@pytest.mark.parametrize(("step_s", "together"), [(0.01, 1), (0.002, 5)])
+def test_a_row_is_there_with_the_last_sample_of_its_last_mean(step_s, together):
+    made, ends_s = maker(), {}
+    for k in range(60 * together):
+        found = windows_of(made, [step_s * k])
+        if isinstance(found, np.ndarray):
+            ends_s[k] = found[0, -1, 0]
+    assert len(ends_s) >= 25
+    assert all(end_s == pytest.approx(step_s * (k - (together - 1) / 2.0)) for k, end_s in ends_s.items())
+
+
 @pytest.mark.parametrize(("hole_s", "longest_s"), [(0.21, 0.28), (0.24, 0.08)])
 def test_a_row_spans_less_than_0_3_s(hole_s, longest_s):
     """Nine means of 10 ms are 80 ms; of those about a longer hole no row is made."""
@@ -713,3 +724,4 @@ def test_a_clock_that_goes_back_by_a_second_begins_a_new_watch(watched, back, an
     give(arm, 199, 201, back=back)
     assert len(Watch.made) == 1 + anew
     assert states(arm)[0] == (199 - back if anew else 0)
+    assert [part.size for part in Watch.made[-1].parts[:2]] == ([1] if anew else [1, 7])
