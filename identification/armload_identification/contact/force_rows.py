@@ -71,6 +71,10 @@ class ForceRows:
         """Some of the rows."""
         return type(self)(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
+    def since(self, time_s: float) -> Self:
+        """The rows from a time on, without a copy."""
+        return self.part(slice(int(np.searchsorted(self.time_s, time_s)), None))
+
     def and_then(self, later: Self) -> Self:
         """These rows and later ones."""
         pairs = ((getattr(self, field.name), getattr(later, field.name)) for field in fields(self))

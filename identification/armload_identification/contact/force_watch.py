@@ -137,8 +137,8 @@ class ForceWatch:
         if not rows.size:
             return []
         remembered_s = rows.time_s[-1] - REMEMBERED_S
-        rows = rows.part(rows.time_s > remembered_s)  # a pause may lie between them
-        self._rows = self._rows.part(self._rows.time_s > remembered_s).and_then(rows)
+        rows = rows.since(remembered_s)  # a pause may lie between them
+        self._rows = self._rows.since(remembered_s).and_then(rows)
         self._seen_s += min(float(rows.time_s[-1] - rows.time_s[0]) + 0.02, 0.02 * rows.size)
         predicted = self._base or self._memory.before(float(rows.time_s[0]))
         if predicted is None or self._seen_s < KNOWN_S:
@@ -250,7 +250,7 @@ class ForceWatch:
         """Go on with the same payload or another one."""
         if self._base is not None:
             self._memory.begin_anew(self._base, payload=payload)
-        self._rows = self._rows.part(self._rows.time_s >= from_s)
+        self._rows = self._rows.since(from_s)
         if self._rows.size:
             self._memory.add(self._rows, self._noise.density)
         self.state, self._base, self._above = Force.FREE, None, 0

@@ -95,7 +95,7 @@ def assess(rows: ForceRows, known: RememberedState, noise: ResidualNoise, chain:
         known: What was known of payload and friction before.
         noticed_s: Time of the notice.
     """
-    means = _means(rows.part(rows.time_s >= noticed_s - BACK_S))
+    means = _means(rows.since(noticed_s - BACK_S))
     count = means.size
     residual, inverse = _residual_of(means, known, noise)
     jacobians = np.array([jacobian(chain, q) for q in means.position_rad])
@@ -129,7 +129,7 @@ def payload_evidence(rows: ForceRows, known: RememberedState, noise: ResidualNoi
         known: What was known of payload and friction before them.
         now_s: Time of the newest row.
     """
-    means = _means(rows.part(rows.time_s >= now_s - BACK_S))
+    means = _means(rows.since(now_s - BACK_S))
     if means.size <= LEAST_SINCE:
         return -np.inf
     residual, inverse = _residual_of(means, known, noise)

@@ -92,12 +92,12 @@ def acting(
         known: What is known of payload and friction.
         inertia_kg_m2: (n,) inertia about each joint.
     """
-    first = int(np.searchsorted(rows.time_s, rows.time_s[since] - WINDOWS_S[-1]))
-    rows, since = rows.part(slice(first, None)), since - first
+    tested = rows.size - since
+    rows = rows.since(rows.time_s[since] - WINDOWS_S[-1])
     n = rows.residual_nm.shape[1]
     stacked = np.concatenate([rows.columns, np.stack([rows.residual_nm, rows.doubt_nm], axis=2)], axis=2)
     sums = np.concatenate([np.zeros((1, *stacked.shape[1:])), np.cumsum(stacked, axis=0)])
-    ends = np.arange(since, rows.size) + 1
+    ends = np.arange(rows.size - tested, rows.size) + 1
     # (W, K) from here on
     starts = np.searchsorted(rows.time_s, rows.time_s[ends - 1] - _WINDOWS_S[:, None], side="right")
     number = ends - starts

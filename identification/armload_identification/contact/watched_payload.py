@@ -85,12 +85,9 @@ class WatchedPayload:
         """
         start = 0
         while start < time_s.size:
-            first_s = float(time_s[start])
-            if self._samples and first_s < self._samples[-1][0][-1] - _CLOCK_BACK_S:
+            if self._samples and time_s[start] < self._samples[-1][0][-1] - _CLOCK_BACK_S:
                 self._states, self._samples, self._held, self._force = [], [], None, ForceWatch(*self._arm)
                 self._part, self._part_end_s = [], -np.inf
-            if not self._part:
-                self._part_changes = self._estimator.changes
             end = start + int(np.searchsorted(time_s[start:], self._part_end_s)) + 1
             piece = time_s[start:end], position[start:end], effort[start:end]
             self._estimator.update_all(*piece)
@@ -126,6 +123,7 @@ class WatchedPayload:
         for event in events:
             self._follow(event)
         self._events += events
+        self._part_changes = self._estimator.changes
         if self._force.state is Force.FREE and (not self._states or now_s - self._states[-1][0] >= STATE_S):
             # states are used in turn, because each has the memory of a minute
             full = len(self._states) * STATE_S > KEPT_S
