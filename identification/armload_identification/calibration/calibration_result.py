@@ -284,11 +284,14 @@ class ArmCalibration:
         gravity = chain.gravity_m_s2 + size * self.tilt_rad @ tilt_axes(chain.gravity_m_s2)
         return Chain(chain.placement, chain.axis, chain.flange, size * gravity / np.sqrt(np.sum(gravity**2)))
 
-    def _values(self, log_h: FloatArray, tilt_rad: FloatArray) -> dict[str, FloatArray]:
-        """Values of the arm's terms by name."""
+    @cached_property
+    def _gaussian(self) -> tuple[tuple[Term, ...], Known]:
+        """The terms for torque computed with these gains on a level arm, and the Gaussian over all of them."""
+        from armload_identification.estimation.problem import EMPTY, Known
+
         body = self.body
-        return {
-            GAIN: log_h,
+        values = {
+            GAIN: np.zeros(self.n),
             LINKS: body.links.ravel()[body.base.ravel()],
             ROTORS: body.rotor_inertia_kg_m2,
             LOAD_FRICTION: body.load_friction,
@@ -296,19 +299,8 @@ class ArmCalibration:
             VISCOUS: body.viscous_nm_s_rad,
             ROOT: body.root_nm,
             DELAY: np.array([body.torque_delay_s]),
-            TILT: tilt_rad,
+            TILT: np.zeros(2),
         }
-
-    def arm_terms(self) -> list[Term]:
-        """The terms of the arm, as known from the calibration; its gains as ratios of the nominal ones."""
-        return known_arm_terms(self._values(np.log(self.nominal / self.gain_nm_a), self.tilt_rad), "the calibration")
-
-    @cached_property
-    def _gaussian(self) -> tuple[tuple[Term, ...], Known]:
-        """The terms for torque computed with these gains on a level arm, and the Gaussian over all of them."""
-        from armload_identification.estimation.problem import EMPTY, Known
-
-        values = self._values(np.zeros(self.n), np.zeros(2))
         turn = np.ones(len(self.covariance))
         turn[self._place(GAIN)] = -1.0
         size = turn * np.sqrt(np.maximum(np.diag(self.covariance), np.finfo(float).tiny))

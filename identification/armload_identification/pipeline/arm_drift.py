@@ -18,7 +18,7 @@ from armload_identification.verdict.control_limits import ControlChart, control_
 
 
 class Monitored(StrEnum):
-    """Monitored quantity of a joint."""
+    """Monitored quantity of a joint, by its name in `RunHealth`."""
 
     FRICTION = "friction"
     GAIN = "gain"
@@ -106,30 +106,22 @@ def arm_drift(calibration: ArmCalibration, runs: Sequence[RunHealth]) -> ArmDrif
     else:
         dated = ()
     warming = warm_up(runs, dated)
-    friction = _stacked(runs, "friction_nm")
-    if warming is not None:
-        friction = friction - warming.of_runs_nm
-    charts = 3 * calibration.n
-    noise, doubt = _stacked(runs, "friction_noise_nm"), _stacked(runs, "friction_doubt_nm")
-    found: dict[Monitored, list[ControlChart]] = {quantity: [] for quantity in Monitored}
-    for j in range(calibration.n):
-        found[Monitored.FRICTION].append(
-            control_chart(friction[:, j], noise[:, j], doubt[:, j], float(calibration.usual_change_nm[j]), charts)
-        )
-        gain, own, known = (_stacked(runs, f"gain_{part}")[:, j] for part in ("change", "noise", "doubt"))
-        found[Monitored.GAIN].append(control_chart(gain, own, known, USUAL_GAIN, charts))
-        left, own, known = (_stacked(runs, f"residual{part}")[:, j] for part in ("", "_noise", "_doubt"))
-        found[Monitored.RESIDUAL].append(
-            control_chart(np.log(left), own, 0.5 * np.log1p(known**2), USUAL_RESIDUAL, charts)
-        )
-    charted = {key: tuple(part) for key, part in found.items()}
-    drift = ArmDrift(tuple(runs), dated, calibration.friction_nm, charted, warming, ())
+    n = calibration.n
+    usual = {
+        Monitored.FRICTION: calibration.usual_change_nm,
+        Monitored.GAIN: np.full(n, USUAL_GAIN),
+        Monitored.RESIDUAL: np.full(n, USUAL_RESIDUAL),
+    }
+    charts = {}
+    for quantity, spread in usual.items():
+        found = [getattr(run, quantity) for run in runs]
+        value, noise, doubt = (np.stack([getattr(one, part) for one in found]) for part in ("value", "noise", "doubt"))
+        if warming is not None and quantity is Monitored.FRICTION:
+            value = value - warming.of_runs_nm
+        parts = zip(value.T, noise.T, doubt.T, spread.tolist(), strict=True)
+        charts[quantity] = tuple(control_chart(*part, len(usual) * n) for part in parts)
+    drift = ArmDrift(tuple(runs), dated, calibration.friction_nm, charts, warming, ())
     return replace(drift, findings=tuple(_findings(drift)))
-
-
-def _stacked(runs: Sequence[RunHealth], name: str) -> FloatArray:
-    """(r, n) an attribute of all runs."""
-    return np.stack([getattr(run, name) for run in runs])
 
 
 def _moment(text: str) -> datetime | None:

@@ -73,7 +73,7 @@ def warm_up(runs: Sequence[RunHealth], began: Sequence[datetime]) -> WarmUp | No
     for run, start, which in zip(runs, starts, sessions, strict=True):
         middles.append(start + 0.5 * run.length_s)
         if run.course is None:
-            points = [(0.5 * run.length_s, run.friction_nm, run.friction_noise_nm)]
+            points = [(0.5 * run.length_s, run.friction.value, run.friction.noise)]
         else:
             points = list(zip(run.course.elapsed_s, run.course.friction_nm, run.course.noise_nm, strict=True))
         for elapsed_s, value, own in points:

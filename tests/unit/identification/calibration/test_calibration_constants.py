@@ -339,22 +339,20 @@ def fit_over(lasts_s, *, periodic=False, rows_s=0.1, weight=0.31):
     time_s = 5.0 + np.arange(0.0, lasts_s, rows_s)
     one = SimpleNamespace(time_s=time_s, weight=np.full((time_s.size, 1), weight))
     one.only = lambda kept: SimpleNamespace(size=np.count_nonzero(kept), weight=one.weight[kept])
-    found = SimpleNamespace(value=lambda *_: np.zeros(1))
     return SimpleNamespace(
         _rows=one,
         _calibration=SimpleNamespace(n=1),
-        _found=found,
+        _found=SimpleNamespace(groups=[SimpleNamespace(acting=[[]])]),
         _signals=SimpleNamespace(periodic=periodic),
-        _changes="changes",
-        _mounting="",
+        _friction="friction",
+        _middle=None,
         _solved=lambda terms, rows: rows.size,
-        _friction=lambda size: (np.array([float(size)]), np.array([0.5])),
     )
 
 
 @pytest.fixture(autouse=True)
-def terms(monkeypatch):
-    monkeypatch.setattr(f"{ROOM}.run_health.known_arm_terms", lambda *_: [])
+def counted(monkeypatch):
+    monkeypatch.setattr(f"{ROOM}.run_health._estimated", lambda size, *_: (np.array([float(size)]), np.array([0.5])))
 
 
 @pytest.mark.parametrize(
@@ -380,18 +378,15 @@ def test_a_window_with_twenty_rows_of_a_moving_joint_shows_its_friction(rows_s, 
 
 
 def test_what_errors_of_the_calibration_leave_is_their_torque_less_what_the_unknowns_take_up():
-    """Two rows count; of 3 and 4 N m the unknown takes up 1 N m each, and the second row weighs a half."""
-    weighted = SimpleNamespace(rows=np.array([[2.0], [2.0], [0.0]]), place=np.array([0]))
+    """Two rows count; of 3 and 4 N m the other unknown takes up 1 N m each, and the second row weighs a half."""
+    weighted = SimpleNamespace(rows=np.array([[6.0, 2.0], [8.0, 2.0], [0.0, 0.0]]), place=np.array([0, 1]))
     found = SimpleNamespace(
-        problem=SimpleNamespace(free=np.array([True])),
+        problem=SimpleNamespace(free=np.array([True, False, True])),
         row_weight=lambda: np.array([[[2.0], [2.0], [0.0]]]),
-        weighted_rows=lambda _: [weighted],
+        weighted_rows=lambda: [weighted],
     )
-    fit = SimpleNamespace(
-        _found=found, _calibration=SimpleNamespace(n=1), _rows=SimpleNamespace(weight=np.array([[1.0], [0.5], [1.0]]))
-    )
-    axis_nm = np.array([[[3.0], [4.0], [99.0]]])
-    left = _RunFit._left_by(fit, axis_nm, np.array([[1.0]]), np.zeros((0, 1)))
+    rows = SimpleNamespace(weight=np.array([[1.0], [0.5], [1.0]]))
+    left = _RunFit._left_nm(SimpleNamespace(_found=found, _rows=rows, _errors=np.array([[1.0, 99.0, -1.0]])))
     assert left == pytest.approx([np.sqrt((2.0**2 + 1.5**2) / 3.0)])
 
 

@@ -32,15 +32,15 @@ def test_a_run_by_itself_shows_other_gains_and_friction_beside_an_unknown_payloa
     before, after = health(found), health(replace(found, current_a=current))
     for one in (before, after):
         assert float(one.carried.split()[0]) == pytest.approx(3.3, abs=0.1)
-        spread = np.hypot(one.gain_noise, one.gain_doubt)
-        assert (np.abs(one.gain_change - np.array([0.0, 0.04 * (one is after), 0, 0, 0, 0])) < 4.0 * spread).all()
-    assert after.gain_change[1] == pytest.approx(0.04, abs=0.01)
-    change = after.friction_nm - before.friction_nm
+        spread = np.hypot(one.gain.noise, one.gain.doubt)
+        assert (np.abs(one.gain.value - np.array([0.0, 0.04 * (one is after), 0, 0, 0, 0])) < 4.0 * spread).all()
+    assert after.gain.value[1] == pytest.approx(0.04, abs=0.01)
+    change = after.friction.value - before.friction.value
     assert change[3] == pytest.approx(more, rel=0.15)
-    assert (np.abs(np.delete(change, 3)) < 5.0 * np.delete(after.friction_noise_nm, 3)).all()
-    assert (before.residual < 2.5).all()
+    assert (np.abs(np.delete(change, 3)) < 5.0 * np.delete(after.friction.noise, 3)).all()
+    assert (before.residual.value < np.log(2.5)).all()
     # Stated as empty, its payload remains in the residual.
-    assert health(found, mounting="").residual.max() > 3.0
+    assert health(found, mounting="").residual.value.max() > np.log(3.0)
     assert health(found, mounting="").carried == "nothing"
     with pytest.raises(RecordingError, match="it contains joint torque, but the arm was calibrated with motor current"):
         health(replace(found, current_a=None, torque_nm=found.current_a))
@@ -52,10 +52,10 @@ def test_a_joint_that_stands_still_in_a_run_has_no_health(result, runs, pinocchi
     position[:, 0] = position[0, 0]
     one = replace(run, position_rad=position)
     still = run_health(one, result, pinocchio_arm.chain, nominal, mounting="")
-    assert np.isnan(still.gain_change[0])
-    assert np.isnan(still.friction_nm[0])
-    assert np.isnan(still.residual[0])
-    assert np.isfinite(still.gain_change[1:]).all()
+    assert np.isnan(still.gain.value[0])
+    assert np.isnan(still.friction.value[0])
+    assert np.isnan(still.residual.value[0])
+    assert np.isfinite(still.gain.value[1:]).all()
     frozen = replace(run, position_rad=np.tile(position[0], (len(position), 1)) + 1e-9 * run.position_rad)
     with pytest.raises(RecordingError, match="no joint moves"):
         run_health(frozen, result, pinocchio_arm.chain, nominal)

@@ -8,16 +8,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_identification.calibration.run_health import FrictionOverTime, RunHealth
+from armload_identification.calibration.run_health import Compared, FrictionOverTime, RunHealth
 from armload_identification.pipeline.arm_drift import Monitored, arm_drift
 
 pytestmark = pytest.mark.pure
 
 N = 2
 ARM = SimpleNamespace(n=N, friction_nm=np.array([40.0, 10.0]), usual_change_nm=np.array([1.0, 0.3]))
-NOISE = {"gain_noise": 0.002, "friction_noise_nm": 0.1, "residual_noise": 0.1}
-DOUBT = {"gain_doubt": 0.002, "friction_doubt_nm": 0.3, "residual_doubt": 0.1}
 MORNING = datetime(2026, 3, 2, 6, tzinfo=UTC)
+
+
+def compared(value, noise, doubt):
+    return Compared(value, np.full(N, noise), np.full(N, doubt))
 
 
 def run(number, moment=None, gain=0.0, friction=0.0, residual=1.0, course=None):
@@ -27,11 +29,10 @@ def run(number, moment=None, gain=0.0, friction=0.0, residual=1.0, course=None):
         recorded="" if moment is None else moment.isoformat(),
         length_s=30.0 if course is None else 3600.0,
         carried="nothing",
-        gain_change=gain + 0.003 * draw(size=N),
-        friction_nm=friction + np.array([0.5, 0.1]) * draw(size=N),
-        residual=residual * np.exp(0.1 * draw(size=N)),
+        gain=compared(gain + 0.003 * draw(size=N), 0.002, 0.002),
+        friction=compared(friction + np.array([0.5, 0.1]) * draw(size=N), 0.1, 0.3),
+        residual=compared(np.log(residual) + 0.1 * draw(size=N), 0.1, 0.005),
         course=course,
-        **{key: np.full(N, value) for key, value in (NOISE | DOUBT).items()},
     )
 
 
@@ -78,7 +79,7 @@ def test_what_stays_unexplained_is_a_ratio_and_one_run_alone_is_said_to_be_so():
 def test_a_joint_that_does_not_move_is_left_out():
     runs = [run(number) for number in range(6)]
     for one in runs:
-        one.gain_change[0] = one.gain_noise[0] = one.gain_doubt[0] = np.nan
+        one.gain.value[0] = one.gain.noise[0] = one.gain.doubt[0] = np.nan
     drift = arm_drift(ARM, runs)
     assert drift.findings == ()
     assert np.isnan(drift.charts[Monitored.GAIN][0].level).all()

@@ -24,8 +24,7 @@ def friction(at_work_s, level=10.0):
 def run(at_work_s, length_s=60.0, level=10.0, course=None, noise=0.0):
     return SimpleNamespace(
         length_s=length_s,
-        friction_nm=friction(at_work_s + 0.5 * length_s, level) + noise,
-        friction_noise_nm=np.full(2, NOISE_NM),
+        friction=SimpleNamespace(value=friction(at_work_s + 0.5 * length_s, level) + noise, noise=np.full(2, NOISE_NM)),
         course=course,
     )
 
@@ -99,7 +98,7 @@ def test_scatter_larger_than_the_noise_counts():
 def test_a_joint_that_hardly_moves_is_left_out_where_it_has_no_friction():
     runs, began = session()
     for odd in runs[::2]:
-        odd.friction_nm[0] = np.nan
+        odd.friction.value[0] = np.nan
     found = warm_up(runs, began)
     np.testing.assert_allclose(found.slope_nm, SLOPE_NM, atol=1e-9)
     assert np.isnan(found.friction_nm[::2, 0]).all()
@@ -154,7 +153,7 @@ def test_a_slope_counts_from_four_deviations_on(size, found):
     of_joint = size * 0.05 / np.linalg.norm(log_time - log_time.mean())
     runs, began = session(starts_s=range(0, 3600, 600))
     for each, log in zip(runs, log_time, strict=True):
-        each.friction_nm = np.array([0.0, of_joint * log])
+        each.friction.value = np.array([0.0, of_joint * log])
     warming = warm_up(runs, began)
     assert (warming is not None) is found
     if found:

@@ -44,7 +44,7 @@ from armload_drivers.canopen.lss_master import LssAddress
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.listening.overheard_arm import ToldPayload
-from armload_identification.calibration.run_health import RunHealth
+from armload_identification.calibration.run_health import Compared, RunHealth
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import NothingMounted
 from armload_identification.many_arms.arm_runs import ArmRun, Quantity, QuantityKind
@@ -207,14 +207,9 @@ def made():
     windows = (Window(0.0, 10.0, found, ""), Window(10.0, 20.0, None, "the arm stands still"))
     history = PayloadOverTime("arm", windows, SimpleNamespace(path=Path("shift.mcap")))
     two, noise = np.zeros(2), np.full(2, 0.01)
-    doubts = {
-        f"{of}_{kind}{unit}": noise for of, unit in (("gain", ""), ("friction", "_nm")) for kind in ("noise", "doubt")
-    }
-    left = {"residual": ones, "residual_noise": noise, "residual_doubt": noise}
+    same = Compared(two, noise, noise)
     runs = [
-        RunHealth(
-            f"{number}.mcap", "", 30.0, "nothing", two, friction_nm=two + (number > 3), course=None, **doubts, **left
-        )
+        RunHealth(f"{number}.mcap", "", 30.0, "nothing", same, Compared(two + (number > 3), noise, noise), same, None)
         for number in range(8)
     ]
     worn = arm_drift(SimpleNamespace(n=2, friction_nm=ones, usual_change_nm=noise), runs)
