@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -28,9 +26,6 @@ NORMAL_HALF_WIDTH: Final = 1.9599639845400536
 compute it take as long to load as a loop's own; a test compares the two."""
 ONE_SIDED: Final = 1.645
 """Standard deviations within which a value is with 95 %, on one side."""
-_NEWTON_STEPS: Final = 6
-_NEARLY_NORMAL: Final = 1e8
-"""Degrees of freedom from which on the distribution is normal to 1e-8."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,32 +66,9 @@ def student_half_width(freedom: float | FloatArray) -> FloatArray:
     Args:
         freedom: Degrees of freedom of at least 1, of any shape.
     """
-    return np.asarray(np.vectorize(_student, otypes=[np.float64])(freedom))
+    from scipy.special import stdtrit
 
-
-def _student(freedom: float) -> float:
-    """The same of one number. scipy.special has it too, but takes twice as long to load as NumPy.
-
-    Of the angle with t = sqrt(nu) tan(angle), the density is a power of its cosine; it falls, so that Newton's steps
-    from the normal distribution's, which is below, do not overshoot.
-    """
-    if freedom > _NEARLY_NORMAL:
-        return NORMAL_HALF_WIDTH
-    root = math.sqrt(freedom)
-    scale = 2.0 / math.sqrt(math.pi) * math.exp(math.lgamma(0.5 * freedom + 0.5) - math.lgamma(0.5 * freedom))
-    angle = math.atan(NORMAL_HALF_WIDTH / root)
-    nodes, weights = _quadrature()
-    for _ in range(_NEWTON_STEPS):
-        within = 0.5 * scale * angle * float(weights @ np.cos(0.5 * angle * (nodes + 1.0)) ** (freedom - 1.0))
-        angle += (CONFIDENCE - within) / (scale * math.cos(angle) ** (freedom - 1.0))
-    return root * math.tan(angle)
-
-
-@cache
-def _quadrature() -> tuple[FloatArray, FloatArray]:
-    """Nodes and weights of Gauss and Legendre; computed when first used, as their module takes long to load."""
-    nodes, weights = np.polynomial.legendre.leggauss(16)
-    return nodes, weights
+    return np.asarray(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
 
 
 def quantify(found: PayloadEstimate, parameters: InertialParameters) -> Uncertainty:

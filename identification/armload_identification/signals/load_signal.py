@@ -26,7 +26,6 @@ from armload_identification.recording.recording import Recording
 from armload_identification.signals.filters import low_pass, low_pass_cutoff
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER, Motion
 from armload_identification.signals.recorded_run import Grid, Run
-from armload_identification.signals.repetition import fast_length
 from armload_identification.signals.signal_constants import RunAlignment, SamePath
 from armload_identification.signals.spline import MeasuredMotion
 
@@ -269,10 +268,12 @@ def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
     Raises:
         RecordingError: the runs have less than one second of motion in common.
     """
+    from scipy.fft import next_fast_len
+
     longest_s = max(first.duration_s, second.duration_s)
     step_s = min(RunAlignment.grid_s, longest_s / RunAlignment.fewest_times)
     grid = np.arange(0.0, longest_s, step_s)
-    length = fast_length(2 * grid.size)
+    length = next_fast_len(2 * grid.size, real=True)
     speeds = []
     for motion in (first, second):
         speed = motion.spline(np.minimum(grid, motion.duration_s), 1)

@@ -22,7 +22,6 @@ from armload_identification.signals.filters import low_pass, low_pass_cutoff, sm
 from armload_identification.signals.joint_torque import Transmission, joint_torque, reported_effort, sample_scatter
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER, Motion
 from armload_identification.signals.periods import fold
-from armload_identification.signals.repetition import fast_part
 from armload_identification.signals.reversals import moving_joints
 from armload_identification.signals.signal_constants import LowPass, RunAlignment, Standstill
 from armload_identification.signals.spline import MeasuredMotion, fit_motion
@@ -192,6 +191,8 @@ class Run:
         Raises:
             RecordingError: nearly all of the run is missing.
         """
+        from scipy.fft import prev_fast_len
+
         apart_s = np.diff(self.recording.time_s)
         interval_s = float(np.median(apart_s))
         # Stamps since 1970 are rounded to 0.2 us: of the whole run, so that a grid of an hour stays at the samples.
@@ -207,7 +208,7 @@ class Run:
         speed = np.abs(velocity).max(axis=1)
         moving = np.flatnonzero(speed > Standstill.share_of_peak_speed * speed.max())
         count = int(moving[-1] + 1 - moving[0])
-        rows = slice(moving[0], moving[0] + (fast_part(count) if count >= LowPass.fast_from else count))
+        rows = slice(moving[0], moving[0] + (prev_fast_len(count, real=True) if count >= LowPass.fast_from else count))
         return Grid(elapsed[rows], interval_s, low_pass_cutoff(velocity[rows], interval_s))
 
     def sampled(self, grid: Grid) -> Motion:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from armload_core.arrays import FloatArray
@@ -25,6 +23,8 @@ def repeated_after(elapsed_s: FloatArray, position_rad: FloatArray) -> float | N
     References:
         McLeod, Wyvill, A smarter way to find pitch, ICMC 2005, equation 8.
     """
+    from scipy.fft import next_fast_len
+
     samples = min(elapsed_s.size, Repetition.most_samples)
     if samples < Repetition.fewest_samples:
         return None
@@ -34,7 +34,7 @@ def repeated_after(elapsed_s: FloatArray, position_rad: FloatArray) -> float | N
         return None
     motion = np.column_stack([np.interp(times, elapsed_s, position_rad[:, joint]) for joint in moving])
     motion = (motion - motion.mean(axis=0)) / motion.std(axis=0)
-    length = fast_length(2 * samples)
+    length = next_fast_len(2 * samples, real=True)
     spectrum = np.fft.rfft(motion, length, axis=0)
     product = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, axis=1), length)[:samples]
     energy = np.concatenate([[0.0], np.cumsum(np.sum(motion**2, axis=1))])
@@ -53,22 +53,3 @@ def repeated_after(elapsed_s: FloatArray, position_rad: FloatArray) -> float | N
     before, here, after = alike[lag - 1 : lag + 2]
     shift = 0.5 * (before - after) / (before - 2.0 * here + after)
     return float((lag + shift) * (times[1] - times[0]))
-
-
-def fast_length(least: int) -> int:
-    """The next length of which a Fourier transform is fast: a product of twos, threes and fives.
-
-    Args:
-        least: Smallest length, above 0.
-    """
-    return int(min(part << (-(-least // part) - 1).bit_length() for part in _smooth()))
-
-
-def fast_part(most: int) -> int:
-    """The greatest length up to `most`, above 0, of which a Fourier transform is fast."""
-    return int(max(part << (most // part).bit_length() - 1 for part in _smooth() if part <= most))
-
-
-def _smooth() -> Iterator[int]:
-    """Products of threes and fives."""
-    return (3**a * 5**b for a in range(12) for b in range(9))

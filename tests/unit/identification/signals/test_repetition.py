@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.fft import next_fast_len
 
-from armload_identification.signals.repetition import fast_length, fast_part, repeated_after
+from armload_identification.signals.repetition import repeated_after
 
 pytestmark = pytest.mark.pure
 
@@ -52,22 +51,3 @@ def test_the_shortest_of_several_periods_is_given_and_not_its_multiples():
     time_s = 0.01 * np.arange(3000)
     position = np.column_stack([np.sin(2.0 * np.pi * time_s / 3.0), np.cos(4.0 * np.pi * time_s / 3.0)])
     assert repeated_after(time_s, position) == pytest.approx(3.0, rel=2e-3)
-
-
-@pytest.mark.parametrize("least", [1, 2, 7, 97, 1009, 65537, 1_356_001, 6_000_011])
-def test_a_length_is_fast_and_the_next(least):
-    found = fast_length(least)
-    rest = found
-    for prime in (2, 3, 5):
-        while rest % prime == 0:
-            rest //= prime
-    assert rest == 1
-    assert least <= found <= 1.07 * least + 1
-    assert found == next_fast_len(least, real=True)
-
-
-@pytest.mark.parametrize("most", [1, 7, 2003, 16384, 74999, 300_007])
-def test_the_part_of_a_run_with_fast_transforms_is_nearly_all_of_it(most):
-    found = fast_part(most)
-    assert fast_length(found) == found <= most < fast_length(found + 1)
-    assert found > 0.97 * most or most < 10

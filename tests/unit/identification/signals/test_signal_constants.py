@@ -195,7 +195,7 @@ def test_four_pieces_need_more_than_two_samples_for_each_of_nine_coefficients(sa
         found = fit_motion(time_s, time_s[:, None] ** 2)
         np.testing.assert_allclose(found.spline(np.array([0.05]), 1), 2.0 * 5.05, rtol=1e-6)
         assert found.duration_s == pytest.approx(0.18)
-        assert len(found.spline.coefficients) == 9
+        assert len(found.spline.c) == 9
     else:
         with pytest.raises(RecordingError, match=r"18 samples over 0\.17 s are not enough to fit a motion"):
             fit_motion(time_s, time_s[:, None])
@@ -206,7 +206,7 @@ def test_a_slow_motion_has_wide_knots_and_its_noise_is_no_motion():
     time_s = 0.01 * np.arange(3000)
     position = np.sin(np.outer(time_s, [0.3, 0.5])) + 1e-3 * rng.normal(size=(3000, 2))
     found = fit_motion(time_s, position)
-    assert len(found.spline.coefficients) == 15 + 5, "a knot every 2 s"
+    assert len(found.spline.c) == 15 + 5, "a knot every 2 s"
     np.testing.assert_allclose(found.fit_rad, 1e-3, rtol=0.05)
 
 
