@@ -8,7 +8,7 @@ that was in operation before its first run has a flatter curve. b is used only i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
@@ -67,22 +67,13 @@ def warm_up(runs: Sequence[RunHealth], began: Sequence[datetime]) -> WarmUp | No
     Returns:
         The curve; None if no joint's friction depends significantly on the time in operation.
     """
-    at_work, session, friction, noise = [], [], [], []
     starts, sessions = _sessions(runs, began)
-    middles = []
-    for run, start, which in zip(runs, starts, sessions, strict=True):
-        middles.append(start + 0.5 * run.length_s)
-        if run.course is None:
-            points = [(0.5 * run.length_s, run.friction.value, run.friction.noise)]
-        else:
-            points = list(zip(run.course.elapsed_s, run.course.friction_nm, run.course.noise_nm, strict=True))
-        for elapsed_s, value, own in points:
-            at_work.append(start + elapsed_s)
-            session.append(which)
-            friction.append(value)
-            noise.append(own)
-    time_s, where = np.array(at_work), np.array(session, dtype=np.intp)
-    values, spread = np.array(friction), np.array(noise)
+    points = [
+        (start + elapsed_s, which, value, noise)
+        for run, start, which in zip(runs, starts, sessions, strict=True)
+        for elapsed_s, value, noise in _points(run)
+    ]
+    time_s, where, values, spread = (np.array(part) for part in zip(*points, strict=True))
     n = values.shape[1]
     slope, deviation = np.zeros(n), np.zeros(n)
     for joint in range(n):
@@ -97,8 +88,16 @@ def warm_up(runs: Sequence[RunHealth], began: Sequence[datetime]) -> WarmUp | No
         known = np.isfinite(values[rows])
         count = np.maximum(known.sum(axis=0), 1)
         levels[rows] = np.where(known, values[rows] - part[rows], 0.0).sum(axis=0) / count
-    cold = (_log(np.array(middles)) - _log(WARM_S))[:, None] * slope
+    middle_s = np.array(starts) + 0.5 * np.array([run.length_s for run in runs])
+    cold = (_log(middle_s) - _log(WARM_S))[:, None] * slope
     return WarmUp(time_s, where, values - levels, slope, cold)
+
+
+def _points(run: RunHealth) -> Iterable[tuple[float, FloatArray, FloatArray]]:
+    """Time since the start of a run, friction and its noise: of its windows, or of the whole run."""
+    if run.course is None:
+        return [(0.5 * run.length_s, run.friction.value, run.friction.noise)]
+    return zip(run.course.elapsed_s, run.course.friction_nm, run.course.noise_nm, strict=True)
 
 
 def _log(at_work_s: FloatArray | float) -> FloatArray:

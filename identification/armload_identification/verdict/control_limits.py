@@ -104,17 +104,11 @@ def control_chart(values: FloatArray, noise: FloatArray, doubt: FloatArray, usua
         before, before_variance = mean, variance
     limit = ChartLevels.limit_deviations * np.hypot(deviation, known)
 
-    def whole(part: FloatArray) -> FloatArray:
-        """(r,) values at all runs, NaN where the quantity is not shown."""
-        full = np.full(values.size, np.nan)
-        full[shown] = part
-        return full
-
+    full = np.full((3, values.size), np.nan)
+    full[:, shown] = deviation, limit, level
     marked = np.zeros((2, values.size), dtype=bool)
     marked[:, shown] = np.abs(v) > limit, alone
-    return ControlChart(
-        values, whole(deviation), whole(limit), spread, marked[0], marked[1], whole(level), tuple(changes)
-    )
+    return ControlChart(values, full[0], full[1], spread, marked[0], marked[1], full[2], tuple(changes))
 
 
 def _deviation_between_runs(values: FloatArray, noise: FloatArray, usual: float) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,23 +34,18 @@ def usable_runs(
             mixed up; no motion; a velocity that is not the position's, or a torque column that is constant, stuck for a
             part of the run, saturated, or of the wrong sign.
     """
-    given = _Given(tuple(recordings), n, effort)
-    for of_recordings in RECORDING_CHECKS:
-        of_recordings(given)
+    for recording in recordings:
+        check_joints(recording, n)
+        if effort is not None:
+            require_effort(recording, effort)
+    if len(recordings) == 2:
+        for of_both in PAIR_CHECKS:
+            of_both(*recordings)
     runs = [Run.of(recording, transmission) for recording in recordings]
     for run in runs:
-        for check in RUN_CHECKS:
-            check(run)
+        for of_one in RUN_CHECKS:
+            of_one(run)
     return runs
-
-
-@dataclass(frozen=True, eq=False)
-class _Given:
-    """Recordings as given, for an arm of n joints that was calibrated with a quantity, if it was."""
-
-    recordings: tuple[Recording, ...]
-    n: int
-    effort: Effort | None
 
 
 def _moves(run: Run) -> NDArray[np.bool_]:
@@ -59,38 +53,21 @@ def _moves(run: Run) -> NDArray[np.bool_]:
     return np.asarray(np.ptp(run.recording.position_rad, axis=0) > RunLevels.evident_travel_rad)
 
 
-def _refuse_another_arm(given: _Given) -> None:
-    for recording in given.recordings:
-        check_joints(recording, given.n)
+def _refuse_the_same_file(loaded: Recording, unloaded: Recording) -> None:
+    if loaded.source.sha256 == unloaded.source.sha256:
+        raise RecordingError(
+            f"{loaded.source.path} and {unloaded.source.path} are the same recording. Give one run with and one run "
+            "without the payload."
+        )
 
 
-def _refuse_another_quantity(given: _Given) -> None:
-    """Raise for a quantity other than the calibration's, or two different ones."""
-    for recording in given.recordings:
-        if given.effort is not None:
-            require_effort(recording, given.effort)
-    if len(given.recordings) == 2:
-        require_same_effort(*given.recordings)
-
-
-def _refuse_the_same_file(given: _Given) -> None:
-    first, *others = (recording.source for recording in given.recordings)
-    for other in others:
-        if first.sha256 == other.sha256:
-            raise RecordingError(
-                f"{first.path} and {other.path} are the same recording. Give one run with and one run without the "
-                "payload."
-            )
-
-
-def _refuse_exchanged_labels(given: _Given) -> None:
-    first, *others = (recording.source for recording in given.recordings)
-    for other in others:
-        labels = (first.run().get("load"), other.run().get("load"))
-        if labels[0] == "unloaded" != labels[1] or labels[1] == "loaded":
-            raise RecordingError(
-                f"{first.path} was recorded as '{labels[0]}' and {other.path} as '{labels[1]}'. Exchange the two files."
-            )
+def _refuse_exchanged_labels(loaded: Recording, unloaded: Recording) -> None:
+    labels = (loaded.source.run().get("load"), unloaded.source.run().get("load"))
+    if labels[0] == "unloaded" != labels[1] or labels[1] == "loaded":
+        raise RecordingError(
+            f"{loaded.source.path} was recorded as '{labels[0]}' and {unloaded.source.path} as '{labels[1]}'. "
+            "Exchange the two files."
+        )
 
 
 def _refuse_long_means(run: Run) -> None:
@@ -232,12 +209,7 @@ def _closed_part(run: Run) -> NDArray[np.intp]:
     return np.empty(0, dtype=np.intp)
 
 
-RECORDING_CHECKS = (
-    _refuse_another_arm,
-    _refuse_another_quantity,
-    _refuse_the_same_file,
-    _refuse_exchanged_labels,
-)
+PAIR_CHECKS = (require_same_effort, _refuse_the_same_file, _refuse_exchanged_labels)
 RUN_CHECKS = (
     _refuse_long_means,
     _refuse_velocity,
