@@ -19,7 +19,7 @@ from armload_identification.calibration.calibration_result import (
     kinematics_sha256,
 )
 from armload_identification.calibration.mounted_runs import WEIGHED_WITHIN, ArmRuns, MountedRun
-from armload_identification.calibration.mounting_mistakes import Turn, most_steps, refuse_other_mounting
+from armload_identification.calibration.mounting_mistakes import Turn, most_trials, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import ArmKnowledge, explain
 from armload_identification.estimation.arm_rows import ArmLayout, RunSignals, run_signals
@@ -106,7 +106,7 @@ class _Calibration:
     def __init__(self, given: ArmRuns, chain: Chain, transmission: Transmission, progress: Progress | None) -> None:
         self._chain, self._transmission, self._weighed = chain, transmission, given.weighed
         self._left_out, self._progress = list(given.left_out), progress or (lambda done, total: None)
-        self._total = 2 * len(given.runs) + most_steps(chain)
+        self._total = 2 * len(given.runs) + most_trials(chain)
         self._done = 0
         readable: list[tuple[str, MountedRun, RunSignals]] = []
         names = _distinct([run.recording.source.path for run in given.runs])
@@ -152,9 +152,9 @@ class _Calibration:
         found = self._named(fit, warnings, robot, replace(made, recordings_sha256=hashes))
         return replace(found, warnings=(*found.warnings, *self._motion_warnings(found)))
 
-    def _advance(self, count: int = 1) -> None:
-        self._done += count
-        self._progress(min(self._done, self._total), self._total)
+    def _advance(self) -> None:
+        self._done += 1
+        self._progress(self._done, self._total)
 
     def _read(self, name: str, recording: Recording) -> RunSignals | None:
         """The signals of a run; None, with the reason recorded, if it cannot be used."""
@@ -225,11 +225,11 @@ class _Calibration:
             fit = solve(self._problem(rows, layout), rough=True)
             # A joint at rest has no explained torque, and its sign does not matter.
             share = fit.noise_nm[0] / fit.problem.noise.greatest_nm
+            self._advance()
             return np.asarray(np.log(np.maximum(share[self._moves], 1e-9)))
 
-        finished = self._done + most_steps(self._chain)
-        refuse_other_mounting(shares, self._chain, self._transmission.coupling, self._moves, self._advance)
-        self._advance(finished - self._done)
+        refuse_other_mounting(shares, self._chain, self._transmission.coupling, self._moves)
+        self._progress(self._total, self._total)
 
     def _leave_out(self, run: _UsedRun, fit: Posterior) -> None:
         """Exclude a run, and explain its contradiction to the others' fit."""

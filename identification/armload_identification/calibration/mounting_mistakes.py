@@ -27,26 +27,18 @@ ResidualShares = Callable[[Chain, Turn], FloatArray]
 
 _WHOLE: Final = "position and effort"
 _TURNED: Final = {_WHOLE: (True, True), "position": (True, False), "effort": (False, True)}
-_PER_MOUNTING: Final = 2
-"""Steps of progress; an inverted joint is one."""
 
 
-def most_steps(chain: Chain) -> int:
-    """Most steps of progress that `refuse_other_mounting` takes.
+def most_trials(chain: Chain) -> int:
+    """Most fits that `refuse_other_mounting` takes.
 
     Args:
         chain: The arm as configured.
     """
-    return _PER_MOUNTING * len(directions(chain.gravity_m_s2)) + len(_TURNED) * chain.n
+    return 1 + len(directions(chain.gravity_m_s2)) + len(_TURNED) * chain.n
 
 
-def refuse_other_mounting(
-    shares: ResidualShares,
-    chain: Chain,
-    coupling: FloatArray,
-    moves: NDArray[np.bool_],
-    advance: Callable[[int], None],
-) -> None:
+def refuse_other_mounting(shares: ResidualShares, chain: Chain, coupling: FloatArray, moves: NDArray[np.bool_]) -> None:
     """Raise if the runs show another mounting or an inverted joint.
 
     Args:
@@ -54,7 +46,6 @@ def refuse_other_mounting(
         chain: The arm as configured.
         coupling: (n, n) C of its motors.
         moves: (n,) False for joints that stand in all runs.
-        advance: Called with a number of steps of progress.
 
     Raises:
         EstimationError: naming the mistake and the remedy.
@@ -67,11 +58,10 @@ def refuse_other_mounting(
     for how, gravity in directions(chain.gravity_m_s2).items():
         hung = Chain(chain.placement, chain.axis, chain.flange, gravity)
         found[how] = float(shares(hung, lambda run: run).mean())
-        advance(_PER_MOUNTING)
     best = min(found, key=lambda how: found[how])
     if found[best] >= np.log(OtherMounting.little) and as_configured.max() > np.log(OtherMounting.much):
         most = min(entered - OtherMounting.better, found[best])
-        _refuse_turned_joint(partial(shares, chain), coupling, moves, entered, most, advance)
+        _refuse_turned_joint(partial(shares, chain), coupling, moves, entered, most)
     if found[best] < entered - OtherMounting.better:
         raise EstimationError(
             f"the arm is not mounted as in its configuration: the residual is {np.exp(entered - found[best]):.1f} "
@@ -85,7 +75,6 @@ def _refuse_turned_joint(
     moves: NDArray[np.bool_],
     entered: float,
     most: float,
-    advance: Callable[[int], None],
 ) -> None:
     """Raise if the residual is smaller with one joint inverted.
 
@@ -95,7 +84,6 @@ def _refuse_turned_joint(
         moves: (n,) False for joints that stand in all runs.
         entered: Mean logarithm of the residual shares of the runs as they are.
         most: Greatest mean with which an inverted joint is accepted.
-        advance: Called with a number of steps of progress.
     """
     turned = {}
     for axis, (what, (position, effort)) in product(np.flatnonzero(moves).tolist(), _TURNED.items()):
@@ -103,7 +91,6 @@ def _refuse_turned_joint(
         joints = (coupling @ turn @ np.linalg.inv(coupling)).T if position else np.eye(len(coupling))
         axes = turn if effort else np.eye(len(coupling))
         turned[axis, what] = float(shares(partial(RunSignals.turned, joints=joints, axes=axes)).mean())
-        advance(1)
     joint, what = min(turned, key=lambda which: turned[which])
     if turned[joint, what] >= most:
         return

@@ -25,6 +25,7 @@ from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.signal_constants import SamePath, Smoothing
 from armload_identification.verdict.decision_levels import ArmFit, PayloadChangeLevels, PayloadFit, Timing
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
+from armload_identification.verdict.recording_checks.column_mistakes import strange_joints
 from armload_identification.verdict.recording_checks.friction_validity import friction_notes, standard_deviations
 
 _CHECKED_BY: Final = "Several runs with a weighed payload show it: `armload calibrate`."
@@ -261,10 +262,7 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
     """Joints of the unloaded run whose torque is not explained by the arm's links and positive friction."""
     if arm is None:
         return []
-    loud = signal.unloaded.moves & (arm.torque_rms_nm > PayloadFit.loud * signal.averaged_noise_nm)
-    speed = np.sqrt(np.mean(signal.states.velocity_rad_s**2, axis=0))
-    pushes = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed < -ArmFit.driven_share_noted * arm.torque_rms_nm
-    strange = loud & ((arm.residual_rms_nm > ArmFit.residual_share * arm.torque_rms_nm) | pushes)
+    strange = strange_joints(signal, arm, PayloadFit.loud, ArmFit.driven_share_noted)
     if not strange.any():
         return []
     return [

@@ -64,19 +64,14 @@ class _Correction:
     """(n,) mean friction while moving, as a share of the torque; negative where it drives the arm, 0 for joints at
     rest: what their servos do to tiny vibrations is no friction."""
 
-    @property
-    def driven(self) -> bool:
-        """Whether the friction of a joint drives the arm."""
-        return self.driven_beyond(np.zeros(len(self.share)))
-
-    def driven_beyond(self, half_width: FloatArray) -> bool:
-        """The same if (n,) half widths of the friction's shares count too."""
-        return bool((self.friction < -np.maximum(np.maximum(self.share, half_width), ArmFit.driven_share)).any())
+    def driven(self, beyond: FloatArray | float = 0.0) -> bool:
+        """Whether the friction of a joint drives the arm, by more than (n,) half widths of the friction's shares."""
+        return bool((self.friction < -np.maximum(np.maximum(self.share, beyond), ArmFit.driven_share)).any())
 
     @property
     def possible(self) -> bool:
         """Whether the run could be like this."""
-        return bool((self.share < ArmFit.residual_share).all()) and not self.driven
+        return bool((self.share < ArmFit.residual_share).all()) and not self.driven()
 
 
 @dataclass(frozen=True)
@@ -122,13 +117,7 @@ class RunColumns:
             return False
         if self._known is not None:
             return True
-        arm = self.arm
-        speed = np.mean(np.abs(signal.unloaded.states.velocity_rad_s), axis=0)
-        friction = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed
-        loud = moves & (arm.torque_rms_nm > signal.averaged_noise_nm)
-        unexplained = arm.residual_rms_nm > ArmFit.residual_share * arm.torque_rms_nm
-        driven = friction < -ArmFit.driven_share * arm.torque_rms_nm
-        return not bool((loud & (unexplained | driven)).any())
+        return not strange_joints(signal, self.arm, 1.0, ArmFit.driven_share).any()
 
     def require_right(self) -> None:
         """Refuse a pair that only another sign or order of columns can explain.
@@ -169,6 +158,20 @@ class RunColumns:
         )
 
 
+def strange_joints(signal: LoadSignal, arm: BodyFit, loud: float, driven: float) -> NDArray[np.bool_]:
+    """(n,) True for joints of the unloaded run whose torque is not explained by the arm's links and positive friction.
+
+    Args:
+        loud: Multiple of the noise from which a joint's torque is evidence.
+        driven: Share of the torque from which friction that drives the arm is.
+    """
+    speed = np.mean(np.abs(signal.unloaded.states.velocity_rad_s), axis=0)
+    friction = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed
+    unexplained = arm.residual_rms_nm > ArmFit.residual_share * arm.torque_rms_nm
+    evident = signal.unloaded.moves & (arm.torque_rms_nm > loud * signal.averaged_noise_nm)
+    return np.asarray(evident & (unexplained | (friction < -driven * arm.torque_rms_nm)))
+
+
 def _flipped_text(joints: list[int]) -> str:
     """What is wrong with the signs of joints, and the remedy."""
     names = named_joints([str(joint + 1) for joint in joints])
@@ -201,7 +204,7 @@ def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int,
         if not trial.possible or gained <= -ArmFit.no_worse:
             continue
         evident = gained > ArmFit.evident_gain
-        if evident or (as_it_is.driven and as_it_is.driven_beyond(system.friction_half_width(signs))):
+        if evident or (as_it_is.driven() and as_it_is.driven(system.friction_half_width(signs))):
             found[joints] = trial.cost
     return min(found, key=lambda joints: found[joints])
 

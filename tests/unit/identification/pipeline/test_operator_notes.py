@@ -52,6 +52,7 @@ def signal(interruptions=(0, 0), rate=1.0, moves=ALL, **changes):
             interruptions=count,
             rate=rate,
             moves=moves,
+            states=found.states,
             reversal_weight=reversal_weights(found.states.position_rad, found.states.velocity_rad_s),
         )
         for periods, count in zip(found.periods, interruptions, strict=True)

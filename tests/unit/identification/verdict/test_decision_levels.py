@@ -682,9 +682,8 @@ def test_links_and_friction_leave_three_tenths_of_a_torque_and_drive_no_joint_by
 ):
     states = SimpleNamespace(velocity_rad_s=np.full((4, 2), 2.0))
     signal = SimpleNamespace(
-        unloaded=SimpleNamespace(moves=np.array([True, moves])),
+        unloaded=SimpleNamespace(moves=np.array([True, moves]), states=states),
         averaged_noise_nm=np.array([0.1, noise_nm]),
-        states=states,
     )
     body = SimpleNamespace(
         torque_rms_nm=np.full(2, 10.0),
@@ -742,8 +741,8 @@ def correction(cost=0.0, share=0.0, friction=0.1):
 )
 def test_a_run_leaves_three_tenths_and_friction_moves_it_by_a_twentieth(share, friction, possible):
     assert correction(0.0, share, friction).possible is possible
-    assert not correction(0.0, 0.0, -0.3).driven_beyond(np.array([0.0, 0.31]))
-    assert correction(0.0, 0.0, -0.3).driven_beyond(np.array([0.0, 0.29]))
+    assert not correction(0.0, 0.0, -0.3).driven(np.array([0.0, 0.31]))
+    assert correction(0.0, 0.0, -0.3).driven(np.array([0.0, 0.29]))
 
 
 @pytest.fixture
