@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,49 +17,25 @@ _MRAD: Final = 1e3
 _PERCENT: Final = 100.0
 
 
-@dataclass(frozen=True)
-class JointRow:
-    """One joint of a run; torques in N m, of single raw samples.
-
-    Attributes:
-        number: From 1.
-        name: Its name.
-        torque: RMS of the payload's torque.
-        noise: Standard deviation of the noise in the difference of two samples.
-        residual: RMS of that difference minus prediction.
-        ratio: Residual divided by noise.
-        loss: Share of the signal removed by smoothing, in percent.
-        lossy: Whether that is more than the method allows.
-        mismatch: RMS difference of the two motions, in mrad.
-        position_fit: RMS of measured minus fitted position, in mrad.
-        scale: Ratio of measured to predicted torque with its 95 % interval; empty if not requested or not determined.
-    """
-
-    number: int
-    name: str
-    torque: Numeral
-    noise: Numeral
-    residual: Numeral
-    ratio: Numeral
-    loss: Numeral
-    lossy: bool
-    mismatch: Numeral
-    position_fit: Numeral
-    scale: str
-
-
 def joint_rows(
     signal: LoadSignal,
     residual_rms_nm: FloatArray,
     names: Sequence[str],
     scales: JointScales | None,
-) -> tuple[JointRow, ...]:
-    """The table of a run.
+) -> list[dict[str, Any]]:
+    """The table of a run; torques in N m, of single raw samples.
 
     Args:
         residual_rms_nm: (n,) RMS of single raw differences minus prediction.
         names: Names of the joints.
         scales: Ratio of measured to predicted torque; None if not requested.
+
+    Returns:
+        Cells of each row: `number`, from 1, and `name`; `torque`, RMS of the payload's; `noise`, its standard deviation
+        in the difference of two samples; `residual`, RMS of that difference minus prediction, and its `ratio` to the
+        noise; `loss`, share of the signal removed by smoothing, in percent, `lossy` if the method allows less;
+        `mismatch`, RMS difference of the two motions, and `position_fit`, of measured minus fitted position, in mrad;
+        `scale` with its 95 % interval, empty if not requested or not determined.
     """
     decimals = common_decimals(signal.noise_nm, 3)
     columns = {
@@ -72,16 +47,16 @@ def joint_rows(
         "mismatch": _column(_MRAD * signal.mismatch_rad),
         "position_fit": _column(_MRAD * signal.loaded.position_fit_rad),
     }
-    return tuple(
-        JointRow(
-            number=joint + 1,
-            name=name,
-            lossy=bool(signal.smoothing_loss[joint] > Smoothing.loss_limit),
-            scale="" if scales is None or not scales.determined[joint] else _scale(scales, joint),
+    return [
+        {
+            "number": joint + 1,
+            "name": name,
+            "lossy": signal.smoothing_loss[joint] > Smoothing.loss_limit,
+            "scale": "" if scales is None or not scales.determined[joint] else _scale(scales, joint),
             **{quantity: column[joint] for quantity, column in columns.items()},
-        )
+        }
         for joint, name in enumerate(names)
-    )
+    ]
 
 
 def _scale(scales: JointScales, joint: int) -> str:

@@ -6,8 +6,7 @@ Undetermined parameters have no number, only how far they are from being determi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -28,70 +27,14 @@ _KG_M2: Final = f"kg{NO_BREAK}m²"
 _MM: Final = 1e3
 
 
-@dataclass(frozen=True)
-class NamedParameter:
-    """Names of one of the ten parameters.
-
-    Attributes:
-        quantity: Name of the quantity.
-        symbol: Its symbol.
-        index: Its index.
-        unit: Its unit.
-    """
-
-    quantity: str
-    symbol: str
-    index: str
-    unit: str
-
-
-_QUANTITIES: Final = (
+_NAMES: Final = (
     ("mass", "m", "", "kg"),
     *(("centre of mass", "c", axis, "m") for axis in AXES),
     *(("moment of inertia", "I", axis, _KG_M2) for axis in ("xx", "yy", "zz")),
     *(("product of inertia", "I", axes, _KG_M2) for axes in ("xy", "xz", "yz")),
 )
-
-
-@dataclass(frozen=True)
-class ParameterRow(NamedParameter):
-    """One of the ten parameters.
-
-    Attributes:
-        determined: Whether the data determine it; if not, there is no number.
-        estimate: The number.
-        low: Low end of its 95 % interval.
-        high: High end.
-        limit_share: Half width of the interval divided by the greatest with which the parameter would be determined;
-            None if unknown, as for undetermined parameters of a payload file.
-        truth: In simulation, the true value; else None.
-        error: Error of the estimate; empty without truth or estimate.
-        covered: Whether the interval contains the truth; None without truth or estimate.
-    """
-
-    determined: bool
-    estimate: Numeral
-    low: Numeral
-    high: Numeral
-    limit_share: float | None
-    truth: Numeral | None
-    error: str
-    covered: bool | None
-
-
-@dataclass(frozen=True)
-class ComparedRow(NamedParameter):
-    """A determined parameter in the plain estimate and as reported.
-
-    Attributes:
-        plain: Value of the plain estimate.
-        reported: Value of the physically possible estimate.
-        change: Reported minus plain, in half widths of the interval.
-    """
-
-    plain: Numeral
-    reported: Numeral
-    change: Numeral
+_NAMED: Final = [dict(zip(("quantity", "symbol", "index", "unit"), names, strict=True)) for names in _NAMES]
+"""Names of the ten parameters, the first cells of their rows."""
 
 
 def mass_card(payload: PayloadResult) -> tuple[str, str] | None:
@@ -144,12 +87,18 @@ def truth_sentence(payload: PayloadResult, truth: InertialParameters) -> str:
 
 def parameter_rows(
     payload: PayloadResult, half_width_95: FloatArray, truth: InertialParameters | None
-) -> tuple[ParameterRow, ...]:
+) -> list[dict[str, Any]]:
     """The table of the ten parameters.
 
     Args:
         half_width_95: (10,) half widths of the 95 % intervals, also of undetermined parameters; nan if unknown.
         truth: In simulation, the payload in the same frame; else None.
+
+    Returns:
+        Cells of each row: names; whether it is `determined`; `estimate`, and `low` and `high` end of its 95 % interval,
+        without a number if it is not; `limit_share`, half width divided by the greatest with which it would be
+        determined, None if unknown, as for undetermined parameters of a payload file; `truth`, `error` of the estimate,
+        and whether the truth is `covered` by the interval, None or empty without truth or estimate.
     """
     values, known, intervals = payload.values, payload.determined, payload.interval_95
     limits = DETERMINED_SHARE * value_scale(payload.model.mass_kg)
@@ -164,19 +113,23 @@ def parameter_rows(
     if exact is not None:
         truths = align([numeral(t, decimals_for(w, t) + 1) for t, w in zip(exact, shown, strict=True)])
     rows = []
-    for i, names in enumerate(_QUANTITIES):
+    for i, names in enumerate(_NAMED):
         share = None if np.isnan(half_width_95[i]) else float(half_width_95[i] / limits[i])
         error, covered = "", None
         if exact is not None and known[i]:
             error = _error_text(i, values[i], exact[i], shown[i])
             covered = bool(intervals[i, 0] <= exact[i] <= intervals[i, 1])
-        numbers = (estimates[i], lows[i], highs[i])
-        rows.append(ParameterRow(*names, bool(known[i]), *numbers, share, truths[i], error, covered))
-    return tuple(rows)
+        numbers: dict[str, Any] = {"estimate": estimates[i], "low": lows[i], "high": highs[i], "truth": truths[i]}
+        judged = {"determined": bool(known[i]), "limit_share": share, "error": error, "covered": covered}
+        rows.append(names | numbers | judged)
+    return rows
 
 
-def compared_rows(identification: Identification, payload: PayloadResult) -> tuple[ComparedRow, ...]:
-    """Plain and reported values of the determined parameters."""
+def compared_rows(identification: Identification, payload: PayloadResult) -> list[dict[str, Any]]:
+    """Names of the determined parameters, `plain` estimate, `reported` one, which is physically possible, and `change`.
+
+    The change is reported minus plain, in half widths of the interval.
+    """
     plain = derived(identification.plain_parameters)[0]
     widths = half_widths(payload)
     chosen = np.flatnonzero(payload.determined)
@@ -187,7 +140,8 @@ def compared_rows(identification: Identification, payload: PayloadResult) -> tup
         align([numeral(payload.values[i], d) for i, d in zip(chosen, decimals, strict=True)]),
         align([numeral(change[i], 2, signed=True) for i in chosen]),
     )
-    return tuple(ComparedRow(*_QUANTITIES[i], *row) for i, row in zip(chosen, zip(*columns, strict=True), strict=True))
+    rows = zip(chosen, *columns, strict=True)
+    return [_NAMED[i] | {"plain": one, "reported": other, "change": apart} for i, one, other, apart in rows]
 
 
 def half_widths(payload: PayloadResult) -> FloatArray:

@@ -6,6 +6,7 @@ It loads nothing, contains no scripts, and the same inputs give the same bytes.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -25,7 +26,7 @@ from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
 from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import FLANGE_MM, center_views
-from armload_identification.report.joints import JointRow, joint_rows
+from armload_identification.report.joints import joint_rows
 from armload_identification.report.page import rendered
 from armload_identification.report.payload_in_words import (
     compared_rows,
@@ -133,16 +134,15 @@ def _runs(content: ReportContent, names: tuple[str, ...]) -> Iterator[dict[str, 
 
 
 def _torque_panels(
-    key: str, runs: Identification | Validation, rows: tuple[JointRow, ...]
+    key: str, runs: Identification | Validation, rows: list[dict[str, Any]]
 ) -> Iterator[tuple[str, str, Markup]]:
     """Name, caption and figure of every joint's torque."""
     for joint, row in enumerate(rows):
         caption = (
-            f"residual {row.residual.text}{NO_BREAK}N{NO_BREAK}m RMS, noise {row.noise.text}{NO_BREAK}N{NO_BREAK}m, "
-            f"ratio {row.ratio.text}"
+            f"residual {row['residual'].text}{NO_BREAK}N{NO_BREAK}m RMS, noise {row['noise'].text}{NO_BREAK}N{NO_BREAK}"
+            f"m, ratio {row['ratio'].text}"
         )
-        title = (
-            f"Joint {row.number} ({row.name}): measured and predicted payload torque, and the difference; {caption}."
-        )
-        svg = joint_figures.torque_figure(runs.signal, runs.predicted_nm, joint, f"{key}-{row.number}", title)
-        yield row.name, caption, Markup(svg)
+        number, name = row["number"], row["name"]
+        title = f"Joint {number} ({name}): measured and predicted payload torque, and the difference; {caption}."
+        svg = joint_figures.torque_figure(runs.signal, runs.predicted_nm, joint, f"{key}-{number}", title)
+        yield name, caption, Markup(svg)

@@ -24,12 +24,12 @@ def signal(noise_nm=(0.5, 0.25), loss=(0.0, 0.0)):
 
 
 def texts(rows, name):
-    return [getattr(row, name).text for row in rows]
+    return [row[name].text for row in rows]
 
 
 def test_values_are_those_of_the_valid_rows_in_the_units_of_the_page():
     rows = joint_rows(signal(), np.array([1.0, 0.125]), ("a", "b"), None)
-    assert [(row.number, row.name, row.scale) for row in rows] == [(1, "a", ""), (2, "b", "")]
+    assert [(row["number"], row["name"], row["scale"]) for row in rows] == [(1, "a", ""), (2, "b", "")]
     assert [float(text) for text in texts(rows, "torque")] == pytest.approx([np.sqrt(12.5), 1.0], abs=1e-3)
     assert texts(rows, "ratio") == ["2.00", "0.50"]
     assert [float(text) for text in texts(rows, "noise")] == [0.5, 0.25]
@@ -48,7 +48,7 @@ def test_without_noise_a_residual_is_infinitely_more_and_none_is_none():
 def test_smoothing_that_takes_too_much_is_marked(share, lossy):
     loss = share * Smoothing.loss_limit
     rows = joint_rows(signal(loss=(0.0, loss)), np.ones(2), ("a", "b"), None)
-    assert [row.lossy for row in rows] == [False, lossy]
+    assert [row["lossy"] for row in rows] == [False, lossy]
     assert float(texts(rows, "loss")[1]) == pytest.approx(100.0 * loss, rel=0.1)
 
 
@@ -57,4 +57,4 @@ def test_scales_are_shown_where_they_are_determined():
         scale=np.array([1.0021, np.nan]), half_width_95=np.array([0.01, np.inf]), determined=np.array([True, False])
     )
     rows = joint_rows(signal(), np.ones(2), ("a", "b"), scales)
-    assert [row.scale for row in rows] == ["1.002 ± 0.010", ""]
+    assert [row["scale"] for row in rows] == ["1.002 ± 0.010", ""]

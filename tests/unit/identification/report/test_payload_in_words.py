@@ -84,28 +84,29 @@ def test_the_table_has_every_parameter_with_its_share_of_the_limit():
     widths = WIDTHS.copy()
     widths[[2, 9]] = np.nan, 0.008
     rows = parameter_rows(payload((2, 9)), widths, None)
-    names = [f"{row.symbol}{row.index}" for row in rows]
+    names = [f"{row['symbol']}{row['index']}" for row in rows]
     assert names == ["m", "cx", "cy", "cz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"]
-    assert [row.determined for row in rows] == [True, True, False, *[True] * 6, False]
-    assert [row.limit_share for row in rows] == pytest.approx([0.125, 0.1, None, 0.2, *[0.5] * 5, 2.0])
-    assert [(row.truth, row.error, row.covered) for row in rows] == [(None, "", None)] * 10
-    assert [row.estimate.text for row in rows[:3]] == ["2.000", "0.1000", ""]
-    assert [plain(text.text) for text in (rows[3].low, rows[3].high)] == ["-0.0540", "-0.0460"]
-    assert (rows[2].low.text, rows[9].high.text) == ("", "")
+    assert [row["determined"] for row in rows] == [True, True, False, *[True] * 6, False]
+    assert [row["limit_share"] for row in rows] == pytest.approx([0.125, 0.1, None, 0.2, *[0.5] * 5, 2.0])
+    assert [(row["truth"], row["error"], row["covered"]) for row in rows] == [(None, "", None)] * 10
+    assert [row["estimate"].text for row in rows[:3]] == ["2.000", "0.1000", ""]
+    assert [plain(text.text) for text in (rows[3]["low"], rows[3]["high"])] == ["-0.0540", "-0.0460"]
+    assert (rows[2]["low"].text, rows[9]["high"].text) == ("", "")
 
 
 def test_in_simulation_the_table_has_truth_error_and_whether_it_is_covered():
     rows = parameter_rows(payload((1,)), WIDTHS, TRUTH)
-    assert [plain(rows[i].error) for i in (0, 1, 2, 4)] == ["-1.96 %", "", "-4.0 mm", "-0.0010 kg m²"]
-    assert [rows[i].covered for i in (0, 1, 2, 3, 4)] == [True, None, False, True, True]
-    assert rows[0].truth.text == "2.0400", "one digit more"
-    assert rows[1].truth.text == "0.1010", "with the digits of one just determined, and one more"
+    assert [plain(rows[i]["error"]) for i in (0, 1, 2, 4)] == ["-1.96 %", "", "-4.0 mm", "-0.0010 kg m²"]
+    assert [rows[i]["covered"] for i in (0, 1, 2, 3, 4)] == [True, None, False, True, True]
+    assert rows[0]["truth"].text == "2.0400", "one digit more"
+    assert rows[1]["truth"].text == "0.1010", "with the digits of one just determined, and one more"
 
 
 def test_plain_and_reported_values_are_compared_in_half_widths():
     other = InertialParameters.from_center_of_mass(2.025, [0.099, 0.02, -0.05], np.diag([0.03, 0.02, 0.01]))
     rows = compared_rows(SimpleNamespace(plain_parameters=other), payload((2,)))
-    assert [f"{row.symbol}{row.index}" for row in rows] == ["m", "cx", "cz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"]
-    assert (rows[0].plain.text, rows[0].reported.text, plain(rows[0].change.text)) == ("2.025", "2.000", "-0.50")
-    assert (rows[1].plain.text, rows[1].reported.text, plain(rows[1].change.text)) == ("0.0990", "0.1000", "+0.50")
-    assert rows[2].change.text == "0.00"
+    names = [f"{row['symbol']}{row['index']}" for row in rows]
+    assert names == ["m", "cx", "cz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"]
+    cells = [[plain(row[name].text) for name in ("plain", "reported", "change")] for row in rows[:2]]
+    assert cells == [["2.025", "2.000", "-0.50"], ["0.0990", "0.1000", "+0.50"]]
+    assert rows[2]["change"].text == "0.00"

@@ -241,12 +241,12 @@ def test_what_is_not_determined_has_no_number(bare, noisy, pinocchio_arm):
         assert bool(re.search("[0-9]", "".join(cells))) == determined
     rows = parameter_rows(subject(noisy).payload, noisy.uncertainty.half_width_95, pinocchio_arm.payload)
     for row, determined in zip(rows, known, strict=True):
-        assert (row.limit_share <= 1.0) == determined
+        assert (row["limit_share"] <= 1.0) == determined
         if not determined:
             # the truth is shown, but an error next to it would reveal the estimate
-            assert row.truth.text
-            assert row.error == row.estimate.text == ""
-            assert row.covered is None
+            assert row["truth"].text
+            assert row["error"] == row["estimate"].text == ""
+            assert row["covered"] is None
 
 
 def test_plain_and_reported_are_both_shown_where_they_differ(bare, full, noisy):
