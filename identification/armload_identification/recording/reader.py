@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
 
 from armload_identification.recording.csv_columns import CsvColumns
-from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.row_block import RowBlock
 
 
@@ -64,8 +62,3 @@ class RecordingReader(Protocol):
         Raises:
             RecordingError: the file cannot be read, is damaged, or does not contain the requested data.
         """
-
-
-ReaderFactory = Callable[[Path, bytes, ReadingOptions], RecordingReader | None]
-"""Opens files of one format: of the file or folder, its first bytes (empty for a folder) and what is not in the file, a
-reader; None for another format."""

@@ -17,7 +17,6 @@ from armload_core.arrays import FloatArray
 from armload_identification.extensions import ExtensionGroup, extension
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reader import ReadingAccount, RecordingReader
-from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.row_block import QUANTITIES, RowBlock, parts_of, require_shapes
 from armload_identification.storage.regular_file import hash_of_files
 
@@ -27,7 +26,7 @@ OWN_SUFFIXES: Final = frozenset({"csv", "tsv", "txt", "log", "mcap", "npz", "npy
 ReadArrays = Callable[[Path], Mapping[str, FloatArray]]
 
 
-def open_extension(path: Path, _start: bytes, _options: ReadingOptions) -> ExtensionReader | None:
+def open_extension(path: Path) -> ExtensionReader | None:
     """The reader of the installed package for files with this suffix."""
     suffix = path.suffix.removeprefix(".").lower()
     if not suffix or suffix in OWN_SUFFIXES or path.is_dir():

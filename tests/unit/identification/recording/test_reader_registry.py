@@ -21,6 +21,10 @@ ROS_2 = MAGIC + b"\x01" + bytes(8) + b"\x04\x00\x00\x00ros2" + b"rest"
 OWN = MAGIC + b"\x01" + bytes(8) + b"\x04\x00\x00\x00none" + b"rest"
 
 
+def made_by(reader):
+    return SimpleNamespace(name=reader, kind=reader.removesuffix("Reader").lower())
+
+
 @pytest.fixture
 def opened(tmp_path, monkeypatch):
     """The name of the reader of a file with some bytes, or of a folder with some files."""
@@ -30,9 +34,9 @@ def opened(tmp_path, monkeypatch):
         ("numpy_reader", "NumpyReader"),
         ("parquet_reader", "ParquetReader"),
     ):
-        made = SimpleNamespace(**{reader: lambda *given, reader=reader: reader})
+        made = SimpleNamespace(**{reader: lambda *given, reader=reader: made_by(reader)})
         monkeypatch.setitem(sys.modules, f"{FORMATS}.{module}", made)
-    monkeypatch.setattr(reader_registry, "CsvReader", lambda *given: "CsvReader")
+    monkeypatch.setattr(reader_registry, "CsvReader", lambda *given: made_by("CsvReader"))
 
     def opened(name, content, options=OPTIONS):
         path = tmp_path / name
@@ -41,7 +45,7 @@ def opened(tmp_path, monkeypatch):
         for inside in content if not isinstance(content, bytes) else ():
             (path / inside).parent.mkdir(parents=True, exist_ok=True)
             (path / inside).touch()
-        return reader_of(path, options)
+        return reader_of(path, options).name
 
     return opened
 

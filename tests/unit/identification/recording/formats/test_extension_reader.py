@@ -9,7 +9,6 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.formats import extension_reader
 from armload_identification.recording.formats.extension_reader import ExtensionReader, open_extension
 from armload_identification.recording.reader import ReadingAccount
-from armload_identification.recording.reading_options import ReadingOptions
 from tests.three_joints import POSITION, TIME, TORQUE
 
 
@@ -66,7 +65,7 @@ def test_only_files_of_other_suffixes_are_given_to_a_package(tmp_path, monkeypat
     (tmp_path / "folder.trc").mkdir()
     names = []
     monkeypatch.setattr(extension_reader, "extension", lambda group, name, own: names.append(name))
-    assert open_extension(tmp_path / name, b"", ReadingOptions()) is None
+    assert open_extension(tmp_path / name) is None
     assert names == ([asked] if asked else [])
 
 
@@ -74,7 +73,7 @@ def test_only_files_of_other_suffixes_are_given_to_a_package(tmp_path, monkeypat
 def test_what_a_package_provides_must_be_a_function(monkeypatch, provided):
     monkeypatch.setattr(extension_reader, "extension", lambda *_: (provided, "traces 1.2"))
     if provided is print:
-        assert open_extension(Path("run.TRC"), b"", ReadingOptions()).kind == "trc"
+        assert open_extension(Path("run.TRC")).kind == "trc"
         return
     with pytest.raises(RecordingError, match=r"run\.TRC: traces 1\.2 provides 5 for \.trc files, expected a function"):
-        open_extension(Path("run.TRC"), b"", ReadingOptions())
+        open_extension(Path("run.TRC"))

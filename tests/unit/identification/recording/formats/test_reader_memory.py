@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import orjson
@@ -15,7 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from armload_identification.recording.formats import ros_reader
 from armload_identification.recording.reader import ReadingAccount
-from armload_identification.recording.reader_registry import READERS, reader_of
+from armload_identification.recording.reader_registry import reader_of
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.run_format import SCHEMA_NAME, TOPIC
 
@@ -108,4 +109,7 @@ def test_memory_does_not_grow_with_the_file(tmp_path, monkeypatch, name):
 
 
 def test_every_reader_is_tried():
-    assert len(READERS) == 6  # that of other packages has a function's arrays, which are in memory before
+    """Those of other packages and of frames have arrays, which are in memory before."""
+    formats = {file.stem for file in Path(ros_reader.__file__).parent.glob("*_reader.py")}
+    tried = {f"{kind}_reader" for kind in ("csv", "mcap", "ros", "numpy", "parquet")}
+    assert formats == tried | {"extension_reader", "frame_reader"}
