@@ -25,7 +25,7 @@ from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.force_watch import ForceEvent, ForceEventKind
 from armload_identification.pipeline.payload_estimator import LivePayload
-from armload_identification.verdict.recording_checks.friction_validity import FAR
+from armload_identification.verdict.decision_levels import ColdArm
 
 WEIGHED_WITHIN: Final = 0.25
 """A change of mass is known if the half widths of the masses before and after are below this share of it."""
@@ -37,7 +37,7 @@ DRIFTING: Final = 3.0
 """Standard deviations of the drift between runs and of the estimate together."""
 FORCE_SIGMAS: Final = 3.0
 """A push has a direction if its force exceeds its standard deviation by this."""
-OUTDATED: Final = FAR
+OUTDATED: Final = ColdArm.far_deviations
 MOVED_S: Final = 5.0
 """Time in motion after which friction and a mass below zero are assessed."""
 HELD_S: Final = 10.0

@@ -27,7 +27,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.model.payload import REFERENCE_LENGTH_M, InertialParameters
 from armload_identification.pipeline.payload_estimator import LivePayload
-from armload_identification.verdict.recording_checks.friction_validity import FAR, standard_deviations
+from armload_identification.verdict.decision_levels import ColdArm
+from armload_identification.verdict.recording_checks.friction_validity import standard_deviations
 
 MASS_WITHIN: Final = 0.5
 """Half width of the mass's interval, as a share of the mass."""
@@ -98,7 +99,7 @@ class AdaptationRules:
         doubt = self._why_not(found.values, found.half_width_95)
         if doubt is not None:
             return doubt
-        far = np.flatnonzero(friction_size(found, self._drift) > FAR)
+        far = np.flatnonzero(friction_size(found, self._drift) > ColdArm.far_deviations)
         if far.size:
             return f"the friction of {self._joint_names[int(far[0])]} is far from the calibrated value"
         return None

@@ -21,7 +21,7 @@ class Calibrating:
     """
 
     disagrees: Final = 4.0
-    """[1] Standard deviations between a weighed mass and all other data that cause a warning.
+    """[1] Standard deviations from which a weighed mass and all other data, or two masses or centres of mass, differ.
 
     Origin: mathematics: one correct mass of 16,000 is beyond it.
     Factor of two: either way: nothing.
@@ -169,13 +169,6 @@ class Contradiction:
     """[1] Relative difference of two masses below which only their mounting or inertia can differ.
 
     Origin: prior, not measured.
-    Factor of two: either way: nothing.
-    """
-
-    apart: Final = 4.0
-    """[1] Standard deviations from which two masses, or two centres of mass, are not the same.
-
-    Origin: mathematics: as `Calibrating.disagrees`.
     Factor of two: either way: nothing.
     """
 

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.calibration_constants import Contradiction
+from armload_identification.calibration.calibration_constants import Calibrating, Contradiction
 from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, RunSignals
 from armload_identification.estimation.arm_terms import (
     ARM_TERMS,
@@ -195,13 +195,13 @@ def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhe
     if abs(found_kg - elsewhere_kg) < Contradiction.same_mass * elsewhere_kg:
         (here_m, of_here), (there_m, of_there) = found.center_m(), elsewhere.center_m()
         apart = here_m - there_m
-        if apart @ np.linalg.solve(of_here + of_there, apart) > Contradiction.apart**2:
+        if apart @ np.linalg.solve(of_here + of_there, apart) > Calibrating.disagrees**2:
             return (
                 "its payload is mounted differently, with the centre of mass "
                 f"{1e3 * float(np.sqrt(apart @ apart)):.0f} mm from where it is in the other runs of "
                 f"'{mounting}': give it a mounting name of its own"
             )
-        if abs(found_kg - elsewhere_kg) < Contradiction.apart * np.sqrt(
+        if abs(found_kg - elsewhere_kg) < Calibrating.disagrees * np.sqrt(
             found.covariance[0, 0] + elsewhere.covariance[0, 0]
         ):
             return (

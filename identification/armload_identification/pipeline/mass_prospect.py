@@ -10,7 +10,6 @@ calibration's.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -23,11 +22,8 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
-from armload_identification.pipeline.estimator_constants import FLOOR_KG, FLOOR_SHARE
+from armload_identification.pipeline.estimator_constants import FLOOR_KG, FLOOR_SHARE, ROW_S
 from armload_identification.pipeline.payload_estimator import COLOUR
-
-_ROW_S: Final = 0.05
-"""Time between the evaluated samples of a motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +50,7 @@ class MassProspect:
         Returns:
             (p,) in kg.
         """
-        count = max(int(path.period_s / _ROW_S), 1)
+        count = max(int(path.period_s / ROW_S), 1)
         interval_s = path.period_s / count
         states = JointStates(*path.evaluate(np.arange(count) * interval_s)[:3])
         independent = np.minimum(interval_s / self.arm.correlation_s, 1.0)

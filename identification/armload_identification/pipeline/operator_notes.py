@@ -16,6 +16,7 @@ from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_change import PayloadChange, change_during
 from armload_identification.estimation.payload_estimate import PayloadEstimate, gear_asymmetry
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.model.payload import DETERMINED_SHARE
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.recording.recording import Recording, RecordingSource
 from armload_identification.signals.joint_torque import Gains
@@ -169,15 +170,15 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
             "`armload calibrate`."
         )
     hidden = ~named & (gains.noticeable > PayloadFit.unjudged_gain)
-    unnoticed = np.expm1(np.minimum(gains.noticeable, PayloadFit.largest_logarithm))
-    limited = np.flatnonzero(hidden & (unnoticed < PayloadFit.unlimited_gain))
+    unlimited = hidden & (gains.noticeable >= np.log1p(PayloadFit.unlimited_gain))
+    limited = np.flatnonzero(hidden & ~unlimited)
     if limited.size:
-        listed = named_joints([f"{joint + 1} (up to {100.0 * unnoticed[joint]:.0f} %)" for joint in limited])
+        percent = 100.0 * np.expm1(gains.noticeable[limited])
+        listed = named_joints([f"{j + 1} (up to {most:.0f} %)" for j, most in zip(limited, percent, strict=True)])
         notes.append(
             f"An error of the drive gain may go unnoticed in these runs on {listed}; a larger one is reported with a "
             f"probability of at least 90 %. {_CHECKED_BY}"
         )
-    unlimited = hidden & (unnoticed >= PayloadFit.unlimited_gain)
     if unlimited.any():
         notes.append(
             f"These runs say nothing about the drive gain of {numbered_joints(unlimited)}: even an error of "
@@ -337,7 +338,7 @@ def _by_how_much(theta: FloatArray, found: PayloadChange) -> str:
     text = f"by {found.change[0]:+z.{digits}f} +- {half_width[0]:.{digits}f} kg"
     mass_kg = float(theta[0])
     after_kg = mass_kg + float(found.change[0])
-    if min(mass_kg, after_kg) <= PayloadChangeLevels.least_left * max(mass_kg, after_kg):
+    if min(mass_kg, after_kg) <= DETERMINED_SHARE * max(mass_kg, after_kg):
         return text
     moved_m = (theta[1:4] + found.change[1:]) / after_kg - theta[1:4] / mass_kg
     if (np.abs(moved_m) * after_kg <= half_width[1:]).all():

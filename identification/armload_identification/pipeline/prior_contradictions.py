@@ -33,10 +33,8 @@ from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.model.payload import CONFIDENCE
 from armload_identification.pipeline.identification_result import Identification
+from armload_identification.verdict.decision_levels import FalseAlarms
 
-_CONTRADICTS: Final = 2.0
-"""Half widths of the 95 % interval from which prior knowledge is refused: exceeded by chance in one of 10,000 cases,
-while a correct mass lies outside the interval itself in one of 20. Between the two a note is given."""
 _NAMES: Final = ("mass", "centre of mass's x", "centre of mass's y", "centre of mass's z")
 _UNITS: Final = ("kg", "mm", "mm", "mm")
 _IN_UNIT: Final = (1.0, 1e3, 1e3, 1e3)
@@ -70,7 +68,7 @@ def identified_knowing(known: KnownPayload, identified: Callable[[Prior], Identi
 def _require_symmetric(found: Identification) -> None:
     """Raise if the data contradict a symmetry about the flange axis."""
     center, half_width = found.uncertainty.values[1:3], found.uncertainty.half_width_95[1:3]
-    if (np.abs(center) > _CONTRADICTS * half_width).any():
+    if (np.abs(center) > FalseAlarms.certain_half_widths * half_width).any():
         raise EstimationError(
             "the payload was declared symmetric about the flange axis, but from the data its centre of mass lies "
             f"{1e3 * center[0]:+z.1f} and {1e3 * center[1]:+z.1f} mm off that axis (95 %: "
@@ -101,7 +99,7 @@ def _note_on_mass(known: KnownPayload, identified: Callable[[Prior], Identificat
     if abs(mass_kg - center) <= half_width:
         return ""
     without = f"{center:.4g} +- {half_width:.2g} kg (95 %)"
-    if abs(mass_kg - center) > _CONTRADICTS * half_width:
+    if abs(mass_kg - center) > FalseAlarms.certain_half_widths * half_width:
         if refusal is not None:
             raise EstimationError(f"the weighed mass {mass_kg:g} kg contradicts the data. Without it: {refusal}")
         raise EstimationError(

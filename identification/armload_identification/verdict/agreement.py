@@ -182,7 +182,7 @@ def length_needed(judged: KnownMassCenter, measured: KnownMassCenter, tolerance:
         return LengthNeeded(1.0, gains_limit=False)
     if excess(longest, gains) > 0.0:
         return LengthNeeded(float("inf"), gains_limit=excess(longest, np.zeros_like(gains)) <= 0.0)
-    log_factor = brentq(excess, 0.0, longest, args=(gains,), xtol=AgreementLevels.factor_accuracy)
+    log_factor = brentq(excess, 0.0, longest, args=(gains,))
     return LengthNeeded(float(np.exp(log_factor)), gains_limit=False)
 
 

@@ -34,6 +34,15 @@ class FalseAlarms:
     Factor of two: half, 0.475: 4 of 82 tests fail, of noticeable errors. Twice is above 1; reasoned: of what is
         missing to 1, twice makes noticeable errors 8 % smaller, half 7 % greater.
     """
+    certain_half_widths: Final = 2.0
+    """[1] Half widths of a 95 % interval beyond a bound from which an identification is refused: a joint's scale, a
+    mass below 0 or a first moment of an empty arm, a weighed mass, a symmetry.
+
+    Origin: mathematics: exceeded by chance in one of 10,000. It is not taken from `deviations`, which gives 1.6 for six
+        joints: with that, a joint's scale of 3.5 +- 0.3 would be refused.
+    Factor of two: as separate numbers: of a joint's scale, either way: 1 of 42 tests fails; of an empty arm, twice:
+        none of 50 tests fails, half: 2 of 50 tests fail, of estimates below 0.
+    """
 
     @classmethod
     def deviations(cls, tests: int) -> float:
@@ -76,12 +85,6 @@ class AgreementLevels:
     Origin: prior, not measured: a run of a minute would take 17 hours.
     Factor of two: either way: none of 59 tests fails. Reasoned: it separates "longer runs" from "no run" in the
         advice.
-    """
-    factor_accuracy: Final = 1e-3
-    """[1] Relative accuracy of the length needed.
-
-    Origin: prior; it is printed with two digits.
-    Factor of two: either way: none of 59 tests fails.
     """
     least_scatter: Final = 1e-9
     """[1] Least scatter of the sum of two covariances, against division by zero.
@@ -304,12 +307,6 @@ class PayloadFit:
     Origin: prior, not measured; the greatest error of a nominal gain seen is 0.048, joint 5 of the UR10e.
     Factor of two: either way: none of 71 tests fails. Reasoned: only the wording of that note.
     """
-    largest_logarithm: Final = 1.0
-    """[1] Logarithm of a gain to which undetermined ones are limited for messages, above `unlimited_gain`.
-
-    Origin: numerics, against overflow.
-    Factor of two: either way: none of 71 tests fails. Not visible above `unlimited_gain`.
-    """
 
 
 class ColdArm:
@@ -338,12 +335,6 @@ class EmptyArmLevels:
         drifted by 1 % since the calibration add 2 %.
     Factor of two: either way: none of 50 tests fails.
     """
-    half_widths: Final = 2.0
-    """[1] Half widths up to which a mass below 0, or a first moment, counts as 0: exceeded by chance in one of 10,000.
-
-    Origin: the same as of a weighed mass that contradicts the data.
-    Factor of two: twice: none of 50 tests fails; half: 2 of 50 tests fail, of estimates below 0.
-    """
 
 
 class PayloadChangeLevels:
@@ -369,12 +360,6 @@ class PayloadChangeLevels:
 
     Origin: times are tried a fortieth of the run apart, 1.3 s in 50 s.
     Factor of two: twice: 4 of 8 tests fail; half: 1 of 8 tests fails.
-    """
-    least_left: Final = 0.2
-    """[1] Share of the greater of the two masses from which a centre of mass is stated for the other.
-
-    Origin: the same as of a determined value.
-    Factor of two: either way: 2 of 8 tests fail, of the printed times.
     """
 
 
@@ -641,25 +626,12 @@ class JointContradiction:
         `FalseAlarms`: it asks for an accuracy of 5 %, not whether there is a torque at all.
     Factor of two: either way: none of 42 tests fails.
     """
-    certain_half_widths: Final = 2.0
-    """[1] Half widths of the 95 % interval by which a joint's scale must be beyond a bound to be refused.
-
-    Origin: prior, not measured. It is not taken from `FalseAlarms`, which gives 1.6 for six joints: with that, a scale
-        of 3.5 +- 0.3 would be refused, and a refusal costs the whole identification.
-    Factor of two: either way: 1 of 42 tests fails.
-    """
     clear_deviations: Final = 5.0
     """[1] RMS of a joint's torque, in standard deviations of a mean over all samples, from which it is compared.
 
     Origin: prior, not measured. It is not taken from `FalseAlarms`: it only leaves out joints whose torque is smoothed
         noise, as the RMS does not become smaller with more samples.
     Factor of two: either way: none of 42 tests fails. It is nearly always exceeded.
-    """
-    exact: Final = 1e-6
-    """[1] Least half width of a joint's share, against division by zero.
-
-    Origin: numerics.
-    Factor of two: either way: none of 42 tests fails.
     """
 
 

@@ -21,7 +21,7 @@ from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import DETERMINED_SHARE
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.signals.load_signal import LoadSignal
-from armload_identification.verdict.decision_levels import Correlations, JointContradiction
+from armload_identification.verdict.decision_levels import Correlations, FalseAlarms, JointContradiction
 from armload_identification.verdict.joint_words import numbered_joints
 from armload_identification.verdict.recording_checks.column_mistakes import RunColumns
 from armload_identification.verdict.recording_checks.joint_scales import JointScales, joint_scales
@@ -191,7 +191,7 @@ def check_scales(
     Raises:
         EstimationError: naming the joints and the possible causes.
     """
-    greatest, certain = JointContradiction.gain_factor, JointContradiction.certain_half_widths * scales.half_width_95
+    greatest, certain = JointContradiction.gain_factor, FalseAlarms.certain_half_widths * scales.half_width_95
     with np.errstate(invalid="ignore"):
         evident = payload_nm >= JointContradiction.of_friction * friction_nm
         beyond = moves & evident & ((scales.scale - certain > greatest) | (scales.scale + certain < 1.0 / greatest))
@@ -215,7 +215,7 @@ class _ImpliedShare:
     @property
     def off(self) -> float:
         """Deviation from 1 in half widths."""
-        return abs(self.scale - 1.0) / max(self.half_width_95, JointContradiction.exact)
+        return abs(self.scale - 1.0) / max(self.half_width_95, float(np.finfo(float).tiny))
 
 
 def _refuse_opposite(signal: LoadSignal, regressor: FloatArray, others: FloatArray, joint: int) -> None:
@@ -251,7 +251,7 @@ def _share_of_implied(
 
 def _refuse_small(share: _ImpliedShare, n: int, *, gains_fitted: bool) -> None:
     """Raise if a joint of n certainly measures too small a share; a fitted gain corrects a share above a third."""
-    greatest = share.scale + JointContradiction.certain_half_widths * share.half_width_95
+    greatest = share.scale + FalseAlarms.certain_half_widths * share.half_width_95
     if greatest < 1.0 / JointContradiction.gain_factor:
         raise _contradiction_error(np.arange(n) == share.joint)
     if greatest < JointContradiction.least_share and not gains_fitted:

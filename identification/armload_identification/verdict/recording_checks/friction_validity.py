@@ -13,16 +13,11 @@ C contains.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.verdict.decision_levels import ColdArm
 from armload_identification.verdict.joint_words import named_joints
-
-FAR: Final = ColdArm.far_deviations
-"""For the rooms above."""
 
 
 def standard_deviations(change: FloatArray, covariance: FloatArray, drift: FloatArray) -> FloatArray:
@@ -42,7 +37,7 @@ def standard_deviations(change: FloatArray, covariance: FloatArray, drift: Float
 
 def friction_notes(change: FloatArray) -> tuple[str, ...]:
     """Notes to the operator about (n,) changes of friction from `standard_deviations`."""
-    far = np.flatnonzero(change > FAR)
+    far = np.flatnonzero(change > ColdArm.far_deviations)
     if not far.size:
         return ()
     joints = named_joints([f"{joint + 1} ({change[joint]:.0f} standard deviations)" for joint in far])

@@ -8,7 +8,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.payload_estimate import PayloadEstimate
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, student_half_width
 from armload_identification.identification_errors import NothingMounted
-from armload_identification.verdict.decision_levels import EmptyArmLevels
+from armload_identification.verdict.decision_levels import EmptyArmLevels, FalseAlarms
 
 
 def refuse_nothing(
@@ -30,8 +30,8 @@ def refuse_nothing(
     variance, freedom = plain.spread(np.eye(4, plain.theta.size))
     half_width = student_half_width(freedom) * np.sqrt(variance)
     mass_kg, half_width_kg = float(plain.theta[0]), float(np.hypot(half_width[0], NORMAL_HALF_WIDTH * floor_kg))
-    compatible = (np.abs(plain.theta[1:4]) <= EmptyArmLevels.half_widths * half_width[1:]).all()
-    empty = -EmptyArmLevels.half_widths * half_width_kg <= mass_kg <= half_width_kg
+    compatible = (np.abs(plain.theta[1:4]) <= FalseAlarms.certain_half_widths * half_width[1:]).all()
+    empty = -FalseAlarms.certain_half_widths * half_width_kg <= mass_kg <= half_width_kg
     most_kg = max(mass_kg + half_width_kg, half_width_kg)
     per_kg, own_nm = (float(np.sqrt(np.sum(np.mean(torque**2, axis=0)))) for torque in (regressor[..., 0], arm_nm))
     if compatible and empty and most_kg * per_kg <= EmptyArmLevels.torque_share * own_nm:

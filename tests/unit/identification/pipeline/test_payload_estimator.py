@@ -16,7 +16,8 @@ from armload_identification.pipeline.payload_estimator import COLOUR, LOAD_LAW, 
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording
-from armload_identification.verdict.recording_checks.friction_validity import FAR, standard_deviations
+from armload_identification.verdict.decision_levels import ColdArm
+from armload_identification.verdict.recording_checks.friction_validity import standard_deviations
 
 pytestmark = pytest.mark.pure
 
@@ -275,7 +276,7 @@ def test_a_change_of_friction_is_measured_with_its_covariance(calibration, pinoc
         sizes.append(standard_deviations(found.friction[:2], known, calibration.drift[:2]))
     assert sizes[0].max() < 3.0
     assert sizes[1].argmax() == 1
-    assert sizes[1][1] > FAR
+    assert sizes[1][1] > ColdArm.far_deviations
 
 
 def test_what_drives_and_buses_do_does_not_break_it(estimator, streams, pinocchio_arm):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armload_identification.identification_errors import NothingMounted
-from armload_identification.verdict.decision_levels import EmptyArmLevels
+from armload_identification.verdict.decision_levels import EmptyArmLevels, FalseAlarms
 from armload_identification.verdict.recording_checks.nothing_mounted import refuse_nothing
 
 pytestmark = pytest.mark.pure
@@ -63,7 +63,7 @@ def test_of_a_negative_mass_the_half_width_counts():
 @pytest.mark.parametrize("axis", range(3))
 def test_a_first_moment_is_something_too(size, told, axis):
     moments = np.zeros(3)
-    moments[axis] = -size * EmptyArmLevels.half_widths * 0.01 * 1.959964
+    moments[axis] = -size * FalseAlarms.certain_half_widths * 0.01 * 1.959964
     if told:
         with pytest.raises(NothingMounted):
             refuse(0.0, moments=moments)
