@@ -272,23 +272,16 @@ def _longest_increasing(values: FloatArray) -> NDArray[np.intp]:
     """Indices of the longest strictly increasing subsequence: one wrong stamp costs one row, not the rest."""
     if (np.diff(values) > 0.0).all():
         return np.arange(values.size)
-    tails: list[float] = []
-    tail_index: list[int] = []
-    previous = np.full(values.size, -1, dtype=np.intp)
-    for index, value in enumerate(values.tolist()):
-        length = bisect.bisect_left(tails, value)
-        if length == len(tails):
-            tails.append(value)
-            tail_index.append(index)
-        else:
-            tails[length] = value
-            tail_index[length] = index
-        previous[index] = tail_index[length - 1] if length else -1
-    chain = []
-    index = tail_index[-1]
-    while index >= 0:
-        chain.append(index)
-        index = int(previous[index])
+    known = values.tolist()
+    ends: list[int] = []  # of a subsequence of each length, the one with the least last value
+    before: list[int] = []
+    for index, value in enumerate(known):
+        length = bisect.bisect_left(ends, value, key=known.__getitem__)
+        before.append(ends[length - 1] if length else -1)
+        ends[length : length + 1] = [index]
+    chain = [ends[-1]]
+    while before[chain[-1]] >= 0:
+        chain.append(before[chain[-1]])
     return np.array(chain[::-1], dtype=np.intp)
 
 

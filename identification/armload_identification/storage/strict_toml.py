@@ -12,7 +12,7 @@ import re
 import tomllib
 from abc import ABCMeta
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache
+from functools import cache, partial
 from os import PathLike
 from pathlib import Path
 from types import NoneType, UnionType
@@ -214,18 +214,8 @@ def validated(
         raise error(source, *_explained(values, tables, within)) from problem
 
 
-def _number_list(value: object) -> FloatArray:
-    """Finite numbers, at least one."""
-    return _numbers(value, list[float], "expected a list of finite numbers")
-
-
-def _number_rows(value: object) -> FloatArray:
-    """Rows of finite numbers, all of the same length."""
-    return _numbers(value, list[list[float]], "expected lists of finite numbers, all of the same length")
-
-
 def _numbers(value: object, kind: Any, expected: str) -> FloatArray:
-    """An array that is not empty."""
+    """An array of finite numbers, at least one."""
     try:
         numbers = np.array(msgspec.convert(value, kind), dtype=np.float64)
     except ValueError as problem:  # of another type, or rows of several lengths
@@ -233,6 +223,12 @@ def _numbers(value: object, kind: Any, expected: str) -> FloatArray:
     if not (numbers.size and np.isfinite(numbers).all()):
         raise BadValue("", value, expected)
     return numbers
+
+
+_number_list = partial(_numbers, kind=list[float], expected="expected a list of finite numbers")
+_number_rows = partial(
+    _numbers, kind=list[list[float]], expected="expected lists of finite numbers, all of the same length"
+)
 
 
 def _symmetric_rows(value: object) -> FloatArray:
@@ -251,7 +247,11 @@ NumberRows = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 """(k, m) finite numbers, k and m >= 1."""
 SymmetricRows = np.ndarray[tuple[_Order, _Order], np.dtype[np.float64]]
 """(k, k) finite numbers, written up to the diagonal."""
-_ARRAYS = {NumberList: _number_list, NumberRows: _number_rows, SymmetricRows: _symmetric_rows}
+_ARRAYS: dict[object, Callable[[object], FloatArray]] = {
+    NumberList: _number_list,
+    NumberRows: _number_rows,
+    SymmetricRows: _symmetric_rows,
+}
 
 
 def _array(kind: Any, value: object) -> FloatArray:
@@ -407,10 +407,7 @@ def _most_similar(key: str, others: Iterable[str]) -> str | None:
 
 def _dotted(loc: _Place) -> str:
     """Path of a key, with lists counted from 1: the first joint is joints[1]."""
-    path = ""
-    for part in loc:
-        path += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if path else part
-    return path
+    return "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in loc).removeprefix(".")
 
 
 @cache

@@ -207,9 +207,10 @@ class RosReader(RecordingReader):
         best = max(groups, key=worth)
         samples = [sample for _, sample in groups[best]]
         stamps = np.array([sample.stamp_ns for sample in samples], dtype=np.int64)
+        wanted = [name for name in self._options.joint_names if name in samples[0].names]
         return _Choice(
             best[0],
-            _in_order(self._options.joint_names, samples[0].names),
+            (*wanted, *(name for name in samples[0].names if name not in wanted)),
             velocity=any(_has(sample.velocity, sample) for sample in samples),
             effort=any(_has(sample.effort, sample) for sample in samples),
             by_header=stamps.size > 1 and float(np.mean(np.diff(stamps) > 0)) >= _INCREASING,
@@ -333,12 +334,6 @@ def _sample(connection: Connection, message: Any) -> _JointSample:
 def _has(values: FloatArray, sample: _JointSample) -> bool:
     """Whether a message has a quantity for all its joints, not just NaN as a placeholder."""
     return values.size == len(sample.names) and not np.isnan(values).all()
-
-
-def _in_order(wanted: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
-    """The wanted joints in their order, then the others."""
-    first = [name for name in wanted if name in names]
-    return (*first, *(name for name in names if name not in first))
 
 
 def _bag_of(path: Path) -> Path:
