@@ -124,11 +124,15 @@ class Twins:
     """A quantity of an arm's twins.
 
     Attributes:
+        count: Number of twins.
         level: Their median.
+        spread: Standard deviation between them.
         suspicion: Suspicion about the arm compared with them; None if it does not differ.
     """
 
+    count: int
     level: float
+    spread: float
     suspicion: Suspicion | None
 
 
@@ -380,7 +384,7 @@ def _against_twins(
                 text = f"{quantity} is {mine}, that of {others.size} twins {theirs}"
                 size = min(float(-norm.ppf(np.exp(log_chance) / 2.0)), _MOST_DEVIATIONS)
                 suspicion = Suspicion(Anomaly.STRANGER, quantity, size, text)
-            found[(name, model), quantity] = Twins(middle, suspicion)
+            found[(name, model), quantity] = Twins(others.size, middle, spread, suspicion)
     return found
 
 

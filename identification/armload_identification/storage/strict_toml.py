@@ -214,7 +214,7 @@ def validated(
         raise error(source, *_explained(values, tables, within)) from problem
 
 
-def _numbers(value: object, kind: Any, expected: str) -> FloatArray:
+def _numbers(kind: Any, expected: str, value: object) -> FloatArray:
     """An array of finite numbers, at least one."""
     try:
         numbers = np.array(msgspec.convert(value, kind), dtype=np.float64)
@@ -225,10 +225,8 @@ def _numbers(value: object, kind: Any, expected: str) -> FloatArray:
     return numbers
 
 
-_number_list = partial(_numbers, kind=list[float], expected="expected a list of finite numbers")
-_number_rows = partial(
-    _numbers, kind=list[list[float]], expected="expected lists of finite numbers, all of the same length"
-)
+_number_list = partial(_numbers, list[float], "expected a list of finite numbers")
+_number_rows = partial(_numbers, list[list[float]], "expected lists of finite numbers, all of the same length")
 
 
 def _symmetric_rows(value: object) -> FloatArray:
@@ -247,11 +245,8 @@ NumberRows = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 """(k, m) finite numbers, k and m >= 1."""
 SymmetricRows = np.ndarray[tuple[_Order, _Order], np.dtype[np.float64]]
 """(k, k) finite numbers, written up to the diagonal."""
-_ARRAYS: dict[object, Callable[[object], FloatArray]] = {
-    NumberList: _number_list,
-    NumberRows: _number_rows,
-    SymmetricRows: _symmetric_rows,
-}
+_ARRAYS: dict[object, Callable[[object], FloatArray]]
+_ARRAYS = {NumberList: _number_list, NumberRows: _number_rows, SymmetricRows: _symmetric_rows}
 
 
 def _array(kind: Any, value: object) -> FloatArray:
