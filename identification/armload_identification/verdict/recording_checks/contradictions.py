@@ -127,7 +127,7 @@ def _refuse_contradicting_joint(fit: FittedPair) -> None:
     suspect = signal.loaded.moves & loud & (left > JointContradiction.unexplained * power)
     if fit.gains is not None and fit.determined and not suspect.any():
         return
-    shares = []
+    implied_nm = np.zeros_like(signal.torque_nm)
     for joint in np.flatnonzero(signal.loaded.moves & loud).tolist():
         # A joint almost free of noise decides the noise of the others: fit these again if one is unexplained.
         others, covariance, rank = (plain.fitted_without if suspect.any() else plain.without)(joint)
@@ -135,12 +135,12 @@ def _refuse_contradicting_joint(fit: FittedPair) -> None:
             continue
         if suspect[joint]:
             _refuse_opposite(signal, regressor, others, joint)
-        share = _share_of_implied(signal, regressor, others, covariance, joint, fit.friction_nm[joint])
-        if share is not None and np.isfinite(share.half_width_95):
-            shares.append(share)
-    if shares:
-        # A wrong joint contaminates what the others imply of each other, but not what they imply of it.
-        _refuse_small(max(shares, key=lambda share: share.off), signal.loaded.n, gains_fitted=fit.gains is not None)
+        own = regressor[:, joint]
+        if _is_evidence(own[signal.valid], others, covariance, fit.friction_nm[joint]):
+            implied_nm[:, joint] = own @ others
+    # A wrong joint contaminates what the others imply of each other, but not what they imply of it.
+    scales = joint_scales(signal, implied_nm, np.zeros_like(implied_nm))
+    _refuse_small(scales, gains_fitted=fit.gains is not None)
 
 
 def _refuse_no_mass(fit: FittedPair) -> None:
@@ -204,20 +204,6 @@ def check_scales(
         )
 
 
-@dataclass(frozen=True)
-class _ImpliedShare:
-    """Ratio of the payload torque that a joint, from 0, measures to the one that the other joints imply."""
-
-    joint: int
-    scale: float
-    half_width_95: float
-
-    @property
-    def off(self) -> float:
-        """Deviation from 1 in half widths."""
-        return abs(self.scale - 1.0) / max(self.half_width_95, float(np.finfo(float).tiny))
-
-
 def _refuse_opposite(signal: LoadSignal, regressor: FloatArray, others: FloatArray, joint: int) -> None:
     """Raise if a joint measures about the opposite of what the others imply."""
     implied, measured = regressor[signal.valid][:, joint] @ others, signal.torque_nm[signal.valid][:, joint]
@@ -229,34 +215,28 @@ def _refuse_opposite(signal: LoadSignal, regressor: FloatArray, others: FloatArr
         )
 
 
-def _share_of_implied(
-    signal: LoadSignal,
-    regressor: FloatArray,
-    others: FloatArray,
-    covariance: FloatArray,
-    joint: int,
-    friction_nm: float,
-) -> _ImpliedShare | None:
-    """The share that a joint measures of what the others imply; None if that is too small or too uncertain."""
-    own = regressor[signal.valid][:, joint]
+def _is_evidence(own: FloatArray, others: FloatArray, covariance: FloatArray, friction_nm: float) -> bool:
+    """Whether the torque that the others imply of a joint, by its (K, 10) columns, is large and certain enough."""
     implied_nm = np.sqrt(np.mean((own @ others) ** 2))
     doubt_nm = np.sqrt(np.mean(np.einsum("ki,ij,kj->k", own, covariance, own)))
     least_nm = max(JointContradiction.implied_deviations * doubt_nm, JointContradiction.of_friction * friction_nm)
-    if implied_nm <= least_nm:
-        return None
-    only = np.arange(regressor.shape[1]) == joint
-    scales = joint_scales(signal, np.where(only, regressor @ others, 0.0), np.zeros_like(signal.torque_nm))
-    return _ImpliedShare(joint, float(scales.scale[joint]), float(scales.half_width_95[joint]))
+    return bool(implied_nm > least_nm)
 
 
-def _refuse_small(share: _ImpliedShare, n: int, *, gains_fitted: bool) -> None:
-    """Raise if a joint of n certainly measures too small a share; a fitted gain corrects a share above a third."""
-    greatest = share.scale + FalseAlarms.certain_half_widths * share.half_width_95
-    if greatest < 1.0 / JointContradiction.gain_factor:
-        raise _contradiction_error(np.arange(n) == share.joint)
-    if greatest < JointContradiction.least_share and not gains_fitted:
+def _refuse_small(scales: JointScales, *, gains_fitted: bool) -> None:
+    """Raise if the joint that is off most certainly measures too small a share of what the others imply.
+
+    A fitted gain corrects a share above a third.
+    """
+    scale, half_width = scales.scale, scales.half_width_95
+    known = np.isfinite(half_width)
+    joint = int(np.argmax(np.where(known, np.abs(scale - 1.0) / np.maximum(half_width, np.finfo(float).tiny), -1.0)))
+    greatest = scale[joint] + FalseAlarms.certain_half_widths * half_width[joint]
+    if known[joint] and greatest < 1.0 / JointContradiction.gain_factor:
+        raise _contradiction_error(np.arange(scale.size) == joint)
+    if known[joint] and greatest < JointContradiction.least_share and not gains_fitted:
         raise EstimationError(
-            f"joint {share.joint + 1} measures {share.scale:.2f} +- {share.half_width_95:.2f} of the payload torque "
+            f"joint {joint + 1} measures {scale[joint]:.2f} +- {half_width[joint]:.2f} of the payload torque "
             "that the other joints imply, so that mass and centre of mass would be wrong: its rated torque, torque "
             "constant or gear ratio is wrong. Correct the configuration or the log."
         )

@@ -33,13 +33,12 @@ from armload_identification.verdict.recording_checks.column_mistakes import (
     flipped_signs,
 )
 from armload_identification.verdict.recording_checks.contradictions import (
-    _ImpliedShare,
+    _is_evidence,
     _refuse_contradicting_joint,
     _refuse_impossible_gain,
     _refuse_no_mass,
     _refuse_opposite,
     _refuse_small,
-    _share_of_implied,
     check_scales,
 )
 from armload_identification.verdict.recording_checks.friction_validity import friction_notes, standard_deviations
@@ -498,12 +497,13 @@ def test_a_joint_that_alone_determines_the_payload_is_blamed_and_not_the_others(
     ],
 )
 def test_a_small_share_is_refused_below_a_third_or_without_gains_below_three_quarters(scale, half_width, fitted, said):
-    share = _ImpliedShare(1, scale, half_width)
-    found = refusal(lambda: _refuse_small(share, 3, gains_fitted=fitted))
+    """Only the joint that is off most in half widths is judged, and none whose share is unknown."""
+    others = np.array([np.nan, scale, 0.5, 1.0]), np.array([np.inf, half_width, 10.0, 0.0])
+    found = refusal(lambda: _refuse_small(JointScales(*others), gains_fitted=fitted))
     assert said in found
     assert bool(said) is bool(found)
-    assert share.off == pytest.approx((1.0 - scale) / half_width)
-    assert 1e6 < _ImpliedShare(1, 1.5, 0.0).off < np.inf
+    nothing = JointScales(np.array([np.nan]), np.array([np.inf]))
+    assert refusal(lambda: _refuse_small(nothing, gains_fitted=False)) == ""
 
 
 @pytest.mark.parametrize(("correlation", "said"), [(-0.81, True), (-0.79, False)])
@@ -528,15 +528,8 @@ def test_no_nominal_gain_is_wrong_by_a_factor_of_three(log_gain, contradicted, s
     ("implied", "doubt", "friction_nm", "judged"),
     [(2.1, 0.1, 1.0, True), (1.9, 0.1, 1.0, False), (2.1, 0.01, 20.0, True), (1.9, 0.01, 20.0, False)],
 )
-def test_what_others_imply_counts_from_20_deviations_and_a_tenth_of_the_friction(
-    monkeypatch, implied, doubt, friction_nm, judged
-):
-    found = SimpleNamespace(scale=np.array([0.7]), half_width_95=np.array([0.2]))
-    monkeypatch.setattr(f"{CHECKS}.contradictions.joint_scales", lambda *_: found)
-    signal = SimpleNamespace(valid=np.ones(9, dtype=bool), torque_nm=np.ones((9, 1)))
-    given = signal, np.ones((9, 1, 1)), np.array([implied]), np.array([[doubt**2]]), 0, friction_nm
-    share = _share_of_implied(*given)
-    assert share == (_ImpliedShare(0, 0.7, 0.2) if judged else None)
+def test_what_others_imply_counts_from_20_deviations_and_a_tenth_of_the_friction(implied, doubt, friction_nm, judged):
+    assert _is_evidence(np.ones((9, 1)), np.array([implied]), np.array([[doubt**2]]), friction_nm) is judged
 
 
 @pytest.mark.parametrize(
@@ -554,7 +547,8 @@ def test_joints_are_compared_if_a_loud_one_is_unexplained_by_a_tenth_of_its_powe
         valid=np.ones(100, dtype=bool),
         torque_nm=torque,
         averaged_noise_nm=np.array([noise_nm]),
-        loaded=SimpleNamespace(moves=np.array([True]), n=1),
+        loaded=SimpleNamespace(moves=np.array([True]), reversal_weight=np.ones((100, 1))),
+        states=SimpleNamespace(velocity_rad_s=np.ones((100, 1))),
     )
     fit = SimpleNamespace(plain=plain, signal=signal, regressor=(1.0 - left) * torque[:, :, None], determined=True)
     fit.gains = object()
