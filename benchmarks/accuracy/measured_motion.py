@@ -70,7 +70,7 @@ def _judge_windows(tally: Tally, robot: Robot, pairs: list[Pair], length_s: floa
     """Windows of one length, from several start times."""
     error, inside, center = [], [], []
     for pair in pairs:
-        chain, known = pair.calibration.level(robot.chain), pair.calibration.known_arm(robot.chain)
+        chain, known = pair.calibration.level(robot.chain), pair.calibration.known_arm
         transmission = pair.calibration.transmission(robot.drives.transmission)
         whole = identify(pair.loaded, pair.unloaded, chain, transmission, arm=known).parameters.center_of_mass_m
         begin_s = pair.loaded.time_s[0] + _first_movement(pair.loaded)

@@ -158,7 +158,7 @@ def _seed(name: str, twin: Twin, seed: int) -> dict[str, list[Found]]:
     loaded = as_recorded(moved, scales_of(robot), rng, gain_error, f"loaded {seed}")
     found: dict[str, list[Found]] = {}
     truth = body.inertial()
-    chain, known = calibration.level(robot.chain), calibration.known_arm(robot.chain)
+    chain, known = calibration.level(robot.chain), calibration.known_arm
     for length_s in WINDOWS_S:
         windows = identify_windows(loaded, chain, calibration.transmission(robot.drives.transmission), known, length_s)
         found[f"{length_s:g} s"] = [

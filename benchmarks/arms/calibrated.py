@@ -57,5 +57,5 @@ def identified_with(
         unloaded,
         calibration.level(chain),
         calibration.transmission(transmission),
-        arm=calibration.known_arm(chain),
+        arm=calibration.known_arm,
     )

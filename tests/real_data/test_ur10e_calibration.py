@@ -56,7 +56,7 @@ def left_out(ur10e, runs, without):
     found = {}
     for name, calibration in without.items():
         loaded, unloaded = (runs[key].recording for key in pair_names(name))
-        level, known = calibration.level(ur10e.chain), calibration.known_arm(ur10e.chain)
+        level, known = calibration.level(ur10e.chain), calibration.known_arm
         transmission = calibration.transmission(ur10e.drives.transmission)
         found[name] = [identify(loaded, run, level, transmission, arm=known) for run in (unloaded, None)]
     return found

@@ -85,7 +85,7 @@ def arm_in_use(robot: MeasuredArm, calibration: Calibration | None = None) -> Ar
     return ArmInUse(
         chain=arm.level(robot.chain),
         transmission=arm.transmission(robot.transmission),
-        known=arm.known_arm(robot.chain),
+        known=arm.known_arm,
         calibration=arm,
         calibration_sha256={name: hashlib.sha256(content).hexdigest()},
     )

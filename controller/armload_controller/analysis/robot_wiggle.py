@@ -155,13 +155,13 @@ def design_wiggle(
         BlockedWay: the approach from the pose to the motion is not free.
     """
     used = arm_in_use(robot, calibration)
-    found, known = used.calibrated("predicting what a motion will determine requires the arm's calibration")
+    found, _ = used.calibrated("predicting what a motion will determine requires the arm's calibration")
     at = _center_pose(robot, request.at_rad)
     envelope = _limits_about(robot, at, request)
     cycle_s = 1.0 / robot.bus.cycle_hz if robot.has_bus else _WITHOUT_BUS_S
 
     _require_gains(found, request.mass_share)
-    prospect = MassProspect(used.chain, known, robot.payloads.expected)
+    prospect = MassProspect(used.chain, found, robot.payloads.expected)
     search = WiggleSearch(prospect, envelope, at, cycle_s, robot.obstacles.objection)
     wiggle = search.shortest(request.mass_share * prospect.payload.mass_kg, seed, progress)
     excitation = Excitation(wiggle.trajectory, wiggle.periods)

@@ -54,9 +54,7 @@ def export_thresholds(subject: ExportSubject) -> dict[str, str]:
             "--calibration FILE of `armload calibrate`",
         )
     body = calibration.body
-    noise_nm = (
-        _sigmas(calibration) * calibration.known_arm(subject.chain).noise_nm * np.sqrt(2.0 * RowMean.half_s / _SAMPLE_S)
-    )
+    noise_nm = _sigmas(calibration) * calibration.known_arm.noise_nm * np.sqrt(2.0 * RowMean.half_s / _SAMPLE_S)
     holding_nm, inertia_kg_m2 = _greatest(subject)
     friction_nm = STOPPING * (body.coulomb_nm + body.load_friction * holding_nm)
     abrupt_nm = JERK * inertia_kg_m2 * subject.limits.acceleration_max_rad_s2

@@ -330,21 +330,16 @@ class ArmCalibration:
         ]
         return float(np.std(factors, ddof=1))
 
-    def known_arm(self, chain: Chain) -> KnownArm:
-        """The empty arm for an identification.
-
-        Args:
-            chain: The configured arm.
-        """
+    @cached_property
+    def known_arm(self) -> KnownArm:
+        """The empty arm for an identification."""
         from armload_identification.estimation.empty_arm.known_arm import KnownArm
 
-        level = self.level(chain)
         terms, known = self._gaussian
         return KnownArm(
             self.effort,
             self.body,
             self._joint_rms(self.level_nm),
-            lambda *motion: self.torque_doubts(level, *motion),
             drift=self.drift,
             friction_spread=self.friction_spread,
             noise_nm=self._joint_rms(self.noise_nm),
@@ -358,10 +353,6 @@ class ArmCalibration:
         """(n,) RMS joint torque from that of axes with nominal gains, which are taken as uncorrelated."""
         to_joint = np.linalg.inv(self.body.coupling)
         return np.asarray(np.sqrt((axis_nm * self.gain_nm_a / self.nominal) ** 2 @ to_joint**2))
-
-    def _per_joint(self, values: FloatArray) -> FloatArray:
-        """(n, K, n) from (K, n): the torque of each joint's friction, which acts only on that joint."""
-        return np.asarray(values[None] * np.eye(self.n)[:, None, :])
 
     def torque_doubts(
         self, chain: Chain, states: JointStates, interval_s: float, measured_nm: FloatArray
@@ -401,14 +392,14 @@ class ArmCalibration:
         through = 1.0 + body.load_friction * direction * np.sign(carried)
         links = (regressor[:, :, base] * through[:, :, None]).transpose(2, 0, 1)
         rate = np.gradient(body.torque(chain, q, dq, ddq), interval_s, axis=0)
+        friction = direction * np.abs(carried), direction, dq, direction * np.sqrt(np.abs(dq))
         still = np.zeros_like(q)
         tilt = [body_regressor(side, q, still, still) @ body.links.ravel() for side in sideways(chain)]
         changes = [
             gain_shares(measured_nm, body.coupling),
             -links,
             -rotor_columns(ddq, body.coupling).transpose(1, 0, 2),
-            *(-self._per_joint(x) for x in (direction * np.abs(carried), direction, dq)),
-            -self._per_joint(direction * np.sqrt(np.abs(dq))),
+            *(-values[None] * np.eye(self.n)[:, None, :] for values in friction),
             rate[None],
             -np.stack(tilt),
         ]

@@ -129,7 +129,7 @@ class _RunFit:
     """A run's own gains, friction and, if it is not known, payload on the calibrated arm."""
 
     def __init__(self, signals: RunSignals, calibration: ArmCalibration, chain: Chain, mounting: str | None) -> None:
-        arm, body, n = calibration.known_arm(chain), calibration.body, calibration.n
+        arm, body, n = calibration.known_arm, calibration.body, calibration.n
         known = {payload.mounting: payload.theta for payload in calibration.payloads}
         self._carried = "nothing" if mounting == "" else mounting if mounting in known else None
         loaded = self._carried != "nothing"

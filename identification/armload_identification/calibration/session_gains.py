@@ -143,7 +143,7 @@ class SessionGains:
         carried: Callable[[PayloadProblem], Problem],
     ) -> tuple[float, float]:
         """The logarithm of the factor from a run and the prior, and its standard deviation."""
-        known, level = calibration.known_arm(chain), calibration.level(chain)
+        known, level = calibration.known_arm, calibration.level(chain)
         gains = calibration.transmission(transmission)
         motion = usable_runs([run], chain.n, gains, known.effort)[0].motion
         found, information, prior = self.log_factor, 0.0, self.deviation**-2.0

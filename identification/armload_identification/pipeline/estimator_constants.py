@@ -64,7 +64,7 @@ def estimator_constants(
         ModelError: the calibration belongs to another arm.
     """
     calibration.require_arm(chain, transmission.coupling)
-    arm, n, body = calibration.known_arm(chain), chain.n, calibration.body
+    arm, n, body = calibration.known_arm, chain.n, calibration.body
     used = calibration.transmission(transmission)
     unit = np.eye(n)
     from_effort = used.reported_torque(unit) if calibration.effort is Effort.TORQUE else used.joint_torque(unit)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.empty_arm.known_arm_rows import KnownArmRows
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.excitation.fourier import FourierTrajectory
@@ -32,12 +32,12 @@ class MassProspect:
 
     Attributes:
         chain: The arm, with the tilt of its calibration.
-        arm: Its calibration.
+        calibration: Its calibration.
         payload: The expected payload.
     """
 
     chain: Chain
-    arm: KnownArm
+    calibration: ArmCalibration
     payload: InertialParameters
 
     def half_widths_kg(self, path: FourierTrajectory, periods: FloatArray) -> FloatArray:
@@ -50,14 +50,15 @@ class MassProspect:
         Returns:
             (p,) in kg.
         """
+        arm = self.calibration.known_arm
         count = max(int(path.period_s / ROW_S), 1)
         interval_s = path.period_s / count
         states = JointStates(*path.evaluate(np.arange(count) * interval_s)[:3])
-        independent = np.minimum(interval_s / self.arm.correlation_s, 1.0)
+        independent = np.minimum(interval_s / arm.correlation_s, 1.0)
         theta = self.payload.theta
-        rows = KnownArmRows.of(self.chain, self.arm, states, theta, self.arm.noise_nm / np.sqrt(independent))
-        torque = self.arm.body.torque(self.chain, *states) + payload_regressor(self.chain, *states) @ theta
-        doubts = self.arm.doubts(states, interval_s, torque)
+        rows = KnownArmRows.of(self.chain, arm, states, theta, arm.noise_nm / np.sqrt(independent))
+        torque = arm.body.torque(self.chain, *states) + payload_regressor(self.chain, *states) @ theta
+        doubts = self.calibration.torque_doubts(self.chain, states, interval_s, torque)
         floor = FLOOR_KG**2 + (FLOOR_SHARE * self.payload.mass_kg) ** 2
         variance = [
             COLOUR * rows.covariance(number)[0, 0] + float(np.sum(rows.shifts(doubts, number)[:, 0] ** 2)) + floor

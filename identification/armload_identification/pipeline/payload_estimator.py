@@ -165,7 +165,7 @@ class PayloadEstimator:
         with threadpool_limits(1, "blas"):  # for matrices this small several threads take 20 times as long
             constants = estimator_constants(calibration, chain, transmission, memory_s)
             self._chain = calibration.level(chain)
-            self._arm = calibration.known_arm(chain)
+            self._arm = calibration.known_arm
         self._parameter = constants.parameter
         self._kernel = kernels.PayloadEstimator(self._chain.packed, *constants)
         self._memory_s = memory_s

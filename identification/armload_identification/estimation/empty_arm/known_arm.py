@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.problem import Known
 from armload_identification.estimation.term_kinds import Term
 from armload_identification.model.body_model import BodyModel
-from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.reading_options import Effort
-
-TorqueDoubts = Callable[[JointStates, float, FloatArray], FloatArray]
-"""Of K states, the time between them (s) and the (K, n) measured torque (N m): (k, K, n), the change of measured minus
-empty arm's torque for one standard deviation of each independent error, gains included, the run's own changes of
-friction excluded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +19,6 @@ class KnownArm:
         effort: Quantity that its runs contained, and to which the calibrated gains refer.
         body: Its links, rotors, friction and delay.
         level_nm: (n,) RMS torque of its joints in the calibration, for scale.
-        doubts: Errors of a payload's torque when this body's torque is subtracted from one run.
         drift: (3, n) standard deviation, over the runs of the calibration, of a run's Coulomb friction (N m), viscous
             friction (N m s/rad) and offset (N m) minus the body's.
         friction_spread: (3, n) the same for a run of any day, cold arms included: the prior.
@@ -40,7 +32,6 @@ class KnownArm:
     effort: Effort
     body: BodyModel
     level_nm: FloatArray
-    doubts: TorqueDoubts
     drift: FloatArray
     friction_spread: FloatArray
     noise_nm: FloatArray

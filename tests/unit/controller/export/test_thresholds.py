@@ -57,7 +57,7 @@ def test_noise_that_differs_between_runs_is_known_less(calibrated):
     alike = noise(1.0, 1.0 + 1e-4, 1.0 - 1e-4)
     assert noise(1.0, 1.15, 0.85) > 1.2 * alike
     assert noise(1.0) > 1.2 * alike
-    sigma = arm.known_arm(calibrated.chain).noise_nm[0] * np.sqrt(2.0 * RowMean.half_s / 0.02)
+    sigma = arm.known_arm.noise_nm[0] * np.sqrt(2.0 * RowMean.half_s / 0.02)
     assert alike / sigma == pytest.approx(norm.isf(0.5e-4), rel=1e-3)
 
 

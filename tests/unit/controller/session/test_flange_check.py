@@ -118,7 +118,7 @@ def test_a_payload_in_the_unloaded_run_is_reported_with_its_mass():
 
 
 def test_a_calibration_is_preferred_to_a_body(calibration, pinocchio_arm):
-    known = calibration.known_arm(pinocchio_arm.chain)
+    known = calibration.known_arm
     arm = replace(ARM, chain=pinocchio_arm.chain, transmission=pinocchio_arm.transmission, known=known)
     rows = SlowRoundRows(AVERAGED_S)
     for loaded in (False, True):

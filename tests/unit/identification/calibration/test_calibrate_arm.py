@@ -108,7 +108,7 @@ def test_a_third_payload_is_identified_better_with_it(result, pinocchio_arm, nom
     )
     before = identify(loaded, unloaded, arm.chain, nominal)
     level, transmission = result.level(arm.chain), result.transmission(nominal)
-    known = result.known_arm(arm.chain)
+    known = result.known_arm
     pair = identify(loaded, unloaded, level, transmission, arm=known)
     alone = identify(loaded, None, level, transmission, arm=known)
     assert pair.uncertainty.half_width_95[0] < 0.4 * before.uncertainty.half_width_95[0]
@@ -173,7 +173,7 @@ def test_whole_periods_and_reported_torque_are_calibrated_too(pinocchio_arm, nom
     np.testing.assert_allclose(found.gain_nm_a[1:], WRONG[1:], rtol=0.02)
     transmission = found.transmission(nominal)
     loaded, unloaded = made[1].recording, made[0].recording
-    known = found.known_arm(pinocchio_arm.chain)
+    known = found.known_arm
     payload = identify(loaded, unloaded, found.level(pinocchio_arm.chain), transmission, arm=known)
     assert payload.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
 

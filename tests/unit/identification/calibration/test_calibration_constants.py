@@ -314,7 +314,7 @@ def test_the_factor_is_found_in_three_linearisations_from_the_rows_and_the_prior
 
     monkeypatch.setattr(f"{ROOM}.session_gains.solve", solve)
     calibration = SimpleNamespace(
-        known_arm=lambda _: SimpleNamespace(effort=None),
+        known_arm=SimpleNamespace(effort=None),
         level=lambda _: None,
         transmission=lambda _: SimpleNamespace(coupling=None),
     )

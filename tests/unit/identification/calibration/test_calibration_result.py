@@ -29,7 +29,7 @@ def test_the_residual_of_a_known_arm_is_that_of_its_joints(result, pinocchio_arm
         noise_nm=np.array([1.0, 2.0, 0.5, 0.2, 0.3, 0.9]),
         gain_nm_a=1.2 * nominal.gain_nm_a,
     )
-    known = found.known_arm(pinocchio_arm.chain)
+    known = found.known_arm
     axes = np.random.default_rng(1).normal(size=(100_000, 6))
     for axis_nm, joint_nm in (
         (found.noise_nm, known.noise_nm),

@@ -26,7 +26,7 @@ def drifted(arm, loaded, seed):
 
 def identified(calibration, arm, session):
     level, gains = calibration.level(arm.chain), session.corrected(calibration).transmission(arm.transmission)
-    known = session.arm(calibration.known_arm(arm.chain))
+    known = session.arm(calibration.known_arm)
     return identify(drifted(arm, True, 81), None, level, gains, arm=known)
 
 
@@ -54,7 +54,7 @@ def test_the_run_itself_says_how_large_it_can_be(calibration, pinocchio_arm, fac
     assert session.log_factor == 0.0
     assert (session.deviation < 0.006) == (factor == 1.0)
     level, gains = calibration.level(arm.chain), calibration.transmission(arm.transmission)
-    found = identify(run, None, level, gains, arm=session.arm(calibration.known_arm(arm.chain)))
+    found = identify(run, None, level, gains, arm=session.arm(calibration.known_arm))
     error, half_width = off(found, arm)
     assert error < half_width
     assert bool(re.search(r"by itself, the run says -[23]\.", session.note(1.0, 0.0))) == (factor == DRIFT)

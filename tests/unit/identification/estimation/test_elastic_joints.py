@@ -20,7 +20,7 @@ COMPLIANCE = np.array([0.0, 4e-5, 6e-5, 0.0, 0.0, 0.0])
 
 @pytest.fixture(scope="module")
 def known(calibration, pinocchio_arm):
-    return calibration.level(pinocchio_arm.chain), calibration.known_arm(pinocchio_arm.chain)
+    return calibration.level(pinocchio_arm.chain), calibration.known_arm
 
 
 @pytest.fixture(scope="module")

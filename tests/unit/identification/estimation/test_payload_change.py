@@ -47,7 +47,7 @@ def joined(before, after, at_s):
 @pytest.fixture(scope="module")
 def single(pinocchio_arm, heavier, calibration):
     """Solves one run of a calibrated arm, in which the payload changes at a time."""
-    chain, arm = calibration.level(pinocchio_arm.chain), calibration.known_arm(pinocchio_arm.chain)
+    chain, arm = calibration.level(pinocchio_arm.chain), calibration.known_arm
     transmission = calibration.transmission(pinocchio_arm.transmission)
     trajectory = pinocchio_arm.trajectory(6, period_s=10.0)
     before, after = (each.run(trajectory, True, seed=8, with_phase=False) for each in (pinocchio_arm, heavier))

@@ -179,7 +179,7 @@ def test_what_an_axis_sees_of_an_error_is_its_size_in_the_rows(regressor, torque
 
 def on_calibrated_arm(arm, calibration, harder=0.0):
     """A run's problem, and its solution, on the calibrated arm; joint 4 rubs harder than calibrated, in N m."""
-    known, transmission = calibration.known_arm(arm.chain), calibration.transmission(arm.transmission)
+    known, transmission = calibration.known_arm, calibration.transmission(arm.transmission)
     run = arm.run(arm.trajectory(6, period_s=10.0), True, seed=8, with_phase=False)
     current, speed = run.current_a.copy(), np.gradient(run.position_rad, run.time_s, axis=0)[:, 3]
     current[:, 3] += harder * np.tanh(speed / 0.02) / transmission.gain_nm_a[3]

@@ -38,7 +38,7 @@ def problem(signal, pinocchio_arm):
 @pytest.fixture(scope="module")
 def known(calibration, pinocchio_arm):
     chain = pinocchio_arm.chain
-    return calibration.level(chain), calibration.transmission(pinocchio_arm.transmission), calibration.known_arm(chain)
+    return calibration.level(chain), calibration.transmission(pinocchio_arm.transmission), calibration.known_arm
 
 
 @pytest.fixture(scope="module")

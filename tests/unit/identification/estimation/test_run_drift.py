@@ -24,7 +24,7 @@ USUAL = Drift.between_runs
 @pytest.fixture(scope="module")
 def known(calibration, pinocchio_arm):
     chain = pinocchio_arm.chain
-    return calibration.level(chain), calibration.transmission(pinocchio_arm.transmission), calibration.known_arm(chain)
+    return calibration.level(chain), calibration.transmission(pinocchio_arm.transmission), calibration.known_arm
 
 
 @pytest.mark.parametrize("factor", [0.98, 0.9995, 1.02, 1.1])

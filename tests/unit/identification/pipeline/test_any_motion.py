@@ -35,7 +35,7 @@ pytestmark = pytest.mark.pure
 def known(calibration, pinocchio_arm):
     """Calibrated chain, transmission and empty arm."""
     chain = pinocchio_arm.chain
-    return calibration.level(chain), calibration.transmission(pinocchio_arm.transmission), calibration.known_arm(chain)
+    return calibration.level(chain), calibration.transmission(pinocchio_arm.transmission), calibration.known_arm
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_jerky_motion_goes_through_one_window_with_the_torque(pinocchio_arm, kno
     assert found.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
 
 
-def test_what_the_model_leaves_of_a_joint_widens_the_interval(pinocchio_arm, known, loaded):
+def test_what_the_model_leaves_of_a_joint_widens_the_interval(pinocchio_arm, calibration, known, loaded):
     """A square-wave torque on all joints, ten times the calibration's noise, like a change of the gears.
 
     The interval becomes 7.8 times as wide; with half the torque 4.4 times, with twice the torque 15 times. Without it,
@@ -85,7 +85,7 @@ def test_what_the_model_leaves_of_a_joint_widens_the_interval(pinocchio_arm, kno
         for current in (loaded.current_a, loaded.current_a + added)
     )
     assert 5.0 < off.half_width_95[0] / usual.half_width_95[0] < 10.0
-    prospect = MassProspect(chain, arm, pinocchio_arm.payload)
+    prospect = MassProspect(chain, calibration, pinocchio_arm.payload)
     trajectory = pinocchio_arm.trajectory(6, period_s=10.0)
     (promised_kg,) = prospect.half_widths_kg(trajectory, np.array([0.1 * loaded.time_s[-1]]))
     assert 0.9 * promised_kg < usual.half_width_95[0] < 1.1 * promised_kg
@@ -278,9 +278,9 @@ def about(pinocchio_arm):
 
 
 @pytest.fixture(scope="module")
-def wiggle(pinocchio_arm, known, about):
+def wiggle(pinocchio_arm, calibration, known, about):
     """The shortest motion that determines the mass to 3 %."""
-    prospect = MassProspect(known[0], known[2], pinocchio_arm.payload)
+    prospect = MassProspect(known[0], calibration, pinocchio_arm.payload)
     return found_about(prospect, about, 0.03 * pinocchio_arm.payload.mass_kg)
 
 
@@ -300,15 +300,15 @@ def test_a_wiggle_of_some_degrees_shows_the_mass_as_well_as_promised(pinocchio_a
     assert abs(found.parameters.mass_kg - pinocchio_arm.payload.mass_kg) < 1.5 * width
 
 
-def test_more_periods_promise_more_but_never_more_than_the_calibration_knows(pinocchio_arm, known, wiggle):
-    prospect = MassProspect(known[0], known[2], pinocchio_arm.payload)
+def test_more_periods_promise_more_but_never_more_than_the_calibration_knows(pinocchio_arm, calibration, known, wiggle):
+    prospect = MassProspect(known[0], calibration, pinocchio_arm.payload)
     widths = prospect.half_widths_kg(wiggle.trajectory, np.array([1.0, 2.0, 4.0, 1e4]))
     assert widths[0] > widths[1] > widths[2] > 1.96 * FLOOR_KG
     assert widths[3] > 0.5 * widths[2]
 
 
-def test_a_wiggle_that_must_not_be_driven_is_none(pinocchio_arm, known, about, monkeypatch):
-    prospect = MassProspect(known[0], known[2], pinocchio_arm.payload)
+def test_a_wiggle_that_must_not_be_driven_is_none(pinocchio_arm, calibration, known, about, monkeypatch):
+    prospect = MassProspect(known[0], calibration, pinocchio_arm.payload)
     for name, value in (("PERIODS_S", (2.0,)), ("_DRAWS", 5), ("_VARIATIONS", 5)):
         monkeypatch.setattr(f"armload_identification.pipeline.wiggle.{name}", value)
     with pytest.raises(ExcitationError, match=r"respects all limits; touches the post\. Choose another position"):

@@ -33,7 +33,7 @@ def constants(chosen, pinocchio_arm):
 
 
 def test_friction_and_its_spread_are_the_calibrations(constants, chosen, pinocchio_arm):
-    body, known = chosen.body, chosen.known_arm(pinocchio_arm.chain)
+    body, known = chosen.body, chosen.known_arm
     expected = {
         kernels.ESTIMATOR_COULOMB: body.coulomb_nm,
         kernels.ESTIMATOR_VISCOUS: body.viscous_nm_s_rad,
@@ -52,7 +52,7 @@ def test_friction_and_its_spread_are_the_calibrations(constants, chosen, pinocch
 
 
 def test_noise_that_is_correlated_for_many_rows_counts_as_fewer(constants, chosen, pinocchio_arm):
-    known = chosen.known_arm(pinocchio_arm.chain)
+    known = chosen.known_arm
     rows = np.maximum(known.correlation_s / ROW_S, 1.0)
     np.testing.assert_allclose(constants.parameter[kernels.ESTIMATOR_NOISE], known.noise_nm * np.sqrt(rows))
     colour = constants.parameter[kernels.ESTIMATOR_COLOUR]

@@ -71,7 +71,7 @@ def test_without_forgetting_it_is_the_batch_solve_of_the_same_run(calibration, s
     found = estimator.estimate()
     run = Recording.from_arrays(time_s, position, current_a=current)
     gains = calibration.transmission(pinocchio_arm.transmission)
-    batch = identify(run, None, calibration.level(chain), gains, arm=calibration.known_arm(chain))
+    batch = identify(run, None, calibration.level(chain), gains, arm=calibration.known_arm)
     half_width = batch.uncertainty.half_width_95[:4]
     assert (np.abs(batch.plain_parameters.values[:4] - found.values) < 0.15 * half_width).all()
     np.testing.assert_allclose(found.half_width_95, half_width, rtol=0.25)

@@ -105,7 +105,7 @@ def test_gains_that_drift_between_the_runs_are_allowed_for(runs, calibration, pi
     loaded, unloaded = (after_slow_round(*each, 5.0) if with_slow else each[0] for each in zip(*runs, strict=True))
     loaded = replace(loaded, current_a=factor * loaded.current_a)
     level, gains = calibration.level(pinocchio_arm.chain), calibration.transmission(pinocchio_arm.transmission)
-    known = calibration.known_arm(pinocchio_arm.chain)
+    known = calibration.known_arm
     found = identify(loaded, unloaded, level, gains, arm=known)
     error_kg = abs(found.parameters.mass_kg - pinocchio_arm.payload.mass_kg)
     assert error_kg < found.uncertainty.half_width_95[0]

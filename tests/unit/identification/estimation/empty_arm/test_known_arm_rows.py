@@ -18,7 +18,7 @@ NOISE_NM = np.linspace(0.5, 1.5, N)
 @pytest.fixture(scope="module")
 def known(calibration, pinocchio_arm):
     chain = calibration.level(pinocchio_arm.chain)
-    return chain, calibration.known_arm(pinocchio_arm.chain)
+    return chain, calibration.known_arm
 
 
 @pytest.fixture(scope="module")
