@@ -6,54 +6,33 @@ its average period while it was read is processed in the same way, as a single p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.period_average import ON_GRID
 from armload_identification.recording.reduction.phase_advance import SETTLING_S, PhaseAdvance, periodic_phase
+from armload_identification.signals.filters import smooth, smoothing_loss, white_noise
+from armload_identification.signals.motion import ABOVE_BAND, SCATTER, Motion
 from armload_identification.signals.signal_constants import PeriodSeries, SplineFit
 
 
-@dataclass(frozen=True, eq=False)
-class PeriodicRun:
-    """One run folded onto one period of K phases, n joints.
+def fold(recording: Recording, torque_nm: FloatArray, phases: int, scatter_nm: FloatArray | None = None) -> Motion:
+    """Average a periodic run over its periods; its motion passes through the same filter as its torque.
 
-    Attributes:
-        period_s: Duration of a period according to the time stamps.
-        periods: Number M of averaged periods of the motion itself: a series of every g-th harmonic has g of them in
-            each period of the excitation. Of an interrupted run, the least number of samples at any phase.
-        torque_nm: (K, n) torque averaged over the periods (Chen 2016, eq. (9)).
-        valid: (K,) False where no period has a sample; those rows are interpolated.
-        scatter_nm: (n,) standard deviation of ONE raw sample between periods; None for one period.
-        motion: Measured position as a Fourier series in time, whose derivatives are analytic.
-        position_fit_rad: (n,) RMS of the averaged measured position about that series.
-        rate: Measured seconds per second of phase.
-        interruptions: How often the run was paused or slowed down within its periods.
-    """
-
-    period_s: float
-    periods: int
-    torque_nm: FloatArray
-    valid: NDArray[np.bool_]
-    scatter_nm: FloatArray | None
-    motion: FourierTrajectory
-    position_fit_rad: FloatArray
-    rate: float
-    interruptions: int
-
-
-def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRun:
-    """Average a periodic run over its periods.
+    A series of every g-th harmonic has g periods of the motion itself in each period of the excitation. Phases at which
+    no period has a sample are interpolated. The measured position is a Fourier series in time, with analytic
+    derivatives.
 
     Args:
         recording: A run with at least one whole period.
         torque_nm: (N, n) its joint torques.
         phases: K, the number of equidistant phases; phase k is k/K of the period.
+        scatter_nm: (n,) standard deviation of ONE raw sample between periods, of a recording that was averaged while it
+            was read.
 
     Returns:
         The folded run.
@@ -81,16 +60,29 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
     mean = np.asarray(np.nansum(table, axis=0) / np.maximum(count, 1)[:, None], dtype=np.float64)
     n = recording.n
     motion, misfit = _fit_motion(mean[:, n:], valid, trajectory, advance.rate)
-    return PeriodicRun(
-        period_s=advance.rate * trajectory.period_s,
-        periods=advance.periods if advance.interruptions else held,
-        torque_nm=_filled(mean[:, :n], valid),
+    raw = _filled(mean[:, :n], valid)
+    smoothed = smooth(raw)
+    periods, interruptions = advance.periods if advance.interruptions else held, advance.interruptions
+    if average is not None:
+        periods, interruptions = average.periods, average.interruptions
+    scatter = _scatter(table[:, :, :n], mean[:, :n], count) if scatter_nm is None else scatter_nm
+    noise = white_noise(torque_nm) if scatter is None else scatter
+    return Motion(
+        time_s=np.arange(phases) / phases * (advance.rate * trajectory.period_s),
+        periodic=True,
+        states=JointStates(*map(smooth, motion.period(phases)[:3])),
+        raw_nm=raw,
+        torque_nm=smoothed,
         valid=valid,
-        scatter_nm=_scatter(table[:, :, :n], mean[:, :n], count),
-        motion=motion,
+        noise_nm=noise,
+        averaged_noise_nm=noise / np.sqrt(periods),
+        noise_source=ABOVE_BAND if scatter is None else SCATTER,
+        smoothing_loss=smoothing_loss(raw, smoothed),
+        periods=periods,
         position_fit_rad=misfit,
+        began_s=float(recording.time_s[rows][0]),
         rate=advance.rate,
-        interruptions=advance.interruptions,
+        interruptions=interruptions,
     )
 
 

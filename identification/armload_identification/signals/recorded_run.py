@@ -18,9 +18,9 @@ from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.reduction.phase_advance import phases_per_period, whole_periods
 from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
-from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
+from armload_identification.signals.filters import low_pass, low_pass_cutoff, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, joint_torque, reported_effort, sample_scatter
-from armload_identification.signals.motion import ABOVE_BAND, SCATTER, Motion
+from armload_identification.signals.motion import ABOVE_BAND, Motion
 from armload_identification.signals.periods import fold
 from armload_identification.signals.reversals import moving_joints
 from armload_identification.signals.signal_constants import LowPass, RunAlignment, Standstill
@@ -131,30 +131,7 @@ class Run:
         Raises:
             RecordingError: no whole period, or a phase that did not advance uniformly.
         """
-        folded = fold(self.recording, self.torque_nm, phases)
-        periods, scatter, interruptions = folded.periods, folded.scatter_nm, folded.interruptions
-        average = self.recording.average
-        if average is not None:
-            periods, scatter, interruptions = average.periods, self.scatter_nm, average.interruptions
-        smoothed = smooth(folded.torque_nm)
-        noise = white_noise(self.torque_nm) if scatter is None else scatter
-        return Motion(
-            time_s=np.arange(phases) / phases * folded.period_s,
-            periodic=True,
-            states=JointStates(*map(smooth, folded.motion.period(phases)[:3])),
-            raw_nm=folded.torque_nm,
-            torque_nm=smoothed,
-            valid=folded.valid,
-            noise_nm=noise,
-            averaged_noise_nm=noise / np.sqrt(periods),
-            noise_source=ABOVE_BAND if scatter is None else SCATTER,
-            smoothing_loss=smoothing_loss(folded.torque_nm, smoothed),
-            periods=periods,
-            position_fit_rad=folded.position_fit_rad,
-            began_s=float(self.moving_part.recording.time_s[0]),
-            rate=folded.rate,
-            interruptions=interruptions,
-        )
+        return fold(self.recording, self.torque_nm, phases, self.scatter_nm)
 
     @cached_property
     def before_periods(self) -> Run:
