@@ -23,6 +23,7 @@ from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.sampled_torque import sampling_doubt
 from armload_identification.estimation.solve import solve
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.mass_center import MassCenterCovariance, unknown_deviation
 from armload_identification.model.regressor import PARAMETERS
@@ -186,6 +187,11 @@ class PayloadEstimate:
         unseen = np.abs((slope * self.scale) @ self.blind).max(axis=1, initial=0.0)
         size = np.sqrt(np.sum((slope * self.scale) ** 2, axis=1))
         return np.where(unseen > Payloads.negligible * size, np.inf, total), freedom
+
+    @cached_property
+    def half_width_kg(self) -> float:
+        """Half of the 95 % interval of the mass, by a normal distribution."""
+        return NORMAL_HALF_WIDTH * float(np.sqrt(self.spread(np.eye(1, PARAMETERS))[0][0]))
 
     @cached_property
     def covariance(self) -> FloatArray:

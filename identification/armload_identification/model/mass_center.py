@@ -85,6 +85,13 @@ class MassCenterCovariance:
         return self.gain_nm_a.size > 0 and np.array_equal(self.gain_nm_a, other.gain_nm_a)
 
 
+def moments_slope(mass_kg: float, center_m: FloatArray) -> FloatArray:
+    """(4, 4) change of [m, m c] per change of [m, c] of a body."""
+    slope = mass_kg * np.eye(4)
+    slope[0, 0], slope[1:, 0] = 1.0, center_m
+    return slope
+
+
 def unknown_deviation(mass_kg: float) -> FloatArray:
     """(4,) standard deviations of undetermined values, mass (kg) and 1 m: too wide to affect a comparison."""
     return np.asarray(np.concatenate([[abs(mass_kg)], np.ones(3)]))

@@ -23,7 +23,7 @@ from armload_identification.pipeline.identification_result import (
     Identification,
     added_friction,
     completed,
-    single_signal,
+    payload_signal,
 )
 from armload_identification.pipeline.operator_notes import notes_on
 from armload_identification.recording.recording import Recording
@@ -82,17 +82,13 @@ def identify_alone(
     posterior = solve(problem.knowing(prior), rough=True)
     plain = estimate_of(posterior, problem, prior, arm.errors).doubting(model_doubts(posterior, arm))
     mass_kg, floor_kg = float(plain.theta[0]), float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.theta[0]))
-    one = np.eye(1, PARAMETERS)
-    random_kg, all_kg = (
-        NORMAL_HALF_WIDTH * float(np.sqrt(found.spread(one)[0][0]))
-        for found in (replace(plain, shifts=np.zeros((0, PARAMETERS))), plain)
-    )
+    random_kg = replace(plain, shifts=np.zeros((0, PARAMETERS))).half_width_kg
     regressor = payload_regressor(problem.layout.chain, *motion.states)
     refuse_nothing(plain, regressor, motion.torque_nm, FLOOR_KG, f"{name}: ")
     if mass_kg <= 0.0 or random_kg > DETERMINED_SHARE * mass_kg:
-        raise quality.undetermined(name, mass_kg, float(np.hypot(all_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
+        raise quality.undetermined(name, mass_kg, float(np.hypot(plain.half_width_kg, NORMAL_HALF_WIDTH * FLOOR_KG)))
     plain = replace(plain, shifts=np.vstack([plain.shifts, floor_kg / mass_kg * plain.theta]))
-    signal = single_signal(plain, motion, transmission)
+    signal = payload_signal(plain, motion, transmission)
     friction_nm = added_friction(plain, signal)
     gains = transmission.gains(from_torque=run.from_torque)
     result = completed(plain, None, signal, friction_nm, gains, run)

@@ -82,19 +82,14 @@ class Identification:
         return replace(self, notes=(*notes, *self.notes))
 
 
-def pair_signal(plain: PayloadEstimate, signal: LoadSignal, transmission: Transmission) -> LoadSignal:
-    """The signal of a pair on the loaded run's motion, with the estimated gains and delay."""
-    body = plain.body(1)
-    signal = signal.with_torque_times(transmission.changed_by(-plain.posterior.value(GAIN)))
-    return signal.with_delay(body.torque_delay_s).on_one_motion(plain.arm.layout.chain, body)
-
-
-def single_signal(plain: PayloadEstimate, motion: Motion, transmission: Transmission) -> LoadSignal:
-    """The signal of a run minus the arm, with the estimated gains and delay."""
-    body = plain.body(0)
-    moved = motion.with_torque_times(transmission.changed_by(-plain.posterior.value(GAIN)))
-    moved = moved.with_delay(body.torque_delay_s)
-    return without_body(moved, body.torque(plain.arm.layout.chain, *moved.states))
+def payload_signal(plain: PayloadEstimate, of: LoadSignal | Motion, transmission: Transmission) -> LoadSignal:
+    """The signal of a pair on the loaded run's motion, or of a run minus the arm, with estimated gains and delay."""
+    body, chain = plain.body(plain.runs - 1), plain.arm.layout.chain
+    times = transmission.changed_by(-plain.posterior.value(GAIN))
+    moved = of.with_torque_times(times).with_delay(body.torque_delay_s)
+    if isinstance(moved, LoadSignal):
+        return moved.on_one_motion(chain, body)
+    return without_body(moved, body.torque(chain, *moved.states))
 
 
 def completed(

@@ -28,7 +28,7 @@ from armload_identification.pipeline.identification_result import (
     Identification,
     added_friction,
     completed,
-    pair_signal,
+    payload_signal,
 )
 from armload_identification.pipeline.operator_notes import change_notes, misfit_notes, notes_on
 from armload_identification.pipeline.prior_contradictions import identified_knowing
@@ -115,7 +115,7 @@ def _by_difference(
         else:
             posterior = solve(problem.knowing(prior), rough=True)
         plain = estimate_of(posterior, problem, prior, errors, gears=fitted is not None)
-        adjusted = pair_signal(plain, signal, transmission)
+        adjusted = payload_signal(plain, signal, transmission)
         added_nm = added_friction(plain, adjusted)
         refuse_contradictions(FittedPair(plain, fitted, signal, adjusted, added_nm, columns.body), columns)
         drift = RunDrift.of(posterior, arm)

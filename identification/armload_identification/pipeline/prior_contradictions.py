@@ -31,6 +31,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.prior_knowledge import EXACT, KnownPayload, Prior
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
+from armload_identification.model.mass_center import moments_slope
 from armload_identification.model.payload import CONFIDENCE
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.verdict.decision_levels import FalseAlarms
@@ -223,8 +224,7 @@ def truncated_moments(mean: FloatArray, covariance: FloatArray, limits: FloatArr
     # Imported here: slower to load than everything else together, and rarely needed.
     from scipy.stats import qmc
 
-    to_moments = np.diag([1.0, *[mean[0]] * 3])
-    to_moments[1:, 0] = mean[1:]
+    to_moments = moments_slope(float(mean[0]), mean[1:])
     middle = np.concatenate([mean[:1], mean[0] * mean[1:]])
     spread = to_moments @ covariance @ to_moments.T
     triangle = np.linalg.cholesky(spread + np.diag(_LEAST_VARIANCE * np.diag(spread)))

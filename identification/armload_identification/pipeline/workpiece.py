@@ -21,7 +21,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import student_half_width
 from armload_identification.identification_errors import EstimationError
-from armload_identification.model.mass_center import MassCenterCovariance
+from armload_identification.model.mass_center import MassCenterCovariance, moments_slope
 from armload_identification.model.payload import DETERMINED_SHARE, InertialParameters, PayloadResult, value_scale
 from armload_identification.verdict.payload_verdict import known_payload
 
@@ -64,7 +64,8 @@ class Workpiece:
                 "carried both."
             )
         center = theta[1:4] / theta[0]
-        parts = [_expressed(result, _back(theta[0], center)) for result in (whole, tool)]
+        back = np.linalg.inv(moments_slope(theta[0], center))
+        parts = [_expressed(result, back) for result in (whole, tool)]
         drifted = gain_drift * np.stack([part.gain_slope.sum(axis=1) for part in parts])
         covariance = parts[0].minus(parts[1])
         covariance = replace(covariance, measured=covariance.measured + drifted.T @ drifted)
@@ -87,20 +88,10 @@ class Workpiece:
         )
 
 
-def _back(mass_kg: float, center_m: FloatArray) -> FloatArray:
-    """(4, 4) change of [m, c] per change of [m, m c]."""
-    back = np.eye(4) / mass_kg
-    back[0, 0], back[1:, 0] = 1.0, -center_m / mass_kg
-    return back
-
-
 def _expressed(result: PayloadResult, back: FloatArray) -> MassCenterCovariance:
-    """A payload's covariance as that of the workpiece's mass and centre of mass."""
+    """A payload's covariance as that of the workpiece's [m, c], by its (4, 4) change per change of [m, m c]."""
     known = known_payload(result).covariance
-    body = result.model
-    there = body.mass_kg * np.eye(4)
-    there[0, 0], there[1:, 0] = 1.0, body.center_of_mass_m
-    turn = back @ there
+    turn = back @ moments_slope(result.model.mass_kg, result.model.center_of_mass_m)
     return replace(
         known,
         measured=turn @ known.measured @ turn.T,

@@ -23,16 +23,12 @@ class Remedy:
 
     Attributes:
         length: Required length of all runs.
-        mass_limits: Whether the mass is too uncertain.
-        center_limits: Whether the centre of mass is too uncertain.
         mass_joint: Joint, from 0, that best determines the mass.
         center_joint: Joint, from 0, that best determines the weakest direction of the centre of mass.
         level_share: Mean square sine of the angle between that direction and gravity: 1 always level, 0 always upright.
     """
 
     length: LengthNeeded
-    mass_limits: bool
-    center_limits: bool
     mass_joint: int
     center_joint: int
     level_share: float
@@ -114,8 +110,6 @@ def remedy_for(
     along = [down @ chain.forward(q)[-1][:3, :3] @ agreement.weakest for q in poses]
     return Remedy(
         length=length,
-        mass_limits=agreement.noticeable_kg > agreement.tolerance_kg,
-        center_limits=agreement.noticeable_m > agreement.tolerance_m,
         mass_joint=int(np.argmax(seen[:, 0])),
         center_joint=int(np.argmax(seen[:, 1])),
         level_share=float(1.0 - np.mean(np.square(along))),

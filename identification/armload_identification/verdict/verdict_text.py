@@ -185,12 +185,12 @@ def _remedy_sentences(remedy: Remedy, agreement: Agreement, names: Sequence[str]
             f"{1e3 * AgreementLevels.floor_kg:.0f} g and {1e3 * AgreementLevels.floor_m:.0f} mm (one standard "
             "deviation), is too large for this tolerance."
         ]
-    if remedy.mass_limits:
+    if agreement.noticeable_kg > agreement.tolerance_kg:
         text.append(
             f"The mass is best determined by {names[remedy.mass_joint]}: a motion that holds the payload far "
             "from that axis, perpendicular to gravity, needs less time."
         )
-    if remedy.center_limits:
+    if agreement.noticeable_m > agreement.tolerance_m:
         direction = _weakest_direction(agreement).removeprefix("along ")
         if remedy.level_share < VerdictText.level_share:
             text.append(

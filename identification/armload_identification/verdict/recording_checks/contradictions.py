@@ -15,7 +15,6 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_estimate import PayloadEstimate
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, NoPayloadMass, NothingMounted, RecordingError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import DETERMINED_SHARE
@@ -61,16 +60,10 @@ class FittedPair:
         """
         return np.abs(ArmFriction.of(self.body, self.signal.unloaded.states.velocity_rad_s).torque_nm)
 
-    @cached_property
-    def half_width_kg(self) -> float:
-        """Half of the 95 % interval of the mass."""
-        variance, _ = self.plain.spread(np.eye(1, self.plain.theta.size))
-        return NORMAL_HALF_WIDTH * float(np.sqrt(variance[0]))
-
     @property
     def determined(self) -> bool:
         """Whether the mass is determined."""
-        return self.half_width_kg <= DETERMINED_SHARE * abs(float(self.plain.theta[0]))
+        return self.plain.half_width_kg <= DETERMINED_SHARE * abs(float(self.plain.theta[0]))
 
 
 def refuse_contradictions(fit: FittedPair, columns: RunColumns) -> None:
@@ -145,7 +138,7 @@ def _refuse_contradicting_joint(fit: FittedPair) -> None:
 
 def _refuse_no_mass(fit: FittedPair) -> None:
     """Raise for a mass that is not positive."""
-    mass_kg, half_width_kg = float(fit.plain.theta[0]), fit.half_width_kg
+    mass_kg, half_width_kg = float(fit.plain.theta[0]), fit.plain.half_width_kg
     if mass_kg > 0.0:
         return
     estimate = f"{mass_kg:.3g} kg +- {half_width_kg:.2g} kg"

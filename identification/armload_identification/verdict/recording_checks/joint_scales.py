@@ -53,17 +53,12 @@ def joint_scales(signal: LoadSignal, predicted_nm: FloatArray, friction_nm: Floa
     n = predicted_nm.shape[1]
     weight = signal.loaded.reversal_weight * signal.valid[:, None]
     direction = smooth_sign(signal.states.velocity_rad_s, reversal_speed(signal.states.velocity_rad_s))
-    target = signal.torque_nm - friction_nm
+    velocity = signal.states.velocity_rad_s
+    columns = np.stack([predicted_nm, direction, velocity, np.ones_like(velocity)], axis=2) * weight[:, :, None]
+    target = (signal.torque_nm - friction_nm) * weight
     scale, half_width = np.full(n, np.nan), np.full(n, np.inf)
     for joint in range(n):
-        columns = [
-            predicted_nm[:, joint],
-            direction[:, joint],
-            signal.states.velocity_rad_s[:, joint],
-            np.ones(len(target)),
-        ]
-        rows = np.column_stack(columns) * weight[:, joint, None]
-        wanted = target[:, joint] * weight[:, joint]
+        rows, wanted = columns[:, joint], target[:, joint]
         length = np.linalg.norm(rows, axis=0)
         moved = length > JointScaleLevels.rank * max(length.max(), 1.0)
         if not moved[0]:

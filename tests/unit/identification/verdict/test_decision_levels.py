@@ -564,7 +564,7 @@ def test_joints_are_compared_if_a_loud_one_is_unexplained_by_a_tenth_of_its_powe
     ("mass_kg", "said"), [(0.1, ""), (-0.1, "do not differ by a payload"), (-0.3, "are exchanged: exchange them")]
 )
 def test_a_mass_below_zero_is_none(mass_kg, said):
-    fit = SimpleNamespace(plain=SimpleNamespace(theta=np.array([mass_kg])), half_width_kg=0.2)
+    fit = SimpleNamespace(plain=SimpleNamespace(theta=np.array([mass_kg]), half_width_kg=0.2))
     found = refusal(_refuse_no_mass, fit)
     assert said in found
     assert bool(said) is bool(found)

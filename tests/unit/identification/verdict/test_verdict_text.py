@@ -35,9 +35,7 @@ AGREEMENT = Agreement(
 AGREED = JointScales(np.ones(3), np.full(3, 0.01))
 REMEDY = Remedy(
     length=LengthNeeded(2.5, False),
-    mass_limits=False,
     mass_joint=1,
-    center_limits=False,
     center_joint=2,
     level_share=0.8,
 )
@@ -55,8 +53,10 @@ def wrong(difference, **changes):
     return text({"outcome": Outcome.WRONG, "difference": np.array(difference), "statistic": 9.0} | changes)
 
 
-def unclear(remedy=REMEDY, **changes):
-    return text({"outcome": Outcome.CANNOT_TELL} | changes, remedy=remedy)
+def unclear(remedy=REMEDY, limits=(False, False), **changes):
+    """The text where mass and centre of mass are as uncertain as the tolerance, or more."""
+    tolerance = {"tolerance_kg": 0.199 if limits[0] else 0.2, "tolerance_m": 0.0119 if limits[1] else 0.012}
+    return text({"outcome": Outcome.CANNOT_TELL} | tolerance | changes, remedy=remedy)
 
 
 def test_right_tells_the_difference_its_interval_and_the_tolerance():
@@ -154,16 +154,15 @@ def test_longer_runs_are_the_remedy_where_they_help(factor, said):
 
 @pytest.mark.parametrize(("gains_limit", "said"), [(True, "calibrate them"), (False, "No run would detect it")])
 def test_where_no_length_helps_its_reason_is_the_remedy_and_no_other(gains_limit, said):
-    limits = replace(REMEDY, length=LengthNeeded(np.inf, gains_limit), mass_limits=True, center_limits=True)
-    found = unclear(limits)
+    found = unclear(replace(REMEDY, length=LengthNeeded(np.inf, gains_limit)), (True, True))
     assert said in found[-1]
     assert len(found) == 3
 
 
 def test_the_joint_that_would_help_is_named():
-    assert "by elbow" in unclear(replace(REMEDY, mass_limits=True))[-1]
-    assert "by wrist" in unclear(replace(REMEDY, center_limits=True))[-1]
-    level = unclear(replace(REMEDY, center_limits=True, level_share=0.3))[-1]
+    assert "by elbow" in unclear(limits=(True, False))[-1]
+    assert "by wrist" in unclear(limits=(False, True))[-1]
+    level = unclear(replace(REMEDY, level_share=0.3), (False, True))[-1]
     assert "brings the flange's x axis to the horizontal" in level
     assert len(unclear()) == 3
 
@@ -210,7 +209,7 @@ def test_a_direction_within_26_degrees_of_an_axis_is_that_axis(weakest, said):
 
 @pytest.mark.parametrize(("share", "said"), [(0.49, "hardly ever brings"), (0.51, "is best determined by wrist")])
 def test_poses_are_missing_if_the_direction_is_level_for_less_than_half(share, said):
-    assert said in unclear(replace(REMEDY, center_limits=True, level_share=share))[-1]
+    assert said in unclear(replace(REMEDY, level_share=share), (False, True))[-1]
 
 
 @pytest.mark.parametrize(
