@@ -118,10 +118,8 @@ def _on_nominal_gains(gains: Gains, found: Identification) -> list[str]:
         all_together = 100.0 * NORMAL_HALF_WIDTH * gains.common_deviation
         lost = float(found.plain.load_friction.max())
         uneven = 100.0 * NORMAL_HALF_WIDTH * float(gear_asymmetry(np.array([lost]))[0])
-        by_gears = (
-            f"by gears that lose {100.0 * lost:.0f} % of their load, but not equally in both directions of the power"
-        )
-        of_gears = f", and for {uneven:.0f} % {by_gears}" if uneven >= 1.0 else ""
+        by_gears = f"by gears that lose {100.0 * lost:.0f} % of their load, but not equally in both directions of the"
+        of_gears = f", and for {uneven:.0f} % {by_gears} power" if uneven >= 1.0 else ""
         shift_kg = Drift.between_runs * abs(float(found.plain.drifting[0]))
         of_drift = [
             f"A drift of all gains by {100.0 * Drift.between_runs:.1f} % from one run to the other would change the "

@@ -64,7 +64,7 @@ class Workpiece:
                 "carried both."
             )
         center = theta[1:4] / theta[0]
-        back = np.linalg.inv(moments_slope(theta[0], center))
+        back: FloatArray = np.asarray(np.linalg.inv(moments_slope(theta[0], center)), dtype=float)
         parts = [_expressed(result, back) for result in (whole, tool)]
         drifted = gain_drift * np.stack([part.gain_slope.sum(axis=1) for part in parts])
         covariance = parts[0].minus(parts[1])
