@@ -110,7 +110,7 @@ class Peer:
         body = pin.Inertia(payload.mass_kg, payload.center_of_mass_m, payload.inertia_about_com)
         self._loaded.inertias[chain.n] = self._flange.act(body)
         times_s = np.arange(PEER_SAMPLES) * (PERIOD_S / PEER_SAMPLES)
-        self._basis = [fourier_basis(1.0 / PERIOD_S, HARMONICS, times_s, order) for order in range(4)]
+        self._basis = fourier_basis(1.0 / PERIOD_S, HARMONICS, times_s)
         limits = envelope.joints
         omega = 2.0 * np.pi / PERIOD_S * np.arange(1, HARMONICS + 1)
         half = 0.5 * (limits.position_max_rad - limits.position_min_rad)

@@ -170,8 +170,7 @@ class Search:
         samples = _SAMPLES_PER_HARMONIC * harmonics
         times_s = np.arange(samples) * (self._reference_s / samples)
         frequency_hz = 1.0 / self._reference_s
-        basis = [fourier_basis(frequency_hz, harmonics, times_s, order) for order in range(_ORDERS)]
-        self._basis = np.stack(basis)
+        self._basis = fourier_basis(frequency_hz, harmonics, times_s)
         omega = 2.0 * np.pi * frequency_hz * np.arange(1, harmonics + 1)
         joints = envelope.joints
         half = 0.5 * (joints.position_max_rad - joints.position_min_rad)

@@ -169,24 +169,19 @@ class FourierTrajectory:
         return FourierBounds(middle - half, middle + half, velocity, acceleration, jerk)
 
 
-def fourier_basis(base_frequency_hz: float, harmonics: int, t_s: ArrayLike, derivative: int = 0) -> FloatArray:
-    """The columns 1, sin(k w_f t), cos(k w_f t), k = 1 to H, or a derivative of them.
+def fourier_basis(base_frequency_hz: float, harmonics: int, t_s: ArrayLike) -> FloatArray:
+    """The columns 1, sin(k w_f t), cos(k w_f t), k = 1 to H, and their first three derivatives.
 
     Args:
         base_frequency_hz: w_f / (2 pi).
         harmonics: H.
-        t_s: One time, or (N,) times.
-        derivative: Order of the derivative, 0 for the columns themselves.
+        t_s: (N,) times.
 
     Returns:
-        (2 H + 1,) or (N, 2 H + 1).
+        (4, N, 2 H + 1).
     """
-    omega = 2.0 * np.pi * base_frequency_hz * np.arange(1, harmonics + 1)
-    angle = np.asarray(t_s, dtype=np.float64)[..., None] * omega
-    sine, cosine = np.sin(angle), np.cos(angle)
-    columns = ((sine, cosine), (cosine, -sine), (-sine, -cosine), (-cosine, sine))[derivative % 4]
-    one = np.full((*angle.shape[:-1], 1), 1.0 if derivative == 0 else 0.0)
-    return np.concatenate([one, *(omega**derivative * c for c in columns)], axis=-1)
+    one, sine, cosine = np.split(np.eye(2 * harmonics + 1), [1, harmonics + 1])
+    return np.stack(FourierTrajectory(base_frequency_hz, one[0], sine.T, cosine.T).evaluate(t_s))
 
 
 @dataclass(frozen=True, eq=False)
