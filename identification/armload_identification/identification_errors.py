@@ -93,12 +93,14 @@ class FileProblem(Exception):
     Attributes:
         file: The file, or the name of the text.
         key: Dotted path of the key; the first entry of a list is [1]. Empty if the error concerns the entire file.
-        found: The value found; None if there is none.
+        found: The value found; None if there is none. A table is not repeated in the message.
         expected: What would have been accepted.
     """
 
     def __init__(self, file: str, key: str, found: object, expected: str) -> None:
-        super().__init__(file_problem(file, key, found, expected))
+        state = "missing" if found is None else "refused" if isinstance(found, dict) else _shortened(found)
+        place = f"{file}: {_SHORT.repr(key)[1:-1]} is {state}" if key else file
+        super().__init__(f"{place}: {expected}")
         self.file = file
         self.key = key
         self.found = found
@@ -131,26 +133,6 @@ class ReportError(IdentificationError):
 
 class ExtraMissing(IdentificationError):
     """A library that a plain installation does not include; the message names the extra that provides it."""
-
-
-def file_problem(file: str, key: str, found: object, expected: str) -> str:
-    """A message with the file, the key, the value found there and what was expected.
-
-    Args:
-        file: Name of the file.
-        key: Dotted path of the key; empty if the message concerns the entire file.
-        found: The value; None if it is missing. A table is not repeated.
-        expected: The end of the sentence.
-    """
-    if not key:
-        return f"{file}: {expected}"
-    if found is None:
-        state = "missing"
-    elif isinstance(found, dict):
-        state = "refused"
-    else:
-        state = _shortened(found)
-    return f"{file}: {_SHORT.repr(key)[1:-1]} is {state}: {expected}"
 
 
 _SHORT = reprlib.Repr()

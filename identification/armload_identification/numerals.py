@@ -64,7 +64,7 @@ def align(texts: Sequence[str]) -> tuple[Numeral, ...]:
     Args:
         texts: Printed numbers, with or without a decimal point; texts may be empty.
     """
-    behind = [_width_behind(text) for text in texts]
+    behind = [len(digits) + _POINT_CH * len(point) for _, point, digits in (text.partition(".") for text in texts)]
     widest = max(behind, default=0.0)
     return tuple(Numeral(text, widest - width) for text, width in zip(texts, behind, strict=True))
 
@@ -105,9 +105,3 @@ def _decimals(size: float, digits: int) -> int:
     # From the rounded number: 0.0996 to two digits is 0.10.
     exponent = int(f"{size:.{digits - 1}e}".partition("e")[2])
     return int(np.clip(digits - 1 - exponent, 0, _MOST_DECIMALS))
-
-
-def _width_behind(text: str) -> float:
-    """Width of the decimal point and the digits after it, in widths of a digit."""
-    _, point, fraction = text.partition(".")
-    return len(fraction) + (_POINT_CH if point else 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -122,7 +122,7 @@ class RobotStrength:
                     f"that is {allowed_nm[i]:g} N m, expected more than the {itself_nm[i]:g} N m that the arm itself "
                     "and its friction require on this axis",
                 )
-        return limits.of_axes(self.coupling, left_nm)
+        return replace(limits, coupling=self.coupling, available_nm=left_nm)
 
     def require_stated(self) -> None:
         """Refuse to move an arm that may be real if the file does not state its joints' torque shares or its payload.

@@ -30,9 +30,3 @@ class LimitMargins(Table):
     torque_nm: NumberList
     clearance_m: dict[str, float] = field(default_factory=dict)
     speed_m_s: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def smallest(self) -> float:
-        """The smallest of all these numbers; above 0 if the motion is strictly within its limits."""
-        named = (*self.clearance_m.values(), *self.speed_m_s.values())
-        return min(*(float(getattr(self, name).min()) for name in PER_JOINT), *named)

@@ -21,7 +21,7 @@ Coupled motors, q_joint = C q_axis, must provide C^T tau, whose bounds are |C|^T
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import ceil
 
 import numpy as np
@@ -88,18 +88,6 @@ class TorqueLimits:
         """
         share = finite_array("the arm's share of the torque", arm_share, (chain.n,), least=0.0, below=1.0)
         return cls(chain, ArmBody.massless(chain.n), payload, (1.0 - share) * np.asarray(torque_max_nm))
-
-    def of_axes(self, coupling: FloatArray, available_nm: FloatArray) -> TorqueLimits:
-        """The same demand on the motors behind the joints.
-
-        Args:
-            coupling: (n, n) C with q_joint = C q_axis.
-            available_nm: (n,) greatest torque of each axis for body, payload and viscous friction.
-
-        Raises:
-            ModelError: an axis without available torque.
-        """
-        return replace(self, coupling=coupling, available_nm=available_nm)
 
     @property
     def cases(self) -> int:

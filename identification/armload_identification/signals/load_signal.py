@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
@@ -331,20 +330,15 @@ def _require_same_excitation(loaded: Recording, unloaded: Recording) -> None:
     if loaded.excitation is None or unloaded.excitation is None:
         return
     one, two = loaded.excitation.trajectory, unloaded.excitation.trajectory
-    if not _same_series(one, two):
+    parts = ("base_frequency_hz", "offset_rad", "sin_rad", "cos_rad")
+    pairs = [(getattr(one, name), getattr(two, name)) for name in parts]
+    if not all(np.shape(own) == np.shape(other) and np.allclose(own, other) for own, other in pairs):
         raise RecordingError(
             f"{loaded.source.path} and {unloaded.source.path} followed different excitations ({one.harmonics} "
             f"harmonics of {one.base_frequency_hz:g} Hz and {two.harmonics} of "
             f"{two.base_frequency_hz:g} Hz). The difference of two runs requires the same motion: use a matching pair "
             "of files."
         )
-
-
-def _same_series(one: FourierTrajectory, two: FourierTrajectory) -> bool:
-    """Whether two series have the same harmonics and coefficients."""
-    parts = ("base_frequency_hz", "offset_rad", "sin_rad", "cos_rad")
-    same_shape = one.sin_rad.shape == two.sin_rad.shape
-    return same_shape and all(np.allclose(getattr(one, name), getattr(two, name)) for name in parts)
 
 
 def _require_same_path(loaded: Recording, unloaded: Recording, one: Motion, two: Motion) -> FloatArray:

@@ -282,7 +282,7 @@ def coupled_axes(share):
     """The constraints with a motor that turns two joints and has a share of the torque that the path needs from it."""
     coupling = np.eye(N)
     coupling[JOINT, JOINT - 1] = 0.5
-    loose = CONSTRAINTS.torque.of_axes(coupling, np.full(N, 1e4))
+    loose = replace(CONSTRAINTS.torque, coupling=coupling, available_nm=np.full(N, 1e4))
     available = loose.available_nm.copy()
     available[JOINT - 1] = share * loose.greatest(SWING).reshape(loose.cases, N).max(axis=0)[JOINT - 1]
     return replace(CONSTRAINTS, axis_torque=replace(loose, available_nm=available))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -117,7 +119,7 @@ def test_a_stated_share_leaves_the_rest_to_the_payload(case):
 
 @pytest.fixture(scope="module")
 def axes(case):
-    return case.limits.of_axes(COUPLING, np.array([900.0, 700.0, 500.0, 200.0]))
+    return replace(case.limits, coupling=COUPLING, available_nm=np.array([900.0, 700.0, 500.0, 200.0]))
 
 
 def test_the_motors_behind_coupled_joints_give_what_does_the_joints_work(case, axes):
