@@ -16,10 +16,10 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_constants import Calibrating, Contradiction
-from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, RunSignals
+from armload_identification.calibration.mounted_runs import WeighedPayload
+from armload_identification.estimation.arm_rows import ArmLayout, RunSignals
 from armload_identification.estimation.arm_terms import (
     ARM_TERMS,
-    GAIN,
     PAYLOAD,
     known_arm_terms,
     own_friction,
@@ -34,6 +34,8 @@ from armload_identification.model.regressor import PARAMETERS
 _ZERO: Final = 1e-12
 _GRAMS: Final = 1000.0
 _ANY: Final = "payload"
+Explained = tuple[Posterior, str]
+"""A run fitted after the correction of a mistake, and the mistake."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +45,12 @@ class ArmKnowledge:
     Attributes:
         fit: Fit of the other runs.
         layout: The configured arm.
+        drift: The expected change of the run's friction, in multiples of that between the other runs.
     """
 
     fit: Posterior
     layout: ArmLayout
+    drift: float = 1.0
 
 
 def directions(gravity_m_s2: FloatArray) -> dict[str, FloatArray]:
@@ -79,13 +83,14 @@ def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | 
         One sentence.
     """
     elsewhere = mounting in arm.fit.problem.mountings
-    said = _trial(arm, run, mounting) if mass_kg is None or elsewhere else _as_said(arm, run, mass_kg)
-    off = said.off
+    off = _trial(arm, run, mounting, mass_kg=None if elsewhere else mass_kg).deviates(0)
     worst = int(np.argmax(off))
     start = f"joint {worst + 1} is off by {off[worst]:.0f} times the noise of the other runs"
     # If no other run carries this payload, it is fitted in every trial; another payload is therefore preferred unless a
     # mistake explains much more.
-    payload, *others = [(float(trial.off.max()), text) for trial, text in _mistakes(arm, run, mounting, mass_kg)]
+    payload, *others = [
+        (float(trial.deviates(0).max()), text) for trial, text in _mistakes(arm, run, mounting, mass_kg)
+    ]
     best, text = min(others, key=lambda pair: pair[0])
     if payload[0] < best / Contradiction.better:
         best, text = payload
@@ -94,58 +99,33 @@ def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | 
     return f"{start}, and no simple mistake explains this: a different arm, or damaged signals"
 
 
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """A run tested on an arm, with the covariance of a fitted payload, empty without one."""
-
-    rows: ArmRows
-    theta: FloatArray
-    covariance: FloatArray
-    predicted_nm: FloatArray
-    off: FloatArray
-
-
-def _trial(arm: ArmKnowledge, run: RunSignals, mounting: str, *, free: bool = False, drift: float = 1.0) -> _Trial:
-    """Fit of a run's own friction, and of its payload if unknown, on the arm.
-
-    The expected change of friction is `drift` times the usual one.
-    """
+def _trial(
+    arm: ArmKnowledge, run: RunSignals, mounting: str, *, free: bool = False, mass_kg: float | None = None
+) -> Posterior:
+    """Fit of a run's own friction, and of its payload if unknown, with the mass if that is stated, on the arm."""
     fit = arm.fit
     loaded = bool(mounting) or free
-    rows = arm.layout.rows(run, loaded=loaded)
     terms = known_arm_terms({name: fit.value(name) for name in ARM_TERMS}, "the other runs")
     if mounting in fit.problem.mountings and not free:
         terms.append(payload_term(fit.value(PAYLOAD, mounting), np.zeros(PARAMETERS), "the other runs"))
     else:
         terms.append(payload_term(np.zeros(PARAMETERS), np.full(PARAMETERS, Contradiction.wide), "any payload"))
-    terms.append(own_friction(drift * fit.change_deviation, "as between the other runs"))
-    group = Group((RunRows(rows, _ANY if loaded else EMPTY),))
+    terms.append(own_friction(arm.drift * fit.change_deviation, "as between the other runs"))
+    group = Group((RunRows(arm.layout.rows(run, loaded=loaded), _ANY if loaded else EMPTY),))
     noise = Noise.given(fit.noise_nm[0], fit.correlation[0])
-    found = solve(Problem(terms, [group], noise, arm.layout.coupling), rough=True)
-    theta = found.value(PAYLOAD, _ANY) if loaded else np.zeros(0)
-    place = found.problem.place(PAYLOAD, _ANY) if loaded else slice(0, 0)
-    predicted = rows.effort_nm - found.groups[0].residual_nm[0]
-    return _Trial(rows, theta, found.bread[place, place], predicted, found.deviates(0))
+    known = [] if mass_kg is None else [WeighedPayload(mass_kg).known(_ANY)]
+    return solve(Problem(terms, [group], noise, arm.layout.coupling, known), rough=True)
 
 
-def _as_said(arm: ArmKnowledge, run: RunSignals, mass_kg: float) -> _Trial:
-    """The run with the best-fitting payload, scaled to the stated mass."""
-    trial = _trial(arm, run, "", free=True)
-    theta = trial.theta * mass_kg / max(float(trial.theta[0]), Contradiction.light_kg)
-    torque = trial.rows.payload @ (theta - trial.theta) @ arm.layout.coupling
-    predicted = trial.predicted_nm + np.exp(arm.fit.value(GAIN)) * torque
-    left = (trial.rows.effort_nm - predicted) * trial.rows.weight / arm.fit.noise_nm[0]
-    return replace(trial, predicted_nm=predicted, off=np.sqrt(np.mean(left**2, axis=0)))
-
-
-def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | None) -> Iterator[tuple[_Trial, str]]:
+def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | None) -> Iterator[Explained]:
     """All possible mistakes, each with the run tested after its correction."""
     trial = _trial(arm, run, mounting, free=True)
     elsewhere = None
     if mounting in arm.fit.problem.mountings:
         place = arm.fit.problem.place(PAYLOAD, mounting)
         elsewhere = _Carried(arm.fit.x[place], arm.fit.covariance[place, place])
-    yield trial, _payload_text(_Carried(trial.theta, trial.covariance), mounting, mass_kg, elsewhere)
+    place = trial.problem.place(PAYLOAD, _ANY)
+    yield trial, _payload_text(_Carried(trial.x[place], trial.bread[place, place]), mounting, mass_kg, elsewhere)
     yield _scaled(arm, run, mounting)
     chain, n = arm.layout.chain, arm.layout.chain.n
     for one, other in combinations(range(n), 2):
@@ -211,16 +191,16 @@ def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhe
     return f"it carries {found_kg:.3f} kg, not {elsewhere_kg:.3f} kg as in the other runs of '{mounting}'"
 
 
-def _scaled(arm: ArmKnowledge, run: RunSignals, mounting: str) -> tuple[_Trial, str]:
+def _scaled(arm: ArmKnowledge, run: RunSignals, mounting: str) -> Explained:
     """Axes that report a multiple of their effort."""
-    share, corrected = np.ones(arm.layout.chain.n), run
+    # Freely varying friction would absorb part of a wrong scale.
+    share, corrected, stiff = np.ones(arm.layout.chain.n), run, replace(arm, drift=Contradiction.stiff)
     for _ in range(Contradiction.scalings):
-        # Freely varying friction would absorb part of a wrong scale.
-        trial = _trial(arm, corrected, mounting, drift=Contradiction.stiff)
-        square = trial.rows.weight**2
-        now = np.sum(square * trial.rows.effort_nm * trial.predicted_nm, axis=0)
-        now = now / np.maximum(np.sum(square * trial.predicted_nm**2, axis=0), _ZERO)
-        share = share * np.where((trial.off >= Contradiction.contradicts) | (share != 1.0), now, 1.0)
+        trial = _trial(stiff, corrected, mounting)
+        rows, state = trial.problem.groups[0], trial.groups[0]
+        weighted, predicted = rows.weight[0] * rows.effort_nm[0], rows.weight[0] * state.torque[0].predicted_nm
+        now = np.sum(weighted * predicted, axis=0) / np.maximum(np.sum(predicted**2, axis=0), _ZERO)
+        share = share * np.where((trial.deviates(0) >= Contradiction.contradicts) | (share != 1.0), now, 1.0)
         share = np.where(np.abs(share) > Contradiction.least_scale, share, Contradiction.least_scale)
         corrected = replace(run, effort_nm=run.effort_nm / share)
     parts = [

@@ -16,11 +16,10 @@ from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounting_mistakes import most_trials, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import (
-    _as_said,
+    ArmKnowledge,
     _Carried,
     _payload_text,
     _scaled,
-    _Trial,
     directions,
     explain,
 )
@@ -160,7 +159,11 @@ def test_a_centre_is_elsewhere_beyond_four_deviations():
 
 
 def trial(off, rows=None, predicted=0.0):
-    return _Trial(rows, np.zeros(10), np.zeros((10, 10)), predicted, np.atleast_1d(np.asarray(off, dtype=float)))
+    return SimpleNamespace(
+        deviates=lambda _: np.atleast_1d(np.asarray(off, dtype=float)),
+        problem=SimpleNamespace(groups=[rows]),
+        groups=[SimpleNamespace(torque=[SimpleNamespace(predicted_nm=predicted)])],
+    )
 
 
 @pytest.fixture
@@ -170,7 +173,7 @@ def explained(monkeypatch):
     def explained(off, payload, other):
         found = [(trial(payload), "a payload"), (trial(99.0), "bad"), (trial(other), "a mistake")]
         monkeypatch.setattr(f"{ROOM}.run_contradictions._mistakes", lambda *_: iter(found))
-        monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", lambda *_: trial([0.5, off]))
+        monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", lambda *_, **__: trial([0.5, off]))
         arm = SimpleNamespace(fit=SimpleNamespace(problem=SimpleNamespace(mountings=("tool",))))
         return explain(arm, None, "tool", None)
 
@@ -204,13 +207,13 @@ def scaled(monkeypatch, reported, off=9.0):
     """The text for an axis that reports a multiple of a torque of +-2 N m, as often as it was fitted."""
     fitted = []
 
-    def fit(arm, run, mounting, *, drift=1.0):
-        fitted.append(drift)
-        rows = SimpleNamespace(weight=np.ones((4, 1)), effort_nm=run.effort_nm)
+    def fit(arm, run, mounting):
+        fitted.append(arm.drift)
+        rows = SimpleNamespace(weight=np.ones((1, 4, 1)), effort_nm=run.effort_nm[None])
         return trial(off, rows, 2.0 * (-1.0) ** np.arange(4)[:, None])
 
     monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", fit)
-    arm = SimpleNamespace(layout=SimpleNamespace(chain=SimpleNamespace(n=1)))
+    arm = ArmKnowledge(None, SimpleNamespace(chain=SimpleNamespace(n=1)))
     return _scaled(arm, Run(reported * 2.0 * (-1.0) ** np.arange(4)[:, None]), "tool")[1], fitted
 
 
@@ -233,20 +236,14 @@ def test_an_axis_reports_a_multiple_of_its_effort_beyond_3_percent(monkeypatch, 
     assert drifts == [0.01] * 3 + [1.0], "with friction that hardly varies"
 
 
-def test_a_stated_mass_scales_the_best_payload(monkeypatch):
-    """2 kg that are stated as 3: half of the payload's torque more, of 5 N m per kg, with noise of 2 N m."""
-    rows = SimpleNamespace(payload=np.zeros((4, 1, 10)), effort_nm=np.full((4, 1), 10.0), weight=np.full((4, 1), 0.5))
-    rows.payload[:, 0, 0] = 5.0
-    best = trial(0.0, rows, np.full((4, 1), 10.0))
-    best.theta[0] = 2.0
-    monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", lambda *_, **__: best)
-    fit = SimpleNamespace(noise_nm=np.array([[2.0]]), value=lambda _: np.log([1.2]))
-    arm = SimpleNamespace(fit=fit, layout=SimpleNamespace(coupling=np.eye(1)))
-    found = _as_said(arm, None, 3.0)
-    np.testing.assert_allclose(found.predicted_nm, 10.0 + 1.2 * 5.0)
-    assert found.off == pytest.approx([6.0 * 0.5 / 2.0])
-    best.theta[0] = 0.01
-    assert _as_said(arm, None, 0.05).off == pytest.approx([0.0], abs=1e-12), "at least 50 g"
+@pytest.mark.parametrize(("mounting", "known"), [("tool", None), ("other", 3.0)])
+def test_a_run_is_fitted_with_its_stated_mass_unless_other_runs_carry_the_same(monkeypatch, mounting, known):
+    asked = []
+    monkeypatch.setattr(f"{ROOM}.run_contradictions._mistakes", lambda *_: [(trial(1.0), "a"), (trial(1.0), "b")])
+    monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", lambda *_, mass_kg: asked.append(mass_kg) or trial(9.0))
+    arm = SimpleNamespace(fit=SimpleNamespace(problem=SimpleNamespace(mountings=("tool",))))
+    assert "it fits if a" in explain(arm, None, mounting, 3.0)
+    assert asked == [known]
 
 
 # Gains of a session ----------------------------------------------------------------------------------------------
