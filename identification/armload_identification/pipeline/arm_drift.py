@@ -98,8 +98,8 @@ def arm_drift(calibration: ArmCalibration, runs: Sequence[RunHealth]) -> ArmDrif
         calibration: The calibration with which the runs were compared.
         runs: One or more runs.
     """
-    began = tuple(_moment(run.recorded) for run in runs)
-    dated = tuple(moment for moment in began if moment is not None)
+    began = [datetime.fromisoformat(run.recorded) for run in runs if run.recorded]
+    dated = tuple(moment if moment.tzinfo else moment.replace(tzinfo=UTC) for moment in began)
     if len(dated) == len(runs):
         order = sorted(range(len(runs)), key=lambda index: dated[index])
         runs, dated = [runs[index] for index in order], tuple(dated[index] for index in order)
@@ -122,15 +122,6 @@ def arm_drift(calibration: ArmCalibration, runs: Sequence[RunHealth]) -> ArmDrif
         charts[quantity] = tuple(control_chart(*part, len(usual) * n) for part in parts)
     drift = ArmDrift(tuple(runs), dated, calibration.friction_nm, charts, warming, ())
     return replace(drift, findings=tuple(_findings(drift)))
-
-
-def _moment(text: str) -> datetime | None:
-    """Date and time from ISO 8601, in UTC without a time zone; None for any other text."""
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        return None
-    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
 
 
 def _findings(drift: ArmDrift) -> list[DriftFinding]:

@@ -72,7 +72,6 @@ def estimator_constants(
     # The part of the residual that is white noise is larger in a shorter window than in the calibration's rows.
     white = _WHITE_S / np.maximum(arm.correlation_s, _WHITE_S)
     larger = 1.0 + (2.0 * RowMean.half_s / _WINDOW_S - 1.0) * white
-    parameter = np.zeros((kernels.ESTIMATOR_PARAMETERS, n))
     rows = {
         kernels.ESTIMATOR_COULOMB: body.coulomb_nm,
         kernels.ESTIMATOR_VISCOUS: body.viscous_nm_s_rad,
@@ -86,13 +85,11 @@ def estimator_constants(
         kernels.ESTIMATOR_VISCOUS_SPREAD: arm.friction_spread[1],
         kernels.ESTIMATOR_OFFSET_SPREAD: arm.friction_spread[2],
     }
-    for row, values in rows.items():
-        parameter[row] = values
     return EstimatorConstants(
         links=ArmDynamics(calibration.level(chain), body).turned_links,
         from_effort=np.ascontiguousarray(from_effort),
         rotors=np.ascontiguousarray(body.rotor_mass_kg_m2),
-        parameter=parameter,
+        parameter=np.stack([rows[row] for row in range(kernels.ESTIMATOR_PARAMETERS)]),
         scale=payload_scale(calibration.level_nm),
         memory_s=memory_s,
         delay_s=body.torque_delay_s,
