@@ -66,23 +66,14 @@ class TextTable:
             header[0] = _TIMES_OF_ROWS
         return cls(separator, quoted, header or None, first)
 
-    @property
-    def converted(self) -> bool:
-        """Whether the lines differ from fields separated by commas."""
-        return self.separator != "," or self.quoted
-
-    def with_commas(self, line: str) -> str:
-        """A line with decimal points, and commas between the columns.
-
-        Args:
-            line: A line of the table.
-        """
-        if not self.converted:
-            return line
+    def with_commas(self, lines: list[str]) -> list[str]:
+        """Lines of the table with decimal points, and commas between the columns."""
+        if self.separator == "," and not self.quoted:
+            return lines
         if self.quoted or self.separator == " ":
-            fields = _fields(line, self.separator, quoted=self.quoted)
-            return ",".join(field.replace(",", ".") for field in fields)
-        return line.replace(",", ".").replace(self.separator, ",")
+            rows = (_fields(line, self.separator, quoted=self.quoted) for line in lines)
+            return [",".join(field.replace(",", ".") for field in fields) for fields in rows]
+        return [line.replace(",", ".").replace(self.separator, ",") for line in lines]
 
 
 def echoed_columns(lines: Sequence[str]) -> CsvColumns | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import islice, pairwise
+from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import Final
 
@@ -45,22 +45,18 @@ class CsvReader(RecordingReader):
         Raises:
             RecordingError: the file is empty, or a requested column does not exist.
         """
-        layout: _Layout | None = None
-        table: TextTable | None = None
         account.sha256 = hash_of_files([self._path])
-        for read, last in self._lines():
-            if table is None or layout is None:
-                table = TextTable.of(read)
-                lines = [table.with_commas(line) for line in read[table.first_row :]]
-                layout = _Layout(self._path, self._options, table.header, lines)
-                account.columns = layout.columns, layout.names
-            else:
-                lines = [table.with_commas(line) for line in read] if table.converted else read
-            account.rows_read += len(lines)
-            yield self._block(layout, lines, account, last)
-        if layout is None:
+        blocks = self._lines()
+        read, last = next(blocks, ([], True))
+        if not read:
             raise RecordingError(f"{self._path}: the file is empty. Give a recording with rows of numbers.")
-        account.joint_names = layout.columns.joint_names
+        table = TextTable.of(read)
+        read = read[table.first_row :]
+        layout = _Layout(self._path, self._options, table.header, table.with_commas(read))
+        account.columns, account.joint_names = (layout.columns, layout.names), layout.columns.joint_names
+        for lines, at_end in chain([(read, last)], blocks):
+            account.rows_read += len(lines)
+            yield self._block(layout, table.with_commas(lines), account, at_end)
 
     def _lines(self) -> Iterator[tuple[list[str], bool]]:
         """Blocks of lines that are not blank, and whether it is the last block."""

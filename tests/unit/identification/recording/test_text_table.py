@@ -15,24 +15,23 @@ def test_separators_are_recognised_from_the_first_row_of_numbers(separator):
     lines = [separator.join(row) for row in (["t", "q1", "q2"], ["0.0", "1.5", "-2e-3"], ["0.1", "1.6", "0"])]
     table = TextTable.of(lines)
     assert (table.separator, table.quoted, table.header, table.first_row) == (separator, False, ["t", "q1", "q2"], 1)
-    assert table.converted is (separator != ",")
-    assert table.with_commas(lines[1]) == "0.0,1.5,-2e-3"
+    assert table.with_commas(lines[1:2]) == ["0.0,1.5,-2e-3"]
+    assert (table.with_commas(lines) is lines) is (separator == ",")
 
 
 def test_a_comma_that_does_not_separate_is_a_decimal_comma():
     table = TextTable.of(["t;q", "0,5;1,25"])
     assert table.separator == ";"
-    assert table.with_commas("0,5;1,25") == "0.5,1.25"
+    assert table.with_commas(["0,5;1,25"]) == ["0.5,1.25"]
     spaced = TextTable.of(["0,5   1,25 0,1 0,2 0,3"])
     assert (spaced.separator, spaced.header, spaced.first_row) == (" ", None, 0)
-    assert spaced.with_commas("  0,5 \t 1,25 ") == "0.5,1.25"
+    assert spaced.with_commas(["  0,5 \t 1,25 "]) == ["0.5,1.25"]
 
 
 def test_quoted_fields_lose_their_marks_and_keep_what_separates_inside():
     table = TextTable.of(['"t","q, 1"', '"0.0","1.5"'])
     assert (table.quoted, table.header, table.first_row) == (True, ["t", "q, 1"], 1)
-    assert table.converted
-    assert table.with_commas('"0.0";"x"'.replace(";", ",")) == "0.0,x"
+    assert table.with_commas(['"0.0","x"']) == ["0.0,x"]
 
 
 @pytest.mark.parametrize("comment", ["", "# ", "#"])
