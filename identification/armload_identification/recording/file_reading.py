@@ -8,7 +8,7 @@ the file is read again with the next one.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -91,22 +91,18 @@ def _reductions(path: Path, excitation: Excitation | None) -> Iterator[Callable[
     yield lambda: TimeAverager(excitation)
 
 
+@dataclass
 class _Reading:
     """A file while it is read once; `between_s` selects rows by the time since the first one."""
 
-    def __init__(
-        self,
-        reader: RecordingReader,
-        garbage: GarbageFilter,
-        excitation: Excitation | None,
-        between_s: tuple[float, float] | None,
-    ) -> None:
-        self._reader, self._garbage, self._excitation, self._between_s = reader, garbage, excitation, between_s
-        self._path = garbage.path
-        self.account = ReadingAccount()
-        self._start_s: float | None = None
-        self._last_s = 0.0
-        self._chosen = self._outside = 0
+    reader: RecordingReader
+    garbage: GarbageFilter
+    excitation: Excitation | None
+    between_s: tuple[float, float] | None
+    account: ReadingAccount = field(default_factory=ReadingAccount)
+    start_s: float | None = None
+    last_s: float = 0.0
+    outside: int = 0
 
     def recording(self, reduction_of: Callable[[], Reduction], short_rows: int) -> Recording:
         """The recording, with the given reduction if the run is long."""
@@ -123,66 +119,61 @@ class _Reading:
                 reduction = reduction_of()
                 while kept:
                     reduction.add(kept.pop(0))
-        self._require_any()
+        if self.between_s is not None and self.start_s is not None and not size:
+            begin_s, end_s = self.between_s
+            raise RecordingError(
+                f"{self.garbage.path}: no row between {begin_s:g} and {end_s:g} s (`between_s=`): the recording has rows "
+                f"from 0 to {self.last_s:.1f} s."
+            )
         account = self.account
-        outside = {"outside `between_s=`": self._outside} if self._outside else {}
-        self._garbage.require_enough(size, account.rows_read, {**account.reasons, **outside})
-        reasons = {**account.reasons, **self._garbage.reasons}
+        outside = {"outside `between_s=`": self.outside} if self.outside else {}
+        self.garbage.require_enough(size, account.rows_read, {**account.reasons, **outside})
+        reasons = {**account.reasons, **self.garbage.reasons}
         source = RecordingSource(
-            path=self._path,
+            path=self.garbage.path,
             sha256=account.sha256,
-            kind=self._reader.kind,
+            kind=self.reader.kind,
             rows_read=account.rows_read,
             rows_dropped=sum(reasons.values()),
             reasons=reasons,
-            attachments=dict(self._reader.attachments),
+            attachments=dict(self.reader.attachments),
             truncated=account.truncated,
             joint_names=account.joint_names,
-            between_s=self._between_s,
+            between_s=self.between_s,
             remarks=account.remarks,
         )
         if reduction is not None:
             return reduction.recording(source)
-        return recording_of(joined(kept), self._excitation, source)
+        return recording_of(joined(kept), self.excitation, source)
 
     def _selected_rows(self) -> Iterator[RowBlock]:
         """The usable rows between the two times; all of them without such times."""
         for rows in self._usable_rows():
-            if self._between_s is None or not rows.size:
+            if self.between_s is None or not rows.size:
                 yield rows
                 continue
-            self._start_s = float(rows.time_s[0]) if self._start_s is None else self._start_s
-            elapsed = rows.time_s - self._start_s
-            self._last_s = float(elapsed[-1])
-            chosen = (elapsed >= self._between_s[0]) & (elapsed <= self._between_s[1])
-            self._chosen += int(chosen.sum())
-            self._outside += int((~chosen).sum())
+            self.start_s = float(rows.time_s[0]) if self.start_s is None else self.start_s
+            elapsed = rows.time_s - self.start_s
+            self.last_s = float(elapsed[-1])
+            chosen = (elapsed >= self.between_s[0]) & (elapsed <= self.between_s[1])
+            self.outside += int((~chosen).sum())
             yield rows.rows(chosen)
-
-    def _require_any(self) -> None:
-        """Raise `RecordingError` if the file has rows, but none between the two times."""
-        if self._between_s is not None and self._start_s is not None and not self._chosen:
-            begin_s, end_s = self._between_s
-            raise RecordingError(
-                f"{self._path}: no row between {begin_s:g} and {end_s:g} s (`between_s=`): the recording has rows from "
-                f"0 to {self._last_s:.1f} s."
-            )
 
     def _usable_rows(self) -> Iterator[RowBlock]:
         """The usable rows of the file; the phase is dropped without an excitation."""
         for block in self._blocks():
-            yield from self._garbage.add(block if self._excitation is not None else replace(block, phase_s=None))
-        yield from self._garbage.finish()
+            yield from self.garbage.add(block if self.excitation is not None else replace(block, phase_s=None))
+        yield from self.garbage.finish()
 
     def _blocks(self) -> Iterator[RowBlock]:
         """The reader's blocks, up to a length that no recording of an arm has, but a small compressed file may."""
         positions = 0
-        with reading(self._path):
-            for block in self._reader.blocks(self.account):
+        with reading(self.garbage.path):
+            for block in self.reader.blocks(self.account):
                 positions += block.position_rad.size
                 if positions > MOST_POSITIONS:
                     raise RecordingError(
-                        f"{self._path}: more than {MOST_POSITIONS // block.n:,} rows of {block.n} joints. Split the "
-                        "recording."
+                        f"{self.garbage.path}: more than {MOST_POSITIONS // block.n:,} rows of {block.n} joints. Split "
+                        "the recording."
                     )
                 yield block
