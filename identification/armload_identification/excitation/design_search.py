@@ -187,9 +187,11 @@ class Search:
         with threadpool_limits(1):
             return self._optimised_start(np.random.default_rng(source))
 
-    def cost_of(self, criterion: Criterion, trajectory: FourierTrajectory) -> float:
-        """A criterion of one period of a trajectory, on the grid of the search."""
-        return self._cost(criterion, trajectory, trajectory.period_s)
+    def cost_of(self, criterion: Criterion, trajectory: FourierTrajectory, measured_s: float | None = None) -> float:
+        """A criterion of a trajectory for a measuring time, one period if not given, on the grid of the search."""
+        samples = self._basis.shape[1]
+        state = trajectory.evaluate(np.arange(samples) * (trajectory.period_s / samples))
+        return criterion.cost(*state[:3], trajectory.period_s if measured_s is None else measured_s)
 
     def _optimised_start(self, rng: np.random.Generator) -> Attempt:
         x = self._best_random_motion(rng)
@@ -212,7 +214,7 @@ class Search:
             problem = self._envelope.most_exceeded(worst)
             return Attempt(np.inf, np.inf, None, np.array(history), float(worst.max()), problem)
         cost = self.cost_of(self._criterion, trajectory)
-        equally_long = self._cost(self._criterion, trajectory, self._reference_s)
+        equally_long = self.cost_of(self._criterion, trajectory, self._reference_s)
         samples = len(self._basis[0])
         state = trajectory.evaluate(np.arange(samples) * (trajectory.period_s / samples))
         lasts_s = self._duration(np.stack(state[:2]), trajectory.period_s)[0]
@@ -327,12 +329,6 @@ class Search:
             sin_rad=sine * np.cos(angle) - cosine * np.sin(angle),
             cos_rad=sine * np.sin(angle) + cosine * np.cos(angle),
         )
-
-    def _cost(self, criterion: Criterion, trajectory: FourierTrajectory, measured_s: float) -> float:
-        """A criterion of a trajectory for a given measuring time."""
-        samples = self._basis.shape[1]
-        state = trajectory.evaluate(np.arange(samples) * (trajectory.period_s / samples))
-        return criterion.cost(*state[:3], measured_s)
 
     def _with_period_in_steps(self, trajectory: FourierTrajectory) -> FourierTrajectory:
         """The same path with the next longer period that is a multiple of the step, which violates no further limit."""

@@ -122,8 +122,8 @@ class _Reading:
         if self.between_s is not None and self.start_s is not None and not size:
             begin_s, end_s = self.between_s
             raise RecordingError(
-                f"{self.garbage.path}: no row between {begin_s:g} and {end_s:g} s (`between_s=`): the recording has rows "
-                f"from 0 to {self.last_s:.1f} s."
+                f"{self.garbage.path}: no row between {begin_s:g} and {end_s:g} s (`between_s=`): the recording has "
+                f"rows from 0 to {self.last_s:.1f} s."
             )
         account = self.account
         outside = {"outside `between_s=`": self.outside} if self.outside else {}
