@@ -95,7 +95,8 @@ def recorded_fields(recording: Recording, identified: datetime) -> Row:
     start = run_start(recording, identified + _LARGEST_CLOCK_DIFFERENCE)
     if start is None:
         return row if run_start(recording) is None else row | {"recorded_by": IN_FUTURE}
-    return row | {"recorded_utc": start.moment, "recorded_by": start.stated_by.value}
+    moment, by = start
+    return row | {"recorded_utc": moment, "recorded_by": by}
 
 
 def findings_fields(findings: Findings) -> Row:

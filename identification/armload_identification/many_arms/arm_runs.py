@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 
+from armload_identification.recording.run_start import STATED_BY
+
 
 class QuantityKind(StrEnum):
     """Kind of monitored quantity."""
@@ -34,8 +36,6 @@ UNITS: Mapping[QuantityKind, tuple[str, float]] = {
 """Unit in which each is shown, and factor from SI; a gain is its change relative to nominal."""
 
 
-STATED = ("recording", "time stamps")
-"""Where a recording's own date comes from; other dates are those of its file, or of its identification."""
 IN_FUTURE = "not its own date, which is in the future"
 """Where the date of a recording comes from whose own is by a wrong clock."""
 
@@ -70,7 +70,7 @@ class ArmRun:
         recording: Its path or URL.
         problem: Why nothing was identified; empty for a result.
         figures: Value and standard deviation due to the run's noise, SI units; determined quantities only.
-        dated_by: What states the date: the recording, its time stamps, its file, or the identification.
+        dated_by: What states the date: the recording or its time stamps (`STATED_BY`), its file, or the identification.
     """
 
     arm: str
@@ -79,4 +79,4 @@ class ArmRun:
     recording: str
     problem: str
     figures: Mapping[Quantity, tuple[float, float]]
-    dated_by: str = STATED[0]
+    dated_by: str = STATED_BY[0]

@@ -31,7 +31,8 @@ import numpy as np
 from scipy.stats import norm, t
 
 from armload_core.arrays import FloatArray
-from armload_identification.many_arms.arm_runs import IN_FUTURE, PER_PAYLOAD, STATED, UNITS, ArmRun, Quantity
+from armload_identification.many_arms.arm_runs import IN_FUTURE, PER_PAYLOAD, UNITS, ArmRun, Quantity
+from armload_identification.recording.run_start import STATED_BY
 from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.signals.robust_scale import deviation_by_median
 from armload_identification.verdict.control_limits import ControlChart, control_chart
@@ -292,7 +293,7 @@ def _fleet_date(runs: Mapping[ArmKey, Sequence[ArmRun]]) -> datetime | None:
     Results only: a recording that is missing has the date of the attempt to read it.
     """
     results = [[run for run in of_arm if not run.problem] for of_arm in runs.values()]
-    stated = [[run for run in of_arm if run.dated_by in STATED] for of_arm in results]
+    stated = [[run for run in of_arm if run.dated_by in STATED_BY] for of_arm in results]
     chosen = stated if any(stated) else results
     latest = sorted((max(run.recorded for run in of_arm) for of_arm in chosen if of_arm), reverse=True)
     if not latest:

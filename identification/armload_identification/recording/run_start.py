@@ -5,49 +5,36 @@ Times that cannot be are ignored: clocks that count from the start of a controll
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from enum import StrEnum
 from typing import Final
 
 from armload_identification.recording.recording import Recording
 
 _EARLIEST: Final = datetime(2000, 1, 1, tzinfo=UTC)
 _LATEST: Final = datetime(2100, 1, 1, tzinfo=UTC)
+STATED_BY: Final = ("recording", "time stamps")
+"""What states the start of a run, the more certain one first."""
 
 
-class StatedBy(StrEnum):
-    """What states the start of a run."""
+def run_start(recording: Recording, latest: datetime = _LATEST) -> tuple[datetime, str] | None:
+    """The start, UTC, of a run or of the part of it that was selected, and what of `STATED_BY` states it.
 
-    RECORDING = "recording"
-    TIME_STAMPS = "time stamps"
-
-
-@dataclass(frozen=True)
-class RunStart:
-    """The start, UTC, of a run or of the part of it that was selected, and what states it."""
-
-    moment: datetime
-    stated_by: StatedBy
-
-
-def run_start(recording: Recording, latest: datetime = _LATEST) -> RunStart | None:
-    """The start of a run; None if the recording states no possible one.
+    None if the recording states no possible one.
 
     Args:
         recording: The run. Metadata without a time zone are in UTC.
         latest: A later time is from a wrong clock.
     """
-    for moment, by in ((_created(recording), StatedBy.RECORDING), (_first_stamp(recording), StatedBy.TIME_STAMPS)):
+    for moment, by in zip((_created(recording), _first_stamp(recording)), STATED_BY, strict=True):
         if moment is not None and _EARLIEST <= moment <= latest:
-            return RunStart(moment, by)
+            return moment, by
     return None
 
 
 def run_start_text(recording: Recording) -> str:
     """The start of a run, ISO 8601; empty if the recording states no possible one."""
     start = run_start(recording)
-    return "" if start is None else start.moment.isoformat(timespec="seconds")
+    return "" if start is None else start[0].isoformat(timespec="seconds")
 
 
 def _created(recording: Recording) -> datetime | None:
