@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from armload_controller.analysis.payload_watch import SHOWN_S, PayloadWatch, WatchedMoment, drift_note
 from armload_controller.config.robot_recordings import MeasuredArm
-from armload_identification.report.watch_report import WatchedEvent, WatchedJoint, WatchHistory, write_watch_report
+from armload_identification.report.watch_report import WatchHistory, write_watch_report
 
 _MARKED_EVENTS: Final = frozenset({"grasped", "dropped", "changed tool"})
 
@@ -26,14 +26,14 @@ class WatchDiary:
         self._robot, self._watching = robot, watching
         self._watched = watched
         self._rows: list[tuple[float, float, float, bool]] = []
-        self._events: list[WatchedEvent] = []
+        self._events: list[tuple[float, str, bool]] = []
         self._last_estimated: WatchedMoment | None = None
         self._drift = ""
 
     def add(self, moment: WatchedMoment) -> None:
         """Add a moment."""
         found = moment.payload
-        self._events += [WatchedEvent(each.time_s, str(each), each.kind in _MARKED_EVENTS) for each in moment.events]
+        self._events += [(each.time_s, str(each), each.kind in _MARKED_EVENTS) for each in moment.events]
         if found is None or moment.time_s is None:
             return
         known = bool(found.moving_s.max() >= SHOWN_S)
@@ -57,7 +57,7 @@ class WatchDiary:
             mass_kg=mass_kg,
             half_width_95_kg=width_kg,
             known=known > 0.0,
-            events=tuple(self._events),
+            events=self._events,
             joints=self._joints(),
             drift=self._drift,
         )
@@ -70,12 +70,13 @@ class WatchDiary:
         """
         write_watch_report(path, self.history())
 
-    def _joints(self) -> tuple[WatchedJoint, ...]:
+    def _joints(self) -> list[dict[str, Any]]:
         """Motion, friction change and lost feedback of every joint."""
         if self._last_estimated is None or self._last_estimated.payload is None:
-            return ()
+            return []
         found, bus, arm = self._last_estimated.payload, self._last_estimated.bus, self._watching.calibration
         change = found.friction[0] + found.friction[1] * arm.middle_speed_rad_s
         missing = (0,) * arm.n if bus is None else bus.missing
         rows = zip(self._robot.joint_names, found.moving_s, change, arm.usual_change_nm, missing, strict=True)
-        return tuple(WatchedJoint(name, float(s), float(f), float(u), lost) for name, s, f, u, lost in rows)
+        cells = ("name", "moving_s", "friction_nm", "usual_nm", "missing")
+        return [dict(zip(cells, row, strict=True)) for row in rows]

@@ -56,4 +56,4 @@ def draw(comparisons: Sequence[FollowingComparison], robot: str, path: Path) -> 
         axes[0, column].set_title(comparison.measure, fontsize=9)
         axes[-1, column].set_xlabel("phase of the path, s")
     figure.suptitle(f"{robot}: without and with feed-forward", fontsize=10)
-    write_figure(path, figure, dpi=130)
+    write_figure(path, figure)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from markupsafe import Markup
@@ -24,40 +25,6 @@ _NARROWEST: Final = 4.0
 """... unless it is narrower than this many times the narrowest interval: at the beginning they are very wide."""
 
 
-@dataclass(frozen=True)
-class WatchedEvent:
-    """An event.
-
-    Attributes:
-        time_s: When it happened.
-        text: Its description.
-        marked: Whether it is drawn in the figure: grasped, dropped, changed.
-    """
-
-    time_s: float
-    text: str
-    marked: bool
-
-
-@dataclass(frozen=True)
-class WatchedJoint:
-    """One joint at the end of the watch.
-
-    Attributes:
-        name: Its name.
-        moving_s: Time during which it moved fast enough for an estimate.
-        friction_nm: Its friction minus the calibration's, at half its greatest speed.
-        usual_nm: Standard deviation of that difference between runs.
-        missing: Number of cycles without its response; 0 for a recording.
-    """
-
-    name: str
-    moving_s: float
-    friction_nm: float
-    usual_nm: float
-    missing: int
-
-
 @dataclass(frozen=True, eq=False)
 class WatchHistory:
     """History of a watch.
@@ -70,8 +37,11 @@ class WatchHistory:
         mass_kg: (N,) estimates.
         half_width_95_kg: (N,) half widths of their intervals.
         known: (N,) True once the joints have moved enough for an estimate.
-        events: Events in the order of time.
-        joints: Joints at the end.
+        events: Time in s, text, and whether it is drawn in the figure (grasped, dropped, changed), of each event.
+        joints: Cells of each joint's row at the end: `name`; `moving_s`, time during which it moved fast enough for an
+            estimate; `friction_nm`, its friction minus the calibration's, at half its greatest speed; `usual_nm`,
+            standard deviation of that difference between runs; `missing`, number of cycles without its response, 0 for
+            a recording.
         drift: What is assumed of the drift of the gains; empty if no mass was determined.
     """
 
@@ -82,8 +52,8 @@ class WatchHistory:
     mass_kg: FloatArray
     half_width_95_kg: FloatArray
     known: NDArray[np.bool_]
-    events: tuple[WatchedEvent, ...]
-    joints: tuple[WatchedJoint, ...]
+    events: Sequence[tuple[float, str, bool]]
+    joints: Sequence[Mapping[str, Any]]
     drift: str = ""
 
 
@@ -95,7 +65,7 @@ def write_watch_report(path: Path, history: WatchHistory) -> None:
     """
     title = "Mass that the arm carried over time, with its 95 % interval, and events."
     drawing = Markup(watch_svg(history, "mass", title) if _drawn(history).any() else "")
-    far = [joint for joint in history.joints if abs(joint.friction_nm) > 3.0 * joint.usual_nm]
+    far = [joint for joint in history.joints if abs(joint["friction_nm"]) > 3.0 * joint["usual_nm"]]
     write_page(path, rendered("watch.html.j2", history=history, drawing=drawing, far=far))
 
 
@@ -117,11 +87,11 @@ def watch_svg(history: WatchHistory, name: str, title: str) -> str:
         axes.axhline(0.0, color=INK, linewidth=0.7)
         axes.fill_between(time_s, shown - width, shown + width, color=BLUE, alpha=0.25, linewidth=0)
         axes.plot(time_s, shown, color=BLUE, linewidth=1.4)
-        for event in history.events:
-            if event.marked:
-                axes.axvline(event.time_s, color=VERMILION, linewidth=0.9)
+        for when_s, text, marked in history.events:
+            if marked:
+                axes.axvline(when_s, color=VERMILION, linewidth=0.9)
                 axes.annotate(
-                    event.text, (event.time_s, 1.0), (3.0, -2.0), xycoords=("data", "axes fraction"),
+                    text, (when_s, 1.0), (3.0, -2.0), xycoords=("data", "axes fraction"),
                     textcoords="offset points", rotation=90, va="top", fontsize=7, color=VERMILION,
                 )  # fmt: skip
         axes.set_xlabel("time, s")

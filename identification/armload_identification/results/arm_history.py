@@ -17,7 +17,6 @@ from armload_identification.report.compared_runs import ComparedRuns
 from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.json_document import json_document
 
-_PICTURE_DPI: Final = 130
 _COLD_S: Final = 60.0
 
 
@@ -120,7 +119,7 @@ class ArmHistory(PrintedResult, ComparedRuns):
         from armload_identification.report.figures.drift_figures import charts_drawing
         from armload_identification.report.figures.figure_file import write_figure
 
-        write_figure(Path(path), charts_drawing(self.drift, self.joint_names), _PICTURE_DPI)
+        write_figure(Path(path), charts_drawing(self.drift, self.joint_names))
 
     def report(self, path: str | PathLike[str]) -> None:
         """Write the report (HTML); an existing file is replaced.

@@ -13,8 +13,6 @@ from armload_identification.recording.recording import RecordingSource
 from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.json_document import json_document
 
-_PICTURE_DPI = 130
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PayloadOverTime(PrintedResult):
@@ -73,7 +71,7 @@ class PayloadOverTime(PrintedResult):
             if w.found is not None
         ]
         gaps = [(window.start_s, window.end_s) for window in self.windows if window.found is None]
-        write_figure(Path(path), mass_figure(marks, gaps, f"{self.robot}: {self.source.path.name}"), _PICTURE_DPI)
+        write_figure(Path(path), mass_figure(marks, gaps, f"{self.robot}: {self.source.path.name}"))
 
     def table(self) -> ResultTable:
         """The windows."""

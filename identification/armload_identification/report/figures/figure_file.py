@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def write_figure(path: Path, figure: Figure, dpi: float) -> None:
+def write_figure(path: Path, figure: Figure, dpi: float = 130.0) -> None:
     """Write a figure; an existing file is replaced atomically.
 
     Args:

@@ -8,19 +8,17 @@ import pytest
 from matplotlib.axes import Axes
 
 from armload_identification.report import watch_report
-from armload_identification.report.watch_report import (
-    WatchedEvent,
-    WatchedJoint,
-    WatchHistory,
-    watch_svg,
-    write_watch_report,
-)
+from armload_identification.report.watch_report import WatchHistory, watch_svg, write_watch_report
+
+
+def joint_of(*row):
+    return dict(zip(("name", "moving_s", "friction_nm", "usual_nm", "missing"), row, strict=True))
 
 
 def history_of(mass_kg, half_width_95_kg, known):
     """A watch of some moments."""
     moments = np.arange(float(len(mass_kg)))
-    joints = (WatchedJoint("elbow", 12.0, -0.001, 0.4, 0), WatchedJoint("wrist", 12.0, -1.5, 0.4, 3))
+    joints = (joint_of("elbow", 12.0, -0.001, 0.4, 0), joint_of("wrist", 12.0, -1.5, 0.4, 3))
     return WatchHistory(
         robot="er50",
         description="an arm",
@@ -73,7 +71,7 @@ def test_names_stay_names_on_a_page_and_in_its_figure(tmp_path):
     """A control character in a name ended a report with a figure in a traceback."""
     plain = replace(history_of([1.0, 1.1], [0.1, 0.1], [True, True]), robot="a `b`", description="c `d`")
     named = replace(plain, robot=HOSTILE, description=HOSTILE, watched=HOSTILE)
-    named = replace(named, joints=tuple(replace(joint, name=HOSTILE) for joint in plain.joints))
+    named = replace(named, joints=tuple(joint | {"name": HOSTILE} for joint in plain.joints))
     pages = []
     for number, history in enumerate((plain, named)):
         write_watch_report(tmp_path / f"{number}.html", history)
@@ -91,7 +89,7 @@ def test_names_stay_names_on_a_page_and_in_its_figure(tmp_path):
 def test_friction_far_from_what_is_usual_is_told(tmp_path, monkeypatch, share, told):
     given = {}
     monkeypatch.setattr(watch_report, "rendered", lambda template, **content: given.update(content) or "")
-    joint = WatchedJoint("wrist", 12.0, share * 0.4, 0.4, 0)
+    joint = joint_of("wrist", 12.0, share * 0.4, 0.4, 0)
     write_watch_report(tmp_path / "shift.html", replace(history_of([1.0], [0.1], [True]), joints=(joint,)))
     assert given["far"] == ([joint] if told else [])
 
@@ -122,7 +120,7 @@ def test_of_a_long_watch_every_kth_moment_is_drawn(axes_of, count, drawn):
 
 
 def test_the_mass_is_within_its_interval_and_marked_events_have_a_line_and_their_text(axes_of):
-    events = (WatchedEvent(2.0, "grasped", True), WatchedEvent(3.0, "push", False))
+    events = ((2.0, "grasped", True), (3.0, "push", False))
     axes = axes_of(watched_over(5, events=events))
     assert axes.figure.get_size_inches().tolist() == [7.0, 3.0]
     _, mass, line = axes.lines
@@ -155,6 +153,6 @@ def test_an_interval_is_drawn_up_to_a_quarter_of_the_range_or_four_times_the_nar
 def test_friction_beyond_three_usual_deviations_is_named(tmp_path, monkeypatch, friction_nm, far):
     pages = []
     monkeypatch.setattr(watch_report, "rendered", lambda _, **content: pages.append(content) or "")
-    joints = (WatchedJoint("elbow", 12.0, 0.0, 0.4, 0), WatchedJoint("wrist", 12.0, friction_nm, 0.4, 3))
+    joints = (joint_of("elbow", 12.0, 0.0, 0.4, 0), joint_of("wrist", 12.0, friction_nm, 0.4, 3))
     write_watch_report(tmp_path / "shift.html", watched_over(3, joints=joints))
-    assert [joint.name for joint in pages[0]["far"]] == ["wrist"] * far
+    assert [joint["name"] for joint in pages[0]["far"]] == ["wrist"] * far

@@ -60,7 +60,7 @@ def test_masses_are_drawn_in_the_middle_of_their_windows_and_gaps_where_there_is
         drawn.update(marks=marks, gaps=gaps, title=title)
 
     monkeypatch.setattr(mass_figure, "mass_figure", figure)
-    monkeypatch.setattr(figure_file, "write_figure", lambda path, figure, dpi: drawn.update(path=path))
+    monkeypatch.setattr(figure_file, "write_figure", lambda path, figure: drawn.update(path=path))
     SHIFT.picture("shift.png")
     assert drawn["marks"] == [(5.0, 4.2, 0.05), (25.0, -0.0001, 0.05)]
     assert drawn["gaps"] == [(10.0, 20.0)]
