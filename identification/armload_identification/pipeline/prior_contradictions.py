@@ -222,7 +222,8 @@ def truncated_moments(mean: FloatArray, covariance: FloatArray, limits: FloatArr
         limits, contains at least 94.8 % of the distribution, wherever the normal one is truncated.
     """
     # Imported here: slower to load than everything else together, and rarely needed.
-    from scipy.stats import qmc
+    from scipy.special import ndtr
+    from scipy.stats import qmc, truncnorm
 
     to_moments = moments_slope(float(mean[0]), mean[1:])
     middle = np.concatenate([mean[:1], mean[0] * mean[1:]])
@@ -234,14 +235,16 @@ def truncated_moments(mean: FloatArray, covariance: FloatArray, limits: FloatArr
     x = np.zeros_like(uniform)
     for i in range(4):
         given = middle[i] + normal[:, :i] @ triangle[i, :i]
-        low, high = (np.broadcast_to(edge, given.shape) for edge in limits[i])
+        low, high = limits[i]
         if i == 0:
             low = np.maximum(low, _LEAST_MASS * mean[0])
         else:
             low, high = low * x[:, 0], high * x[:, 0]
-        normal[:, i], share = _drawn(uniform[:, i], (low - given) / triangle[i, i], (high - given) / triangle[i, i])
+        low, high = (low - given) / triangle[i, i], (high - given) / triangle[i, i]
+        normal[:, i] = truncnorm.ppf(uniform[:, i], low, high)
         x[:, i] = given + triangle[i, i] * normal[:, i]
-        weight *= share
+        # of the lower tail, to keep precision
+        weight *= np.where(low > 0.0, ndtr(-low) - ndtr(-high), ndtr(high) - ndtr(low))
     x[:, 1:] /= x[:, :1]
     weight /= weight.sum()
     found = weight @ x
@@ -261,15 +264,4 @@ def contradicted(mean: FloatArray, covariance: FloatArray, limits: FloatArray) -
 
     inverse = np.linalg.inv(np.linalg.cholesky(covariance + np.diag(_LEAST_VARIANCE * np.diag(covariance))))
     nearest = lsq_linear(inverse, inverse @ mean, (limits[:, 0], limits[:, 1]))
-    return bool(2.0 * nearest.cost > 2.0 * gammaincinv(0.5 * mean.size, CONFIDENCE))
-
-
-def _drawn(uniform: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Standard normal numbers between limits, and the probability of these; from the lower tail, to keep precision."""
-    from scipy.special import ndtr, ndtri
-
-    sign = np.where(low > 0.0, -1.0, 1.0)
-    first, last = np.where(low > 0.0, -high, low), np.where(low > 0.0, -low, high)
-    below, up_to = ndtr(first), ndtr(last)
-    drawn = np.clip(ndtri(below + uniform * (up_to - below)), first, last)
-    return sign * drawn, up_to - below
+    return bool(nearest.cost > gammaincinv(0.5 * mean.size, CONFIDENCE))
