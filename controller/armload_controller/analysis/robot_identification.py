@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import version
-from math import isfinite
 from os import PathLike
 
 from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
@@ -176,7 +175,7 @@ def identify(
         gains = gains_to_compare_by(tool.mass_center, gains)
     run = recording_of(arm, loaded, "loaded")
     empty = None if unloaded is None else recording_of(arm, unloaded, "unloaded")
-    session = _session(arm, used, drift, run, empty)
+    session = drift.session(arm, used, run, empty)
     empty_arm = used.known
     if session is not None and empty_arm is not None and used.calibration is not None:
         gains = session.corrected(used.calibration).transmission(arm.transmission)
@@ -239,24 +238,11 @@ def _explained(unnamed: str | None, session: SessionGains | None) -> Iterator[No
         ) from error
 
 
-def _session(
-    arm: MeasuredArm, used: ArmInUse, stated: StatedDrift, loaded: Recording, empty: Recording | None
-) -> SessionGains | None:
-    """The drift of a calibrated arm's gains, as far as the runs leave it possible; None without a calibration."""
-    session = stated.session(arm, used)
-    if session is None or used.calibration is None or stated.reference is not None:
-        return session
-    about = used.calibration, arm.chain, arm.transmission
-    if empty is not None and stated.gain_drift is not None:
-        return session.measured(empty, *about, None)
-    return session.within(loaded if empty is None else empty, *about, loaded=empty is None)
-
-
 def _scale_verified(used: ArmInUse) -> bool:
     """Whether something weighed verifies the scale of the arm's gains."""
     if used.calibration is None:
         return bool(used.transmission.calibrated.all())
-    return any(isfinite(payload.weighed_kg) for payload in used.calibration.payloads)
+    return used.calibration.scale_weighed
 
 
 def identify_over_time(

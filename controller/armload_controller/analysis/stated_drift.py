@@ -10,6 +10,7 @@ from armload_controller.config.objects_or_paths import RunSource, recording_of
 from armload_controller.config.robot_recordings import MeasuredArm
 from armload_identification.calibration.session_gains import LARGEST, SessionGains
 from armload_identification.identification_errors import EstimationError
+from armload_identification.recording.recording import Recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +37,14 @@ class StatedDrift:
     reference: RunSource | None = None
     reference_mass_kg: float | None = None
 
-    def session(self, arm: MeasuredArm, used: ArmInUse) -> SessionGains | None:
-        """The drift as measured by the reference, or as assumed; None without a calibration.
+    def session(
+        self, arm: MeasuredArm, used: ArmInUse, loaded: Recording | None = None, empty: Recording | None = None
+    ) -> SessionGains | None:
+        """The drift as measured by the reference, else as far as runs leave it possible; None without a calibration.
+
+        Args:
+            loaded: The run with the payload, to see how large the drift can be.
+            empty: The run without it, instead; it measures the drift if that is stated without a reference.
 
         Raises:
             EstimationError: a value that cannot be used, or a statement about an arm that is not calibrated.
@@ -61,11 +68,13 @@ class StatedDrift:
                 "a drift of the gains since a calibration, or a reference for it, requires the arm's calibration: "
                 "give that file as `calibration=`, or omit `gain_drift=` and `reference=`."
             )
-        session = SessionGains.assumed(used.calibration, drift)
-        if self.reference is None:
-            return session
-        run = recording_of(arm, self.reference, "reference")
-        return session.measured(run, used.calibration, arm.chain, arm.transmission, mass_kg)
+        session, about = SessionGains.assumed(used.calibration, drift), (used.calibration, arm.chain, arm.transmission)
+        if self.reference is not None:
+            return session.measured(recording_of(arm, self.reference, "reference"), *about, mass_kg)
+        if empty is not None and drift is not None:
+            return session.measured(empty, *about, None)
+        run = loaded if empty is None else empty
+        return session if run is None else session.within(run, *about, loaded=empty is None)
 
 
 NOTHING_STATED: Final = StatedDrift()

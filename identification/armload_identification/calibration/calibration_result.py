@@ -323,10 +323,9 @@ class ArmCalibration:
                 days.setdefault(run.recorded[:_DAY], []).append(run)
         if len(days) < FEWEST_SESSIONS:
             return None
-        weights = [[run.effort_change_deviation**-2.0 for run in runs] for runs in days.values()]
         factors = [
-            np.average([run.effort_change for run in runs], weights=weight)
-            for runs, weight in zip(days.values(), weights, strict=True)
+            np.average([run.effort_change for run in runs], weights=[run.effort_change_deviation**-2.0 for run in runs])
+            for runs in days.values()
         ]
         return float(np.std(factors, ddof=1))
 

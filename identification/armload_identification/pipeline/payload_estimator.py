@@ -203,7 +203,8 @@ class PayloadEstimator:
         values, slope = np.zeros(4), np.eye(4, 10)
         if mass > _WEIGHTLESS_KG:
             values, slope = (part[:4] for part in derived(InertialParameters(theta)))
-        spread = COLOUR * covariance
+        spread, friction_covariance = COLOUR * covariance, np.empty((self._chain.n, 3, 3))
+        self._kernel.friction_into(friction_covariance)
         shifts, gains = self._shifts(theta)
         variance = np.einsum("ij,jk,ik->i", slope, spread, slope) + np.sum((slope @ shifts.T) ** 2, axis=1)
         law = LOAD_LAW * float(np.mean(self.calibration.body.load_friction))
@@ -227,16 +228,10 @@ class PayloadEstimator:
             contact=bool(status[kernels.ESTIMATOR_CONTACT]),
             refused=int(status[kernels.ESTIMATOR_REFUSED]),
             covariance=spread,
-            friction_covariance=COLOUR * self._friction_covariance()[:, :2, :2],
+            friction_covariance=COLOUR * friction_covariance[:, :2, :2],
             gains=gains,
             drifted_kg=0.0 if gains is None or not len(shifts) else float(shifts[-1, 0]),
         )
-
-    def _friction_covariance(self) -> FloatArray:
-        """(n, 3, 3) of each joint's changes of friction."""
-        covariance = np.empty((self._chain.n, 3, 3))
-        self._kernel.friction_into(covariance)
-        return covariance
 
     def _shifts(self, theta: FloatArray) -> tuple[FloatArray, SessionGains | None]:
         """Effect of errors of gains and body on the payload, and what the rows leave of a drift of all gains.

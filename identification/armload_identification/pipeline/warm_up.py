@@ -88,7 +88,7 @@ def warm_up(runs: Sequence[RunHealth], began: Sequence[datetime]) -> WarmUp | No
         known = np.isfinite(values[rows])
         count = np.maximum(known.sum(axis=0), 1)
         levels[rows] = np.where(known, values[rows] - part[rows], 0.0).sum(axis=0) / count
-    middle_s = np.array(starts) + 0.5 * np.array([run.length_s for run in runs])
+    middle_s = starts + 0.5 * np.array([run.length_s for run in runs])
     cold = (_log(middle_s) - _log(WARM_S))[:, None] * slope
     return WarmUp(time_s, where, values - levels, slope, cold)
 
@@ -104,19 +104,14 @@ def _log(at_work_s: FloatArray | float) -> FloatArray:
     return np.asarray(np.log1p(np.asarray(at_work_s) / _SCALE_S))
 
 
-def _sessions(runs: Sequence[RunHealth], began: Sequence[datetime]) -> tuple[list[float], list[int]]:
-    """Time in operation at the start of each run, and number of its session."""
+def _sessions(runs: Sequence[RunHealth], began: Sequence[datetime]) -> tuple[FloatArray, NDArray[np.intp]]:
+    """(r,) time in operation at the start of each run, and (r,) number of its session."""
     if not began:
-        return [0.0] * len(runs), list(range(len(runs)))
-    starts, sessions, first, before_s = [], [], began[0], -np.inf
-    number = -1
-    for run, moment in zip(runs, began, strict=True):
-        if (moment - began[0]).total_seconds() - before_s > _REST_S:
-            first, number = moment, number + 1
-        before_s = (moment - began[0]).total_seconds() + run.length_s
-        starts.append((moment - first).total_seconds())
-        sessions.append(number)
-    return starts, sessions
+        return np.zeros(len(runs)), np.arange(len(runs))
+    start_s = np.array([(moment - began[0]).total_seconds() for moment in began])
+    rest_s = np.diff(start_s) - [run.length_s for run in runs[:-1]]
+    session = np.concatenate([[0], np.cumsum(rest_s > _REST_S)])
+    return start_s - start_s[np.searchsorted(session, session)], session
 
 
 def _slope(

@@ -109,11 +109,6 @@ class Agreement:
         """Whether the two differ significantly, with 1 % of false alarms."""
         return self.statistic > self.critical
 
-    @property
-    def distance_m(self) -> float:
-        """Distance of the centres of mass."""
-        return float(np.linalg.norm(self.difference[1:]))
-
 
 @dataclass(frozen=True, slots=True)
 class LengthNeeded:

@@ -122,7 +122,7 @@ def _difference_text(agreement: Agreement) -> str:
     higher = "higher" if mass >= 0.0 else "lower"
     return (
         f"a mass {abs(mass):.3f} kg {higher} ({100.0 * share:.1f} %) +- {width[0]:.3f} kg and a centre of mass "
-        f"{1e3 * agreement.distance_m:.1f} mm away ({moved} mm)"
+        f"{1e3 * float(np.linalg.norm(agreement.difference[1:])):.1f} mm away ({moved} mm)"
     )
 
 

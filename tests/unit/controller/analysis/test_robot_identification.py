@@ -13,6 +13,7 @@ from msgspec import structs
 
 import armload
 from armload_controller.analysis import robot_identification
+from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.identification_errors import (
     EstimationError,
     NoPayloadMass,
@@ -139,7 +140,9 @@ def test_errors_name_what_may_have_caused_them(error, unnamed, drift, text):
 )
 def test_a_weighed_payload_or_calibrated_gains_verify_the_scale(weighed_kg, gains, verified):
     payloads = weighed_kg and [SimpleNamespace(weighed_kg=value) for value in weighed_kg]
-    calibration = payloads and SimpleNamespace(payloads=payloads)
+    calibration = payloads and SimpleNamespace(
+        scale_weighed=ArmCalibration.scale_weighed.fget(SimpleNamespace(payloads=payloads))
+    )
     used = SimpleNamespace(calibration=calibration, transmission=SimpleNamespace(calibrated=np.array(gains)))
     assert robot_identification._scale_verified(used) is verified
 
