@@ -75,8 +75,6 @@ class Agreement:
     Attributes:
         outcome: Right, wrong, cannot tell.
         difference: (4,) measured minus judged mass in kg and centre of mass in m.
-        covariance: (4, 4) covariance of the difference.
-        freedom: nu, its degrees of freedom.
         statistic: The F statistic.
         critical: The value that it exceeds by chance in one of a hundred comparisons.
         half_width_95: (4,) half widths of the 95 % intervals of the difference.
@@ -91,8 +89,6 @@ class Agreement:
 
     outcome: Outcome
     difference: FloatArray
-    covariance: FloatArray
-    freedom: float
     statistic: float
     critical: float
     half_width_95: FloatArray
@@ -144,8 +140,6 @@ def compare_known(judged: KnownMassCenter, measured: KnownMassCenter, tolerance:
     return Agreement(
         outcome=outcome,
         difference=difference,
-        covariance=covariance,
-        freedom=freedom,
         statistic=statistic,
         critical=critical,
         half_width_95=width,

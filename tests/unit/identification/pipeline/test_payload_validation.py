@@ -137,7 +137,7 @@ def test_nominal_gains_in_common_hardly_widen_the_comparison(second_pair, pinocc
     none = validate(second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload).verdict.agreement
     by_its_own = identify(*second_pair, pinocchio_arm.chain, pinocchio_arm.transmission)
     apart = judge(by_its_own, pinocchio_arm.chain, known_payload(found), Tolerance()).verdict.agreement
-    deviation = [np.sqrt(agreement.covariance[0, 0]) for agreement in (none, common, apart)]
+    deviation = [agreement.half_width_95[0] for agreement in (none, common, apart)]
     assert deviation[0] < deviation[1] < 0.5 * deviation[2]
 
 
