@@ -31,7 +31,7 @@ def test_any_other_is_refused_by_name(name):
 
 def test_a_column_per_comparison_and_a_row_per_joint_in_milliradians(monkeypatch):
     drawn = []
-    monkeypatch.setattr(comparison_figure, "write_figure", lambda path, figure, dpi: drawn.append((path, figure)))
+    monkeypatch.setattr(comparison_figure, "write_figure", lambda path, figure: drawn.append((path, figure)))
     names = ("base", "elbow")
     comparisons = [
         FollowingComparison(measure, names, PHASE_S, WITHOUT_RAD, WITH_RAD, np.ones(2)) for measure in Measure
