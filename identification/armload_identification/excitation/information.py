@@ -73,7 +73,7 @@ class Criterion:
         A-optimal: sum of the squared relative standard deviations after one period sampled at NOISE_RATE_HZ.
         D-optimal: geometric mean of the squared relative standard deviations along the ellipsoid's axes.
         """
-        information = self._rows(q, dq, ddq, period_s).information
+        information = self._rows(q, dq, ddq, period_s)[0]
         values = [np.asarray(np.linalg.eigvalsh(basis.T @ information @ basis)) for basis in self.bases]
         if not all(_determines_everything(value) for value in values):
             return np.inf
@@ -94,10 +94,10 @@ class Criterion:
             The cost, and (3, N, n) its derivative by q, dq and ddq.
         """
         slope = np.zeros((3, *q.shape))
-        rows = self._rows(q, dq, ddq, period_s)
+        information, weighted, share_of_friction, friction_slope = self._rows(q, dq, ddq, period_s)
         costs, gains = [], []
         for basis in self.bases:
-            value, vector = np.linalg.eigh(basis.T @ rows.information @ basis)
+            value, vector = np.linalg.eigh(basis.T @ information @ basis)
             if not _determines_everything(value):
                 return np.inf, slope
             cost, by_value = self._smooth_cost(np.asarray(value, dtype=np.float64))
@@ -107,15 +107,20 @@ class Criterion:
             total, shares = _smooth_greatest(np.array(costs), SHARPNESS)
         else:
             total, shares = float(np.mean(costs)), np.full(len(costs), 1.0 / len(costs))
-        by_phi = 2.0 * rows.weighted @ sum(share * part for share, part in zip(shares, gains, strict=True))
+        by_phi = 2.0 * weighted @ sum(share * part for share, part in zip(shares, gains, strict=True))
         q, dq, ddq = (np.ascontiguousarray(a) for a in (q, dq, ddq))
         kernels.regressor_slope_into(self.chain.packed, by_phi.transpose(1, 0, 2).copy(), q, dq, ddq, slope)
         # dM at a constant share of friction, which is the best one
-        slope[1] -= np.sum(by_phi @ rows.share.transpose(0, 2, 1) * rows.friction_slope, axis=2).T
+        slope[1] -= np.sum(by_phi @ share_of_friction.transpose(0, 2, 1) * friction_slope, axis=2).T
         return total, slope
 
-    def _rows(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, period_s: float) -> _Rows:
-        """The regressor of N samples that weigh as much as a period sampled at NOISE_RATE_HZ."""
+    def _rows(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, period_s: float) -> tuple[FloatArray, ...]:
+        """What N samples show that weigh as much as a period sampled at NOISE_RATE_HZ.
+
+        Returns:
+            (10, 10) M; (n, N, 10) W R; (n, 3, 10) share of the regressor in the three columns of friction; (n, N, 3)
+            derivative of these columns by the speed.
+        """
         phi = payload_regressor(self.chain, q, dq, ddq).transpose(1, 0, 2)
         speed = dq.T
         smooth, one, none = np.sqrt(speed**2 + _TURNS_RAD_S**2), np.ones_like(speed), np.zeros_like(speed)
@@ -127,7 +132,7 @@ class Criterion:
         share = np.asarray(np.linalg.solve(columns @ friction + _STANDS * len(dq) * np.eye(3), columns @ phi))
         weight = self.row_weight * (period_s * NOISE_RATE_HZ / len(q))
         weighted = weight[:, None, None] * (phi - friction @ share)
-        return _Rows(np.tensordot(weighted, phi, axes=((0, 1), (0, 1))), weighted, share, friction_slope)
+        return np.tensordot(weighted, phi, axes=((0, 1), (0, 1))), weighted, share, friction_slope
 
     def _cost(self, value: FloatArray) -> float:
         """The criterion from the eigenvalues (r,) of one information matrix."""
@@ -145,23 +150,6 @@ class Criterion:
             mean = float(np.exp(-np.mean(np.log(value))))
             return mean, -mean / (len(value) * value)
         return float(np.sum(1.0 / value)), -1.0 / value**2
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Rows:
-    """What N samples show.
-
-    Attributes:
-        information: (10, 10) M.
-        weighted: (n, N, 10) W R.
-        share: (n, 3, 10) of the regressor in the three columns of friction.
-        friction_slope: (n, N, 3) derivative of these columns by the speed.
-    """
-
-    information: FloatArray
-    weighted: FloatArray
-    share: FloatArray
-    friction_slope: FloatArray
 
 
 def named_criterion(

@@ -314,11 +314,11 @@ class _Header:
         """The series in which every joint of the arm is named."""
         groups: dict[tuple[str, str, tuple[str, ...]], _Group] = {}
         for place, (words, unit) in enumerate(self._parts):
-            joint = self._arm.find(words)
-            column = None if joint is None else _column(words[: joint.first] + words[joint.end :], unit)
+            joint, first, end, whole = self._arm.find(words) or (None, 0, 0, False)
+            column = _column(words[:first] + words[end:], unit)
             if joint is not None and column is not None:
                 group = groups.setdefault((column.quantity, column.by, column.words), {})
-                group.setdefault(joint.joint, []).append((place, column, joint.whole))
+                group.setdefault(joint, []).append((place, column, whole))
         names = self._arm.names
         return [
             _series(key[0], key[1], key[2], {names[joint]: group[joint] for joint in sorted(group)})

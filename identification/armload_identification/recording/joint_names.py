@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 _WORDS: Final = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
@@ -22,23 +21,6 @@ def words_of(name: str) -> list[str]:
         name: Such as "wrist_1_joint", "J2 Position" or "elbowTorque".
     """
     return [word.lower() for word in _WORDS.findall(name)]
-
-
-@dataclass(frozen=True)
-class FoundJoint:
-    """A joint of the arm in a name.
-
-    Attributes:
-        joint: Its index, from 0.
-        first: Index of the first word of its name.
-        end: Index after the last word.
-        whole: Whether its whole name is there.
-    """
-
-    joint: int
-    first: int
-    end: int
-    whole: bool
 
 
 class JointNames:
@@ -61,11 +43,14 @@ class JointNames:
         """Whether the names differ in numbers only, such as joint_1 to joint_6."""
         return len({tuple(word for word in words if not word.isdecimal()) for words in self._whole}) == 1
 
-    def find(self, words: Sequence[str]) -> FoundJoint | None:
+    def find(self, words: Sequence[str]) -> tuple[int, int, int, bool] | None:
         """The joint in the words of a name; None without one, and if there are several.
 
         Args:
             words: As `words_of` gives them.
+
+        Returns:
+            Its index, from 0; indices of the first word of its name and after the last; whether the name is whole.
         """
         for size in range(min(self._longest, len(words)), 0, -1):
             parts = {first: tuple(words[first : first + size]) for first in range(len(words) - size + 1)}
@@ -75,7 +60,7 @@ class JointNames:
                     return None
                 first, joint = next(reversed(found.items()))
                 whole = tuple(words[first : first + size]) == self._whole[joint]
-                return FoundJoint(joint, first, first + size, whole)
+                return joint, first, first + size, whole
         return None
 
     def places(self, recorded: Sequence[str]) -> dict[int, int]:
@@ -88,7 +73,7 @@ class JointNames:
         for place, name in enumerate(recorded):
             joint = self.find(words_of(name))
             if joint is not None:
-                found.setdefault(joint.joint, []).append(place)
+                found.setdefault(joint[0], []).append(place)
         exact = {joint: recorded.index(name) for joint, name in enumerate(self.names) if name in recorded}
         return {joint: places[0] for joint, places in found.items() if len(places) == 1} | exact
 
