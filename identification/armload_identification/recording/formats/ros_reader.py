@@ -64,18 +64,11 @@ then the others and what they consist of; only those needed, because all take ha
 
 @dataclass(frozen=True, eq=False)
 class _JointSample:
-    """One message: names, and numbers in the same order; an empty array for a missing quantity."""
+    """One message: names, and numbers in the same order: position, velocity, effort, each empty if it is missing."""
 
     names: tuple[str, ...]
     stamp_ns: int
-    position: FloatArray
-    velocity: FloatArray
-    effort: FloatArray
-
-    @property
-    def columns(self) -> tuple[FloatArray, ...]:
-        """The quantities, in the order of a message."""
-        return self.position, self.velocity, self.effort
+    columns: list[FloatArray]
 
 
 _Quantity = TypeVar("_Quantity")
@@ -143,7 +136,7 @@ class RosReader(RecordingReader):
             if sample is not None and not set(self._choice.names) <= set(sample.names):
                 continue
             account.rows_read += 1
-            if sample is None or sample.position.size != len(sample.names):
+            if sample is None or sample.columns[0].size != len(sample.names):
                 account.leave_out(1, "malformed message")
                 continue
             order = [sample.names.index(name) for name in self._choice.names]
@@ -187,7 +180,7 @@ class RosReader(RecordingReader):
         groups: dict[tuple[str, frozenset[str]], list[tuple[int, _JointSample]]] = {}
         for topic in topics:
             for count, (when_ns, sample) in enumerate(_samples(reader, reader.messages(_of_topic(reader, topic)))):
-                if sample is not None and sample.position.size == len(sample.names) > 0:
+                if sample is not None and sample.columns[0].size == len(sample.names) > 0:
                     groups.setdefault((topic, frozenset(sample.names)), []).append((when_ns, sample))
                 if count >= _LEARNT_FROM:
                     break
@@ -201,7 +194,7 @@ class RosReader(RecordingReader):
 
         def worth(key: tuple[str, frozenset[str]]) -> tuple[int, int, int, int]:
             samples = [sample for _, sample in groups[key]]
-            with_effort = sum(_has(sample.effort, sample) for sample in samples)
+            with_effort = sum(_has(sample.columns[2], sample) for sample in samples)
             return len(arm.places(sorted(key[1]))), with_effort > 0, len(key[1]), len(samples)
 
         best = max(groups, key=worth)
@@ -211,8 +204,8 @@ class RosReader(RecordingReader):
         return _Choice(
             best[0],
             (*wanted, *(name for name in samples[0].names if name not in wanted)),
-            velocity=any(_has(sample.velocity, sample) for sample in samples),
-            effort=any(_has(sample.effort, sample) for sample in samples),
+            velocity=any(_has(sample.columns[1], sample) for sample in samples),
+            effort=any(_has(sample.columns[2], sample) for sample in samples),
             by_header=stamps.size > 1 and float(np.mean(np.diff(stamps) > 0)) >= _INCREASING,
         )
 
@@ -328,7 +321,7 @@ def _sample(connection: Connection, message: Any) -> _JointSample:
         point = message.feedback if hasattr(message, "feedback") else message.actual
         names, columns = message.joint_names, (point.positions, point.velocities, point.effort)
     stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-    return _JointSample(tuple(names), stamp_ns, *(np.array(column, dtype=np.float64) for column in columns))
+    return _JointSample(tuple(names), stamp_ns, [np.array(column, dtype=np.float64) for column in columns])
 
 
 def _has(values: FloatArray, sample: _JointSample) -> bool:

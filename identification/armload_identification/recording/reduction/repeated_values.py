@@ -40,32 +40,18 @@ class RepeatedValues:
         return RepeatedValues(**{field.name: getattr(self, field.name)[columns] for field in fields(self)})
 
 
-@dataclass(frozen=True, slots=True)
-class _ConstantStretch:
-    """Motion of a joint while its value stays the same.
+_Stretch = tuple[float, float, float, float]
+"""Motion of a joint while its value stays the same: its first, least and greatest position, and its furthest way there
+and back, how far it had been beyond both its first and a later position."""
 
-    Attributes:
-        first: Position at the beginning.
-        low: Least position.
-        high: Greatest position.
-        way: Furthest way there and back: how far the joint had been beyond both its first and a later position.
-    """
 
-    first: float
-    low: float
-    high: float
-    way: float
-
-    @classmethod
-    def of(cls, position: FloatArray, before: _ConstantStretch | None) -> _ConstantStretch:
-        """A stretch, or the continuation of one."""
-        if before is None:
-            first = float(position[0])
-            before = cls(first, first, first, way=0.0)
-        low = np.minimum(np.minimum.accumulate(position), before.low)
-        high = np.maximum(np.maximum.accumulate(position), before.high)
-        way = np.maximum(high - np.maximum(position, before.first), np.minimum(position, before.first) - low)
-        return cls(before.first, float(low[-1]), float(high[-1]), max(float(way.max()), before.way))
+def _stretch(position: FloatArray, before: _Stretch | None) -> _Stretch:
+    """A stretch, or the continuation of one."""
+    first, least, greatest, furthest = before or (float(position[0]),) * 3 + (0.0,)
+    low = np.minimum(np.minimum.accumulate(position), least)
+    high = np.maximum(np.maximum.accumulate(position), greatest)
+    way = np.maximum(high - np.maximum(position, first), np.minimum(position, first) - low)
+    return first, float(low[-1]), float(high[-1]), max(float(way.max()), furthest)
 
 
 class RepeatCounter:
@@ -74,7 +60,7 @@ class RepeatCounter:
     def __init__(self, n: int) -> None:
         self._found = RepeatedValues(*np.zeros((6, n)))
         self._last, self._length = np.full(n, np.nan), np.zeros(n)
-        self._open: list[_ConstantStretch | None] = [None] * n
+        self._open: list[_Stretch | None] = [None] * n
 
     def add(self, values: FloatArray, position: FloatArray) -> None:
         """Add more samples.
@@ -96,9 +82,9 @@ class RepeatCounter:
             # The last one may become long with the next samples.
             for place in np.flatnonzero(np.append(lengths[:-1] >= _LONG, True)).tolist():
                 before = None if place else self._open[signal]
-                stretch = _ConstantStretch.of(position[starts[place] : ends[place], signal], before)
-                if lengths[place] >= _LONG and stretch.way >= found.turned_rad[signal]:
-                    found.turned_rad[signal], found.turned_for[signal] = stretch.way, lengths[place]
+                stretch = _stretch(position[starts[place] : ends[place], signal], before)
+                if lengths[place] >= _LONG and stretch[-1] >= found.turned_rad[signal]:
+                    found.turned_rad[signal], found.turned_for[signal] = stretch[-1], lengths[place]
                     found.turned_at[signal] = column[starts[place]]
             self._open[signal] = stretch
             self._last[signal], self._length[signal] = column[-1], lengths[-1]
