@@ -7,7 +7,7 @@ many shapes are drawn for each period, and the best one is varied. The number of
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -29,7 +29,7 @@ _JUDGED_S: Final = 10.0
 _DRAWS: Final = 60
 _VARIATIONS: Final = 120
 _VARIED: Final = 0.4
-_ORDERS: Final = 4
+_MOST_SMALLER: Final = 3
 _INSIDE: Final = 0.98
 _SAMPLES: Final = 48
 """Samples per harmonic."""
@@ -163,7 +163,7 @@ class _Shapes:
             width = float(self._prospect.half_widths_kg(trajectory, self._judged)[0])
             if width < least:
                 best, chosen, least = trajectory, drawn, width
-        return best if best is None or self._envelope.worst(best).max() <= 0.0 else self._shrunk(best)
+        return None if best is None else _within(best, _INSIDE, _MOST_SHRINKING, self._envelope.worst)
 
     def _inside(self, drawn: FloatArray) -> FourierTrajectory | None:
         """A shape with the greatest amplitude within its limits."""
@@ -171,25 +171,25 @@ class _Shapes:
         states = np.stack(one.evaluate(self._times_s))
         states[0] -= self._at
         reach = np.abs(states).max(axis=1) / self._room
-        size = (_INSIDE / reach.max(axis=0))[:, None]
-        for _ in range(_ORDERS):
-            trajectory = self._trajectory(size * drawn)
-            if self._envelope.excess(np.stack(trajectory.evaluate(self._times_s))).max() <= 0.0:
-                return trajectory
-            size = size * _SMALLER
-        return None
+        whole = self._trajectory((_INSIDE / reach.max(axis=0))[:, None] * drawn)
+        return _within(whole, _SMALLER, _MOST_SMALLER, self._at_samples)
 
-    def _shrunk(self, trajectory: FourierTrajectory) -> FourierTrajectory | None:
-        """The motion with its amplitude reduced until every limit is respected, also between samples."""
-        smaller = trajectory
-        for _ in range(_MOST_SHRINKING):
-            smaller = FourierTrajectory(
-                smaller.base_frequency_hz, smaller.offset_rad, _INSIDE * smaller.sin_rad, _INSIDE * smaller.cos_rad
-            )
-            if self._envelope.worst(smaller).max() <= 0.0:
-                return smaller
-        return None
+    def _at_samples(self, motion: FourierTrajectory) -> FloatArray:
+        """Excess over the limits at the samples."""
+        return self._envelope.excess(np.stack(motion.evaluate(self._times_s)))
 
     def _trajectory(self, coefficients: FloatArray) -> FourierTrajectory:
         sine, cosine = np.split(coefficients, 2, axis=1)
         return FourierTrajectory(1.0 / self._period_s, self._at, sine, cosine)
+
+
+def _within(
+    motion: FourierTrajectory, factor: float, times: int, excess: Callable[[FourierTrajectory], FloatArray]
+) -> FourierTrajectory | None:
+    """The motion, its amplitude multiplied by a factor up to so many times, until it exceeds no limit."""
+    for power in range(times + 1):
+        share = factor**power
+        smaller = replace(motion, sin_rad=share * motion.sin_rad, cos_rad=share * motion.cos_rad)
+        if excess(smaller).max() <= 0.0:
+            return smaller
+    return None
