@@ -144,7 +144,7 @@ class _RunFit:
         if not self._moved.any():
             raise EstimationError("no joint moves long enough to determine gain or friction")
         self._noise_nm = calibration.noise_nm * calibration.gain_nm_a / calibration.nominal
-        terms = [*arm.terms, Term(_CHANGE, Scope.ARM, Shared.GAIN, np.zeros(n), np.full(n, Health.gain), "exchanged")]
+        terms = [*arm.terms, Term(_CHANGE, Scope.ARM, Shared.GAIN, np.zeros(n), np.full(n, Health.gain), "a new drive")]
         if self._carried is None:
             scale = payload_scale(calibration.level_nm)
             terms.append(payload_term(np.zeros(PARAMETERS), scale, "what the arm may carry"))

@@ -49,7 +49,6 @@ class ControlChart:
         values: (r,) difference from the calibration; NaN if a run does not determine it.
         deviation: (r,) standard deviation of each: of the run itself and between runs.
         limit: (r,) half the distance of the control limits, the calibration's own error on the run's motion included.
-        spread: Standard deviation between runs.
         outside: (r,) True beyond the limits.
         alone: (r,) True for outliers, which differ significantly from the neighbouring runs; not used for the levels.
         level: (r,) level at each run; NaN if there are too few.
@@ -59,7 +58,6 @@ class ControlChart:
     values: FloatArray
     deviation: FloatArray
     limit: FloatArray
-    spread: float
     outside: NDArray[np.bool_]
     alone: NDArray[np.bool_]
     level: FloatArray
@@ -108,7 +106,7 @@ def control_chart(values: FloatArray, noise: FloatArray, doubt: FloatArray, usua
     full[:, shown] = deviation, limit, level
     marked = np.zeros((2, values.size), dtype=bool)
     marked[:, shown] = np.abs(v) > limit, alone
-    return ControlChart(values, full[0], full[1], spread, marked[0], marked[1], full[2], tuple(changes))
+    return ControlChart(values, full[0], full[1], marked[0], marked[1], full[2], tuple(changes))
 
 
 def _deviation_between_runs(values: FloatArray, noise: FloatArray, usual: float) -> float:
