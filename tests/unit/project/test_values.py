@@ -6,7 +6,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[3]
 STATES = {
     "CycleSummary", "Dictionary", "DraftedFile", "FleetTally", "GroupState", "PluginTiming", "ReadingAccount", "Screen",
-    "_EvenStretch",
+    "_EvenStretch", "_Reading",
 }  # fmt: skip
 """Those that are filled or counted up while something runs; the screen gets a keyboard when an arm moves."""
 MESSAGES = ROOT / "drivers" / "armload_drivers" / "feeds" / "ros2_messages.py"
