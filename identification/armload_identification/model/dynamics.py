@@ -8,7 +8,6 @@ For both kinds of model: an arm as specified (`ArmBody`) and as identified (`Bod
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Final
 
 import numpy as np
 
@@ -18,12 +17,7 @@ from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.finite_array import finite_array
 from armload_identification.model.links_and_drives import DRIVE_FIELDS, LinksAndDrives
-from armload_identification.model.payload import InertialParameters
-
-_TENSOR: Final = np.array([[4, 7, 8], [7, 5, 9], [8, 9, 6]])
-"""Indices in theta of the elements of the inertia tensor."""
-_ROWS, _COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
-"""Rows and columns of the tensor's elements in the order of theta."""
+from armload_identification.model.payload import InertialParameters, symmetric_tensor, tensor_elements
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +124,7 @@ class ArmDynamics:
 def _turned(chain: Chain, links: FloatArray) -> FloatArray:
     """(n, 10) links in the turned joint frames; vectorised, because a feed-forward does this in every cycle."""
     turn = np.array([chain.turned_back(i) for i in range(chain.n)])
-    tensor = turn @ links[:, _TENSOR] @ turn.transpose(0, 2, 1)
     turned = links.copy()
     turned[:, 1:4] = (turn @ links[:, 1:4, None])[:, :, 0]
-    turned[:, 4:] = tensor[:, _ROWS, _COLUMNS]
+    turned[:, 4:] = tensor_elements(turn @ symmetric_tensor(links[:, 4:]) @ turn.transpose(0, 2, 1))
     return turned

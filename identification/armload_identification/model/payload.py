@@ -262,15 +262,18 @@ def value_scale(mass_kg: float) -> FloatArray:
     return np.array([mass_kg] + [REFERENCE_LENGTH_M] * 3 + [mass_kg * REFERENCE_LENGTH_M**2] * 6)
 
 
+_PLACES = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+"""Index of each element of a tensor among the six."""
+
+
 def symmetric_tensor(elements: ArrayLike) -> FloatArray:
-    """(3, 3) tensor of its six elements, in the order of `TENSOR_ELEMENTS`."""
-    ixx, iyy, izz, ixy, ixz, iyz = np.asarray(elements, dtype=np.float64)
-    return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    """(..., 3, 3) tensors of their (..., 6) elements, in the order of `TENSOR_ELEMENTS`."""
+    return np.asarray(np.asarray(elements, dtype=np.float64)[..., _PLACES])
 
 
 def tensor_elements(tensor: FloatArray) -> FloatArray:
-    """(6,) elements of a (3, 3) tensor, in the order of `TENSOR_ELEMENTS`."""
-    return np.asarray(tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
+    """(..., 6) elements of (..., 3, 3) tensors, in the order of `TENSOR_ELEMENTS`."""
+    return np.asarray(tensor[..., [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
 
 
 PSEUDO_INERTIA_BASIS = np.array([InertialParameters(row).pseudo_inertia for row in np.eye(10)])

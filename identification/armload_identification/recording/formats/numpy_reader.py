@@ -50,40 +50,36 @@ class NumpyReader(RecordingReader):
             )
 
     def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
-        """See `RecordingReader`.
+        """See `RecordingReader`; blocks are decompressed one at a time.
 
         Raises:
             RecordingError: damaged, or arrays of inconsistent shapes.
         """
         account.sha256 = hash_of_files([self._path])
         with zipfile.ZipFile(self._path) as archive:
-            yield from self._blocks(archive, account)
-
-    def _blocks(self, archive: zipfile.ZipFile, account: ReadingAccount) -> Iterator[RowBlock]:
-        """Blocks of rows, decompressed one at a time."""
-        streams = {quantity: archive.open(f"{name}.npy") for quantity, name in self._arrays.items()}
-        kinds = {quantity: _header_of(stream) for quantity, stream in streams.items()}
-        shape = kinds["position_rad"][0]
-        for quantity, (found, _) in kinds.items():
-            expected = shape[:1] if quantity == "time_s" else shape
-            if len(shape) != 2 or not 1 <= shape[1] <= _MOST_JOINTS or found != expected:
-                raise ValueError(f"{self._arrays[quantity]} has shape {found}, position {shape}; expected (N, n)")
-        if self._named and archive.getinfo(f"{_JOINT_NAMES}.npy").file_size <= _MOST_NAME_BYTES:
-            with archive.open(f"{_JOINT_NAMES}.npy") as stream:
-                names = np.lib.format.read_array(stream, allow_pickle=False)
-            if names.shape == shape[1:] and names.dtype.kind == "U" and len(set(names.tolist())) == shape[1]:
-                account.joint_names = tuple(names.tolist())
-        for first in range(0, shape[0], BLOCK_ROWS):
-            rows = min(BLOCK_ROWS, shape[0] - first)
-            account.rows_read += rows
-            block: dict[str, FloatArray] = {}
-            for quantity, stream in streams.items():
-                columns = () if quantity == "time_s" else (shape[1],)
-                kind = kinds[quantity][1]
-                size = rows * int(np.prod(columns, dtype=np.int64)) * kind.itemsize
-                values = np.frombuffer(stream.read(size), dtype=kind)
-                block[quantity] = values.reshape(rows, *columns).astype(np.float64)
-            yield RowBlock(**block)
+            streams = {quantity: archive.open(f"{name}.npy") for quantity, name in self._arrays.items()}
+            kinds = {quantity: _header_of(stream) for quantity, stream in streams.items()}
+            shape = kinds["position_rad"][0]
+            for quantity, (found, _) in kinds.items():
+                expected = shape[:1] if quantity == "time_s" else shape
+                if len(shape) != 2 or not 1 <= shape[1] <= _MOST_JOINTS or found != expected:
+                    raise ValueError(f"{self._arrays[quantity]} has shape {found}, position {shape}; expected (N, n)")
+            if self._named and archive.getinfo(f"{_JOINT_NAMES}.npy").file_size <= _MOST_NAME_BYTES:
+                with archive.open(f"{_JOINT_NAMES}.npy") as stream:
+                    names = np.lib.format.read_array(stream, allow_pickle=False)
+                if names.shape == shape[1:] and names.dtype.kind == "U" and len(set(names.tolist())) == shape[1]:
+                    account.joint_names = tuple(names.tolist())
+            for first in range(0, shape[0], BLOCK_ROWS):
+                rows = min(BLOCK_ROWS, shape[0] - first)
+                account.rows_read += rows
+                block: dict[str, FloatArray] = {}
+                for quantity, stream in streams.items():
+                    columns = () if quantity == "time_s" else (shape[1],)
+                    kind = kinds[quantity][1]
+                    size = rows * int(np.prod(columns, dtype=np.int64)) * kind.itemsize
+                    values = np.frombuffer(stream.read(size), dtype=kind)
+                    block[quantity] = values.reshape(rows, *columns).astype(np.float64)
+                yield RowBlock(**block)
 
 
 def _header_of(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
