@@ -79,6 +79,18 @@ class RowWindow:
         weight = (1.0 - self._share**2) ** 2
         return np.asarray(weight / weight.sum())
 
+    @property
+    def noise_share(self) -> float:
+        """Standard deviation of a row of white samples, relative to theirs."""
+        return float(np.sqrt(np.sum(self.weight**2)))
+
+    @property
+    def correlation(self) -> FloatArray:
+        """(L,) autocorrelation of rows of white samples, by the lag in rows from 0: windows overlap."""
+        step = int(np.diff(self.middle).min()) if self.middle.size > 1 else self.offset.size
+        shared = np.correlate(self.weight, self.weight, "full")[self.offset.size - 1 :: step]
+        return np.asarray(shared / shared[0])
+
     @cached_property
     def slope_weight(self) -> FloatArray:
         """(w,) weights of a row's samples that give the derivative of its mean, per s; exact for a straight line.

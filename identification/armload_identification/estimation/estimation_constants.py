@@ -192,14 +192,6 @@ class Solver:
         of 4; half: masses by up to 0.21 %, centres by up to 3.3 mm, intervals by -11 to +0 %.
     """
 
-    least_of_white: Final = 0.25
-    """[1] Lower bound of a variance as a share of its value for a white residual: a spectrum far below its
-    average, as of joints at rest, is not evidence of low noise.
-
-    Origin: prior, not measured.
-    Factor of two: either way: nothing.
-    """
-
     lags: Final = 25
     """[1] Most rows over which the autocorrelation of the noise is summed.
 

@@ -196,7 +196,8 @@ class PayloadEstimate:
     @cached_property
     def covariance(self) -> FloatArray:
         """(10, 10) of theta."""
-        return np.asarray(self.posterior.covariance[self._place, self._place] + self._other.T @ self._other)
+        place = np.eye(self.posterior.problem.shared_size)[self._place]
+        return np.asarray(self.posterior.covariance_of(place) + self._other.T @ self._other)
 
     @cached_property
     def gain_slope(self) -> FloatArray:

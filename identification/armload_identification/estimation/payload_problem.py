@@ -109,13 +109,14 @@ def pair_problem(
     layout = _layout([signal.loaded, signal.unloaded], chain, coupling, arm)
     signals = [run.with_close_rows() for run in _pair_signals(signal, coupling)]
     rows = [layout.rows(run, loaded=loaded) for run, loaded in zip(signals, (True, False), strict=True)]
-    group = Group((RunRows(rows[0], PAYLOAD), RunRows(rows[1])), DIFFERENCE_AND_MEAN)
-    window = signals[0].row_window()
-    # of the mean of both runs' rows, by the scatter of their samples alone
-    sampled_nm = 0.5 * signal.averaged_noise_nm * float(np.sqrt(np.sum(window.weight**2)))
-    noise = Noise.unknown(effort_level(rows), np.sqrt(sampled_nm**2 @ coupling**2))
-    slow_rounds = [] if slow is None else [_slow_group(slow, layout)]
-    groups = [group, *(one for one in slow_rounds if one.time_s.size)]  # a short one may have no row
+    groups = [Group((RunRows(rows[0], PAYLOAD), RunRows(rows[1])), DIFFERENCE_AND_MEAN)]
+    differences = [(signal, signals[0])]
+    if slow is not None:
+        slowly = [replace(run, spacing=2) for run in _pair_signals(slow, coupling)]
+        if slowly[0].has_rows:  # a short one may have none
+            groups.append(_slow_group(slowly, layout))
+            differences.append((slow, slowly[0]))
+    noise = _sampled_noise(effort_level(rows), differences, coupling)
     if arm is not None:
         problem = Problem(_known_arm(rows, layout, arm), groups, noise, coupling, [arm.known])
         return PayloadProblem(problem, layout, signal.interval_s)
@@ -123,15 +124,31 @@ def pair_problem(
     return PayloadProblem(problem, layout, signal.interval_s).with_gains(np.zeros((chain.n, chain.n)))
 
 
-def _slow_group(signal: LoadSignal, arm: ArmLayout) -> Group:
+def _sampled_noise(level_nm: FloatArray, parts: Sequence[tuple[LoadSignal, RunSignals]], coupling: FloatArray) -> Noise:
+    """Unknown noise, but not less than the scatter of the samples: of few rows, a fit takes up much of it.
+
+    Args:
+        level_nm: (n,) RMS torque.
+        parts: The periods, of whose rows difference and mean are fitted, and other parts, of which the difference is.
+        coupling: (n, n) C of the motors.
+    """
+    windows = [run.row_window() for _, run in parts]
+    sampled = zip(parts, windows, strict=True)
+    least = [window.noise_share * np.sqrt(signal.averaged_noise_nm**2 @ coupling**2) for (signal, _), window in sampled]
+    lags = max(len(window.correlation) for window in windows)
+    faded = [np.pad(window.correlation, (0, lags - len(window.correlation))) for window in windows]
+    of_mean = 0.5 * least[0]
+    return Noise.unknown(level_nm, np.array([least[0], of_mean, *least[1:]]), np.array([faded[0], *faded]))
+
+
+def _slow_group(runs: Sequence[RunSignals], arm: ArmLayout) -> Group:
     """The slow rounds of two runs, with friction changes and noise of their own.
 
     Only their difference: the laws of friction do not describe so low speeds well.
     """
-    loaded, unloaded = (replace(run, spacing=2) for run in _pair_signals(signal, arm.coupling))
-    slow = replace(arm, peak_rad_s=np.maximum(loaded.peak_rad_s, unloaded.peak_rad_s))
-    runs = RunRows(slow.rows(loaded, loaded=True), PAYLOAD), RunRows(slow.rows(unloaded, loaded=False))
-    return Group(runs, DIFFERENCE, len(DIFFERENCE_AND_MEAN))
+    slow = replace(arm, peak_rad_s=np.maximum(*(run.peak_rad_s for run in runs)))
+    rows = [slow.rows(run, loaded=loaded) for run, loaded in zip(runs, (True, False), strict=True)]
+    return Group((RunRows(rows[0], PAYLOAD), RunRows(rows[1])), DIFFERENCE, len(DIFFERENCE_AND_MEAN))
 
 
 def _pair_signals(signal: LoadSignal, coupling: FloatArray) -> list[RunSignals]:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.estimation.problem import EMPTY, Problem
 from armload_identification.estimation.residual_spectrum import FREEST, ResidualSpectrum
 from armload_identification.estimation.weighted_equations import (
@@ -111,20 +110,52 @@ class Posterior:
             contrast: (k, s).
 
         Returns:
-            (k,) variances, at least a quarter of those for white residuals; (k,) Satterthwaite's degrees of freedom.
+            (k,) variances, at least those by the least noise of the rows; (k,) Satterthwaite's degrees of freedom. Of
+            spectra of 10 to 40 degrees of freedom, and 1 to 3 times the least variance, 94.5 to 96.3 % are held.
         """
         of_free = contrast[:, self._free]
         certain = np.einsum("ki,ij,kj->k", of_free, self._by_priors, of_free)
-        white = np.einsum("ki,ij,kj->k", contrast, self.bread, contrast) - certain
-        random, scatter = np.zeros(len(contrast)), np.zeros(len(contrast))
+        random, white, scatter = np.zeros((3, len(contrast)))
         for spectrum, answer in self.spectra:
             along = of_free @ answer
             variance = spectrum.variance(along)
             random += variance
+            white += spectrum.variance(along, white=True)
             scatter += variance**2 / spectrum.freedom(along)
+        least = self._sampled(of_free)
+        # More than the least counts as far as it is more than such a spectrum scatters by.
+        chance = least * np.sqrt(2.0 * scatter) / np.maximum(random, 1e-300)
+        real = np.clip((white - least) / np.maximum(chance, 1e-300), 0.0, 1.0)
+        total = least + real * np.maximum(random - least, 0.0) + certain
         # Variance that does not come from a residual costs no degrees of freedom.
-        total = np.maximum(random, Solver.least_of_white * white) + certain
+        scatter = real * scatter
         return total, np.clip(total**2 / np.maximum(scatter, total**2 / FREEST), 1.0, FREEST)
+
+    def _sampled(self, of_free: FloatArray) -> FloatArray:
+        """(k,) variances of combinations of the free shared unknowns if no row has more than its least noise."""
+        noise = self.problem.noise
+        least_nm = np.broadcast_to(noise.least_nm, self.noise_nm.shape)
+        faded = np.broadcast_to(noise.least_correlation, (len(self.noise_nm), noise.least_correlation.shape[-1]))
+        shared = solved(self.information, of_free.T)
+        found = np.zeros(len(of_free))
+        for index, (state, part) in enumerate(zip(self.groups, self.eliminated, strict=True)):
+            whole = np.vstack([shared, -part.follow @ shared])
+            weight, at = self.row_weight(index), row_places(state.group.time_s)
+            for rows in self.weighted_rows(index):
+                answer = np.zeros((at[-1] + 1, len(of_free)))
+                answer[at] = rows.rows @ whole[rows.place] * weight[rows.combination, :, rows.axis, None]
+                number = state.group.first_noise + rows.combination
+                square = np.sum(answer**2, axis=0)
+                for lag, share in enumerate(faded[number][1:], 1):
+                    square += 2.0 * share * np.sum(answer[lag:] * answer[:-lag], axis=0)
+                found += least_nm[number, rows.axis] ** 2 * square
+        return found
+
+    def covariance_of(self, contrast: FloatArray) -> FloatArray:
+        """(k, k) covariance of combinations, (k, s), of the shared unknowns, with the variances of `spread`."""
+        found = contrast @ self.covariance @ contrast.T
+        scale = np.sqrt(self.spread(contrast)[0] / np.maximum(np.diag(found), 1e-300))
+        return np.asarray(found * scale[:, None] * scale)
 
     def joint_spread(self, contrast: FloatArray) -> tuple[FloatArray, float]:
         """Covariance of combinations of the shared unknowns, and its degrees of freedom.
@@ -135,8 +166,7 @@ class Posterior:
         Returns:
             (k, k) covariance, and those of the Wishart matrix with that mean whose elements have the same scatter.
         """
-        of_free = contrast[:, self._free]
-        total = contrast @ self.covariance @ contrast.T
+        of_free, total = contrast[:, self._free], self.covariance_of(contrast)
         scatter = sum(1.0 / spectrum.joint_freedom(of_free @ answer, total) for spectrum, answer in self.spectra)
         return total, float(np.clip(1.0 / scatter, 1.0, FREEST))
 
@@ -149,9 +179,7 @@ class Posterior:
         """The spectrum of a group's residual, on the grid of its rows."""
         state, part = self.groups[index], self.eliminated[index]
         root = part.covariance_root(self.information)
-        time_s = state.group.time_s
-        apart_s = np.diff(time_s).min() if time_s.size > 1 else 1.0
-        at = np.rint((time_s - time_s[0]) / apart_s).astype(np.intp)
+        at = row_places(state.group.time_s)
         weight = self.row_weight(index)
         series = weight.shape[0] * weight.shape[2]
         basis = np.zeros((at[-1] + 1, series, root.shape[1]))
@@ -252,7 +280,11 @@ class Posterior:
         Args:
             group: Its index.
         """
-        return self.groups[group].weighted_rows(self.row_weight(group))
+        return self._weighted_rows[group]
+
+    @cached_property
+    def _weighted_rows(self) -> list[list[WeightedRows]]:
+        return [state.weighted_rows(self.row_weight(index)) for index, state in enumerate(self.groups)]
 
     def deviates(self, group: int) -> FloatArray:
         """(n,) RMS residual of a group relative to the noise of all.
@@ -311,3 +343,9 @@ class Posterior:
         whole = np.zeros((self.problem.shared_size,) * 2)
         whole[np.ix_(self._free, self._free)] = matrix
         return whole
+
+
+def row_places(time_s: FloatArray) -> NDArray[np.intp]:
+    """(N,) places of rows on the grid of their times, (N,), which may have gaps."""
+    apart_s = np.diff(time_s).min() if time_s.size > 1 else 1.0
+    return np.asarray(np.rint((time_s - time_s[0]) / apart_s), dtype=np.intp)

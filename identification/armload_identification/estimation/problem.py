@@ -107,9 +107,10 @@ class Noise:
 
     Attributes:
         start_nm: (n,) of an axis, far from reversals.
-        least_nm: (n,) its least value; the same as `greatest_nm` if it is known.
+        least_nm: (n,) or (g, n), by the number of the combination: its least value; the same as `greatest_nm` if known.
         greatest_nm: (n,) its greatest value.
         correlation: (n,) integrated autocorrelation in rows; None to estimate it.
+        least_correlation: (g or 1, L) autocorrelation of rows that have it, by the lag in rows from 0.
         robust: Whether outlying rows have less weight, and blows none.
     """
 
@@ -118,16 +119,20 @@ class Noise:
     greatest_nm: FloatArray
     correlation: FloatArray | None = None
     robust: bool = True
+    least_correlation: FloatArray = field(default_factory=lambda: ALONE)
 
     @classmethod
-    def unknown(cls, level_nm: FloatArray, least_nm: float | FloatArray = 1e-12) -> Noise:
+    def unknown(
+        cls, level_nm: FloatArray, least_nm: float | FloatArray = 1e-12, least_correlation: FloatArray = ALONE
+    ) -> Noise:
         """Estimated from the residual, at most the torque itself.
 
         Args:
             level_nm: (n,) RMS torque.
-            least_nm: Least value: a few rows can be fitted without any residual.
+            least_nm: Least value, or (g, n): a few rows can be fitted without any residual.
+            least_correlation: Of the attribute.
         """
-        return cls(level_nm, np.clip(least_nm, 1e-12, level_nm), level_nm)
+        return cls(level_nm, np.clip(least_nm, 1e-12, level_nm), level_nm, least_correlation=least_correlation)
 
     @classmethod
     def given(cls, noise_nm: FloatArray, correlation: FloatArray) -> Noise:

@@ -67,12 +67,14 @@ class ResidualSpectrum:
         if bins == held.size and samples % 2 == 0:
             self._twice[-1] = 1.0
         self._in_window = _summed(np.ones(bins))
-        left = (1.0 - np.minimum(leverage, 1.0)) ** 2
+        of_white = 1.0 - np.minimum(leverage, 1.0)
+        left = of_white**2
         self._free = np.maximum(self._averaged(left), 1e-12)
         square = weight**2
         # A joint whose weights are all 0 has no residual either.
         gated = np.mean(square**2, axis=0) / np.maximum(np.mean(square, axis=0) ** 2, 1e-300)
         self._level = gated * self._averaged(power) / self._free
+        self._of_white = self._free / np.maximum(self._averaged(of_white), 1e-12)
         self._leverage = leverage
         self._expected = self._level * left
 
@@ -87,13 +89,18 @@ class ResidualSpectrum:
         # Real and imaginary parts separately: products of real matrices suffice.
         return np.asarray(weighted.real.T @ weighted.real + weighted.imag.T @ weighted.imag)
 
-    def variance(self, contrast: FloatArray) -> FloatArray:
-        """(k,) variance of contrast (k, r) times the coefficients."""
-        return np.asarray(np.sum((contrast @ self.covariance()) * contrast, axis=1))
+    def variance(self, contrast: FloatArray, *, white: bool = False) -> FloatArray:
+        """(k,) variance of contrast (k, r) times the coefficients; with `white`, if the noise is equal at all bins."""
+        level = self._level * (self._of_white if white else 1.0) * self._twice[:, None]
+        return np.asarray(np.einsum("bjk,bj->k", self._power_along(contrast), level))
+
+    def _power_along(self, contrast: FloatArray) -> FloatArray:
+        """(bins, n, k) power of the basis along contrast (k, r)."""
+        return np.asarray(np.abs(self._basis @ contrast.T) ** 2)
 
     def freedom(self, contrast: FloatArray) -> FloatArray:
         """(k,) Satterthwaite's degrees of freedom of these variances."""
-        gain = np.abs(self._basis @ contrast.T) ** 2 * (self._twice[:, None] / self._free)[:, :, None]
+        gain = self._power_along(contrast) * (self._twice[:, None] / self._free)[:, :, None]
         share = _summed(gain / self._in_window[:, None, None], transposed=True)
         spread = share * self._expected[:, :, None]
         # A bin of the periodogram has two degrees of freedom; the first and last have one.

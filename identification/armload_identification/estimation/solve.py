@@ -106,6 +106,9 @@ class _Solver:
         noise = problem.noise
         self._noise = np.tile(noise.start_nm, (combinations, 1))
         self._residual = self._noise.copy()
+        self._least = np.broadcast_to(noise.least_nm, self._noise.shape)
+        least = 2.0 * noise.least_correlation.sum(axis=1, keepdims=True) - 1.0
+        self._least_correlation = np.broadcast_to(least, self._noise.shape)
         start = np.ones(noise.start_nm.size) if noise.correlation is None else noise.correlation
         self._correlation = np.tile(start, (combinations, 1))
         terms = [term for state in self._groups for placed in state.acting for term in placed]
@@ -210,9 +213,10 @@ class _Solver:
         self._residual[combination, axis] = min(found, noise.greatest_nm[axis])
         rows = moving.size / self._correlation[combination, axis]
         found /= np.sqrt(max(1.0 - self._absorbed[combination, axis] / rows, Solver.least_left))
-        self._noise[combination, axis] = np.clip(found, noise.least_nm[axis], noise.greatest_nm[axis])
+        self._noise[combination, axis] = np.clip(found, self._least[combination, axis], noise.greatest_nm[axis])
         if noise.correlation is None:
-            self._correlation[combination, axis] = _integrated([part[:, axis] for _, _, part in parts], bound)
+            found = _integrated([part[:, axis] for _, _, part in parts], bound)
+            self._correlation[combination, axis] = max(found, self._least_correlation[combination, axis])
 
     def posterior(self, steps: int) -> Posterior:
         """The posterior at the present unknowns."""

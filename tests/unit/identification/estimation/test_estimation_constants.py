@@ -195,14 +195,21 @@ def test_rows_correlate_over_at_most_25_lags():
     assert _integrated([np.ones(500), -np.ones(500)], 2.0) == pytest.approx(1.0 + 2.0 * (24.0 - 300.0 / 500.0))
 
 
-def weighed(count=8, weight=0.31, absorbed=0.0, noise=None):
-    """Noise and correlation of an axis from rows of +-2 N m, 1 N m before."""
-    state = state_of(np.zeros(count))
-    solver = SimpleNamespace(_problem=SimpleNamespace(noise=noise or Noise.unknown(np.array([9.0]))))
+def solver_of(count=8, weight=0.31, absorbed=0.0, noise=None):
+    """The solver after rows of +-2 N m, 1 N m before."""
+    state, noise = state_of(np.zeros(count)), noise or Noise.unknown(np.array([9.0]))
+    solver = SimpleNamespace(_problem=SimpleNamespace(noise=noise), _least=np.atleast_2d(noise.least_nm))
+    solver._least_correlation = 2.0 * noise.least_correlation.sum(axis=1, keepdims=True) - 1.0
     solver._residual, solver._noise, solver._correlation = (np.ones((1, 1)) for _ in range(3))
     solver._absorbed = np.array([[absorbed]])
     part = 2.0 * (-1.0) ** np.arange(count)[:, None]
     _Solver._weigh_axis(solver, 0, 0, [(state, np.full((count, 1), weight), part)])
+    return solver
+
+
+def weighed(**options):
+    """Noise and residual of its axis."""
+    solver = solver_of(**options)
     return solver._noise[0, 0], solver._residual[0, 0]
 
 
@@ -214,6 +221,12 @@ def test_noise_is_that_of_eight_moving_rows_or_more_less_what_is_absorbed():
     assert weighed(absorbed=7.9)[0] == pytest.approx(2.0 / np.sqrt(0.25))
     assert weighed(noise=Noise.unknown(np.array([1.5]))) == (1.5, 1.5)
     assert weighed(noise=Noise.unknown(np.array([9.0]), 3.0)) == (3.0, 2.0)
+
+
+def test_rows_correlate_at_least_as_those_of_their_samples():
+    assert solver_of()._correlation[0, 0] == 1.0
+    of_samples = Noise.unknown(np.array([9.0]), 0.1, np.array([[1.0, 0.5, 0.25]]))
+    assert solver_of(noise=of_samples)._correlation[0, 0] == pytest.approx(1.0 + 2.0 * 0.75)
 
 
 # Iteration -------------------------------------------------------------------------------------------------------

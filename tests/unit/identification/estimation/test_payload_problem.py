@@ -67,6 +67,20 @@ def test_a_pair_is_one_group_whose_arm_is_unknown_and_whose_gains_are_held(probl
     np.testing.assert_allclose(np.sqrt(np.diag(found.bread)[found.problem.place(GAIN)]), HELD, rtol=0.01)
 
 
+def test_noise_of_a_pair_is_at_least_that_of_its_samples(signal, pinocchio_arm):
+    """Of difference and mean of the periods, and of the difference of slow rounds, in axis coordinates."""
+    chain, coupling = pinocchio_arm.chain, pinocchio_arm.transmission.coupling
+    slow = replace(signal, loaded=replace(signal.loaded, averaged_noise_nm=3.0 * signal.loaded.averaged_noise_nm))
+    for rounds, sampled in ((None, [signal]), (slow, [signal, slow])):
+        noise = pair_problem(signal, chain, coupling, None, rounds).problem.noise
+        expected = [np.sqrt(one.averaged_noise_nm**2 @ coupling**2) for one in sampled]
+        share = noise.least_nm / np.array([expected[0], 0.5 * expected[0], *expected[1:]])
+        assert 0.1 < share[0, 0] < 0.5
+        np.testing.assert_allclose(share, share[0, 0])
+        assert noise.least_correlation[0, 1] == noise.least_correlation[1, 1] > 0.5
+        assert (noise.least_correlation[2:, 1] < 0.5).all()  # every second row
+
+
 def test_parts_share_the_rows_without_an_overlap(alone):
     (whole,) = alone.problem.groups
     middle_s, end_s = 0.4 * whole.time_s[-1], whole.time_s[-1] + 1.0

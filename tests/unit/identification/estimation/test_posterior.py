@@ -201,6 +201,11 @@ def test_residuals_relative_to_the_noise(found):
         np.testing.assert_allclose(found.deviates(group), np.sqrt(np.mean(relative**2, axis=0)), rtol=1e-9)
 
 
+def correlation_of(covariance):
+    size = np.sqrt(np.diag(covariance))
+    return covariance / np.outer(size, size)
+
+
 def test_the_spread_of_a_mass_is_of_the_size_of_white_noise_plus_priors(found):
     """White residuals: the local spectrum finds their variance, times what was assumed of their correlation."""
     place = found.problem.place(PAYLOAD, "tool")
@@ -211,7 +216,9 @@ def test_the_spread_of_a_mass_is_of_the_size_of_white_noise_plus_priors(found):
     assert (freedom >= 1.0).all()
     assert (freedom <= FREEST).all()
     both, joint = found.joint_spread(contrast)
-    np.testing.assert_allclose(both, found.covariance[place.start : place.start + 2, place.start : place.start + 2])
+    np.testing.assert_allclose(np.diag(both), variance)
+    spectral = found.covariance[place.start : place.start + 2, place.start : place.start + 2]
+    np.testing.assert_allclose(correlation_of(both), correlation_of(spectral))
     assert 1.0 <= joint <= FREEST
     doubled, same = found.spread(2.0 * contrast)
     np.testing.assert_allclose(doubled, 4.0 * variance)

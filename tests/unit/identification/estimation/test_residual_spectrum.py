@@ -123,3 +123,18 @@ def test_memory_grows_with_the_samples_and_not_with_their_square():
     np.testing.assert_allclose(np.diag(spectrum.covariance()), 1.0, rtol=0.1)
     # Two joints of about 18,500 equal bins, each with two degrees of freedom.
     assert (freedom > 10_000).all()
+
+
+def test_white_noise_that_a_fit_mostly_takes_up_is_restored_without_an_excess():
+    """Half of all rows are taken up: the variance for any noise is too great by a fifth or more, for white noise it is
+    right."""
+    rng = np.random.default_rng(8)
+    basis, _ = np.linalg.qr(rng.normal(size=(80, 40)))
+    white, coloured = [], []
+    for _ in range(400):
+        noise = rng.normal(size=80)
+        spectrum = ResidualSpectrum(basis[:, None], (noise - basis @ (basis.T @ noise))[:, None], np.ones((80, 1)))
+        white.append(spectrum.variance(np.eye(40), white=True))
+        coloured.append(spectrum.variance(np.eye(40)))
+    assert np.mean(white) == pytest.approx(1.0, abs=0.05)
+    assert np.mean(coloured) > 1.2

@@ -82,3 +82,13 @@ def test_a_period_is_continued_by_itself():
 def test_rows_that_are_kept_are_those(window):
     values = np.arange(200.0) ** 2
     np.testing.assert_array_equal(window.only(window.whole).mean(values), window.mean(values)[window.whole])
+
+
+def test_rows_of_white_samples_scatter_and_correlate_as_their_windows_overlap(window):
+    rows = window.mean(np.random.default_rng(1).normal(size=(200, 20000)))[window.whole]
+    variance = np.mean(rows**2)
+    assert window.noise_share == pytest.approx(np.sqrt(variance), rel=0.01)
+    found = [np.mean(rows[lag:] * rows[: len(rows) - lag]) / variance for lag in range(window.correlation.size)]
+    np.testing.assert_allclose(window.correlation, found, atol=0.01)
+    assert window.correlation[1] > 0.5
+    np.testing.assert_array_equal(RowWindow.of(7, 0.2, 1).correlation, 1.0)

@@ -49,7 +49,7 @@ def test_torque_of_the_loaded_run_times_a_factor_is_found_as_the_gains_inverse(p
 def test_gears_that_turn_more_heavily_as_a_whole_are_less_of_a_drift_beside_a_factor_on_friction(
     pair, known, pinocchio_arm, monkeypatch
 ):
-    """3 % more friction in the loaded run: nineteen twentieths of what it looks like without the factor go."""
+    """3 % more friction in the loaded run: four fifths of what it looks like without the factor go."""
     chain, transmission, arm = known
     loaded, unloaded = pair
     states = loaded.excitation.trajectory.evaluate(loaded.phase_s)
@@ -67,7 +67,7 @@ def test_gears_that_turn_more_heavily_as_a_whole_are_less_of_a_drift_beside_a_fa
     monkeypatch.setattr(Drift, "friction", 1e-6)
     alone = drift(heavy) - drift(loaded)
     assert abs(alone) > 0.001
-    assert abs(beside) < 0.05 * abs(alone)
+    assert abs(beside) < 0.2 * abs(alone)
 
 
 def test_its_size_is_in_standard_deviations_of_rows_and_usual_drift():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -83,7 +85,7 @@ def test_the_quantile_is_students_with_the_freedom_that_the_variances_scatter_by
     for seed in range(100):
         noise = np.random.default_rng(seed).normal(size=(SAMPLES, 6)) * pinocchio_arm.noise_nm
         torque = regressor @ pinocchio_arm.payload.theta + noise
-        found = payload_of(regressor, torque, of_known_noise(pinocchio_arm))
+        found = payload_of(regressor, torque)
         reported = quantify(found, InertialParameters(found.theta))
         quantile = reported.half_width_95[0] / np.sqrt(reported.covariance[0, 0])
         assert quantile == pytest.approx(student.ppf(0.975, reported.degrees_of_freedom[0]), rel=1e-6)
@@ -156,3 +158,43 @@ def test_rows_that_are_left_out_take_their_share_of_the_precision(regressor, pin
         found = payload_of(regressor, torque, of_known_noise(pinocchio_arm), weight=used)
         ratio.append(np.diag(quantify(found, InertialParameters(found.theta)).covariance) / textbook)
     assert 0.85 <= np.mean(ratio) <= 1.25, np.mean(ratio)
+
+
+def test_variances_are_at_least_those_of_samples_that_overlapping_rows_share(regressor, pinocchio_arm):
+    """Rows that a fit explains without any residual: the variance is that of the least noise and its correlation."""
+    faded = np.array([1.0, 0.6, 0.2])
+    torque = regressor @ pinocchio_arm.payload.theta
+    least = replace(of_known_noise(pinocchio_arm), least_correlation=faded[None])
+    found = payload_of(regressor, torque, least)
+    rows = regressor / pinocchio_arm.noise_nm[:, None]
+    answer = np.linalg.solve(np.einsum("tjk,tjl->kl", rows, rows), np.moveaxis(rows, 2, 0).reshape(10, -1))
+    answer = answer.reshape(10, SAMPLES, 6)
+    expected = np.einsum("ktj,ltj->kl", answer, answer)
+    for lag in (1, 2):
+        expected += 2.0 * faded[lag] * np.einsum("ktj,ltj->kl", answer[:, lag:], answer[:, :-lag])
+    variance, freedom = found.spread(np.eye(10))
+    np.testing.assert_allclose(variance, np.diag(expected), rtol=0.01)
+    np.testing.assert_allclose(np.diag(found.covariance), variance)
+    np.testing.assert_allclose(freedom, FREEST)
+
+
+def test_residuals_beyond_the_least_noise_count_as_far_as_chance_does_not_explain_them(regressor, pinocchio_arm):
+    """Noise of four times the least: as if none were stated. Of 0.7 to 1.1 times: from the least on, hardly more."""
+    truth = regressor @ pinocchio_arm.payload.theta
+    least = Noise.given(pinocchio_arm.noise_nm, np.ones(6))
+    free = replace(least, least_nm=np.full(6, 1e-12))
+    sampled = np.diag(payload_of(regressor, truth, least).covariance)
+    above = []
+    for seed in range(20):
+        noise = np.random.default_rng(seed).normal(size=(SAMPLES, 6)) * pinocchio_arm.noise_nm
+        both = (payload_of(regressor, truth + 4.0 * noise, of).spread(np.eye(10)) for of in (least, free))
+        for found, expected in zip(*both, strict=True):
+            np.testing.assert_allclose(found, expected, rtol=1e-9)
+        for size in (0.7, 1.1):
+            made = [payload_of(regressor, truth + size * noise, of) for of in (least, free)]
+            stated, alone = (found.spread(np.eye(10))[0] for found in made)
+            assert (stated >= sampled * (1.0 - 1e-9)).all()
+            assert (stated <= 1.1 * np.maximum(sampled, alone)).all()
+            above.append((size, np.median(stated / sampled)))
+    assert np.mean([share for size, share in above if size == 0.7]) == pytest.approx(1.0, abs=0.02)
+    assert 1.02 < np.mean([share for size, share in above if size == 1.1]) < 1.6
