@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +35,10 @@ def usable_runs(
             mixed up; no motion; a velocity that is not the position's, or a torque column that is constant, stuck for a
             part of the run, saturated, or of the wrong sign.
     """
+    checks = [partial(check_joints, n=n), *([] if effort is None else [partial(require_effort, effort=effort)])]
     for recording in recordings:
-        check_joints(recording, n)
-        if effort is not None:
-            require_effort(recording, effort)
+        for of_recording in checks:
+            of_recording(recording)
     if len(recordings) == 2:
         for of_both in PAIR_CHECKS:
             of_both(*recordings)
