@@ -96,8 +96,10 @@ def test_a_client_sees_the_arm_move_and_one_that_never_reads_keeps_nobody_waitin
     rows, frames, limits, progress = (watcher.seen[t] for t in ("/joints", "/frames", "/limits", "/progress"))
     commanded = np.array([command.position_rad for command in servos.sent])
     seen = np.array([row["position_rad"] for row in rows])
-    assert np.ptp(seen, axis=0) == pytest.approx(np.ptp(commanded, axis=0), abs=0.02)
-    assert np.ptp(seen, axis=0).max() > 0.1
+    share = np.ptp(seen, axis=0) / np.ptp(commanded, axis=0)
+    # The busier the machine, the fewer rows are shown, and the less likely the extremes are among them.
+    assert (share > 0.9).all()
+    assert (share < 1.001).all()
     assert {row["segment"] for row in rows} >= {"approach", "slow", "periods"}
     np.testing.assert_allclose(rows[3]["current_a"], 0.5, atol=0.06)
     pose = flange_pose(frames[-1])
