@@ -22,7 +22,7 @@ from armload_identification.calibration.mounted_runs import WEIGHED_WITHIN, ArmR
 from armload_identification.calibration.mounting_mistakes import Turn, most_trials, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import ArmKnowledge, explain
-from armload_identification.estimation.arm_rows import ArmLayout, RunSignals, run_signals
+from armload_identification.estimation.arm_rows import NO_ROWS, ArmLayout, RunSignals, run_signals
 from armload_identification.estimation.arm_terms import (
     CHANGES,
     FRICTION_CHANGE,
@@ -163,9 +163,7 @@ class _Calibration:
             (run,) = usable_runs([recording], self._chain.n, self._transmission)
             signals = run_signals(run, self._transmission.coupling)
             if not signals.has_rows:
-                raise RecordingError(
-                    f"{path}: no third of a second is without a gap of more than 0.1 s: record it at 20 Hz or more"
-                )
+                raise RecordingError(f"{path}: {NO_ROWS}")
         except IdentificationError as problem:
             self._left_out.append((name, str(problem).removeprefix(f"{path}: ")))
             return None

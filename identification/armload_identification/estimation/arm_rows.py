@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,9 @@ from armload_identification.signals.motion import Motion
 from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.reversals import REVERSAL, TURN_OVER, moving_weights
 from armload_identification.signals.signal_constants import RowMean
+
+NO_ROWS: Final = "no third of a second is without a gap of more than 0.1 s: record it at 20 Hz or more"
+"""Why a run has no row."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -213,5 +213,6 @@ def _body(mass_kg: float, size_m: float) -> FloatArray:
 
 
 def _rms(runs: Sequence[ArmRows], name: str) -> FloatArray:
-    """(n,) RMS over all rows."""
-    return np.asarray(np.sqrt(np.mean(np.vstack([getattr(run, name) for run in runs]) ** 2, axis=0)))
+    """(n,) RMS over all rows; 0 without any."""
+    values = np.vstack([getattr(run, name) for run in runs])
+    return np.asarray(np.sqrt(np.sum(values**2, axis=0) / max(len(values), 1)))

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, RunSignals
+from armload_identification.estimation.arm_rows import NO_ROWS, ArmLayout, ArmRows, RunSignals
 from armload_identification.estimation.arm_terms import (
     FRICTION_CHANGE,
     GAIN,
@@ -45,6 +45,7 @@ from armload_identification.estimation.problem import (
     RunRows,
 )
 from armload_identification.estimation.term_kinds import Term
+from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import Motion
@@ -84,6 +85,11 @@ class PayloadProblem:
         others = [known for known in self.problem.known if known.terms != _GAINS]
         gains = Known(_GAINS, precision, np.zeros(len(covariance)))
         return replace(self, problem=replace(self.problem, known=(*others, gains)))
+
+    def require_rows(self, name: str) -> None:
+        """Raise `EstimationError` if gaps leave no row of the runs, or of their part, with this name."""
+        if not self.problem.groups[0].time_s.size:
+            raise EstimationError(f"{name}: {NO_ROWS}.")
 
     def between(self, start_s: float, end_s: float) -> PayloadProblem:
         """The problem with the rows from one time up to, not including, another."""

@@ -185,7 +185,7 @@ class GroupState:
     def relative_residual(self, noise_nm: FloatArray) -> FloatArray:
         """(c, n) RMS over the rows, relative to the noise."""
         relative = self.weighted_nm[:, ~self.struck] / noise_nm[self.group.noises, None]
-        return np.asarray(np.sqrt(np.mean(relative**2, axis=1)))
+        return np.asarray(np.sqrt(np.sum(relative**2, axis=1) / max(relative.shape[1], 1)))
 
     def judge(self, noise_nm: FloatArray, *, blows: bool) -> None:
         """Set the weight of the group, and if `blows` which rows are close to one."""

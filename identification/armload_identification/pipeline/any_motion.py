@@ -79,6 +79,7 @@ def identify_alone(
     name = str(run.recording.source.path)
     quality = MotionQuality.of(motion, arm.body)
     quality.require_enough(name)
+    problem.require_rows(name)
     posterior = solve(problem.knowing(prior), rough=True)
     plain = estimate_of(posterior, problem, prior, arm.errors).doubting(model_doubts(posterior, arm))
     mass_kg, floor_kg = float(plain.theta[0]), float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.theta[0]))

@@ -106,6 +106,7 @@ def _by_difference(
         columns.require_right()
     gains = transmission.gains(from_torque=loaded.from_torque)
     problem = pair_problem(signal, chain, transmission.coupling, arm, slow)
+    problem.require_rows(str(loaded.recording.source.path))
     errors = gains.errors if arm is None else arm.errors
 
     def identified(prior: Prior | None) -> Identification:

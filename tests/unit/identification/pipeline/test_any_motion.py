@@ -148,6 +148,24 @@ def test_another_coulomb_friction_of_a_joint_is_noted_by_one_run_and_by_a_pair(p
     assert noted(other(loaded, 0.0), other(unloaded, 0.0)) == ["The friction of joint 2 "]
 
 
+def test_a_run_of_parts_too_short_for_a_row_is_refused(pinocchio_arm, known, loaded):
+    """Of every 0.6 s the first half is there: alone, in a window, and as a pair, also with nominal gains."""
+    chain, transmission, arm = known
+
+    def holed(run):
+        kept = np.arange(run.time_s.size) // 30 % 2 == 0
+        signals = {name: getattr(run, name)[kept] for name in ("time_s", "position_rad", "current_a")}
+        return replace(run, velocity_rad_s=None, **signals)
+
+    alone, empty = holed(loaded), holed(pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), False, seed=9))
+    empty = replace(empty, excitation=None, phase_s=None)
+    text = "no third of a second is without a gap of more than 0.1 s: record it at 20 Hz or more"
+    for unloaded, calibrated in ((None, arm), (empty, arm), (empty, None)):
+        with pytest.raises(EstimationError, match=f"mcap: {text}"):
+            identify(alone, unloaded, chain, transmission, arm=calibrated)
+    assert {window.refusal for window in identify_windows(alone, *known, 10.0)} == {f"{text}."}
+
+
 def test_what_the_motion_does_not_show_is_refused_with_what_is_missing(known, loaded):
     chain, transmission, arm = known
     with pytest.raises(EstimationError, match=r"only joint 3 moves.*move joints 1, 2, 4, 5 and 6 at 0\.\d+ rad/s"):
