@@ -4,9 +4,13 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
+from armload_controller.config.chain_from_urdf import read_urdf_arm
 from armload_identification.recording.run_format import MAGIC
+from tests.foreign_tables import ARMS, urdf_of
+from tests.urdf_simulation import PinocchioArm
 
 HEAVY = (
     "numpy",
@@ -62,6 +66,29 @@ def test_no_help_loads_what_it_does_not_use():
     loaded = answer(SHOW_EVERYTHING)
     assert len(loaded) > 15
     assert {words: names for words, names in loaded.items() if names} == {}
+
+
+@pytest.mark.long
+def test_a_pair_is_identified_with_little_of_scipy(tmp_path):
+    """Its statistics take a third of an identification's time to load."""
+    joints, arrays = ARMS["UR"], [tmp_path / "loaded.npz", tmp_path / "empty.npz"]
+    (tmp_path / "arm.urdf").write_text(urdf_of(joints))
+    arm = read_urdf_arm(tmp_path / "arm.urdf")
+    limits = arm.position_min_rad, arm.position_max_rad, arm.velocity_max_rad_s
+    simulated = PinocchioArm(tmp_path / "arm.urdf", joints, arm.base, arm.flange)
+    for path, run in zip(arrays, simulated.runs(*limits, 1.5, (0.02, -0.01, 0.06), 0.002 * np.eye(3)), strict=True):
+        np.savez(path, time_s=run.time_s, position_rad=run.position_rad, torque_nm=run.torque_nm)
+    command = ["identify", str(tmp_path / "arm.urdf"), "--loaded", str(arrays[0]), "--unloaded", str(arrays[1])]
+    program = (
+        "import json, sys\n"
+        "from typer.testing import CliRunner\n"
+        "from armload_controller.cli.main import app\n"
+        f"result = CliRunner().invoke(app, {command!r})\n"
+        "assert result.exit_code == 0, result.output\n"
+        "slow = 'scipy.linalg', 'scipy.stats', 'scipy.signal', 'matplotlib'\n"
+        "print(json.dumps([name for name in slow if name in sys.modules]))"
+    )
+    assert answer(program) == ["scipy.linalg"]
 
 
 @pytest.fixture(scope="module")
