@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -252,9 +252,8 @@ class _Calibration:
                 "recording in another unit?"
             )
 
-    def _mass_warnings(self, fit: Posterior) -> list[str]:
+    def _mass_warnings(self, fit: Posterior) -> Iterator[str]:
         """Weighed masses that contradict all other data."""
-        warnings = []
         for name, payload in self._weighed.items():
             if name not in fit.problem.mountings or payload.whole is not None:
                 continue
@@ -267,39 +266,35 @@ class _Calibration:
             others_kg = (found / spread - payload.mass_kg / scale) / information
             deviation = HALVES / np.sqrt(information)
             if abs(payload.mass_kg - others_kg) > Calibrating.disagrees * float(np.hypot(deviation, np.sqrt(scale))):
-                warnings.append(
+                yield (
                     f"mounting '{name}': {payload.mass_kg:.3f} kg was entered, all other data give {others_kg:.3f} +- "
                     f"{2.0 * deviation:.3f} kg ({100.0 * (payload.mass_kg / others_kg - 1.0):+.1f} %). Weigh it "
                     "again, or find out which weighed mass is wrong."
                 )
-        return warnings
 
-    def _friction_warnings(self, fit: Posterior) -> list[str]:
+    def _friction_warnings(self, fit: Posterior) -> Iterator[str]:
         """Runs whose friction differs greatly from that of the others."""
-        warnings = []
         for index, used in enumerate(self._used):
             change = np.abs(fit.own_value(FRICTION_CHANGE, index) / fit.change_deviation)
             far = change.reshape(CHANGES, -1)[:2].max(axis=0)
             joint = int(np.argmax(far))
             if far[joint] > Calibrating.far:
-                warnings.append(
+                yield (
                     f"{used.name}: the friction of joint {joint + 1} is {far[joint]:.0f} standard deviations "
                     "from that of the other runs: a cold gear, or a different gain on that day."
                 )
-        return warnings
 
-    def _motion_warnings(self, found: ArmCalibration) -> list[str]:
+    def _motion_warnings(self, found: ArmCalibration) -> Iterator[str]:
         """Joints whose torque on other motions is uncertain."""
         level = found.level(self._chain)
         share = np.max([doubtful_share(found, level, run.signals) for run in self._used], axis=0)
         doubtful = np.flatnonzero((share > Calibrating.doubtful) & self._moves)
-        if not doubtful.size:
-            return []
-        joints = named_joints([f"{joint + 1} ({100.0 * share[joint]:.0f} %)" for joint in doubtful])
-        return [
-            f"for other motions, the error of the predicted torque of {joints} may be this large (95 %): add "
-            "runs with other motions, especially if payloads will be identified without an unloaded run."
-        ]
+        if doubtful.size:
+            joints = named_joints([f"{joint + 1} ({100.0 * share[joint]:.0f} %)" for joint in doubtful])
+            yield (
+                f"for other motions, the error of the predicted torque of {joints} may be this large (95 %): add "
+                "runs with other motions, especially if payloads will be identified without an unloaded run."
+            )
 
     def _named(self, fit: Posterior, warnings: list[str], robot: str, provenance: Provenance) -> ArmCalibration:
         """The fit as `ArmCalibration`."""
@@ -360,18 +355,15 @@ class _Calibration:
             provenance=provenance,
         )
 
-    def _undetermined(self, fit: Posterior) -> list[str]:
+    def _undetermined(self, fit: Posterior) -> Iterator[str]:
         """Quantities that no run determines."""
-        warnings = []
-        still = ~self._moves
-        if still.any():
-            warnings.append(f"no run moves {numbered_joints(still)}: gain and friction are as assumed.")
+        if not self._moves.all():
+            yield f"no run moves {numbered_joints(~self._moves)}: gain and friction are as assumed."
         if not any(name in fit.problem.mountings for name in self._weighed):
-            warnings.append(
+            yield (
                 "no payload was weighed: only the ratios of the gains are identified, their common scale is that of "
                 "the nominal gains. Add a run with a weighed payload and its mass_kg."
             )
-        return warnings
 
 
 def _rows_of(signals: RunSignals, mounting: str, layout: ArmLayout) -> RunRows:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -60,58 +60,51 @@ def notes_on(
     ]
 
 
-def _on_recordings(sources: Sequence[RecordingSource]) -> list[str]:
+def _on_recordings(sources: Sequence[RecordingSource]) -> Iterator[str]:
     """Rows and joints that were left out, and truncated files."""
-    notes = []
     for name, source in zip(("loaded", "unloaded"), sources, strict=False):
         if source.rows_dropped:
             listed = ", ".join(f"{count} {reason}" for reason, count in source.reasons.items())
-            notes.append(f"{name} recording: {source.rows_dropped} of {source.rows_read} rows dropped ({listed}).")
+            yield f"{name} recording: {source.rows_dropped} of {source.rows_read} rows dropped ({listed})."
         if source.truncated:
-            notes.append(f"{name} recording: the file is truncated; everything before that was used.")
+            yield f"{name} recording: the file is truncated; everything before that was used."
         if source.ignored_joints:
-            notes.append(
-                f"{name} recording: ignored, because not part of this arm: {', '.join(source.ignored_joints)}."
-            )
-    return notes
+            yield (f"{name} recording: ignored, because not part of this arm: {', '.join(source.ignored_joints)}.")
 
 
-def _on_interruptions(signal: LoadSignal) -> list[str]:
+def _on_interruptions(signal: LoadSignal) -> Iterator[str]:
     """Runs that were interrupted within their periods."""
-    notes = []
     for name, run in (("loaded", signal.loaded), ("unloaded", signal.unloaded)):
         if run.periods and run.interruptions:  # a prediction has no periods
             often, least = (f"{count} times" if count > 1 else "once" for count in (run.interruptions, run.periods))
-            notes.append(
+            yield (
                 f"{name} recording: the run was continued, paused or slowed down {often} within its periods. What was "
                 f"measured at full speed was used: every part of the period at least {least}."
             )
-    return notes
 
 
-def _on_times(found: Identification) -> list[str]:
+def _on_times(found: Identification) -> Iterator[str]:
     """A clock that is not that of the excitation, and torque that is not of the time of its position."""
-    notes, signal = [], found.signal
+    signal = found.signal
     took_s, rate = len(signal.time_s) * signal.interval_s, signal.loaded.rate
     if SamePath.period_share < abs(rate - 1.0) < Timing.other_speed_share:
-        notes.append(
+        yield (
             f"A period took {took_s:.4g} s by the time stamps, {took_s / rate:.4g} s by the excitation: if the clock "
             "is wrong, so are accelerations and what follows from them. Check the time stamps."
         )
     delay_s = found.plain.posterior.delay_s
     if abs(delay_s) > Timing.late_s:
-        notes.append(
+        yield (
             f"The torque belongs to positions {1e3 * abs(delay_s):.0f} ms {'before' if delay_s > 0.0 else 'after'} it. "
             "Mass and centre of mass may lie outside their intervals. Check that torque and position have the same "
             "time stamps."
         )
-    return notes
 
 
-def _on_nominal_gains(gains: Gains, found: Identification) -> list[str]:
+def _on_nominal_gains(gains: Gains, found: Identification) -> Iterator[str]:
     """Gains that were not calibrated: nothing weighed shows their scale, and no interval has their drift."""
     if gains.calibrated.all():
-        return []
+        return
     if gains.fitted:
         what = "The torque is as reported" if gains.from_torque else "Drive gains are nominal"
         each = 100.0 * NORMAL_HALF_WIDTH * float(np.sqrt(np.diag(gains.own_covariance).max()))
@@ -121,30 +114,28 @@ def _on_nominal_gains(gains: Gains, found: Identification) -> list[str]:
         by_gears = f"by gears that lose {100.0 * lost:.0f} % of their load, but not equally in both directions of the"
         of_gears = f", and for {uneven:.0f} % {by_gears} power" if uneven >= 1.0 else ""
         shift_kg = Drift.between_runs * abs(float(found.plain.drifting[0]))
-        of_drift = [
-            f"A drift of all gains by {100.0 * Drift.between_runs:.1f} % from one run to the other would change the "
-            f"mass by {shift_kg:.2g} kg. The intervals do not allow for that; those of a calibrated arm do."
-        ]
-        return [
+        yield (
             f"{what}: the scale is not verified, and an error that all joints have in common gives the same relative "
             f"error of the mass. The intervals allow, in 95 % of cases, for {each:.0f} % on each joint and for "
             f"{all_together:.0f} % on all together{of_gears}. "
-            "A weighed payload verifies the scale: `armload calibrate`.",
-            *(of_drift if shift_kg > Drift.matters * found.uncertainty.half_width_95[0] else []),
-        ]
-    if gains.from_torque:
-        return []
-    return [
-        f"Nominal drive gains are used for {numbered_joints(~gains.calibrated)}: the calibration could not "
-        "determine them."
-    ]
+            "A weighed payload verifies the scale: `armload calibrate`."
+        )
+        if shift_kg > Drift.matters * found.uncertainty.half_width_95[0]:
+            yield (
+                f"A drift of all gains by {100.0 * Drift.between_runs:.1f} % from one run to the other would change "
+                f"the mass by {shift_kg:.2g} kg. The intervals do not allow for that; those of a calibrated arm do."
+            )
+    elif not gains.from_torque:
+        yield (
+            f"Nominal drive gains are used for {numbered_joints(~gains.calibrated)}: the calibration could not "
+            "determine them."
+        )
 
 
-def _on_contradictions(gains: GainFit | None) -> list[str]:
+def _on_contradictions(gains: GainFit | None) -> Iterator[str]:
     """Gains that the data contradict, each with its error, and gains that cannot be checked."""
     if gains is None:
-        return []
-    notes = []
+        return
     named = gains.contradicted | gains.possible
     if gains.disagree:
         which = (
@@ -152,7 +143,7 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
             if gains.possible.any()
             else "no single one of them explains that"
         )
-        notes.append(
+        yield (
             f"The drive gains contradict each other: {which}. Mass and centre of mass may lie outside their intervals. "
             "Check torque constants and gear ratios, or calibrate the arm: `armload calibrate`."
         )
@@ -161,7 +152,7 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
         low, high = (f"{100.0 * np.expm1(value):+.1f} %" for value in (size - half_width, size + half_width))
         off = f"{100.0 * abs(np.expm1(size)):.1f} % {'higher' if size > 0.0 else 'lower'}"
         allowed = NORMAL_HALF_WIDTH * gains.assumed_deviation[joint]
-        notes.append(
+        yield (
             f"The data contradict the drive gain of joint {joint + 1}: according to the other joints it is {off} "
             f"than assumed (95 %: {low} to {high}), and the intervals allow for {100.0 * allowed:.1f} %. "
             "It was estimated with the payload. Check its torque constant and gear ratio, or calibrate the arm: "
@@ -173,101 +164,93 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
     if limited.size:
         percent = 100.0 * np.expm1(gains.noticeable[limited])
         listed = named_joints([f"{j + 1} (up to {most:.0f} %)" for j, most in zip(limited, percent, strict=True)])
-        notes.append(
+        yield (
             f"An error of the drive gain may go unnoticed in these runs on {listed}; a larger one is reported with a "
             f"probability of at least 90 %. {_CHECKED_BY}"
         )
     if unlimited.any():
-        notes.append(
+        yield (
             f"These runs say nothing about the drive gain of {numbered_joints(unlimited)}: even an error of "
             f"{100.0 * PayloadFit.unlimited_gain:.0f} % may go unnoticed. {_CHECKED_BY}"
         )
-    return notes
 
 
-def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
+def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> Iterator[str]:
     """Losses by smoothing, gaps, and a single period; (K,) struck samples are no gaps."""
-    notes = []
     lossy = np.flatnonzero(signal.smoothing_loss > Smoothing.loss_limit)
     if lossy.size:
         listed = named_joints([f"{joint + 1} ({100.0 * signal.smoothing_loss[joint]:.0f} %)" for joint in lossy])
-        notes.append(
+        yield (
             f"Smoothing removed more than {100.0 * Smoothing.loss_limit:.0f} % of the signal of {listed}: it is mostly "
             "noise, or sampled too slowly."
         )
     gaps = np.count_nonzero(~signal.valid & ~struck)
     if gaps:
-        notes.append(f"{gaps} of {signal.valid.size} samples are in gaps and were not used.")
+        yield f"{gaps} of {signal.valid.size} samples are in gaps and were not used."
     few = signal.periodic and 0 < min(count for count in signal.periods if count) < PayloadFit.fewest_periods
     if few and signal.noise_source == ABOVE_BAND:
-        notes.append(
+        yield (
             "A run contains only one period, so its noise was taken from the signal above the motion's band, and the "
             "repeatability of the periods is unknown. Record three or more."
         )
-    return notes
 
 
-def _on_result(found: Identification) -> list[str]:
+def _on_result(found: Identification) -> Iterator[str]:
     """Friction that was compensated, directions and values that are not determined, and impossible estimates."""
-    notes = []
     plain, physical, uncertainty = found.plain, found.physical, found.uncertainty
     if plain.rank < plain.theta.size:
-        notes.append(
+        yield (
             f"The motion determines {plain.rank} of {plain.theta.size} parameter directions; the rest was chosen as "
             "for a compact body and is marked as not determined."
         )
     if physical.changed and physical.plain_margin <= 0.0:
-        notes.append("The best fit is physically impossible; the nearest possible body is reported.")
+        yield "The best fit is physically impossible; the nearest possible body is reported."
     if not uncertainty.determined[:4].any():
-        notes.append(
+        yield (
             "Not even the mass is determined: the motion is too small or too slow, the runs are too short, or the "
             "payload is too light compared with the noise. Design an excitation with `armload design` and record more "
             "periods."
         )
     elif uncertainty.undetermined_names:
-        notes.append("Not determined by these data: " + ", ".join(uncertainty.undetermined_names) + ".")
-    return notes
+        yield "Not determined by these data: " + ", ".join(uncertainty.undetermined_names) + "."
 
 
-def _on_blows(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
+def _on_blows(signal: LoadSignal, struck: NDArray[np.bool_]) -> Iterator[str]:
     """The excluded part of the motion."""
-    if not struck.any():
-        return []
-    when = ", ".join(f"{moment:.1f}" for moment in signal.time_s[struck & ~np.roll(struck, 1)])
-    return [
-        f"{np.count_nonzero(struck) * signal.interval_s:.1f} s of the motion were left out, from {when} s on: "
-        "several joints have large residuals there at once, as after an impact on the arm."
-    ]
+    if struck.any():
+        when = ", ".join(f"{moment:.1f}" for moment in signal.time_s[struck & ~np.roll(struck, 1)])
+        yield (
+            f"{np.count_nonzero(struck) * signal.interval_s:.1f} s of the motion were left out, from {when} s on: "
+            "several joints have large residuals there at once, as after an impact on the arm."
+        )
 
 
-def _on_calibrated_arm(plain: PayloadEstimate, arm: KnownArm | None) -> list[str]:
+def _on_calibrated_arm(plain: PayloadEstimate, arm: KnownArm | None) -> Iterator[str]:
     """Friction far outside its variation in the calibration, and joints that fit far worse than there."""
     if arm is None:
-        return []
+        return
     run = plain.runs - 1
     change, covariance = plain.friction(run)[:2], plain.friction_covariance(run)
-    notes = list(friction_notes(standard_deviations(change, covariance, arm.drift[:2])))
+    yield from friction_notes(standard_deviations(change, covariance, arm.drift[:2]))
     strange = plain.noise_nm > ArmFit.noisier * arm.noise_nm
     if strange.any():
-        notes.append(
+        yield (
             f"The torque of {numbered_joints(strange)} fits more than {ArmFit.noisier:.0f} times worse than in the "
             "calibration: something pushed the arm, rows are too far apart, or a gain has changed. Mass and centre of "
             "mass may lie outside their intervals. Record the runs again, without contact and at 50 Hz or more."
         )
-    return notes
 
 
-def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
+def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> Iterator[str]:
     """Joints of the unloaded run whose torque is not explained by the arm's links and positive friction."""
     if arm is None:
-        return []
+        return
     strange = strange_joints(signal, arm, PayloadFit.loud, ArmFit.driven_share_noted)
-    if not strange.any():
-        return []
-    return [
-        f"The unloaded run's torque of {numbered_joints(strange)} is not that of this arm's links and friction: check "
-        "the joint order of positions and currents, and that the configuration belongs to this arm."
-    ]
+    if strange.any():
+        yield (
+            f"The unloaded run's torque of {numbered_joints(strange)} is not that of this arm's links and friction: "
+            "check the joint order of positions and currents, and that the configuration belongs to this arm."
+        )
 
 
 def misfit_notes(found: Identification) -> list[str]:

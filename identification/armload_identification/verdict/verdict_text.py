@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -144,19 +144,17 @@ def _weakest_direction(agreement: Agreement) -> str:
     return "along [" + ", ".join(f"{value:z.2f}" for value in vector) + "] in the flange frame"
 
 
-def _joint_sentences(verdict: PayloadVerdict, names: Sequence[str]) -> list[str]:
+def _joint_sentences(verdict: PayloadVerdict, names: Sequence[str]) -> Iterator[str]:
     """Joints that disagree with the payload, and joints that disagree with each other."""
-    text = []
     wrong = verdict.of_payload.disagree
     if wrong.any():
-        text.append(f"Measured over predicted torque: {_scales_text(verdict.of_payload, wrong, names)}.")
+        yield f"Measured over predicted torque: {_scales_text(verdict.of_payload, wrong, names)}."
     odd = verdict.of_measured.disagree
     if odd.any():
-        text.append(
+        yield (
             "The joints also contradict each other, whatever the payload. Measured torque relative to the best fit of "
             f"all joints: {_scales_text(verdict.of_measured, odd, names)}. Check the drive gain there."
         )
-    return text
 
 
 def _scales_text(scales: JointScales, which: NDArray[np.bool_], names: Sequence[str]) -> str:
@@ -168,38 +166,38 @@ def _scales_text(scales: JointScales, which: NDArray[np.bool_], names: Sequence[
     )
 
 
-def _remedy_sentences(remedy: Remedy, agreement: Agreement, names: Sequence[str]) -> list[str]:
+def _remedy_sentences(remedy: Remedy, agreement: Agreement, names: Sequence[str]) -> Iterator[str]:
     """How an error equal to the tolerance could be detected."""
-    text = []
     if np.isfinite(remedy.length.factor):
         longer = max(remedy.length.factor, VerdictText.least_longer)
-        text.append(
+        yield (
             f"Identification and validation runs of {longer:.1f} times the length would detect "
             "an error equal to the tolerance."
         )
     elif remedy.length.gains_limit:
-        return ["Longer runs would not detect it, because the drive gains are too uncertain: calibrate them."]
+        yield "Longer runs would not detect it, because the drive gains are too uncertain: calibrate them."
+        return
     else:
-        return [
+        yield (
             "No run would detect it: the variation between mountings and the servos' sag, "
             f"{1e3 * AgreementLevels.floor_kg:.0f} g and {1e3 * AgreementLevels.floor_m:.0f} mm (one standard "
             "deviation), is too large for this tolerance."
-        ]
+        )
+        return
     if agreement.noticeable_kg > agreement.tolerance_kg:
-        text.append(
+        yield (
             f"The mass is best determined by {names[remedy.mass_joint]}: a motion that holds the payload far "
             "from that axis, perpendicular to gravity, needs less time."
         )
     if agreement.noticeable_m > agreement.tolerance_m:
         direction = _weakest_direction(agreement).removeprefix("along ")
         if remedy.level_share < VerdictText.level_share:
-            text.append(
+            yield (
                 f"The motion hardly ever brings {direction} to the horizontal, where gravity has the greatest "
                 "effect: add such poses."
             )
         else:
-            text.append(
+            yield (
                 f"That direction is best determined by {names[remedy.center_joint]}: with more wrist motion that "
                 "turns it to the horizontal and back, less time is needed."
             )
-    return text

@@ -13,6 +13,8 @@ C contains.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from armload_core.arrays import FloatArray
@@ -35,13 +37,12 @@ def standard_deviations(change: FloatArray, covariance: FloatArray, drift: Float
     return np.asarray(np.sqrt(np.einsum("in,nij,jn->n", change, np.linalg.inv(both), change)))
 
 
-def friction_notes(change: FloatArray) -> tuple[str, ...]:
+def friction_notes(change: FloatArray) -> Iterator[str]:
     """Notes to the operator about (n,) changes of friction from `standard_deviations`."""
     far = np.flatnonzero(change > ColdArm.far_deviations)
-    if not far.size:
-        return ()
-    joints = named_joints([f"{joint + 1} ({change[joint]:.0f} standard deviations)" for joint in far])
-    return (
-        f"The friction of {joints} is far outside its variation in the calibration: a cold arm, a different "
-        "lubricant, or a changed gain. Warm the arm up, or calibrate it again with a run recorded today.",
-    )
+    if far.size:
+        joints = named_joints([f"{joint + 1} ({change[joint]:.0f} standard deviations)" for joint in far])
+        yield (
+            f"The friction of {joints} is far outside its variation in the calibration: a cold arm, a different "
+            "lubricant, or a changed gain. Warm the arm up, or calibrate it again with a run recorded today."
+        )

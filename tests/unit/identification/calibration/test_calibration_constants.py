@@ -459,7 +459,7 @@ def test_a_mass_that_no_joint_can_hold_a_tenth_of_a_metre_away_is_in_grams(effor
 def test_friction_five_deviations_off_is_a_cold_gear(deviations, warned):
     change = np.array([0.1, 0.2, 0.1, 0.1 * deviations, 9.0, 9.0])
     fit = SimpleNamespace(own_value=lambda *_: change, change_deviation=np.full(6, 0.1))
-    found = _Calibration._friction_warnings(calibrating(used()), fit)
+    found = list(_Calibration._friction_warnings(calibrating(used()), fit))
     assert bool(found) is warned
     assert not warned or found[0].startswith("a.mcap: the friction of joint 2 is 5 standard deviations")
 
@@ -469,7 +469,7 @@ def test_joints_of_which_an_eighth_is_uncertain_on_other_motions_are_named(monke
     shares = {"a": np.array([0.0, share]), "b": np.array([0.05, 0.01])}
     monkeypatch.setattr(f"{ROOM}.calibrate_arm.doubtful_share", lambda found, level, run: shares[run])
     made = calibrating(used("a"), used("b"))
-    found = _Calibration._motion_warnings(made, SimpleNamespace(level=lambda _: None))
+    found = list(_Calibration._motion_warnings(made, SimpleNamespace(level=lambda _: None)))
     assert bool(found) is warned
     assert not warned or "the predicted torque of joint 2 (12 %)" in found[0]
 
@@ -482,7 +482,7 @@ def mass_warnings(entered_kg, others_kg, deviation_kg, within=WEIGHED_WITHIN):
     problem = SimpleNamespace(mountings=("tool",), place=lambda *_: slice(1, 11))
     fit = SimpleNamespace(problem=problem, x=np.array([0.0, mean]), bread=np.diag([1.0, 1.0 / (scale + information)]))
     weighed = {"tool": SimpleNamespace(mass_kg=entered_kg, whole=None)}
-    return _Calibration._mass_warnings(calibrating(_weighed=weighed), fit)
+    return list(_Calibration._mass_warnings(calibrating(_weighed=weighed), fit))
 
 
 @pytest.mark.parametrize(("off", "warned"), [(3.9, False), (4.1, True), (-4.1, True)])
