@@ -353,29 +353,13 @@ class ArmCalibration:
         to_joint = np.linalg.inv(self.body.coupling)
         return np.asarray(np.sqrt((axis_nm * self.gain_nm_a / self.nominal) ** 2 @ to_joint**2))
 
-    def torque_doubts(
-        self, chain: Chain, states: JointStates, interval_s: float, measured_nm: FloatArray
-    ) -> FloatArray:
-        """Error of a run's measured minus predicted torque, for each independent error of the calibration.
-
-        Errors of gains and body are correlated, as both were identified from the same currents.
-
-        Args:
-            chain: The arm with the tilt of its base.
-            states: (K, n) each: the run's motion.
-            interval_s: Time between samples.
-            measured_nm: (K, n) joint torque.
-
-        Returns:
-            (k, K, n) in N m, for one standard deviation each.
-        """
-        changes = self.torque_changes(chain, states, interval_s, measured_nm)
-        return np.asarray(np.tensordot(self.independent_errors, changes, axes=1))
-
     def torque_changes(
         self, chain: Chain, states: JointStates, interval_s: float, measured_nm: FloatArray
     ) -> FloatArray:
         """(p, K, n) change of a run's measured minus predicted torque per unit of each unknown of the calibration.
+
+        `independent_errors` times this is the error of that torque: those of gains and body are correlated, as both
+        were identified from the same currents.
 
         Args:
             chain: The arm with the tilt of its base.

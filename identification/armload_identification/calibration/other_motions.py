@@ -41,7 +41,8 @@ def doubtful_share(calibration: ArmCalibration, level: Chain, run: RunSignals) -
 
     states = JointStates(*map(out_of_step, run.states))
     torque = calibration.body.torque(level, *states)
-    doubts = calibration.torque_doubts(level, states, step * run.interval_s, torque)
+    changes = calibration.torque_changes(level, states, step * run.interval_s, torque)
+    doubts = np.tensordot(calibration.independent_errors, changes, axes=1)
     size = np.sqrt(np.mean(np.sum(doubts**2, axis=0), axis=0))
     whole = np.maximum(np.sqrt(np.mean(torque**2, axis=0)), np.finfo(float).tiny)
     return np.asarray(NORMAL_HALF_WIDTH * size / whole)

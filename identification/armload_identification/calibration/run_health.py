@@ -155,8 +155,7 @@ class _RunFit:
         self._friction = session_friction(Health.loose * calibration.drift.ravel(), "ten times the usual changes")
         found = self._found = self._solved([*terms, self._friction], self._rows, [arm.known])
         # (k, s) change of all unknowns for one standard deviation of each independent error of the calibration
-        held = slice(0, arm.errors.shape[1])
-        self._errors = arm.errors @ np.linalg.solve(found.bread[held, held], found.bread[held])
+        self._errors = found.considered(arm.errors)
 
     def _solved(self, terms: Sequence[Term], rows: ArmRows, known: Sequence[Known] = ()) -> Posterior:
         """Fit; the noise is at least the calibration's."""

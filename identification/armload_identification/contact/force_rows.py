@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.contact_levels import BIN_S, BINS, HOLE_S, SLOW, STAMP_SIGMAS, STEP_S, STOPPING
-from armload_identification.estimation.empty_arm.known_arm_rows import MOVING, payload_scale
+from armload_identification.estimation.empty_arm.known_arm_rows import MOVING, known_arm_columns, payload_scale
 from armload_identification.model.chain import Chain
-from armload_identification.model.regressor import payload_regressor
+from armload_identification.model.joint_states import JointStates
 from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.signals.reversals import moving_weights
 
@@ -157,14 +157,11 @@ class RowMaker:
         )
         tau = np.tensordot(windows[:, 1:-1, 1 + n :], _SEEN, (1, 0))
         direction = smooth_sign(dq, body.reversal_speed_rad_s)
-        regressor = payload_regressor(self.chain, q, dq, ddq)
-        links = body.link_torque(self.chain, q, dq, ddq)
-        carried = links + regressor @ theta
-        through = 1.0 + body.load_friction * direction * np.sign(carried)
+        columns, through, links, carried = known_arm_columns(
+            self.chain, body, self._spread, self.scale, JointStates(q, dq, ddq), theta
+        )
         steady = body.coulomb_nm + body.root_nm * np.sqrt(np.abs(dq))
         friction = direction * steady + body.viscous_nm_s_rad * dq + body.offset_nm
-        own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * self._spread.ravel()
-        changes = own[:, None, :] * np.tile(np.eye(n), 3)
         shaken = dq * _scatter_per_s(windows[:, :, 1 : 1 + n] - powers @ cubic, dq, normal, span)[:, None]
         uneven = body.link_torque(self.chain, q, dq, ddq + shaken) - links + shaken @ body.rotor_mass_kg_m2
         slowest = np.maximum(np.abs(dq) - span[:, None] * np.abs(ddq), 0.0)
@@ -173,7 +170,7 @@ class RowMaker:
             time_s=middle,
             position_rad=q,
             residual_nm=tau - through * links - ddq @ body.rotor_mass_kg_m2 - friction,
-            columns=np.concatenate([through[:, :, None] * regressor * self.scale, changes], axis=2),
+            columns=columns,
             doubt_nm=STOPPING * (body.coulomb_nm + body.load_friction * np.abs(carried)) * slow
             + STAMP_SIGMAS * np.abs(uneven),
             acceleration_rad_s2=ddq,

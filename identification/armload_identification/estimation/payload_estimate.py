@@ -53,14 +53,12 @@ def estimate_of(
     shifts = posterior.response(sampled @ posterior.problem.coupling)[0][place].T
     if prior is not None:
         shifts = np.vstack([shifts, prior.doubts @ posterior.bread[place, place]])
-    held = slice(0, errors.shape[1])
-    answer = np.linalg.solve(posterior.bread[held, held], posterior.bread[held, place])
     uneven = np.zeros((0, len(posterior.problem.coupling)))
     if gears:
         own = gear_asymmetry(posterior.value(LOAD_FRICTION))
         uneven = np.vstack([np.diag(own), own])
     gains = errors[:, posterior.problem.place(GAIN)]
-    return PayloadEstimate(posterior, arm, shifts, uneven, gains, errors @ answer)
+    return PayloadEstimate(posterior, arm, shifts, uneven, gains, posterior.considered(errors)[:, place])
 
 
 def gear_asymmetry(load_friction: FloatArray) -> FloatArray:

@@ -236,6 +236,11 @@ class Posterior:
         whole[self._free] = of_shared
         return whole, part.own_covariance @ pull[shared:] - part.follow @ of_shared
 
+    def considered(self, errors: FloatArray) -> FloatArray:
+        """(k, s) changes of the shared unknowns for (k, p) changes of the first p of them, which are held firmly."""
+        held = slice(0, errors.shape[1])
+        return np.asarray(errors @ np.linalg.solve(self.bread[held, held], self.bread[held]))
+
     def beside(self, *torque_nm: FloatArray, first: int = 0) -> tuple[FloatArray, FloatArray]:
         """What the rows say of further unknowns, beside all others, to first order.
 

@@ -58,10 +58,11 @@ class MassProspect:
         theta = self.payload.theta
         rows = KnownArmRows.of(self.chain, arm, states, theta, arm.noise_nm / np.sqrt(independent))
         torque = arm.body.torque(self.chain, *states) + payload_regressor(self.chain, *states) @ theta
-        doubts = self.calibration.torque_doubts(self.chain, states, interval_s, torque)
+        changes = self.calibration.torque_changes(self.chain, states, interval_s, torque)
+        errors = self.calibration.independent_errors
         floor = FLOOR_KG**2 + (FLOOR_SHARE * self.payload.mass_kg) ** 2
         variance = [
-            COLOUR * rows.covariance(number)[0, 0] + float(np.sum(rows.shifts(doubts, number)[:, 0] ** 2)) + floor
+            COLOUR * rows.covariance(number)[0, 0] + np.sum((errors @ rows.shifts(changes, number)[:, 0]) ** 2) + floor
             for number in periods
         ]
         return np.asarray(NORMAL_HALF_WIDTH * np.sqrt(variance))

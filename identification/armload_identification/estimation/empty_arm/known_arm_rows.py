@@ -16,6 +16,7 @@ from msgspec import Struct
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import CHANGES
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import payload_regressor
@@ -38,6 +39,39 @@ def payload_scale(effort_nm: FloatArray) -> FloatArray:
     """
     mass = float(effort_nm.max()) / (_OF_GRAVITY * _LEVER_M)
     return mass * np.array([1.0] + [_TOOL_M] * 3 + [_TOOL_M**2] * 6)
+
+
+def known_arm_columns(
+    chain: Chain,
+    body: BodyModel,
+    spread: FloatArray,
+    scale: FloatArray,
+    states: JointStates,
+    theta: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Columns of payload and changes of friction in units of their priors, and the torques they are made with.
+
+    Args:
+        chain: The arm, with the tilt of its calibration.
+        body: The arm itself.
+        spread: (3, n) unit of the changes of friction.
+        scale: (10,) unit of the payload's parameters.
+        states: (K, n) each.
+        theta: (10,) the payload about which friction under load is linearised.
+
+    Returns:
+        (K, n, 10 + 3 n) columns; (K, n) derivative of a joint's torque, friction included, by the torque that its gear
+        carries; (K, n) torque of the links; and (K, n) that with the payload's.
+    """
+    dq = states.velocity_rad_s
+    direction = smooth_sign(dq, body.reversal_speed_rad_s)
+    regressor = payload_regressor(chain, *states)
+    links_nm = body.link_torque(chain, *states)
+    carried_nm = links_nm + regressor @ theta
+    through = 1.0 + body.load_friction * direction * np.sign(carried_nm)
+    own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * spread.ravel()
+    changes = own[:, None, :] * np.tile(np.eye(chain.n), CHANGES)
+    return np.concatenate([through[:, :, None] * regressor * scale, changes], axis=2), through, links_nm, carried_nm
 
 
 class KnownArmRows(Struct, frozen=True, eq=False):
@@ -66,16 +100,9 @@ class KnownArmRows(Struct, frozen=True, eq=False):
             theta: (10,) the payload about which friction under load is linearised.
             noise_nm: (n,) or (K, n) noise of a row far from reversals, as if rows were independent.
         """
-        body, dq = arm.body, states.velocity_rad_s
         scale = payload_scale(arm.level_nm)
-        direction = smooth_sign(dq, body.reversal_speed_rad_s)
-        regressor = payload_regressor(chain, *states)
-        carried = body.link_torque(chain, *states) + regressor @ theta
-        through = 1.0 + body.load_friction * direction * np.sign(carried)
-        own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * arm.friction_spread.ravel()
-        changes = own[:, None, :] * np.tile(np.eye(chain.n), CHANGES)
-        columns = np.concatenate([through[:, :, None] * regressor * scale, changes], axis=2)
-        weight = moving_weights(dq, MOVING * body.reversal_speed_rad_s) / noise_nm
+        columns, *_ = known_arm_columns(chain, arm.body, arm.friction_spread, scale, states, theta)
+        weight = moving_weights(states.velocity_rad_s, MOVING * arm.body.reversal_speed_rad_s) / noise_nm
         return cls((columns * weight[:, :, None]).reshape(-1, columns.shape[2]), weight, scale)
 
     def covariance(self, repeats: float = 1.0) -> FloatArray:

@@ -396,7 +396,8 @@ def test_another_motion_has_each_joint_at_another_time_of_the_run():
     run = SimpleNamespace(states=JointStates(ramp, ramp, ramp), interval_s=0.01)
     calibration = SimpleNamespace(
         body=SimpleNamespace(torque=lambda level, *states: seen.append(states) or np.full((300, 3), 10.0)),
-        torque_doubts=lambda level, states, apart_s, torque: (
+        independent_errors=np.eye(2),
+        torque_changes=lambda level, states, apart_s, torque: (
             seen.append(apart_s) or np.stack([np.full((300, 3), 1.0), np.full((300, 3), 2.0)])
         ),
     )

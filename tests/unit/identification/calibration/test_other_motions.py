@@ -18,9 +18,10 @@ class Calibration:
 
     def __init__(self):
         self.body = SimpleNamespace(torque=lambda level, position, velocity, acceleration: 10.0 * position)
+        self.independent_errors = np.eye(2)
         self.seen = []
 
-    def torque_doubts(self, level, states, interval_s, torque):
+    def torque_changes(self, level, states, interval_s, torque):
         self.seen.append((states, interval_s))
         return np.stack([0.03 * torque, 0.04 * torque])
 

@@ -13,6 +13,7 @@ from armload_identification.contact.force_watch import Force, ForceEventKind, Fo
 from armload_identification.contact.load_or_push import _Fits, _means, _payloads, assess, payload_evidence
 from armload_identification.contact.something_acts import ResidualNoise, acting, bound
 from armload_identification.contact.something_acts import Test as Statistics
+from armload_identification.estimation.empty_arm import known_arm_rows
 
 pytestmark = pytest.mark.pure
 
@@ -279,7 +280,7 @@ def test_samples_that_are_not_finite_are_left_out_and_the_last_means_begin_the_n
 @pytest.mark.parametrize(("speed", "slow"), [(0.0, 1.0), (3.5, 1.0 - np.tanh(1.0)), (-7.0, 1.0 - np.tanh(2.0))])
 def test_a_slow_joint_is_uncertain_by_one_and_a_half_times_its_friction(monkeypatch, speed, slow):
     """Slow is 3.5 reversal speeds of 0.01 rad/s; friction of 2 N m and a tenth of 5 N m of links."""
-    monkeypatch.setattr(f"{ROOM}.force_rows.payload_regressor", lambda _, q, *__: np.zeros((*q.shape, 10)))
+    monkeypatch.setattr(f"{known_arm_rows.__name__}.payload_regressor", lambda _, q, *__: np.zeros((*q.shape, 10)))
     made, one = maker(), np.ones(1)
     made.scale, made._spread = np.ones(10), np.array([[0.3], [0.5], [0.7]])
     made._body = SimpleNamespace(
