@@ -48,11 +48,9 @@ def rows_of(
         effort_nm=torque_nm,
         weight=weight,
         links=links,
-        links_rate=np.zeros_like(links),
-        links_tilt=np.zeros((2, *links.shape)),
+        links_moved=np.zeros((3, *links.shape)),
         payload=payload,
-        payload_rate=np.zeros_like(payload),
-        payload_tilt=np.zeros((2, *payload.shape)),
+        payload_moved=np.zeros((3, *payload.shape)),
     )
 
 
@@ -87,7 +85,7 @@ def payload_of(
     ]
     if links is not None:
         size = links.shape[2]
-        law = Load(lambda rows: (rows.links, rows.links_rate, rows.links_tilt))
+        law = Load(lambda rows: (rows.links, rows.links_moved))
         terms = [*terms, Term(LINKS, Scope.ARM, law, np.zeros(size), np.full(size, WIDE), "test")]
     group = Group((RunRows(rows_of(payload, torque_nm, weight, links), PAYLOAD),))
     noise = noise or Noise.unknown(np.sqrt(np.mean(torque_nm**2, axis=0)))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -220,11 +220,9 @@ class ArmRows:
             model is accurate: on prbt, residuals of such rows made runs contradict each other. The difference of two
             runs is no better there: the torque changes faster than it is sampled, which looks like inertia.
         links: (N, n, b) joint torque per base parameter of the links.
-        links_rate: (N, n, b) its change per second of delay.
-        links_tilt: (2, N, n, b) its change per rad of tilt of the base.
+        links_moved: (3, N, n, b) its change per second of delay, and per rad of each tilt of the base.
         payload: (N, n, 10) joint torque per parameter of a payload.
-        payload_rate: (N, n, 10) its change per second of delay.
-        payload_tilt: (2, N, n, 10) its change per rad of tilt.
+        payload_moved: (3, N, n, 10) likewise.
     """
 
     time_s: FloatArray
@@ -237,11 +235,9 @@ class ArmRows:
     effort_nm: FloatArray
     weight: FloatArray
     links: FloatArray
-    links_rate: FloatArray
-    links_tilt: FloatArray
+    links_moved: FloatArray
     payload: FloatArray
-    payload_rate: FloatArray
-    payload_tilt: FloatArray
+    payload_moved: FloatArray
 
     @property
     def n(self) -> int:
@@ -254,9 +250,9 @@ class ArmRows:
         Args:
             kept: (N,) True for these.
         """
-        sides = {part.name: getattr(self, part.name)[:, kept] for part in fields(self) if part.name.endswith("_tilt")}
-        rest = [part.name for part in fields(self) if part.name not in sides]
-        return replace(self, **sides, **{name: getattr(self, name)[kept] for name in rest})
+        moved = {part.name: getattr(self, part.name)[:, kept] for part in fields(self) if part.name.endswith("_moved")}
+        rest = [part.name for part in fields(self) if part.name not in moved]
+        return replace(self, **moved, **{name: getattr(self, name)[kept] for name in rest})
 
     def weighted(self, factor: NDArray[Any]) -> ArmRows:
         """The rows with their weights times an (n,) factor."""
@@ -323,16 +319,11 @@ class ArmLayout:
         window = run.row_window()
         velocity = window.mean(states.velocity_rad_s)
         acceleration = states.acceleration_rad_s2 @ np.linalg.inv(self.coupling).T
-        middle = states.position_rad[window.middle]
-        still = np.zeros_like(middle)
-        sides = sideways(self.chain)
         coarse = window.every(max(int(window.half_s / (Rows.model_parts * run.interval_s)), 1))
-        links, links_slope = _through(coarse, states, lambda *now: body_regressor(self.chain, *now)[:, :, self.base])
-        still_columns = partial(payload_regressor, q=middle, dq=still, ddq=still)
-        nothing = np.zeros((*middle.shape, 0))
-        payload, payload_slope = (
-            _through(coarse, states, partial(payload_regressor, self.chain)) if loaded else (nothing, nothing)
-        )
+        links, links_moved = _columns(self.chain, coarse, states, lambda *at: body_regressor(*at)[:, :, self.base])
+        payload, payload_moved = np.zeros((*velocity.shape, 0)), np.zeros((3, *velocity.shape, 0))
+        if loaded:
+            payload, payload_moved = _columns(self.chain, coarse, states, payload_regressor)
         return ArmRows(
             time_s=np.asarray(window.middle * run.interval_s, dtype=np.float64),
             position_rad=window.mean(states.position_rad),
@@ -344,27 +335,28 @@ class ArmLayout:
             effort_nm=window.mean(run.effort_nm),
             weight=np.where(moves, window.onward(sign) * moving_weights(velocity, REVERSAL * scale), 0.0),
             links=links,
-            links_rate=-links_slope,
-            links_tilt=np.stack([body_regressor(side, middle, still, still)[:, :, self.base] for side in sides]),
+            links_moved=links_moved,
             payload=payload,
-            payload_rate=-payload_slope,
-            payload_tilt=np.stack([still_columns(side) if loaded else nothing for side in sides]),
+            payload_moved=payload_moved,
         )
 
 
-def _through(
-    window: RowWindow, states: JointStates, regressor: Callable[..., FloatArray]
+def _columns(
+    chain: Chain, window: RowWindow, states: JointStates, regressor: Callable[..., FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Means of a regressor over the rows' windows, and the derivatives of these means, per s."""
+    """Means of a regressor over the rows' windows, and (3, ...) their change per second of delay and rad of tilts."""
     weights = np.stack([window.weight, window.slope_weight])
     parts = []
     for samples in np.array_split(window.samples, max(len(window.middle) // Rows.at_once, 1)):
-        columns = regressor(*(values[samples.ravel()] for values in states))
+        columns = regressor(chain, *(values[samples.ravel()] for values in states))
         shape = columns.shape[1:]
         through = weights @ columns.reshape(*samples.shape, math.prod(shape))
         parts.append(through.reshape(len(samples), 2, *shape))
     both = np.concatenate(parts)
-    return both[:, 0], both[:, 1]
+    middle = states.position_rad[window.middle]
+    still = np.zeros_like(middle)
+    tilted = [regressor(side, middle, still, still) for side in sideways(chain)]
+    return both[:, 0], np.stack([-both[:, 1], *tilted])
 
 
 def weighted_sums(values: FloatArray, samples: NDArray[np.intp], weights: FloatArray) -> FloatArray:

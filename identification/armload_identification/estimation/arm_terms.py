@@ -73,7 +73,7 @@ def _friction_change(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray,
 
 LAWS: Final[dict[str, Law]] = {
     GAIN: Shared.GAIN,
-    LINKS: Load(lambda rows: (rows.links, rows.links_rate, rows.links_tilt)),
+    LINKS: Load(lambda rows: (rows.links, rows.links_moved)),
     ROTORS: Motor(lambda rows: (rows.axis_acceleration_rad_s2, rows.axis_jerk_rad_s3)),
     LOAD_FRICTION: Joint(_load_friction),
     COULOMB: Joint(lambda rows, _: (rows.direction[None], None)),
@@ -82,7 +82,7 @@ LAWS: Final[dict[str, Law]] = {
     DELAY: Shared.DELAY,
     TILT: Shared.TILT,
 }
-_PAYLOAD_LAW: Final = Load(lambda rows: (rows.payload, rows.payload_rate, rows.payload_tilt))
+_PAYLOAD_LAW: Final = Load(lambda rows: (rows.payload, rows.payload_moved))
 
 
 def arm_terms(runs: Sequence[ArmRows], arm: ArmLayout) -> list[Term]:

@@ -78,7 +78,7 @@ class Posterior:
     @property
     def delay_s(self) -> float:
         """Delay of the torque, all its terms together."""
-        return self.groups[0].torque[0].delay_s
+        return float(self.groups[0].torque[0].moved[0])
 
     @cached_property
     def change_deviation(self) -> FloatArray:

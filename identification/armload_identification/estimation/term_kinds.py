@@ -31,14 +31,14 @@ class Scope(StrEnum):
     RUN = "run"
 
 
-LoadColumns = tuple[FloatArray, FloatArray, FloatArray]
+LoadColumns = tuple[FloatArray, FloatArray]
 
 
 class Load(Struct, frozen=True):
     """Torque that is linear in the values and passes the gears: links and payloads.
 
     Attributes:
-        columns: Of N rows: (N, n, k) columns, (N, n, k) their change per second of delay, and (2, N, n, k) per rad of
+        columns: Of N rows: (N, n, k) columns, and (3, N, n, k) their change per second of delay and per rad of each
             tilt.
     """
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _ROUNDING: Final = 1e-13
 _NONE: Final = np.zeros(0, dtype=np.intp)
+_MOVED: Final = {Shared.DELAY: slice(1), Shared.TILT: slice(1, 3)}
+"""Places of delay and tilts in what moves the torque of links and payload."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +36,8 @@ class TorqueAt:
         predicted_nm: (N, n) axis torque with nominal gains.
         gain: (n,) factor of each axis.
         factor: (N, n) derivative of a joint's torque, friction included, by the torque that its gear carries.
-        delay_s: Delay of the torque.
-        tilt_rad: (2,) tilt of the base.
-        rate_nm: (N, n) carried torque per second of delay.
-        tilt_nm: (N, n, 2) carried torque per rad of tilt.
+        moved: (3,) delay of the torque in s and tilts of the base in rad.
+        moved_nm: (N, n, 3) carried torque per unit of them.
         motor_rate_nm: (N, n) torque on the motors' side per second of delay.
         loads: Place and columns of each term that passes the gears.
         joints: Place and (m, N, n) columns of each term of the joints.
@@ -47,10 +47,8 @@ class TorqueAt:
     predicted_nm: FloatArray
     gain: FloatArray
     factor: FloatArray
-    delay_s: float
-    tilt_rad: FloatArray
-    rate_nm: FloatArray
-    tilt_nm: FloatArray
+    moved: FloatArray
+    moved_nm: FloatArray
     motor_rate_nm: FloatArray
     loads: list[tuple[slice, LoadColumns]]
     joints: list[tuple[slice, FloatArray]]
@@ -247,21 +245,20 @@ def torque_at(rows: ArmRows, terms: Placed, x: FloatArray, coupling: FloatArray)
         coupling: (n, n) C of the motors.
     """
     shape = rows.effort_nm.shape
-    delay = sum((float(x[place][0]) for _, place in _acting(terms, Shared.DELAY)), 0.0)
-    tilt = sum((x[place] for _, place in _acting(terms, Shared.TILT)), np.zeros(2))
-    tau, rate_nm, tilt_nm = np.zeros(shape), np.zeros(shape), np.zeros((*shape, 2))
+    moved = np.zeros(3)
+    for law, of_law in _MOVED.items():
+        for _, place in _acting(terms, law):
+            moved[of_law] += x[place]
+    tau, moved_nm = np.zeros(shape), np.zeros((*shape, 3))
     loads: list[tuple[slice, LoadColumns]] = []
     joints: list[tuple[slice, FloatArray]] = []
     motors: list[tuple[slice, FloatArray]] = []
     for term, place in terms:
         if isinstance(term.law, Load):
-            of_load = term.law.columns(rows)
-            level, rate, tilted = of_load
-            values = x[place]
-            of_rate, of_tilt = rate @ values, np.moveaxis(tilted @ values, 0, 2)
-            tau += level @ values + delay * of_rate + of_tilt @ tilt
-            rate_nm += of_rate
-            tilt_nm += of_tilt
+            level, change = of_load = term.law.columns(rows)
+            change_nm = np.moveaxis(change @ x[place], 0, 2)
+            tau += level @ x[place] + change_nm @ moved
+            moved_nm += change_nm
             loads.append((place, of_load))
     friction, factor = np.zeros(shape), np.ones(shape)
     for term, place in terms:
@@ -277,25 +274,20 @@ def torque_at(rows: ArmRows, terms: Placed, x: FloatArray, coupling: FloatArray)
     for term, place in terms:
         if isinstance(term.law, Motor):
             level, rate = term.law.columns(rows)
-            moved = level + delay * rate
-            axis_nm += moved * x[place]
+            delayed = level + moved[0] * rate
+            axis_nm += delayed * x[place]
             motor_rate_nm += rate * x[place]
-            motors.append((place, moved))
+            motors.append((place, delayed))
     gain = np.exp(sum((x[place] for _, place in _acting(terms, Shared.GAIN)), np.zeros(rows.n)))
     predicted = np.asarray(gain * axis_nm)
-    return TorqueAt(predicted, gain, factor, delay, tilt, rate_nm, tilt_nm, motor_rate_nm, loads, joints, motors)
+    return TorqueAt(predicted, gain, factor, moved, moved_nm, motor_rate_nm, loads, joints, motors)
 
 
 def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> list[AxisColumns]:
     """Derivatives of every axis's torque by the values of the terms that act on the run."""
-    whole = []
-    for place, (level, rate, tilted) in at.loads:
-        moved = level + at.delay_s * rate
-        moved += at.tilt_rad[0] * tilted[0]
-        moved += at.tilt_rad[1] * tilted[1]
-        whole.append((moved, place))
-    for law, torque in ((Shared.DELAY, at.rate_nm[:, :, None]), (Shared.TILT, at.tilt_nm)):
-        whole += [(torque, place) for _, place in _acting(terms, law)]
+    whole = [(level + np.tensordot(at.moved, change, 1), place) for place, (level, change) in at.loads]
+    for law, of_law in _MOVED.items():
+        whole += [(at.moved_nm[:, :, of_law], place) for _, place in _acting(terms, law)]
     n = at.predicted_nm.shape[1]
     nothing = np.zeros((*at.predicted_nm.shape, 0))
     through = np.concatenate([nothing, *(columns for columns, _ in whole)], axis=2) * at.factor[:, :, None]
@@ -355,9 +347,6 @@ def eliminate(
 ) -> Eliminated:
     """Schur complement: the shared unknowns with the group's own eliminated."""
     own = len(gradient) - shared
-    if not own:
-        nothing = np.zeros((0, shared))
-        return Eliminated(information, gradient, nothing, np.zeros(0), np.zeros(0), np.zeros((0, 0)), axes)
     right = np.column_stack([information[shared:, :shared], gradient[shared:], np.eye(own)])
     solution = solved(information[shared:, shared:], right)
     follow, own_step, inverse = solution[:, :shared], solution[:, shared], solution[:, shared + 1 :]

@@ -388,8 +388,8 @@ def rows():
     sizes = {"links": LINKS, "payload": 10}
     given = {name: rng.normal(size=(COUNT, N)) for name in ArmRows.__dataclass_fields__ if name != "time_s"}
     for name, size in sizes.items():
-        given[name], given[f"{name}_rate"] = rng.normal(size=(2, COUNT, N, size))
-        given[f"{name}_tilt"] = rng.normal(size=(2, COUNT, N, size))
+        given[name] = rng.normal(size=(COUNT, N, size))
+        given[f"{name}_moved"] = rng.normal(size=(3, COUNT, N, size))
     return ArmRows(time_s=0.1 * np.arange(COUNT), **given)
 
 
@@ -410,8 +410,9 @@ def test_the_torque_is_what_loads_gears_friction_and_rotors_make_of_it(rows, pla
     of = {term.name: x[place] for term, place in placed}
     carried = np.zeros((COUNT, N))
     for name, values in (("links", of["links"]), ("payload", of["payload"])):
-        carried += getattr(rows, name) @ values + of["delay"][0] * getattr(rows, f"{name}_rate") @ values
-        carried += np.einsum("s,stjk,k->tj", of["tilt"], getattr(rows, f"{name}_tilt"), values)
+        moved = np.concatenate([of["delay"], of["tilt"]])
+        carried += getattr(rows, name) @ values
+        carried += np.einsum("s,stjk,k->tj", moved, getattr(rows, f"{name}_moved"), values)
     changes = of["friction change"].reshape(3, N)
     friction = rows.direction * (of["coulomb"] + of["load"] * np.abs(carried) + changes[0])
     friction += rows.velocity_rad_s * (of["viscous"] + changes[1]) + rows.root * of["root"] + changes[2]
