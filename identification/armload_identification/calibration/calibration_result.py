@@ -39,8 +39,6 @@ from armload_identification.storage.strict_toml import NumberList, NumberRows, T
 
 if TYPE_CHECKING:
     from armload_identification.estimation.empty_arm.known_arm import KnownArm
-    from armload_identification.estimation.problem import Known
-    from armload_identification.estimation.term_kinds import Term
     from armload_identification.model.joint_states import JointStates
 
 DETERMINED_WITHIN: Final = 0.05
@@ -225,11 +223,9 @@ class ArmCalibration:
     @property
     def friction_deviation_nm(self) -> FloatArray:
         """(n,) standard deviations of `friction_nm`."""
-        speed, joints = self.middle_speed_rad_s, np.arange(self.n)
-        rows = np.zeros((self.n, len(self.covariance)))
-        for name, factor in (("coulomb", np.ones(self.n)), ("viscous", speed), ("root", np.sqrt(speed))):
-            rows[joints, self._place(name).start + joints] = factor
-        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance, rows)))
+        speed, at = self.middle_speed_rad_s, slice(self._place(COULOMB).start, self._place(ROOT).stop)
+        slope = np.hstack([np.eye(self.n), np.diag(speed), np.diag(np.sqrt(speed))])
+        return np.asarray(np.sqrt(np.diag(slope @ self.covariance[at, at] @ slope.T)))
 
     def friction_change_nm(self, run: CalibratedRun) -> FloatArray:
         """(n,) difference of a run's friction at the middle speed from that of all runs, N m.
@@ -285,8 +281,9 @@ class ArmCalibration:
         return Chain(chain.placement, chain.axis, chain.flange, size * gravity / np.sqrt(np.sum(gravity**2)))
 
     @cached_property
-    def _gaussian(self) -> tuple[tuple[Term, ...], Known]:
-        """The terms for torque computed with these gains on a level arm, and the Gaussian over all of them."""
+    def known_arm(self) -> KnownArm:
+        """The empty arm for an identification: for torque computed with these gains, on a level arm."""
+        from armload_identification.estimation.empty_arm.known_arm import KnownArm
         from armload_identification.estimation.problem import EMPTY, Known
 
         body = self.body
@@ -308,8 +305,18 @@ class ArmCalibration:
         whitened = (axes / np.sqrt(np.maximum(power, _LEAST_POWER * power[-1]))) / size[:, None]
         precision = _FIRMLY**2 * whitened @ whitened.T
         mean = np.concatenate([values[name] for name in ARM_TERMS])
-        known = Known(tuple((name, EMPTY) for name in ARM_TERMS), precision, precision @ mean)
-        return tuple(known_arm_terms(values, "the calibration", np.inf)), known
+        return KnownArm(
+            self.effort,
+            body,
+            self._joint_rms(self.level_nm),
+            drift=self.drift,
+            friction_spread=self.friction_spread,
+            noise_nm=self._joint_rms(self.noise_nm),
+            correlation_s=self.correlation_s,
+            terms=tuple(known_arm_terms(values, "the calibration", np.inf)),
+            known=Known(tuple((name, EMPTY) for name in ARM_TERMS), precision, precision @ mean),
+            errors=self.independent_errors * turn,
+        )
 
     @property
     def session_drift(self) -> float | None:
@@ -328,25 +335,6 @@ class ArmCalibration:
             for runs in days.values()
         ]
         return float(np.std(factors, ddof=1))
-
-    @cached_property
-    def known_arm(self) -> KnownArm:
-        """The empty arm for an identification."""
-        from armload_identification.estimation.empty_arm.known_arm import KnownArm
-
-        terms, known = self._gaussian
-        return KnownArm(
-            self.effort,
-            self.body,
-            self._joint_rms(self.level_nm),
-            drift=self.drift,
-            friction_spread=self.friction_spread,
-            noise_nm=self._joint_rms(self.noise_nm),
-            correlation_s=self.correlation_s,
-            terms=terms,
-            known=known,
-            errors=self.independent_errors * np.where(np.arange(len(self.covariance)) < self.n, -1.0, 1.0),
-        )
 
     def _joint_rms(self, axis_nm: FloatArray) -> FloatArray:
         """(n,) RMS joint torque from that of axes with nominal gains, which are taken as uncorrelated."""

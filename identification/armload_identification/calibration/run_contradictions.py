@@ -29,6 +29,7 @@ from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import EMPTY, Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.model.chain import Chain
+from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import PARAMETERS
 
 _ZERO: Final = 1e-12
@@ -150,12 +151,6 @@ class _Carried:
     theta: FloatArray
     covariance: FloatArray
 
-    def center_m(self) -> tuple[FloatArray, FloatArray]:
-        """(3,) centre of mass and (3, 3) its covariance; the mass must not be 0."""
-        center = self.theta[1:4] / self.theta[0]
-        slope = np.column_stack([-center, np.eye(3)]) / self.theta[0]
-        return center, slope @ self.covariance[:4, :4] @ slope.T
-
 
 def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhere: _Carried | None) -> str:
     """The run's payload, compared with the stated one and with that of other runs of its mounting."""
@@ -173,9 +168,10 @@ def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhe
         return f"it carries {found_kg:.3f} kg, not {said}"
     elsewhere_kg = float(elsewhere.theta[0])
     if abs(found_kg - elsewhere_kg) < Contradiction.same_mass * elsewhere_kg:
-        (here_m, of_here), (there_m, of_there) = found.center_m(), elsewhere.center_m()
-        apart = here_m - there_m
-        if apart @ np.linalg.solve(of_here + of_there, apart) > Calibrating.disagrees**2:
+        (here, of_here), (there, of_there) = (derived(InertialParameters(one.theta)) for one in (found, elsewhere))
+        both = of_here @ found.covariance @ of_here.T + of_there @ elsewhere.covariance @ of_there.T
+        apart = (here - there)[1:4]
+        if apart @ np.linalg.solve(both[1:4, 1:4], apart) > Calibrating.disagrees**2:
             return (
                 "its payload is mounted differently, with the centre of mass "
                 f"{1e3 * float(np.sqrt(apart @ apart)):.0f} mm from where it is in the other runs of "

@@ -205,7 +205,7 @@ class _RunFit:
         found, weight = self._found, self._found.row_weight()[0]
         unweighted = np.divide(self._rows.weight, weight, out=np.zeros_like(weight), where=weight > 0.0)
         changes = self._errors[:, found.problem.free]
-        left = [np.sum((rows.rows @ changes[:, rows.place].T) ** 2, axis=1) for rows in found.weighted_rows()]
+        left = [np.sum((rows.rows @ changes[:, rows.place].T) ** 2, axis=1) for rows in found.weighted_rows[0]]
         return np.asarray(np.sqrt(np.mean(np.transpose(left) * unweighted**2, axis=0)))
 
     def _course(self) -> FrictionOverTime | None:

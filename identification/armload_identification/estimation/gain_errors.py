@@ -59,7 +59,6 @@ class _Trial:
     """A solution with some gains unknown, and (n,) what the rows say of each without its own prior."""
 
     unknown: tuple[int, ...]
-    covariance: FloatArray
     posterior: Posterior
     value: FloatArray
     deviation: FloatArray
@@ -83,10 +82,9 @@ def fit_gains(problem: PayloadProblem, gains: Gains, prior: Prior | None) -> tup
             wide[axis], wide[:, axis] = 0.0, 0.0
             wide[axis, axis] = GainTest.unknown**2
         found = solve(problem.with_gains(wide).knowing(prior), rough=True, start=before)
-        return _Trial(tuple(unknown), wide, found, *_by_others(found, np.diag(wide), gains.common_deviation))
+        return _Trial(tuple(unknown), found, *_by_others(found, np.diag(wide), gains.common_deviation))
 
     assumed = np.sqrt(np.diag(gains.own_covariance))
-    covariance = gains.covariance
     start = best = solved(())
     named_from = _named_from(start.deviation, assumed)
     noticeable = named_from + GainTest.nine_of_ten * start.deviation
@@ -111,7 +109,7 @@ def fit_gains(problem: PayloadProblem, gains: Gains, prior: Prior | None) -> tup
             log_gain=-best.posterior.value(GAIN),
             half_width_95=student_half_width(freedom) * np.sqrt(variance),
             contradicted=_unknown(best),
-            possible=np.isin(np.arange(len(covariance)), [trial.unknown[0] for trial in right]),
+            possible=np.isin(np.arange(assumed.size), [trial.unknown[0] for trial in right]),
             disagree=bool(wrong) and len(right) != 1,
             assumed_deviation=assumed,
             noticeable=noticeable,

@@ -38,41 +38,28 @@ _TIMES: Final = 40
 _RIDGE: Final = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class PeriodDeviation:
-    """A run minus its own average period: what differs between its periods.
+def period_deviation(run: Run) -> tuple[Motion, FloatArray, float]:
+    """A run of several whole periods minus its own average period: what differs between its periods.
 
-    Attributes:
-        motion: The run over time; its torque is that minus the average of its phase, valid within the whole periods.
-        since_s: (K,) phase since the start of the first period, over all periods.
-        period_s: Phase of one period.
-        periods: Number of whole periods.
+    Returns:
+        The run over time, its torque that minus the average of its phase, valid within the whole periods; (K,) phase
+        since the start of the first period, over all periods; and the phase of one period.
+
+    Raises:
+        RecordingError: as of its motion.
     """
-
-    motion: Motion
-    since_s: FloatArray
-    period_s: float
-    periods: int
-
-    @classmethod
-    def of(cls, run: Run) -> PeriodDeviation:
-        """The deviation of a run of several whole periods.
-
-        Raises:
-            RecordingError: as of its motion.
-        """
-        average, over_time, moving = run.motion, run.over_time, run.moving_part.recording
-        phase, trajectory = periodic_phase(run.recording)
-        at_s = np.interp(over_time.time_s + over_time.began_s, moving.time_s, phase)
-        samples = len(average.time_s)
-        place = at_s / trajectory.period_s * samples % samples
-        usual = np.column_stack(
-            [np.interp(place, np.arange(samples + 1), np.append(column, column[0])) for column in average.raw_nm.T]
-        )
-        since_s, periods = at_s - phase[0], average.periods
-        inside = (since_s >= SETTLING_S) & (since_s < periods * trajectory.period_s)
-        motion = replace(over_time, raw_nm=over_time.raw_nm - usual, valid=over_time.valid & inside)
-        return cls(motion, since_s, trajectory.period_s, periods)
+    average, over_time, moving = run.motion, run.over_time, run.moving_part.recording
+    phase, trajectory = periodic_phase(run.recording)
+    at_s = np.interp(over_time.time_s + over_time.began_s, moving.time_s, phase)
+    samples = len(average.time_s)
+    place = at_s / trajectory.period_s * samples % samples
+    usual = np.column_stack(
+        [np.interp(place, np.arange(samples + 1), np.append(column, column[0])) for column in average.raw_nm.T]
+    )
+    since_s = at_s - phase[0]
+    inside = (since_s >= SETTLING_S) & (since_s < average.periods * trajectory.period_s)
+    motion = replace(over_time, raw_nm=over_time.raw_nm - usual, valid=over_time.valid & inside)
+    return motion, since_s, trajectory.period_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,12 +122,12 @@ def change_between_periods(whole: Run, arm: PayloadProblem, edge_s: float) -> Pa
     Returns:
         The change; None if the run is too short.
     """
-    run, coupling = PeriodDeviation.of(whole), arm.problem.coupling
-    signals = RunSignals.of_motion(run.motion, coupling)
+    (motion, since_s, period_s), coupling = period_deviation(whole), arm.problem.coupling
+    signals = RunSignals.of_motion(motion, coupling)
     rows = arm.layout.rows(signals, loaded=True)
-    elapsed_s = np.interp(rows.time_s, run.motion.time_s, run.since_s)
-    phase_s = elapsed_s % run.period_s
-    starts_s = run.period_s * np.arange(run.periods)[:, None]
+    elapsed_s = np.interp(rows.time_s, motion.time_s, since_s)
+    phase_s = elapsed_s % period_s
+    starts_s = period_s * np.arange(whole.motion.periods)[:, None]
     any_size = np.full(3 * rows.n, 1.0 / _RIDGE)
     slow = Term(FRICTION_CHANGE, Scope.RUN, Joint(_slow_change), 0.0 * any_size, any_size, "nothing is known of it")
     found = solve(Problem([slow], [Group((RunRows(rows),))], Noise.unknown(effort_level([rows])), coupling), rough=True)

@@ -266,7 +266,7 @@ class PayloadEstimate:
         problem = self.posterior.problem
         place = np.searchsorted(np.flatnonzero(problem.free), np.arange(problem.size)[self._place])
         found = np.zeros((problem.noise.start_nm.size, errors.shape[1]))
-        for rows in self.posterior.weighted_rows(0):
+        for rows in self.posterior.weighted_rows[0]:
             if rows.combination > 0:
                 continue  # the mean of two runs, in which the links take up the payload
             at = np.searchsorted(place, rows.place)

@@ -141,7 +141,7 @@ class Posterior:
         for index, (state, part) in enumerate(zip(self.groups, self.eliminated, strict=True)):
             whole = np.vstack([shared, -part.follow @ shared])
             weight, at = self.row_weight(index), row_places(state.group.time_s)
-            for rows in self.weighted_rows(index):
+            for rows in self.weighted_rows[index]:
                 answer = np.zeros((at[-1] + 1, len(of_free)))
                 answer[at] = rows.rows @ whole[rows.place] * weight[rows.combination, :, rows.axis, None]
                 number = state.group.first_noise + rows.combination
@@ -184,7 +184,7 @@ class Posterior:
         series = weight.shape[0] * weight.shape[2]
         basis = np.zeros((at[-1] + 1, series, root.shape[1]))
         residual, weights = np.zeros((2, *basis.shape[:2]))
-        for rows in self.weighted_rows(index):
+        for rows in self.weighted_rows[index]:
             one = rows.combination * weight.shape[2] + rows.axis
             basis[at, one] = rows.rows @ root[rows.place]
             residual[at, one] = rows.target
@@ -268,7 +268,7 @@ class Posterior:
     def _with_torque(self, torque_nm: FloatArray, group: int) -> Iterator[tuple[WeightedRows, FloatArray]]:
         """Weighted rows of a group, and in each (k, N) weighted torque added to the first run, of (k, N, n)."""
         weight, mix = self.row_weight(group), self.groups[group].group.mix[:, 0]
-        for rows in self.weighted_rows(group):
+        for rows in self.weighted_rows[group]:
             yield rows, mix[rows.combination] * torque_nm[:, :, rows.axis] * weight[rows.combination, :, rows.axis]
 
     def row_weight(self, group: int = 0) -> FloatArray:
@@ -279,16 +279,9 @@ class Posterior:
         """
         return self.groups[group].row_weights(self.noise_nm, self.correlation, robust=self.problem.noise.robust)
 
-    def weighted_rows(self, group: int = 0) -> list[WeightedRows]:
-        """Weighted rows of a group; their unknowns are those that are not known exactly.
-
-        Args:
-            group: Its index.
-        """
-        return self._weighted_rows[group]
-
     @cached_property
-    def _weighted_rows(self) -> list[list[WeightedRows]]:
+    def weighted_rows(self) -> list[list[WeightedRows]]:
+        """Weighted rows of every group; their unknowns are those that are not known exactly."""
         return [state.weighted_rows(self.row_weight(index)) for index, state in enumerate(self.groups)]
 
     def deviates(self, group: int) -> FloatArray:
@@ -328,11 +321,11 @@ class Posterior:
             own, precision = self.problem.own(index), self._own_precision(index)
             whole = np.diag(np.concatenate([np.zeros(shared), precision]))
             pull = np.concatenate([np.zeros(shared), precision * (mean - self.x)[own][self.problem.free[own]]])
-            for rows in self.weighted_rows(index):
+            for rows in self.weighted_rows[index]:
                 if rows.axis != axis:
                     pull[rows.place] += rows.rows.T @ rows.target
                     whole[np.ix_(rows.place, rows.place)] += rows.rows.T @ rows.rows
-            part = eliminate(whole, pull, shared, ())
+            part = eliminate(whole, pull, shared, {})
             information, gradient = information + part.information, gradient + part.gradient
         covariance = solved(information, np.eye(shared))
         values = self.x[: self.problem.shared_size].copy()

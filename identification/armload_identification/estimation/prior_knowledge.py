@@ -132,26 +132,21 @@ class KnownPayload:
         A centre of mass c is known by m c - s = 0, linear in theta; the model's inertia about its centre of
         mass is taken at the model's centre of mass.
         """
-        rows: list[FloatArray] = []
-        target: list[float] = []
+        size_kg, rows, target = self.reference_mass_kg or 1.0, [np.zeros((0, 10))], [np.zeros(0)]
         if self.mass_kg is not None and not isinstance(self.mass_kg, tuple):
-            rows.append(np.eye(10)[0] / (EXACT * self.mass_kg))
-            target.append(1.0 / EXACT)
+            rows.append(np.eye(1, 10) / (EXACT * self.mass_kg))
+            target.append(np.array([1.0 / EXACT]))
         for axis, coordinate in enumerate(() if self.center_of_mass_m is None else self.center_of_mass_m):
             if np.ndim(coordinate) == 0:
-                row = np.zeros(10)
-                row[0], row[1 + axis] = -float(coordinate), 1.0
-                rows.append(row / (EXACT * (self.reference_mass_kg or 1.0)))
-                target.append(0.0)
+                rows.append((np.eye(1, 10, 1 + axis) - float(coordinate) * np.eye(1, 10)) / (EXACT * size_kg))
+                target.append(np.zeros(1))
         if self.symmetric:
-            from_symmetry = _symmetry_rows(self.reference_mass_kg or 1.0)
-            rows.extend(from_symmetry)
-            target.extend(0.0 for _ in from_symmetry)
+            rows.append(_symmetry_rows(size_kg))
+            target.append(np.zeros(len(rows[-1])))
         if self.cad is not None:
-            from_model = _model_rows(self.cad, self.confidence)
-            rows.extend(from_model)
-            target.extend(float(row @ self.cad.theta) for row in from_model)
-        return Prior(np.array(rows).reshape(-1, 10), np.array(target))
+            rows.append(_model_rows(self.cad, self.confidence))
+            target.append(rows[-1] @ self.cad.theta)
+        return Prior(np.vstack(rows), np.concatenate(target))
 
 
 def _require_known(name: str, unit: str, value: float | tuple[float, float]) -> None:

@@ -195,9 +195,9 @@ class _Solver:
         """Count the independent rows of every combination and axis that the unknowns absorb."""
         self._absorbed = np.zeros_like(self._noise)
         for state, part, covariance in zip(self._groups, eliminated, self._covariances, strict=True):
-            for axis in part.axes:
-                share = float(np.sum(axis.information * covariance[np.ix_(axis.place, axis.place)]))
-                self._absorbed[state.group.first_noise + axis.combination, axis.axis] += share
+            for (combination, axis), (place, information) in part.axes.items():
+                share = float(np.sum(information * covariance[np.ix_(place, place)]))
+                self._absorbed[state.group.first_noise + combination, axis] += share
 
     def _weigh_axis(
         self, combination: int, axis: int, parts: Sequence[tuple[GroupState, FloatArray, FloatArray]]

@@ -6,7 +6,7 @@ and by Huber's weight; samples close to a blow have none. The unknowns that only
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
@@ -55,6 +55,8 @@ class TorqueAt:
     motors: list[tuple[slice, FloatArray]]
 
 
+AxisInformation = Mapping[tuple[int, int], tuple[NDArray[np.intp], FloatArray]]
+"""By combination and axis: (k,) indices of the unknowns of its rows, and their (k, k) information."""
 AxisColumns = tuple[FloatArray, NDArray[np.intp]]
 """(N, k) derivatives of an axis's torque, and (k,) indices of their unknowns."""
 
@@ -79,7 +81,7 @@ class Eliminated:
     own_step: FloatArray
     own_gradient: FloatArray
     own_covariance: FloatArray
-    axes: Sequence[AxisInformation]
+    axes: AxisInformation
 
     def covariance(self, bread: FloatArray) -> FloatArray:
         """(s + o, s + o) covariance of shared and own unknowns.
@@ -123,20 +125,6 @@ class WeightedRows:
     rows: FloatArray
     target: FloatArray
     place: NDArray[np.intp]
-
-
-@dataclass(frozen=True, eq=False)
-class AxisInformation:
-    """Information of the rows of an axis; attributes as of `WeightedRows`.
-
-    Attributes:
-        information: (k, k).
-    """
-
-    combination: int
-    axis: int
-    place: NDArray[np.intp]
-    information: FloatArray
 
 
 @dataclass(eq=False)
@@ -223,11 +211,11 @@ class GroupState:
         shared = self.shared.size
         whole = shared + self.own.size
         information, gradient = np.zeros((whole, whole)), np.zeros(whole)
-        axes = []
+        axes = {}
         for axis in self.weighted_rows(weight):
-            of_axis = AxisInformation(axis.combination, axis.axis, axis.place, axis.rows.T @ axis.rows)
-            axes.append(of_axis)
-            information[np.ix_(axis.place, axis.place)] += of_axis.information
+            of_axis = axis.rows.T @ axis.rows
+            axes[axis.combination, axis.axis] = axis.place, of_axis
+            information[np.ix_(axis.place, axis.place)] += of_axis
             gradient[axis.place] += axis.rows.T @ axis.target
         at = np.arange(shared, whole)
         information[at, at] += precision
@@ -257,7 +245,7 @@ def torque_at(rows: ArmRows, terms: Placed, x: FloatArray, coupling: FloatArray)
         if isinstance(term.law, Load):
             level, change = of_load = term.law.columns(rows)
             change_nm = np.moveaxis(change @ x[place], 0, 2)
-            tau += level @ x[place] + change_nm @ moved
+            tau += level @ x[place] + moved[0] * change_nm[:, :, 0] + change_nm[:, :, 1:] @ moved[1:]
             moved_nm += change_nm
             loads.append((place, of_load))
     friction, factor = np.zeros(shape), np.ones(shape)
@@ -285,7 +273,10 @@ def torque_at(rows: ArmRows, terms: Placed, x: FloatArray, coupling: FloatArray)
 
 def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> list[AxisColumns]:
     """Derivatives of every axis's torque by the values of the terms that act on the run."""
-    whole = [(level + np.tensordot(at.moved, change, 1), place) for place, (level, change) in at.loads]
+    whole = [
+        (sum((by * part for by, part in zip(at.moved, change, strict=True)), level), place)
+        for place, (level, change) in at.loads
+    ]
     for law, of_law in _MOVED.items():
         whole += [(at.moved_nm[:, :, of_law], place) for _, place in _acting(terms, law)]
     n = at.predicted_nm.shape[1]
@@ -342,9 +333,7 @@ def huber_weight(relative: FloatArray) -> FloatArray:
     return np.asarray(1.0 / np.sqrt(np.maximum(np.abs(relative) / Solver.huber, 1.0)))
 
 
-def eliminate(
-    information: FloatArray, gradient: FloatArray, shared: int, axes: Sequence[AxisInformation]
-) -> Eliminated:
+def eliminate(information: FloatArray, gradient: FloatArray, shared: int, axes: AxisInformation) -> Eliminated:
     """Schur complement: the shared unknowns with the group's own eliminated."""
     own = len(gradient) - shared
     right = np.column_stack([information[shared:, :shared], gradient[shared:], np.eye(own)])

@@ -382,7 +382,7 @@ def test_what_errors_of_the_calibration_leave_is_their_torque_less_what_the_unkn
     found = SimpleNamespace(
         problem=SimpleNamespace(free=np.array([True, False, True])),
         row_weight=lambda: np.array([[[2.0], [2.0], [0.0]]]),
-        weighted_rows=lambda: [weighted],
+        weighted_rows=[[weighted]],
     )
     rows = SimpleNamespace(weight=np.array([[1.0], [0.5], [1.0]]))
     left = _RunFit._left_nm(SimpleNamespace(_found=found, _rows=rows, _errors=np.array([[1.0, 99.0, -1.0]])))

@@ -140,7 +140,7 @@ def test_without_an_axis_it_does_not_matter_how_far_the_fit_had_settled(regresso
     monkeypatch.setattr(Solver, "steps", 2)
     quiet = torque * np.where(np.arange(6) == 2, 1.0, 1e-3) + 0.02 * (regressor @ pinocchio_arm.payload.theta) ** 2
     found = payload_of(regressor * np.where(np.arange(6) == 2, 1.0, 1e-3)[:, None], quiet)
-    parts = [rows for rows in found.posterior.weighted_rows(0) if rows.axis != 2]
+    parts = [rows for rows in found.posterior.weighted_rows[0] if rows.axis != 2]
     rows, target = np.vstack([part.rows for part in parts]), np.concatenate([part.target for part in parts])
     again = found.theta + np.linalg.lstsq(rows, target)[0]
     assert np.abs(again - found.theta).max() > 0.1

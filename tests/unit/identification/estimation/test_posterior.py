@@ -59,7 +59,7 @@ class Dense:
         columns, target = [], []
         for group in (0, 1):
             places = np.concatenate([np.arange(self.shared.size), np.searchsorted(self.at, owns[group])])
-            for rows in found.weighted_rows(group):
+            for rows in found.weighted_rows[group]:
                 if rows.axis == without_axis or group == without_group:
                     continue
                 block = np.zeros((len(rows.target), self.at.size))
@@ -132,8 +132,8 @@ def test_added_torque_moves_all_unknowns(found, dense, group):
     rows = found.problem.groups[group].runs[0].rows
     added = np.random.default_rng(2).normal(size=(2, *rows.effort_nm.shape))
     weight = found.row_weight(group)[0]
-    parts = [(added[:, :, each.axis] * weight[:, each.axis]).T for each in found.weighted_rows(group)]
-    other = [np.zeros((len(each.target), 2)) for each in found.weighted_rows(1 - group)]
+    parts = [(added[:, :, each.axis] * weight[:, each.axis]).T for each in found.weighted_rows[group]]
+    other = [np.zeros((len(each.target), 2)) for each in found.weighted_rows[1 - group]]
     stacked = np.vstack([*parts, *other] if group == 0 else [*other, *parts])
     moved = dense.solve(dense.rows.T @ stacked)
     deviation = np.sqrt(np.diag(dense.covariance))[:, None]
@@ -154,7 +154,7 @@ def test_further_unknowns_are_estimated_beside_all_others(found, dense, groups):
         rows = found.problem.groups[group].runs[0].rows
         added = rng.normal(size=(2, *rows.effort_nm.shape)) * (group in groups)
         weight = found.row_weight(group)[0]
-        further += [(added[:, :, each.axis] * weight[:, each.axis]).T for each in found.weighted_rows(group)]
+        further += [(added[:, :, each.axis] * weight[:, each.axis]).T for each in found.weighted_rows[group]]
         if group in groups:
             torque.append(added)
     columns = np.vstack(further)

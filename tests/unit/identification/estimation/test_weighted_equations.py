@@ -20,7 +20,7 @@ def test_what_is_known_well_keeps_its_variance_however_little_is_known_of_the_re
     of_own[:12] *= 1e-4
     shared = np.vstack([rows, np.zeros((28, 12))])
     whole = np.hstack([shared, of_own])
-    part = eliminate(whole.T @ whole, np.zeros(12 + own), 12, ())
+    part = eliminate(whole.T @ whole, np.zeros(12 + own), 12, {})
     root = part.covariance_root(part.information)
     known_best = np.concatenate([axes[:, 0], np.zeros(own)])
     assert np.sum((known_best @ root) ** 2) == pytest.approx(1.0, rel=1e-6)
