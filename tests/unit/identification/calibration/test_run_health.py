@@ -39,6 +39,9 @@ def test_a_run_by_itself_shows_other_gains_and_friction_beside_an_unknown_payloa
     assert change[3] == pytest.approx(more, rel=0.15)
     assert (np.abs(np.delete(change, 3)) < 5.0 * np.delete(after.friction.noise, 3)).all()
     assert (before.residual.value < np.log(2.5)).all()
+    for one in (before.gain, before.friction, before.residual):
+        assert (0.02 * one.noise < one.doubt).all()
+        assert (one.doubt < 20.0 * one.noise).all()
     # Stated as empty, its payload remains in the residual.
     assert health(found, mounting="").residual.value.max() > np.log(3.0)
     assert health(found, mounting="").carried == "nothing"

@@ -48,7 +48,7 @@ def test_the_slope_of_a_joint_that_warms_is_found_and_no_other():
 def test_each_session_has_its_own_level_after_two_hours_of_rest():
     first, began = session(10.0)
     second, _ = session(14.0)
-    for rest_s, sessions in ((7300.0, {0, 1}), (7100.0, {0})):
+    for rest_s, sessions in ((7210.0, {0, 1}), (7190.0, {0})):
         start = began[-1] + timedelta(seconds=60.0 + rest_s)
         later = [start + (moment - BEGAN) for moment in began]
         found = warm_up(first + second, began + later)
