@@ -190,11 +190,12 @@ def test_residuals_beyond_the_least_noise_count_as_far_as_chance_does_not_explai
         both = (payload_of(regressor, truth + 4.0 * noise, of).spread(np.eye(10)) for of in (least, free))
         for found, expected in zip(*both, strict=True):
             np.testing.assert_allclose(found, expected, rtol=1e-9)
-        for size in (0.7, 1.1):
+        for size in (0.7, 1.0, 1.1):
             made = [payload_of(regressor, truth + size * noise, of) for of in (least, free)]
             stated, alone = (found.spread(np.eye(10))[0] for found in made)
             assert (stated >= sampled * (1.0 - 1e-9)).all()
             assert (stated <= 1.1 * np.maximum(sampled, alone)).all()
             above.append((size, np.median(stated / sampled)))
     assert np.mean([share for size, share in above if size == 0.7]) == pytest.approx(1.0, abs=0.02)
+    assert np.median([share for size, share in above if size == 1.0]) < 1.05
     assert 1.02 < np.mean([share for size, share in above if size == 1.1]) < 1.6
