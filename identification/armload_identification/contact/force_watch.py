@@ -9,6 +9,7 @@ Nothing here belongs in a control loop: a decision takes tens of milliseconds.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -150,7 +151,7 @@ class ForceWatch:
             return self._notice(rows, test, predicted)
         if (test.ratio > EVIDENT).any():
             self._evident_s = float(rows.time_s[np.flatnonzero(test.ratio > EVIDENT)[-1]])
-        return self._decide(self._base, float(rows.time_s[-1]))
+        return list(self._decide(self._base, float(rows.time_s[-1])))
 
     def suspect(self) -> list[ForceEvent]:
         """Something else says, while nothing acts, that the payload has changed: look at it as after a notice."""
@@ -206,39 +207,36 @@ class ForceWatch:
         self._looks, self._joints = list(LOOKS_S), joints
         return [ForceEvent(ForceEventKind.ACTING, noticed_s, noticed_s, joints)]
 
-    def _decide(self, base: RememberedState, now_s: float) -> list[ForceEvent]:
+    def _decide(self, base: RememberedState, now_s: float) -> Iterator[ForceEvent]:
         """Look at the event when it is time, and see whether a push is over."""
         if self.state is Force.PUSHED and self._evident_s - self._noticed_s > max(self._before_s, OUTLASTS_S):
-            return [self._begin_anew(now_s)]
-        events = []
+            yield self._begin_anew(now_s)
+            return
         if self._looks and now_s - self._noticed_s >= self._looks[0]:
             due_s = self._looks.pop(0)
             found = assess(self._rows, base, self._noise, self._maker.chain, self._noticed_s)
             self._push_end_s = found.push_s[1]
-            events += self._judge(found, base, now_s, due_s, last=not self._looks)
+            yield from self._judge(found, base, now_s, due_s, last=not self._looks)
         if self.state is Force.PUSHED and now_s - self._evident_s >= OVER_S:
             ended_s = min(self._push_end_s, self._evident_s)
-            events.append(ForceEvent(ForceEventKind.OVER, now_s, ended_s, self._joints))
             self._resume(payload=True, from_s=self._evident_s + OVER_S)
-        return events
+            yield ForceEvent(ForceEventKind.OVER, now_s, ended_s, self._joints)
 
     def _judge(
         self, found: Assessment, base: RememberedState, now_s: float, due_s: float, *, last: bool
-    ) -> list[ForceEvent]:
+    ) -> Iterator[ForceEvent]:
         """Decide, if it can be decided."""
         sure = due_s >= PAYLOAD_FROM_S and found.odds > SURE
         likely = sure or (last and self.state is Force.ACTING and found.odds > 0.0)
         if likely and found.evidence > EVIDENCE:
-            event = ForceEvent(ForceEventKind.PAYLOAD, now_s, found.payload_since_s, self._joints, found)
             self._resume(payload=False, from_s=found.payload_since_s + SETTLED_S)
-            return [event]
-        if last and self.state is Force.ACTING and found.push_evidence < EVIDENCE:
+            yield ForceEvent(ForceEventKind.PAYLOAD, now_s, found.payload_since_s, self._joints, found)
+        elif last and self.state is Force.ACTING and found.push_evidence < EVIDENCE:
             self._resume(payload=True, from_s=base.time_s)
-            return [ForceEvent(ForceEventKind.NOTHING, now_s, self._noticed_s, self._joints)]
-        if self.state is Force.ACTING and (found.odds < -PUSH_SURE or last):
+            yield ForceEvent(ForceEventKind.NOTHING, now_s, self._noticed_s, self._joints)
+        elif self.state is Force.ACTING and (found.odds < -PUSH_SURE or last):
             self.state = Force.PUSHED
-            return [ForceEvent(ForceEventKind.PUSH, now_s, found.push_s[0], self._joints, found)]
-        return []
+            yield ForceEvent(ForceEventKind.PUSH, now_s, found.push_s[0], self._joints, found)
 
     def _begin_anew(self, now_s: float) -> ForceEvent:
         """What lasts longer than all before it is the rule: something acted before it, and what was learnt is wrong."""

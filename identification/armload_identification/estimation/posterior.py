@@ -282,7 +282,7 @@ class Posterior:
     @cached_property
     def weighted_rows(self) -> list[list[WeightedRows]]:
         """Weighted rows of every group; their unknowns are those that are not known exactly."""
-        return [state.weighted_rows(self.row_weight(index)) for index, state in enumerate(self.groups)]
+        return [list(state.weighted_rows(self.row_weight(index))) for index, state in enumerate(self.groups)]
 
     def deviates(self, group: int) -> FloatArray:
         """(n,) RMS residual of a group relative to the noise of all.

@@ -6,7 +6,7 @@ and by Huber's weight; samples close to a blow have none. The unknowns that only
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
@@ -189,12 +189,11 @@ class GroupState:
             weight = weight * huber_weight(self.weighted_nm / noise)
         return np.asarray(np.where(self.struck[:, None], 0.0, weight))
 
-    def weighted_rows(self, weight: FloatArray) -> list[WeightedRows]:
+    def weighted_rows(self, weight: FloatArray) -> Iterator[WeightedRows]:
         """Rows of every axis and combination with (g, N, n) weights."""
         free = np.concatenate([self.shared, self.own])
         runs = zip(self.torque, self.acting, strict=True)
         found = [torque_derivatives(torque, placed, self.coupling) for torque, placed in runs]
-        weighted = []
         for axis in range(weight.shape[2]):
             columns, place = joined_columns([run[axis] for run in found])
             kept = np.isin(place, free)
@@ -203,8 +202,7 @@ class GroupState:
                 of_rows = weight[combination, :, axis]
                 target = self.residual_nm[combination, :, axis] * of_rows
                 at = np.searchsorted(free, place[kept])
-                weighted.append(WeightedRows(combination, axis, rows * of_rows[:, None], target, at))
-        return weighted
+                yield WeightedRows(combination, axis, rows * of_rows[:, None], target, at)
 
     def eliminated(self, weight: FloatArray, precision: FloatArray, pull: FloatArray) -> Eliminated:
         """Its normal equations with (g, N, n) weights, and (o,) precision and gradient of its own unknowns' priors."""

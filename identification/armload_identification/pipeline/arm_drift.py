@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -121,12 +121,12 @@ def arm_drift(calibration: ArmCalibration, runs: Sequence[RunHealth]) -> ArmDrif
         parts = zip(value.T, noise.T, doubt.T, spread.tolist(), strict=True)
         charts[quantity] = tuple(control_chart(*part, len(usual) * n) for part in parts)
     drift = ArmDrift(tuple(runs), dated, calibration.friction_nm, charts, warming, ())
-    return replace(drift, findings=tuple(_findings(drift)))
+    findings = sorted(_findings(drift), key=lambda one: (one.alone, one.run, one.joint))
+    return replace(drift, findings=tuple(findings))
 
 
-def _findings(drift: ArmDrift) -> list[DriftFinding]:
-    """Changes, then outlying runs, in their order."""
-    found = []
+def _findings(drift: ArmDrift) -> Iterator[DriftFinding]:
+    """Changes and outlying runs, chart by chart."""
     for quantity, charts in drift.charts.items():
         for joint, chart in enumerate(charts):
             for change in chart.changes:
@@ -135,14 +135,13 @@ def _findings(drift: ArmDrift) -> list[DriftFinding]:
                 if change.index == 0 or not np.isfinite(chart.values[: change.index]).any():
                     where = "in all runs than in the calibration"
                 text = f"joint {joint + 1}: {said} {where}"
-                found.append(DriftFinding(joint, quantity, change.index, False, change.before, change.after, text))
+                yield DriftFinding(joint, quantity, change.index, False, change.before, change.after, text)
             for run in np.flatnonzero(chart.alone):
                 level = float(chart.level[run]) if np.isfinite(chart.level[run]) else 0.0
                 off = float(chart.values[run])
                 said = _said(drift, quantity, joint, off - level)
                 text = f"joint {joint + 1}: {said} than in the neighbouring runs, in {drift.when(int(run))} alone"
-                found.append(DriftFinding(joint, quantity, int(run), True, level, off, text))
-    return sorted(found, key=lambda one: (one.alone, one.run, one.joint))
+                yield DriftFinding(joint, quantity, int(run), True, level, off, text)
 
 
 def _said(drift: ArmDrift, quantity: Monitored, joint: int, change: float) -> str:

@@ -276,7 +276,7 @@ def misfit_notes(found: Identification) -> list[str]:
     ]
 
 
-def change_notes(found: Identification, loaded: Run, unloaded: Run | None = None) -> list[str]:
+def change_notes(found: Identification, loaded: Run, unloaded: Run | None = None) -> Iterator[str]:
     """A note on each run during which the payload changed.
 
     A run that was reduced to its average period while it was read, or that was interrupted within its periods, is not
@@ -291,12 +291,10 @@ def change_notes(found: Identification, loaded: Run, unloaded: Run | None = None
     runs = {"loaded": (loaded, signal.loaded, found.plain.theta)}
     if unloaded is not None and signal.unloaded.periods > 1:
         runs["unloaded"] = unloaded, signal.unloaded, np.zeros_like(found.plain.theta)
-    notes = []
     for name, (run, motion, theta) in runs.items():
         change = change_during(run, motion, found.plain.posterior, found.plain.arm, PayloadChangeLevels.edge_s)
         if change is not None and change.statistic > PayloadChangeLevels.statistic:
-            notes.append(_on_change(name, run.recording, motion, theta, change))
-    return notes
+            yield _on_change(name, run.recording, motion, theta, change)
 
 
 def _on_change(name: str, run: Recording, motion: Motion, theta: FloatArray, found: PayloadChange) -> str:

@@ -420,7 +420,7 @@ def decided(monkeypatch):
         monkeypatch.setattr(f"{ROOM}.force_watch.assess", lambda *_: looked.append(1) or assessed(**said))
         if made.state is Force.ACTING:
             made._evident_s = 100.0 + after_s
-        events = made._decide(made._base, 100.0 + after_s)
+        events = list(made._decide(made._base, 100.0 + after_s))
         return [(event.kind.name, event.since_s) for event in events], len(looked)
 
     return decided

@@ -353,7 +353,7 @@ def noted_changes(monkeypatch, change_kg, moments_kg_m, statistic=24.1, periods=
         signal=SimpleNamespace(loaded=motions[0], unloaded=motions[1]),
         plain=SimpleNamespace(theta=theta, posterior=None, arm=None),
     )
-    return change_notes(found, run((100.0, 160.0)), run(None))
+    return list(change_notes(found, run((100.0, 160.0)), run(None)))
 
 
 def test_a_change_of_payload_is_dated_from_the_start_of_the_whole_recording(monkeypatch):
