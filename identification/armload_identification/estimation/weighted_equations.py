@@ -193,9 +193,9 @@ class GroupState:
         """Rows of every axis and combination with (g, N, n) weights."""
         free = np.concatenate([self.shared, self.own])
         runs = zip(self.torque, self.acting, strict=True)
-        found = [torque_derivatives(torque, placed, self.coupling) for torque, placed in runs]
-        for axis in range(weight.shape[2]):
-            columns, place = joined_columns([run[axis] for run in found])
+        found = (torque_derivatives(torque, placed, self.coupling) for torque, placed in runs)
+        for axis, of_runs in enumerate(zip(*found, strict=True)):
+            columns, place = joined_columns(of_runs)
             kept = np.isin(place, free)
             mixed = self.group.mixed(columns[:, :, kept])
             for combination, rows in enumerate(mixed):
@@ -269,7 +269,7 @@ def torque_at(rows: ArmRows, terms: Placed, x: FloatArray, coupling: FloatArray)
     return TorqueAt(predicted, gain, factor, moved, moved_nm, motor_rate_nm, loads, joints, motors)
 
 
-def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> list[AxisColumns]:
+def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> Iterator[AxisColumns]:
     """Derivatives of every axis's torque by the values of the terms that act on the run."""
     whole = [
         (sum((by * part for by, part in zip(at.moved, change, strict=True)), level), place)
@@ -284,7 +284,6 @@ def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> lis
     delayed = np.isin(place_through, _indices(place for _, place in _acting(terms, Shared.DELAY)))
     own = np.concatenate([np.zeros((0, *at.predicted_nm.shape)), *(columns for _, columns in at.joints)])
     starts = _indices(slice(place.start, place.start + n * len(columns), n) for place, columns in at.joints)
-    found = []
     for axis, column in enumerate(coupling.T):
         joints = np.flatnonzero(column)
         share = column[joints] * at.gain[axis]
@@ -297,8 +296,7 @@ def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> lis
         gains = [(place, at.predicted_nm) for _, place in _acting(terms, Shared.GAIN)]
         for place, columns in (*gains, *((place, at.gain[axis] * columns) for place, columns in at.motors)):
             parts.append((columns[:, axis, None], np.array([place.start + axis])))
-        found.append((np.hstack([columns for columns, _ in parts]), np.concatenate([place for _, place in parts])))
-    return found
+        yield np.hstack([columns for columns, _ in parts]), np.concatenate([place for _, place in parts])
 
 
 def _acting(terms: Placed, law: Shared) -> list[tuple[Term, slice]]:

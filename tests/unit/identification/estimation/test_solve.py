@@ -118,7 +118,7 @@ def test_derivatives_are_those_of_the_torque(rows, pinocchio_arm, name):
     x = mean + 0.1 * deviation * np.random.default_rng(1).normal(size=mean.size)
     placed = problem.acting(0)[0]
     at = torque_at(pair[0], placed, x, problem.coupling)
-    derivatives = torque_derivatives(at, placed, problem.coupling)
+    derivatives = list(torque_derivatives(at, placed, problem.coupling))
     place = problem.place(name, "tool" if name == PAYLOAD else "")
     for unknown in range(place.start, place.stop)[:3]:
         step = 1e-6 * np.maximum(deviation[unknown], 1e-3) * (np.arange(x.size) == unknown)
