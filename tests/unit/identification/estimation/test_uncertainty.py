@@ -192,7 +192,9 @@ def test_residuals_beyond_the_least_noise_count_as_far_as_chance_does_not_explai
             np.testing.assert_allclose(found, expected, rtol=1e-9)
         for size in (0.7, 1.0, 1.1):
             made = [payload_of(regressor, truth + size * noise, of) for of in (least, free)]
-            stated, alone = (found.spread(np.eye(10))[0] for found in made)
+            (stated, freedom), (alone, _) = (found.spread(np.eye(10)) for found in made)
+            least_only = stated <= sampled * (1.0 + 1e-9)
+            np.testing.assert_allclose(freedom[least_only], FREEST, rtol=1e-3)
             assert (stated >= sampled * (1.0 - 1e-9)).all()
             assert (stated <= 1.1 * np.maximum(sampled, alone)).all()
             above.append((size, np.median(stated / sampled)))
