@@ -252,10 +252,12 @@ def test_a_second_sync_producer_is_noticed(bench, period_s):
         start = servos.enable().position_rad
         other = BroadcastManager("vcan0")
         other.start(period_s, 0, 1000)
-        with pytest.raises(ForeignMaster, match="SYNC"):
-            hold(servos, start, 200)
-        other.stop()
-        servos.close()
+        try:
+            with pytest.raises(ForeignMaster, match="SYNC"):
+                hold(servos, start, 200)
+        finally:
+            other.stop()
+            servos.close()
     assert not any(bench.plant.powered)
 
 

@@ -58,7 +58,7 @@ _SHORTEST_RHYTHM = 0.85
 """If `_RHYTHM` SYNCs take less than this share of their nominal time by the kernel's stamps, another node also sends
 SYNC: BCM is never early. The times at which this process reads them are irrelevant."""
 _COUNT_EVERY = 16
-"""Cycles between two checks of the kernel's count, or of the rhythm."""
+"""Cycles between two checks of the kernel's count, or of the rhythm, if no further SYNC is heard that no cycle used."""
 _COUNTED = re.compile(r"tx_op: 080 .*# sent (\d+)")
 """The kernel's report on a BCM task for SYNC, in /proc/net/can-bcm."""
 _OLDEST_PERIODS = CREDIT + 1
@@ -166,7 +166,7 @@ class BcmSync(SyncSource):
         self._used_s: float | None = None
         self._last_s: float | None = None
         self._rhythm: deque[float] = deque(maxlen=_RHYTHM)
-        self._heard = self._cycles = 0
+        self._heard = self._cycles = self._unused = 0
         self._came_in = self._reported = self._waiting = False
         self._on_sync: Callable[[], None] = _nothing
 
@@ -231,7 +231,10 @@ class BcmSync(SyncSource):
         """How another SYNC producer was detected, as text; empty if there is none."""
         if self._came_in:
             return "a SYNC was received from the bus"
-        if self._cycles % _COUNT_EVERY == 0:
+        unused = self._heard - self._cycles
+        more, self._unused = unused > self._unused, unused
+        # At once, as the drives answer every SYNC and would soon be taken for twins.
+        if more or self._cycles % _COUNT_EVERY == 0:
             # The received count is read first: the kernel's count can only grow in between.
             heard, sent = self._heard, self._producer.count()
             if sent is None:
