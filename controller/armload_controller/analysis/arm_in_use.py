@@ -33,31 +33,34 @@ class ArmInUse:
     Attributes:
         chain: Kinematics and gravity in the base frame; a calibration accounts for a base that is not level.
         transmission: Current-to-torque gains and coupling.
-        known: Model of the empty arm from the calibration; None without one.
         calibration: The calibration; None without one.
         calibration_sha256: File name and hash of the calibration; empty without one.
     """
 
     chain: Chain
     transmission: Transmission
-    known: KnownArm | None = None
     calibration: ArmCalibration | None = None
     calibration_sha256: dict[str, str] = field(default_factory=dict)
 
-    def calibrated(self, why: str) -> tuple[ArmCalibration, KnownArm]:
-        """The calibration and its model of the empty arm.
+    @property
+    def known(self) -> KnownArm | None:
+        """Model of the empty arm from the calibration; None without one."""
+        return None if self.calibration is None else self.calibration.known_arm
+
+    def calibrated(self, why: str) -> ArmCalibration:
+        """The calibration.
 
         Args:
-            why: What they are needed for; starts the error message.
+            why: What it is needed for; starts the error message.
 
         Raises:
             EstimationError: the arm is not calibrated.
         """
-        if self.calibration is None or self.known is None:
+        if self.calibration is None:
             raise EstimationError(
                 f"{why}: calibrate it once with `armload calibrate` and give that file as `calibration=`."
             )
-        return self.calibration, self.known
+        return self.calibration
 
 
 def arm_in_use(robot: MeasuredArm, calibration: Calibration | None = None) -> ArmInUse:
@@ -85,7 +88,6 @@ def arm_in_use(robot: MeasuredArm, calibration: Calibration | None = None) -> Ar
     return ArmInUse(
         chain=arm.level(robot.chain),
         transmission=arm.transmission(robot.transmission),
-        known=arm.known_arm,
         calibration=arm,
         calibration_sha256={name: hashlib.sha256(content).hexdigest()},
     )

@@ -161,7 +161,7 @@ class PayloadWatch:
         drift: StatedDrift = NOTHING_STATED,
     ) -> None:
         used = arm_in_use(robot, calibration)
-        found, _ = used.calibrated("identifying a payload during operation requires the arm's calibration")
+        found = used.calibrated("identifying a payload during operation requires the arm's calibration")
         session = drift.session(robot, used)
         found = found if session is None else session.corrected(found)
         self._robot, self._every_s = robot, every_s

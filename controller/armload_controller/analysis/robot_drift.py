@@ -44,7 +44,7 @@ def drift(
     """
     arm = arm_of(robot)
     used = arm_in_use(arm, calibration)
-    known, _ = used.calibrated("comparing runs requires the arm's calibration")
+    known = used.calibrated("comparing runs requires the arm's calibration")
     rows, from_table = listed_runs(several_runs(runs))
 
     def judged(run: Recording, row: TableRow) -> RunHealth:

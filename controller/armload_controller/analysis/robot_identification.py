@@ -277,14 +277,14 @@ def identify_over_time(
     require_extra(Extra.IDENTIFY, "identifying a payload")
     arm = arm_of(robot)
     used = arm_in_use(arm, calibration)
-    _, arm_alone = used.calibrated("identification in windows requires the arm's calibration")
+    found = used.calibrated("identification in windows requires the arm's calibration")
     if not every_s >= SHORTEST_WINDOW_S:
         raise EstimationError(
             f"windows of {every_s:g} s: expected {SHORTEST_WINDOW_S:g} s or more; 10 to 20 s of fast motion are "
             "recommended."
         )
     run = recording_of(arm, loaded, "loaded")
-    windows = identify_windows(run, used.chain, used.transmission, arm_alone, every_s)
+    windows = identify_windows(run, used.chain, used.transmission, found.known_arm, every_s)
     return PayloadOverTime(arm.name, windows, run.source)
 
 

@@ -155,7 +155,7 @@ def design_wiggle(
         BlockedWay: the approach from the pose to the motion is not free.
     """
     used = arm_in_use(robot, calibration)
-    found, _ = used.calibrated("predicting what a motion will determine requires the arm's calibration")
+    found = used.calibrated("predicting what a motion will determine requires the arm's calibration")
     at = _center_pose(robot, request.at_rad)
     envelope = _limits_about(robot, at, request)
     cycle_s = 1.0 / robot.bus.cycle_hz if robot.has_bus else _WITHOUT_BUS_S

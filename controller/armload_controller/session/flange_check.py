@@ -31,16 +31,16 @@ rated payload goes unnoticed on prbt; half as much: a wrong body is reported as 
 def unloaded_doubts(robot: Robot, arm: ArmInUse, rows: SlowRoundRows) -> list[str]:
     """Warnings for the operator if the flange is not empty, or the file is wrong."""
     found = rows.fitted(robot.joint_names, arm.chain, arm.transmission)
-    if found is None or (arm.known is None and robot.tables.body is None):
+    if found is None or (arm.calibration is None and robot.tables.body is None):
         return []
-    body = robot.strength.arm_body if arm.known is None else arm.known.body
+    body = robot.strength.arm_body if arm.calibration is None else arm.calibration.body
 
     def gravity(position: FloatArray, gravity_m_s2: FloatArray) -> FloatArray:
         still = np.zeros_like(position)
         chain = replace(arm.chain, gravity_m_s2=gravity_m_s2)
         return ArmDynamics(chain, body).link_torque(position, still, still)
 
-    deviation = np.hypot(arm.transmission.deviation, BODY_DEVIATION if arm.known is None else 0.0)
+    deviation = np.hypot(arm.transmission.deviation, BODY_DEVIATION if arm.calibration is None else 0.0)
     explanations = [each.text for each in found.of_empty_arm(gravity, deviation).explanations()]
     if explanations and explanations[0]:
         or_load = ["something is on the flange"] if "" in explanations else []

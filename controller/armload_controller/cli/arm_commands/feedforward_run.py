@@ -99,7 +99,7 @@ def _adapt(bench: Bench, declared: DeclaredMass, decisions: Path) -> tuple[Offse
     from armload_controller.session.session_load import SessionLoad
 
     arm, display = bench.arm, bench.operator.display
-    calibration, _ = bench.used.calibrated("--expect requires a calibrated arm")
+    calibration = bench.used.calibrated("--expect requires a calibrated arm")
     with DecisionLog(decisions, arm.name, display) as log, running_worker("estimate") as executor:
         beside = at_once if arm.bus.in_virtual_time else executor.submit
         with bench.session(SessionLoad.LOADED) as session:

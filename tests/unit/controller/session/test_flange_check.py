@@ -118,8 +118,7 @@ def test_a_payload_in_the_unloaded_run_is_reported_with_its_mass():
 
 
 def test_a_calibration_is_preferred_to_a_body(calibration, pinocchio_arm):
-    known = calibration.known_arm
-    arm = replace(ARM, chain=pinocchio_arm.chain, transmission=pinocchio_arm.transmission, known=known)
+    arm = replace(ARM, chain=pinocchio_arm.chain, transmission=pinocchio_arm.transmission, calibration=calibration)
     rows = SlowRoundRows(AVERAGED_S)
     for loaded in (False, True):
         run = pinocchio_arm.run(pinocchio_arm.trajectory(), loaded, seed=1, periods=1, rate=10.0, noise=0.3)
