@@ -202,7 +202,7 @@ class _RunFit:
 
     def _left_nm(self) -> FloatArray:
         """(n,) RMS over the rows of what the calibration's errors leave in the residual."""
-        found, weight = self._found, self._found.row_weight()[0]
+        found, weight = self._found, self._found.row_weights[0][0]
         unweighted = np.divide(self._rows.weight, weight, out=np.zeros_like(weight), where=weight > 0.0)
         changes = self._errors[:, found.problem.free]
         left = [np.sum((rows.rows @ changes[:, rows.place].T) ** 2, axis=1) for rows in found.weighted_rows[0]]

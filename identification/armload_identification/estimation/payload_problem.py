@@ -141,8 +141,9 @@ def _sampled_noise(level_nm: FloatArray, parts: Sequence[tuple[LoadSignal, RunSi
     windows = [run.row_window() for _, run in parts]
     sampled = zip(parts, windows, strict=True)
     least = [window.noise_share * np.sqrt(signal.averaged_noise_nm**2 @ coupling**2) for (signal, _), window in sampled]
-    lags = max(len(window.correlation) for window in windows)
-    faded = [np.pad(window.correlation, (0, lags - len(window.correlation))) for window in windows]
+    correlation = [window.correlation for window in windows]
+    lags = max(one.size for one in correlation)
+    faded = [np.pad(one, (0, lags - one.size)) for one in correlation]
     of_mean = 0.5 * least[0]
     return Noise.unknown(level_nm, np.array([least[0], of_mean, *least[1:]]), np.array([faded[0], *faded]))
 

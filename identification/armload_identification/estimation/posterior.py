@@ -140,7 +140,7 @@ class Posterior:
         found = np.zeros(len(of_free))
         for index, (state, part) in enumerate(zip(self.groups, self.eliminated, strict=True)):
             whole = np.vstack([shared, -part.follow @ shared])
-            weight, at = self.row_weight(index), row_places(state.group.time_s)
+            weight, at = self.row_weights[index], row_places(state.group.time_s)
             for rows in self.weighted_rows[index]:
                 answer = np.zeros((at[-1] + 1, len(of_free)))
                 answer[at] = rows.rows @ whole[rows.place] * weight[rows.combination, :, rows.axis, None]
@@ -180,7 +180,7 @@ class Posterior:
         state, part = self.groups[index], self.eliminated[index]
         root = part.covariance_root(self.information)
         at = row_places(state.group.time_s)
-        weight = self.row_weight(index)
+        weight = self.row_weights[index]
         series = weight.shape[0] * weight.shape[2]
         basis = np.zeros((at[-1] + 1, series, root.shape[1]))
         residual, weights = np.zeros((2, *basis.shape[:2]))
@@ -267,22 +267,21 @@ class Posterior:
 
     def _with_torque(self, torque_nm: FloatArray, group: int) -> Iterator[tuple[WeightedRows, FloatArray]]:
         """Weighted rows of a group, and in each (k, N) weighted torque added to the first run, of (k, N, n)."""
-        weight, mix = self.row_weight(group), self.groups[group].group.mix[:, 0]
+        weight, mix = self.row_weights[group], self.groups[group].group.mix[:, 0]
         for rows in self.weighted_rows[group]:
             yield rows, mix[rows.combination] * torque_nm[:, :, rows.axis] * weight[rows.combination, :, rows.axis]
 
-    def row_weight(self, group: int = 0) -> FloatArray:
-        """(g, N, n) weight of every row of a group: root of its inverse variance.
-
-        Args:
-            group: Its index.
-        """
-        return self.groups[group].row_weights(self.noise_nm, self.correlation, robust=self.problem.noise.robust)
+    @cached_property
+    def row_weights(self) -> list[FloatArray]:
+        """(g, N, n) weight of every row of every group: root of its inverse variance."""
+        robust = self.problem.noise.robust
+        return [state.row_weights(self.noise_nm, self.correlation, robust=robust) for state in self.groups]
 
     @cached_property
     def weighted_rows(self) -> list[list[WeightedRows]]:
         """Weighted rows of every group; their unknowns are those that are not known exactly."""
-        return [list(state.weighted_rows(self.row_weight(index))) for index, state in enumerate(self.groups)]
+        both = zip(self.groups, self.row_weights, strict=True)
+        return [list(state.weighted_rows(weight)) for state, weight in both]
 
     def deviates(self, group: int) -> FloatArray:
         """(n,) RMS residual of a group relative to the noise of all.

@@ -381,7 +381,7 @@ def test_what_errors_of_the_calibration_leave_is_their_torque_less_what_the_unkn
     weighted = SimpleNamespace(rows=np.array([[6.0, 2.0], [8.0, 2.0], [0.0, 0.0]]), place=np.array([0, 1]))
     found = SimpleNamespace(
         problem=SimpleNamespace(free=np.array([True, False, True])),
-        row_weight=lambda: np.array([[[2.0], [2.0], [0.0]]]),
+        row_weights=[np.array([[[2.0], [2.0], [0.0]]])],
         weighted_rows=[[weighted]],
     )
     rows = SimpleNamespace(weight=np.array([[1.0], [0.5], [1.0]]))

@@ -131,7 +131,7 @@ def test_combinations_of_shared_and_own_unknowns(found, dense):
 def test_added_torque_moves_all_unknowns(found, dense, group):
     rows = found.problem.groups[group].runs[0].rows
     added = np.random.default_rng(2).normal(size=(2, *rows.effort_nm.shape))
-    weight = found.row_weight(group)[0]
+    weight = found.row_weights[group][0]
     parts = [(added[:, :, each.axis] * weight[:, each.axis]).T for each in found.weighted_rows[group]]
     other = [np.zeros((len(each.target), 2)) for each in found.weighted_rows[1 - group]]
     stacked = np.vstack([*parts, *other] if group == 0 else [*other, *parts])
@@ -153,7 +153,7 @@ def test_further_unknowns_are_estimated_beside_all_others(found, dense, groups):
     for group in (0, 1):
         rows = found.problem.groups[group].runs[0].rows
         added = rng.normal(size=(2, *rows.effort_nm.shape)) * (group in groups)
-        weight = found.row_weight(group)[0]
+        weight = found.row_weights[group][0]
         further += [(added[:, :, each.axis] * weight[:, each.axis]).T for each in found.weighted_rows[group]]
         if group in groups:
             torque.append(added)
