@@ -51,12 +51,13 @@ class CsvReader(RecordingReader):
         if not read:
             raise RecordingError(f"{self._path}: the file is empty. Give a recording with rows of numbers.")
         table = TextTable.of(read)
-        read = read[table.first_row :]
-        layout = _Layout(self._path, self._options, table.header, table.with_commas(read))
+        first = table.with_commas(read[table.first_row :])
+        layout = _Layout(self._path, self._options, table.header, first)
         account.columns, account.joint_names = (layout.columns, layout.names), layout.columns.joint_names
-        for lines, at_end in chain([(read, last)], blocks):
+        others = ((table.with_commas(lines), at_end) for lines, at_end in blocks)
+        for lines, at_end in chain([(first, last)], others):
             account.rows_read += len(lines)
-            yield self._block(layout, table.with_commas(lines), account, at_end)
+            yield self._block(layout, lines, account, at_end)
 
     def _lines(self) -> Iterator[tuple[list[str], bool]]:
         """Blocks of lines that are not blank, and whether it is the last block."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,18 +40,29 @@ class RepeatedValues:
         return RepeatedValues(**{field.name: getattr(self, field.name)[columns] for field in fields(self)})
 
 
-_Stretch = tuple[float, float, float, float]
-"""Motion of a joint while its value stays the same: its first, least and greatest position, and its furthest way there
-and back, how far it had been beyond both its first and a later position."""
+class _Stretch(NamedTuple):
+    """Motion of a joint while its value stays the same.
+
+    Attributes:
+        first: Position at the beginning.
+        low: Least position.
+        high: Greatest position.
+        way: Furthest way there and back: how far the joint had been beyond both its first and a later position.
+    """
+
+    first: float
+    low: float
+    high: float
+    way: float
 
 
 def _stretch(position: FloatArray, before: _Stretch | None) -> _Stretch:
     """A stretch, or the continuation of one."""
-    first, least, greatest, furthest = before or (float(position[0]),) * 3 + (0.0,)
+    first, least, greatest, furthest = before or (*3 * [float(position[0])], 0.0)
     low = np.minimum(np.minimum.accumulate(position), least)
     high = np.maximum(np.maximum.accumulate(position), greatest)
     way = np.maximum(high - np.maximum(position, first), np.minimum(position, first) - low)
-    return first, float(low[-1]), float(high[-1]), max(float(way.max()), furthest)
+    return _Stretch(first, float(low[-1]), float(high[-1]), max(float(way.max()), furthest))
 
 
 class RepeatCounter:
@@ -83,8 +94,8 @@ class RepeatCounter:
             for place in np.flatnonzero(np.append(lengths[:-1] >= _LONG, True)).tolist():
                 before = None if place else self._open[signal]
                 stretch = _stretch(position[starts[place] : ends[place], signal], before)
-                if lengths[place] >= _LONG and stretch[-1] >= found.turned_rad[signal]:
-                    found.turned_rad[signal], found.turned_for[signal] = stretch[-1], lengths[place]
+                if lengths[place] >= _LONG and stretch.way >= found.turned_rad[signal]:
+                    found.turned_rad[signal], found.turned_for[signal] = stretch.way, lengths[place]
                     found.turned_at[signal] = column[starts[place]]
             self._open[signal] = stretch
             self._last[signal], self._length[signal] = column[-1], lengths[-1]
