@@ -46,11 +46,9 @@ def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[s
     """One page about an excitation.
 
     Left: every joint's position over a period, with its limits. Right: the flange's path and some postures from the
-    side and from above, with the obstacles. Below: use of each limit, and the criterion over the iterations of the
-    design.
+    side and from above, with the obstacles. Below: use of each limit.
 
     Args:
-        excitation: The motion; its history is drawn if the file has it.
         envelope: The limits of the design.
         joint_names: Names of the joints, from the base to the flange.
 
@@ -70,12 +68,11 @@ def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[s
             2, 2, left=0.42 + max(0.05, names_in / _SIZE_IN[0]), right=0.985, bottom=0.16, top=0.96,
             height_ratios=(0.6, 0.4), wspace=0.3, hspace=0.18,
         )  # fmt: skip
-        side, above, use, history = right.subplots(squeeze=False).flat
+        side, above, use = (figure.add_subplot(place) for place in (right[0, 0], right[0, 1], right[1, :]))
         tool = _Tool(excitation.trajectory, envelope.workspace)
         tool.draw(side, (0, 2), "from the side: x to the right, z up, m")
         tool.draw(above, (0, 1), "from above: x to the right, y up, m")
         _draw_limit_use(use, excitation.trajectory, envelope, joint_names)
-        _draw_history(history, excitation)
     return figure
 
 
@@ -170,13 +167,3 @@ def _draw_limit_use(axes: Axes, trajectory: FourierTrajectory, envelope: Envelop
         nearest = sorted(room.clearance_m.items(), key=lambda item: item[1])[:_NEAREST]
         text = "minimum clearance, m\n" + "\n".join(f"{name}: {value:.3f}" for name, value in nearest)
         axes.set_xlabel(text, loc="left", linespacing=1.4)
-
-
-def _draw_history(axes: Axes, excitation: Excitation) -> None:
-    """The criterion over the iterations."""
-    if excitation.history:
-        axes.semilogy(np.arange(1, len(excitation.history) + 1), excitation.history, color=COLORS[0])
-        axes.set_xlabel("iteration of the best start")
-    cost = excitation.design.get("cost")
-    final = f", finally {cost:.4g}" if isinstance(cost, float) else ""
-    axes.set_title(f"{excitation.design.get('criterion', 'criterion')}{final}")

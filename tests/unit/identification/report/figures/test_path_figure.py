@@ -17,7 +17,6 @@ from armload_identification.identification_errors import ExcitationError, Report
 from armload_identification.model.chain import pose_from_xyz_rpy
 from armload_identification.report.figures.figure_file import write_figure
 from armload_identification.report.figures.path_figure import (
-    _draw_history,
     _draw_limit_use,
     _draw_walls,
     _outline,
@@ -85,13 +84,6 @@ def test_the_share_of_every_limit_is_stated(figure, arm, excitation):
     assert f"{name}: {distance_m:.3f}" in axes.get_xlabel()
 
 
-def test_the_history_is_drawn_where_there_is_one(figure, arm, excitation):
-    axes = axes_titled(figure, "a-optimal")
-    assert len(axes.lines[0].get_xdata()) == len(excitation.history) > 100
-    bare = path_figure(Excitation(excitation.trajectory, 1), arm.envelope(0.1, 0.7, 0.8), arm.joint_names)
-    assert not axes_titled(bare, "criterion").lines
-
-
 def test_another_arm_is_refused(arm, excitation):
     with pytest.raises(ExcitationError, match="a trajectory of 6 joints, limits of 6, 2 names"):
         path_figure(excitation, arm.envelope(0.1, 0.7, 0.8), arm.joint_names[:2])
@@ -109,7 +101,7 @@ def places(figure, axes):
     return [edge for at in (axes.get_position().intervalx, axes.get_position().intervaly) for edge in at]
 
 
-def test_joints_are_at_the_left_of_the_page_and_four_pictures_at_the_right(figure, arm):
+def test_joints_are_at_the_left_of_the_page_and_three_pictures_at_the_right(figure, arm):
     np.testing.assert_allclose(figure.get_size_inches(), [11.7, 8.3])
     rows = [axes_titled(figure, name) for name in arm.joint_names]
     edges = np.array([places(figure, axes) for axes in rows])
@@ -118,11 +110,9 @@ def test_joints_are_at_the_left_of_the_page_and_four_pictures_at_the_right(figur
     height = np.diff(edges[:, 2:], axis=1)
     np.testing.assert_allclose(edges[:-1, 2] - edges[1:, 3], 0.4 * height[:-1, 0], atol=1e-9)
     names = 0.07 * max(len(name) for name in arm.joint_names) / 11.7
-    use, history = (axes_titled(figure, words) for words in ("use of each limit", "a-optimal"))
-    left, _, bottom, _ = places(figure, use)
-    assert (left, bottom) == pytest.approx((0.42 + max(0.05, names), 0.16))
-    assert places(figure, history)[1] == pytest.approx(0.985)
-    assert places(figure, history)[0] - places(figure, use)[1] == pytest.approx(0.3 * (places(figure, use)[1] - left))
+    use = axes_titled(figure, "use of each limit")
+    left, right, bottom, _ = places(figure, use)
+    assert (left, right, bottom) == pytest.approx((0.42 + max(0.05, names), 0.985, 0.16))
     grid = use.get_subplotspec().get_gridspec()
     assert grid.get_height_ratios() == (0.6, 0.4)
     assert grid.get_subplot_params(figure).hspace == 0.18
@@ -210,11 +200,3 @@ def test_the_use_of_limits_is_a_share_of_each_and_the_five_least_clearances_are_
     assert [label.get_text() for label in axes.get_xticklabels()] == ["range", "speed", "accel.", "jerk", "torque"]
     assert [label.get_text() for label in axes.get_yticklabels()] == ["elbow"]
     assert axes.get_xlabel().splitlines()[1:] == ["g: 0.000", "f: 0.100", "e: 0.200", "d: 0.300", "c: 0.400"]
-
-
-def test_the_history_begins_with_its_first_iteration_and_the_title_ends_with_the_cost():
-    axes = Figure().subplots()
-    _draw_history(axes, SimpleNamespace(history=(9.0, 4.0), design={"criterion": "d-optimal", "cost": 3.14159}))
-    assert axes.lines[0].get_xydata().tolist() == [[1.0, 9.0], [2.0, 4.0]]
-    assert axes.get_title() == "d-optimal, finally 3.142"
-    assert axes.get_yscale() == "log"
