@@ -86,8 +86,7 @@ def read_recording(
 def _reductions(path: Path, excitation: Excitation | None) -> Iterator[Callable[[], Reduction]]:
     """The possible reductions of a long run, the best first; the last one suits every run."""
     if excitation is not None:
-        yield lambda: PeriodAverager(path, excitation, interpolated=False)
-        yield lambda: PeriodAverager(path, excitation, interpolated=True)
+        yield lambda: PeriodAverager(path, excitation)
     yield lambda: TimeAverager(excitation)
 
 

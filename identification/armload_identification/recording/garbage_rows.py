@@ -9,9 +9,8 @@ from __future__ import annotations
 import bisect
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -93,7 +92,6 @@ class GarbageFilter:
         self._waiting: list[RowBlock] = []
         self._before: RowBlock | None = None
         self._interval_s: float | None = None
-        self._absent: tuple[str, ...] | None = None
         self.reasons: Counter[str] = Counter()
 
     def add(self, block: RowBlock) -> Iterator[RowBlock]:
@@ -109,7 +107,7 @@ class GarbageFilter:
             RecordingError: neither torque nor current, or a wrong unit.
         """
         self._waiting.append(block)
-        wanted = FIRST_WINDOW if self._absent is None else _WINDOW
+        wanted = FIRST_WINDOW if self._interval_s is None else _WINDOW
         if sum(part.size for part in self._waiting) > wanted + _OVERLAP:
             yield self._judged(_OVERLAP)
 
@@ -148,11 +146,14 @@ class GarbageFilter:
     def _judged(self, left: int) -> RowBlock:
         """The valid ones of all waiting rows, except for the last `left`, which keep waiting."""
         rows = joined(self._waiting)
-        first = self._absent is None
+        first = self._interval_s is None
+        if first and self._with_effort and rows.effort is None:
+            raise RecordingError(
+                f"{self.path}: the recording has neither motor current nor joint torque. "
+                "Identification requires one of them: record 6078 or 6077, or name their columns."
+            )
         if first:
-            self._learn(rows)
-        absent: dict[str, Any] = dict.fromkeys(self._absent or ())
-        rows = replace(rows, **absent)
+            refuse_degrees(self.path, rows)
         window = rows if self._before is None else joined([self._before, rows])
         known = window.size - rows.size
         verdict, self._interval_s = _reasons_to_drop(window, self._interval_s)
@@ -177,17 +178,6 @@ class GarbageFilter:
         if first and kept.velocity_rad_s is not None and kept.size > 1:
             refuse_mixed_units(self.path, kept.time_s, kept.position_rad, kept.velocity_rad_s)
         return kept
-
-    def _learn(self, rows: RowBlock) -> None:
-        """Note which quantities are absent, and check that positions are in radians."""
-        names = ("velocity_rad_s", "current_a", "torque_nm")
-        self._absent = tuple(name for name in names if getattr(rows, name) is None)
-        if self._with_effort and {"current_a", "torque_nm"} <= set(self._absent):
-            raise RecordingError(
-                f"{self.path}: the recording has neither motor current nor joint torque. "
-                "Identification requires one of them: record 6078 or 6077, or name their columns."
-            )
-        refuse_degrees(self.path, rows)
 
 
 def _reasons_to_drop(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[np.intp], float]:
@@ -227,9 +217,8 @@ def _reasons_to_drop(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[
     if kept.size >= _JUMP_WINDOW:
         reach_rad = _FASTEST_RAD_S * max(interval_s, 1e-3) * (_JUMP_WINDOW // 2)
         drop(_jumps(rows.position_rad[kept], reach_rad), "position jumps")
-        effort = rows.current_a if rows.torque_nm is None else rows.torque_nm
-        if effort is not None:
-            drop(_spikes(effort[kept]), "torque or current of several joints jumps")
+        if rows.effort is not None:
+            drop(_spikes(rows.effort[kept]), "torque or current of several joints jumps")
     return verdict, interval_s
 
 

@@ -120,16 +120,8 @@ def joined(blocks: Sequence[RowBlock]) -> RowBlock:
     """Blocks of one run, one after the other.
 
     Args:
-        blocks: At least one. A quantity that only some of them have is NaN in the others.
+        blocks: At least one, all with the same quantities.
     """
-    if len(blocks) == 1:
-        return blocks[0]
-    together: dict[str, FloatArray] = {}
-    for name in QUANTITIES:
-        parts = [getattr(block, name) for block in blocks]
-        known = next((part for part in parts if part is not None), None)
-        if known is not None:
-            absent = (np.full((block.size, *known.shape[1:]), np.nan) for block in blocks)
-            filled = [blank if part is None else part for part, blank in zip(parts, absent, strict=True)]
-            together[name] = np.concatenate(filled)
-    return RowBlock(**together)
+    first, *others = blocks
+    given = [name for name in QUANTITIES if others and getattr(first, name) is not None]
+    return replace(first, **{name: np.concatenate([getattr(block, name) for block in blocks]) for name in given})

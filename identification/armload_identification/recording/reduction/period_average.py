@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
@@ -22,7 +21,7 @@ from armload_identification.recording.reduction.repeated_values import RepeatedV
 from armload_identification.recording.row_block import RowBlock
 
 ON_GRID: Final = 0.05
-"""Samples this close to a common grid, in grid steps, are averaged without interpolation."""
+"""Samples must be this close to a common grid, in grid steps, as those of every run that armload records are."""
 _LEARNT_FROM: Final = 2**14
 """Rows with a phase from which the grid is determined."""
 
@@ -33,12 +32,11 @@ class PeriodAverager(Reduction):
     Args:
         path: Name of the run in messages.
         excitation: The excitation that it follows.
-        interpolated: Whether samples are interpolated to the grid's phases; otherwise they must lie on the grid.
     """
 
-    def __init__(self, path: Path, excitation: Excitation, *, interpolated: bool) -> None:
+    def __init__(self, path: Path, excitation: Excitation) -> None:
         super().__init__(_LEARNT_FROM)
-        self._path, self._excitation, self._interpolated = path, excitation, interpolated
+        self._path, self._excitation = path, excitation
 
     def _used(self, rows: RowBlock) -> RowBlock:
         """The rows within the periods."""
@@ -52,11 +50,8 @@ class PeriodAverager(Reduction):
         trajectory = shortest_period(phase, self._excitation.trajectory)
         self._period_s = trajectory.period_s
         self._phases = phases_of(phase, trajectory)
-        self._spacing_s = float(np.median(np.diff(phase)))
         self._step_s = self._period_s / self._phases
-        self._offset = 0.0
-        if not self._interpolated:
-            self._offset = float(np.angle(np.mean(np.exp(2j * np.pi * phase / self._step_s)))) / (2.0 * np.pi)
+        self._offset = float(np.angle(np.mean(np.exp(2j * np.pi * phase / self._step_s)))) / (2.0 * np.pi)
         self._begin_at = int(np.round(float(phase[0]) / self._step_s - self._offset))
         columns = 2 * rows.n
         self._period = np.full((self._phases, columns), np.nan)
@@ -64,7 +59,6 @@ class PeriodAverager(Reduction):
         self._count = np.zeros(self._phases, dtype=np.int64)
         self._mean = np.zeros((self._phases, columns))
         self._square = np.zeros((rows.n, rows.n))
-        self._before: tuple[FloatArray, FloatArray] | None = None
         self._advance = PhaseAdvance(phase, rows.time_s, self._period_s)
         self._effort_name = "current_a" if rows.torque_nm is None else "torque_nm"
 
@@ -75,13 +69,10 @@ class PeriodAverager(Reduction):
         place = phase / self._step_s - self._offset
         values = np.hstack([effort, rows.position_rad])
         values[since_s < SETTLING_S] = np.nan
-        if self._interpolated:
-            index, values = self._interpolated_on_grid(place, values)
-        else:
-            index = np.round(place).astype(np.int64)
-            if np.abs(place - index).max() >= ON_GRID:
-                raise WrongReduction
-        index = index - self._begin_at
+        index = np.round(place).astype(np.int64)
+        if np.abs(place - index).max() >= ON_GRID:
+            raise WrongReduction
+        index -= self._begin_at
         number = index // self._phases
         for period in np.unique(number[index >= 0]):
             if period < self._number:
@@ -121,20 +112,6 @@ class PeriodAverager(Reduction):
         self._square += before[:, :n].T @ (sample - self._mean[there])[:, :n]
         self._period[:] = np.nan
         self._number += 1
-
-    def _interpolated_on_grid(self, place: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-        """Grid phases between two samples at most 1.5 sampling intervals apart, and interpolated values there."""
-        first = self._begin_at
-        if self._before is not None:
-            place = np.concatenate([self._before[0], place])
-            values = np.concatenate([self._before[1], values])
-            first = int(np.floor(place[0])) + 1
-        self._before = place[-1:], values[-1:]
-        index = np.arange(first, int(np.floor(place[-1])) + 1, dtype=np.int64)
-        after = np.clip(np.searchsorted(place, index), 1, place.size - 1)
-        near = place[after] - place[after - 1] < 1.5 * self._spacing_s / self._step_s + 1e-9
-        index = index[near]
-        return index, np.column_stack([np.interp(index, place, column) for column in values.T])
 
 
 def _phase_and_effort(rows: RowBlock) -> tuple[FloatArray, FloatArray]:

@@ -50,6 +50,10 @@ class TimeAverager(Reduction):
         self._means: list[RowBlock] = []
         self._size = 0
 
+    def _used(self, rows: RowBlock) -> RowBlock:
+        """All rows, without the velocity."""
+        return replace(rows, velocity_rad_s=None)
+
     def _learn(self, rows: RowBlock) -> None:
         """Determine the intervals from the first rows."""
         interval_s = float(np.median(np.diff(rows.time_s)))
@@ -73,7 +77,6 @@ class TimeAverager(Reduction):
         if self._open is not None:
             self._collect(self._means_of(self._open))
         rows = _at_their_times(joined(self._means), self._width_s, (1.0 - self._samples**-2.0) / 24.0)
-        rows = replace(rows, velocity_rad_s=None)
         return recording_of(rows, self._excitation, source, repeats=repeats)
 
     def _number(self, rows: RowBlock) -> FloatArray:
@@ -97,7 +100,7 @@ class TimeAverager(Reduction):
 
 
 def _averaged(rows: RowBlock, number: FloatArray, fewest: float) -> RowBlock:
-    """Means over rows with the same number, if there are at least `fewest`; without the velocity."""
+    """Means over rows with the same number, if there are at least `fewest`."""
     first = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1])
     count = np.diff(np.append(first, rows.size))
     full = count >= fewest
@@ -106,7 +109,7 @@ def _averaged(rows: RowBlock, number: FloatArray, fewest: float) -> RowBlock:
         size = count if values.ndim == 1 else count[:, None]
         return np.asarray(np.add.reduceat(values, first, axis=0) / size)[full]
 
-    return replace(rows, velocity_rad_s=None).each(mean)
+    return rows.each(mean)
 
 
 def _at_their_times(rows: RowBlock, width_s: float, curvature: float) -> RowBlock:

@@ -21,7 +21,7 @@ from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording, RecordingSource, recording_of
-from armload_identification.recording.reduction.phase_advance import interruptions
+from armload_identification.recording.reduction.phase_advance import interruptions, measured_periods
 from armload_identification.recording.reduction.repeated_values import RepeatCounter, repeated_values
 from armload_identification.recording.reduction.time_average import TimeAverager
 from armload_identification.recording.row_block import RowBlock, joined
@@ -119,7 +119,7 @@ def test_the_average_period_of_a_long_run_is_that_of_all_its_rows(runs, pinocchi
     np.testing.assert_allclose(mixed.torque_nm, signals[1].torque_nm, atol=1e-9)
 
 
-def test_phases_off_any_grid_are_interpolated_in_a_long_run_too(pinocchio_arm, tmp_path):
+def test_phases_off_any_grid_are_interpolated_after_a_long_run_was_read_too(pinocchio_arm, tmp_path):
     trajectory = pinocchio_arm.trajectory()
     step = 0.01 * 0.7313
     phase = np.arange(1, int(20.0 / step)) * step
@@ -148,15 +148,16 @@ def paused(run, *rows):
     return replace(run, time_s=run.time_s + late_s).rows(kept)
 
 
-@pytest.mark.parametrize("odd", [0.0, 0.3], ids=["on the grid", "interpolated"])
+@pytest.mark.parametrize("odd", [0.0, 0.3], ids=["on the grid", "off it"])
 def test_pauses_cost_a_long_run_what_they_cost_a_short_one(runs, pinocchio_arm, tmp_path, odd):
-    """Within periods, and across their boundaries."""
+    """Within periods, and across their boundaries; phases off the grid are not averaged while they are read."""
     shift = np.where(np.arange(runs[0].size) < 900, 0.0, odd * 0.01)
     run = replace(runs[0], phase_s=runs[0].phase_s + shift, time_s=runs[0].time_s + shift)
     for rows, periods in (((1799,), 5), ((460, 1700), 5), ((99, 600, 1101), 3)):
         path = write_mcap(tmp_path / f"{len(rows)}.mcap", paused(run, *rows))
         whole, reduced = (read_recording(path, short_rows=limit) for limit in (EVERYTHING, NOTHING))
-        assert reduced.average.periods == periods
+        assert measured_periods(reduced) == periods
+        assert (reduced.average is None) == (odd != 0.0)
         assert (interruptions(whole), interruptions(reduced)) == (len(rows), len(rows))
         motions = [Run.of(run, pinocchio_arm.transmission).motion for run in (reduced, whole)]
         assert_same(*motions, motion_atol=1e-9 if odd == 0.0 else 1e-6)

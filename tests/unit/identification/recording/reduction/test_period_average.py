@@ -36,8 +36,8 @@ def run(by_torque=False, shift_s=0.0, periods=PERIODS, seed=1):
     return RowBlock(time_s=50.0 + 1.02 * phase, position_rad=position, velocity_rad_s=None, phase_s=phase, **columns)
 
 
-def averaged(rows, blocks=1, interpolated=False):
-    averager = PeriodAverager(PATH, EXCITATION, interpolated=interpolated)
+def averaged(rows, blocks=1):
+    averager = PeriodAverager(PATH, EXCITATION)
     for part in np.array_split(np.arange(rows.size), blocks):
         averager.add(rows.rows(part))
     return averager.recording(SOURCE)
@@ -79,36 +79,13 @@ def test_the_average_is_of_what_the_run_reports(by_torque):
     assert found.repeats is not None
 
 
-def test_samples_off_the_grid_are_refused_or_interpolated():
+def test_samples_off_the_grid_are_refused():
     rows = run()
     phase = rows.phase_s + 0.3 * STEP_S * (np.arange(rows.size) // PHASES % 2)
     position = EXCITATION.trajectory.evaluate(phase).position_rad
     shifted = RowBlock(50.0 + phase, position, None, 2.0 * position, None, phase)
     with pytest.raises(WrongReduction):
         averaged(shifted)
-    for blocks in (1, 9):
-        found = averaged(shifted, blocks, interpolated=True)
-        expected = EXCITATION.trajectory.evaluate(found.phase_s).position_rad
-        np.testing.assert_allclose(found.position_rad, expected, atol=5e-4)
-        np.testing.assert_allclose(found.current_a, 2.0 * expected, atol=1e-3)
-        assert found.size in {PHASES, PHASES - 1}
-
-
-def test_a_gap_is_not_interpolated():
-    rows = run(periods=1)
-    gap = (np.arange(rows.size) < 50) | (np.arange(rows.size) > 60)
-    off = rows.rows(gap | (rows.phase_s < 0.0))
-    rest = run(periods=3)
-    later = RowBlock(
-        rest.time_s + 1.02 * PERIOD_S, rest.position_rad, None, rest.current_a, None, rest.phase_s + PERIOD_S
-    )
-    averager = PeriodAverager(PATH, EXCITATION, interpolated=True)
-    averager.add(off)
-    averager.add(later)
-    whole = averager.recording(SOURCE)
-    assert whole.size >= PHASES - 1
-    expected = EXCITATION.trajectory.evaluate(whole.phase_s).position_rad
-    np.testing.assert_allclose(whole.position_rad, expected, atol=1e-3)
 
 
 def test_rows_outside_the_periods_and_without_effort_count_for_nothing():
@@ -116,7 +93,7 @@ def test_rows_outside_the_periods_and_without_effort_count_for_nothing():
     before = RowBlock(
         rows.time_s[:9] - 5.0, rows.position_rad[:9], None, 99.0 + rows.current_a[:9], None, np.full(9, np.nan)
     )
-    averager = PeriodAverager(PATH, EXCITATION, interpolated=False)
+    averager = PeriodAverager(PATH, EXCITATION)
     averager.add(before)
     averager.add(RowBlock(rows.time_s, rows.position_rad, None, None, None, rows.phase_s))
     averager.add(rows)
