@@ -99,7 +99,7 @@ class PhaseAdvance:
                 self._rate = self._rate or (product / square if square > 0.0 else 0.0)
                 # Within a block the final slope moves no extreme: only the two farthest samples of each are kept.
                 off = samples @ stretch.line(self._rate or 1.0)
-                stretch.extremes += [samples[off.argmin()], samples[off.argmax()]]
+                stretch.extremes.extend(samples[[off.argmin(), off.argmax()]])
         self._last_s, self._last_time_s = float(phase[-1]), float(time_s[-1])
         return since_s
 
