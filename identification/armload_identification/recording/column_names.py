@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -89,8 +89,7 @@ class _Series:
 
     Attributes:
         quantity: Name of the quantity.
-        by: The word that says so.
-        words: Other words, that all columns have.
+        words: Words that all columns have, without the one that names the quantity.
         places: Index of the column of each joint.
         twice: Indices of several columns of one joint.
         factors: Factors to SI of the columns, None for unknown units.
@@ -98,7 +97,6 @@ class _Series:
     """
 
     quantity: str
-    by: str
     words: frozenset[str]
     places: Mapping[int | str, int]
     twice: tuple[int, ...]
@@ -106,8 +104,9 @@ class _Series:
     preferred: tuple[bool, bool]
 
 
-_Group = dict[Any, list[tuple[int, _Column, bool]]]
-"""Columns by joint: place, meaning, and whether the whole name of the joint is there."""
+_Member = tuple[tuple[Any, ...], Any, int, _Column, bool]
+"""A column: what all of its series have in common, beginning with quantity and the word for it; its joint; place and
+meaning; and whether the whole name of the joint is there."""
 
 
 class _OpenQuestion(Exception):
@@ -280,7 +279,7 @@ class _Header:
             places = [place for place in range(len(self._names)) if place != (self._time or 0)]
             for quantity, start in (("position_rad", 0), ("torque_nm", n)):
                 group: dict[int | str, int] = dict(enumerate(places[start : start + n]))
-                likely[quantity] = _Series(quantity, "", frozenset(), group, (), (1.0,), (True, True))
+                likely[quantity] = _Series(quantity, frozenset(), group, (), (1.0,), (True, True))
         return self._as_columns(likely).option(self._names)
 
     def _times(self) -> tuple[int | None, int | None, float]:
@@ -312,19 +311,13 @@ class _Header:
 
     def _by_joint(self) -> list[_Series]:
         """The series in which every joint of the arm is named."""
-        groups: dict[tuple[str, str, tuple[str, ...]], _Group] = {}
+        names, members = self._arm.names, []
         for place, (words, unit) in enumerate(self._parts):
             joint, first, end, whole = self._arm.find(words) or (None, 0, 0, False)
             column = _column(words[:first] + words[end:], unit)
             if joint is not None and column is not None:
-                group = groups.setdefault((column.quantity, column.by, column.words), {})
-                group.setdefault(joint, []).append((place, column, whole))
-        names = self._arm.names
-        return [
-            _series(key[0], key[1], key[2], {names[joint]: group[joint] for joint in sorted(group)})
-            for key, group in groups.items()
-            if len(group) == len(names)
-        ]
+                members.append(((column.quantity, column.by, *column.words), names[joint], place, column, whole))
+        return _series(members, len(names), names.index)
 
     def _by_number(self) -> list[_Series]:
         """The series of numbered columns; none if numbers are only a part of the joints' names."""
@@ -333,18 +326,13 @@ class _Header:
             numbers = tuple(int(word[:9]) for word in column.words if word.isdecimal())
             pattern = tuple(_NUMBER if word.isdecimal() else word for word in column.words)
             patterns.setdefault((column.quantity, column.by, *pattern), []).append((place, column, numbers))
-        groups: dict[tuple[Any, ...], _Group] = {}
-        for key, members in patterns.items():
-            slots = [slot for slot in range(len(members[0][2])) if len({numbers[slot] for *_, numbers in members}) > 1]
-            for place, column, numbers in members if slots else ():
-                others = tuple(number for slot, number in enumerate(numbers) if slot != slots[-1])
-                group = groups.setdefault((*key, *others), {})
-                group.setdefault(numbers[slots[-1]], []).append((place, column, True))
-        found = [
-            _series(key[0], key[1], tuple(word for word in key[2:] if word != _NUMBER), dict(sorted(group.items())))
-            for key, group in groups.items()
-            if len(group) >= _NEEDED
-        ]
+        members: list[_Member] = []
+        for key, columns in patterns.items():
+            slots = [slot for slot in range(len(columns[0][2])) if len({numbers[slot] for *_, numbers in columns}) > 1]
+            for place, column, numbers in columns if slots else ():
+                others = (number for slot, number in enumerate(numbers) if slot != slots[-1])
+                members.append(((*key, *others), numbers[slots[-1]], place, column, True))
+        found = _series(members, _NEEDED, int)
         positions = [series for series in found if series.quantity == "position_rad"]
         all_positions = sum(column.quantity == "position_rad" for _, column in self._measurements())
         numbered = sum(len(series.places) for series in positions)
@@ -359,12 +347,8 @@ class _Header:
             takewhile(lambda words: len(set(words)) == 1, zip(*labels, strict=False)) if len(labels) >= _NEEDED else ()
         )
         shared = min([len(list(same)), *(len(label) - 1 for label in labels)], default=0)
-        groups: dict[tuple[str, str], _Group] = {}
-        for place, column in columns:
-            if column.label[shared:]:
-                group = groups.setdefault((column.quantity, column.by), {})
-                group.setdefault("_".join(column.label[shared:]), []).append((place, column, True))
-        return [_series(*key, (), group) for key, group in groups.items() if len(group) >= _NEEDED]
+        named = [(place, column, "_".join(column.label[shared:])) for place, column in columns]
+        return _series([((c.quantity, c.by), label, place, c, True) for place, c, label in named if label], _NEEDED)
 
 
 def _name(text: str, unit: str, brackets: Sequence[str]) -> tuple[list[str], str]:
@@ -409,15 +393,22 @@ def _without_unit(quantity: str, words: Sequence[str]) -> tuple[float | None, li
     return 1.0, list(words)
 
 
-def _series(quantity: str, by: str, words: Sequence[str], group: _Group) -> _Series:
-    """The series of a group of columns."""
-    members = [entry for entries in group.values() for entry in entries]
-    return _Series(
-        quantity,
-        by,
-        frozenset(words),
-        {joint: entries[0][0] for joint, entries in group.items()},
-        next((tuple(place for place, *_ in entries) for entries in group.values() if len(entries) > 1), ()),
-        tuple(column.factor for _, column, _ in members),
-        (all(column.measured for _, column, _ in members), all(whole for *_, whole in members)),
-    )
+def _series(members: Iterable[_Member], fewest: int, order: Callable[[Any], int] = lambda _joint: 0) -> list[_Series]:
+    """The series of columns, of at least so many joints; joints are ordered, else as they come."""
+    groups: dict[tuple[Any, ...], dict[Any, list[tuple[int, _Column, bool]]]] = {}
+    for key, joint, place, column, whole in members:
+        groups.setdefault(key, {}).setdefault(joint, []).append((place, column, whole))
+    found = []
+    for (quantity, _, *words), of_joint in groups.items():
+        joints = {joint: of_joint[joint] for joint in sorted(of_joint, key=order)}
+        columns = [entry for entries in joints.values() for entry in entries]
+        one = _Series(
+            quantity,
+            frozenset(words) - {_NUMBER},
+            {joint: entries[0][0] for joint, entries in joints.items()},
+            next((tuple(place for place, *_ in entries) for entries in joints.values() if len(entries) > 1), ()),
+            tuple(column.factor for _, column, _ in columns),
+            (all(column.measured for _, column, _ in columns), all(whole for *_, whole in columns)),
+        )
+        found += [one] if len(joints) >= fewest else []
+    return found
