@@ -24,7 +24,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from enum import StrEnum
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import Final
 
 import numpy as np
@@ -195,11 +195,19 @@ class FleetReview(PrintedResult):
 
 @dataclass(frozen=True, eq=False)
 class _Series:
-    """Runs with a value of one quantity, in the order of time."""
+    """Runs with a value of one quantity, in the order of time.
+
+    Attributes:
+        recorded: When each was made.
+        values: (r,) values.
+        noise: (r,) their standard deviation by what the runs state, corrected for what the model's arms show of it.
+        usual: Standard deviation between runs of the model's arms, beyond that.
+    """
 
     recorded: tuple[datetime, ...]
     values: FloatArray
     noise: FloatArray
+    usual: float = 0.0
 
     @classmethod
     def of(cls, runs: Sequence[ArmRun], quantity: Quantity) -> _Series:
@@ -207,26 +215,10 @@ class _Series:
         values, noise = np.array([run.figures[quantity] for run in shown]).T
         return cls(tuple(run.recorded for run in shown), values, noise)
 
-    def latest(self, usual: float) -> tuple[float, float]:
-        """Level of the latest runs, and its standard deviation from noise and the usual spread between runs."""
-        part = slice(-LATEST_RUNS, None)
-        width = float(np.median(np.hypot(self.noise[part], usual)))
-        count = self.values[part].size
-        ratio = _MEDIAN_OVER_MEAN if count > 2 else 1.0
-        return float(np.median(self.values[part])), width * ratio / float(np.sqrt(count))
-
-
-@dataclass(frozen=True)
-class _Usual:
-    """A quantity of a model's arms from run to run.
-
-    Attributes:
-        beyond: Standard deviation beyond what the runs state.
-        share: What of the stated deviation they show, at most 1: errors that all runs of an arm share do not scatter.
-    """
-
-    beyond: float
-    share: float
+    def level(self, part: slice) -> tuple[float, float, int]:
+        """Median of some runs, a median's standard deviation in one run by noise and usual spread, and their number."""
+        width = float(np.median(np.hypot(self.noise[part], self.usual)))
+        return float(np.median(self.values[part])), _MEDIAN_OVER_MEAN * width, self.values[part].size
 
 
 def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
@@ -253,13 +245,14 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
     }
     usual = _usual_spread(series)
     for (arm, quantity), one in series.items():
-        series[arm, quantity] = replace(one, noise=usual[arm[1], quantity].share * one.noise)
-    compared = _against_twins(series, usual)
+        beyond, share = usual[arm[1], quantity]
+        series[arm, quantity] = replace(one, noise=share * one.noise, usual=beyond)
+    compared = _against_twins(series)
     figures: defaultdict[ArmKey, dict[Quantity, FigureReview]] = defaultdict(dict)
     found = {arm: _silence(of_arm) for arm, of_arm in by_arm.items()}
     for (arm, quantity), one in series.items():
         twins = compared.get((arm, quantity))
-        figure = _figure(quantity, one, usual[arm[1], quantity].beyond, len(series), twins)
+        figure = _figure(quantity, one, len(series), twins)
         figures[arm][quantity] = figure
         found[arm] += _changes_and_outliers(figure)
         if twins is not None and twins.suspicion is not None:
@@ -307,8 +300,15 @@ def _is_absent(runs: Sequence[ArmRun], latest: datetime) -> bool:
     return latest - runs[-1].recorded > max(ABSENT, ABSENT_INTERVALS * max(intervals, default=timedelta()))
 
 
-def _usual_spread(series: Mapping[tuple[ArmKey, Quantity], _Series]) -> dict[tuple[str, Quantity], _Usual]:
-    """What is usual between runs of one arm, by model and quantity, from successive runs."""
+def _usual_spread(
+    series: Mapping[tuple[ArmKey, Quantity], _Series],
+) -> dict[tuple[str, Quantity], tuple[float, float]]:
+    """What is usual between runs of one arm, by model and quantity, from successive runs.
+
+    Returns:
+        Standard deviation beyond what the runs state, and what of the stated deviation they show, at most 1: errors
+        that all runs of an arm share do not scatter.
+    """
     steps: defaultdict[tuple[str, Quantity], list[FloatArray]] = defaultdict(list)
     for ((_, model), quantity), one in series.items():
         noise = np.hypot(one.noise[1:], one.noise[:-1])
@@ -322,17 +322,15 @@ def _usual_spread(series: Mapping[tuple[ArmKey, Quantity], _Series]) -> dict[tup
         if np.count_nonzero(noise) >= FEWEST_STEPS:
             in_noise = difference[noise > 0.0] / noise[noise > 0.0]
             share = min(float(deviation_by_median(in_noise[:, None])[0]), 1.0)
-        usual[place] = _Usual(max(float(np.sqrt(max(0.5 * variance, 0.0))), _LEAST_SPREAD), max(share, _LEAST_SPREAD))
+        usual[place] = max(float(np.sqrt(max(0.5 * variance, 0.0))), _LEAST_SPREAD), max(share, _LEAST_SPREAD)
     return usual
 
 
-def _figure(quantity: Quantity, one: _Series, usual: float, charts: int, twins: Twins | None) -> FigureReview:
+def _figure(quantity: Quantity, one: _Series, charts: int, twins: Twins | None) -> FigureReview:
     """The chart of a quantity."""
-    first = slice(0, FIRST_RUNS)
-    center = float(np.median(one.values[first]))
-    width = float(np.median(np.hypot(one.noise[first], usual)))
-    doubt = np.full(one.values.size, _MEDIAN_OVER_MEAN * width / np.sqrt(one.values[first].size))
-    chart = control_chart(one.values - center, one.noise, doubt, usual, charts)
+    center, width, count = one.level(slice(0, FIRST_RUNS))
+    doubt = np.full(one.values.size, width / np.sqrt(count))
+    chart = control_chart(one.values - center, one.noise, doubt, one.usual, charts)
     return FigureReview(quantity, one.recorded, one.values, center, chart, twins)
 
 
@@ -358,30 +356,29 @@ def _changes_and_outliers(figure: FigureReview) -> list[Suspicion]:
     return found
 
 
-def _against_twins(
-    series: Mapping[tuple[ArmKey, Quantity], _Series], usual: Mapping[tuple[str, Quantity], _Usual]
-) -> dict[tuple[ArmKey, Quantity], Twins]:
+def _against_twins(series: Mapping[tuple[ArmKey, Quantity], _Series]) -> dict[tuple[ArmKey, Quantity], Twins]:
     """Each arm's quantities compared with those of its twins."""
     groups: defaultdict[tuple[str, Quantity], list[tuple[str, float, float]]] = defaultdict(list)
     for ((arm, model), quantity), one in series.items():
         if quantity.of or quantity.kind not in PER_PAYLOAD:  # payloads without a name may be different ones
-            groups[model, quantity].append((arm, *one.latest(usual[model, quantity].beyond)))
+            level, width, count = one.level(slice(-LATEST_RUNS, None))
+            ratio = 1.0 if count > 2 else 1.0 / _MEDIAN_OVER_MEAN  # of one or two values the median is the mean
+            groups[model, quantity].append((arm, level, width * ratio / float(np.sqrt(count))))
     compared = {place: arms for place, arms in groups.items() if len(arms) > TWINS_LEAST}
     tests = max(sum(len(arms) for arms in compared.values()), 1)
     found: dict[tuple[ArmKey, Quantity], Twins] = {}
     for (model, quantity), arms in compared.items():
         names, levels, own = zip(*arms, strict=True)
-        level, width = np.array(levels), np.array(own)
         for i, name in enumerate(names):
-            others = np.delete(level, i)
+            others = np.delete(levels, i)
             middle = float(np.median(others))
             spread = float(deviation_by_median((others - middle)[:, None])[0])
-            expected = np.hypot(spread, width[i]) * np.sqrt(1.0 + _MEDIAN_OVER_MEAN**2 / others.size)
+            expected = np.hypot(spread, own[i]) * np.sqrt(1.0 + _MEDIAN_OVER_MEAN**2 / others.size)
             freedom = _FREEDOM_PER_TWIN * (others.size - 1)
-            log_chance = float(t.logsf(abs(level[i] - middle) / expected, freedom)) + np.log(2.0)
+            log_chance = float(t.logsf(abs(levels[i] - middle) / expected, freedom)) + np.log(2.0)
             suspicion = None
             if log_chance < np.log(FalseAlarms.probability / tests):
-                mine, theirs = _amounts(quantity, float(level[i]), middle)
+                mine, theirs = _amounts(quantity, levels[i], middle)
                 text = f"{quantity} is {mine}, that of {others.size} twins {theirs}"
                 size = min(float(-norm.ppf(np.exp(log_chance) / 2.0)), _MOST_DEVIATIONS)
                 suspicion = Suspicion(Anomaly.STRANGER, quantity, size, text)
@@ -391,11 +388,7 @@ def _against_twins(
 
 def _silence(runs: Sequence[ArmRun]) -> list[Suspicion]:
     """The latest recordings without a result."""
-    silent = 0
-    for run in reversed(runs):
-        if not run.problem:
-            break
-        silent += 1
+    silent = sum(1 for _ in takewhile(lambda run: run.problem, reversed(runs)))
     if not silent:
         return []
     which = "the latest recording" if silent == 1 else f"the {silent} latest recordings"
