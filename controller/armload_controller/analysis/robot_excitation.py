@@ -50,7 +50,6 @@ _LEAST_PERIODS: Final = 3
 """Fewer do not show the scatter between periods."""
 _LEAST_CYCLES: Final = 10
 """Minimum number of setpoints per period of the highest harmonic."""
-_PICTURE_DPI: Final = 150
 
 
 class UnstreamablePeriod(ControlError):
@@ -58,7 +57,7 @@ class UnstreamablePeriod(ControlError):
 
 
 class DesignedMotion(ABC):
-    """A designed motion of an arm, to save and draw.
+    """A designed motion of an arm, to save.
 
     Attributes:
         arm: The arm it was designed for.
@@ -71,19 +70,6 @@ class DesignedMotion(ABC):
     def save(self, path: str | PathLike[str]) -> None:
         """Write the excitation file, which a robot's `[excitation]` may name; an existing file is replaced."""
         write_excitation(Path(path), self._excitation(Path(path).name))
-
-    def picture(self, path: str | PathLike[str]) -> None:
-        """Draw the motion, its limits and its design on one page, .png, .svg or .pdf.
-
-        Raises:
-            ReportError: the file cannot be written.
-        """
-        require_extra(Extra.REPORT, "the picture of an excitation")
-        from armload_identification.report.figures.figure_file import write_figure
-        from armload_identification.report.figures.path_figure import path_figure
-
-        excitation = self._excitation(Path(path).name)
-        write_figure(Path(path), path_figure(excitation, self.envelope, self.arm.joint_names), _PICTURE_DPI)
 
     @property
     def robot_argument(self) -> str:
@@ -222,7 +208,7 @@ def design(
         progress: Called with the number of starts completed.
 
     Returns:
-        The excitation, to print, save and draw.
+        The excitation, to print and save.
 
     Raises:
         ConfigurationError: the robot's file lacks data that a design needs. UnstreamablePeriod: the bus cannot stream
