@@ -101,7 +101,7 @@ class SlowRoundRows:
             np.array(rows[: count * self._every]).reshape(count, self._every, chain.n).mean(axis=1)
             for rows in (self._positions, self._efforts)
         )
-        torque = transmission.reported_torque(effort) if self._is_torque else transmission.joint_torque(effort)
+        torque = transmission.of_effort(effort, from_torque=self._is_torque)
         found = SlowRound(joint_names, chain, position, torque)
         return found if len(found.moved) else None
 

@@ -66,8 +66,7 @@ def estimator_constants(
     calibration.require_arm(chain, transmission.coupling)
     arm, n, body = calibration.known_arm, chain.n, calibration.body
     used = calibration.transmission(transmission)
-    unit = np.eye(n)
-    from_effort = used.reported_torque(unit) if calibration.effort is Effort.TORQUE else used.joint_torque(unit)
+    from_effort = used.of_effort(np.eye(n), from_torque=calibration.effort is Effort.TORQUE)
     colour = np.maximum(arm.correlation_s / ROW_S, 1.0)
     # The part of the residual that is white noise is larger in a shorter window than in the calibration's rows.
     white = _WHITE_S / np.maximum(arm.correlation_s, _WHITE_S)

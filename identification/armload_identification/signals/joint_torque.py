@@ -137,16 +137,9 @@ class Transmission:
         """
         return np.asarray(current_a @ self._from_current)
 
-    def torque_covariance(self, current_covariance: FloatArray) -> FloatArray:
-        """Covariance of joint torques from that of motor currents.
-
-        Args:
-            current_covariance: (n, n) in A2.
-
-        Returns:
-            (n, n) in N2 m2.
-        """
-        return np.asarray(self._from_current.T @ current_covariance @ self._from_current)
+    def of_effort(self, effort: FloatArray, *, from_torque: bool) -> FloatArray:
+        """Joint torques in N m from (n,) or (N, n) efforts: reported torques, or motor currents."""
+        return self.reported_torque(effort) if from_torque else self.joint_torque(effort)
 
     def measured(self, torque_nm: FloatArray | None, current_a: FloatArray | None) -> FloatArray | None:
         """Measured joint torque: from reported torques, else from currents.
@@ -236,7 +229,7 @@ def joint_torque(recording: Recording, transmission: Transmission) -> FloatArray
             f"{recording.source.path}: every column of {name} is constant, so nothing was measured. "
             "Check the mapping of 6077 or 6078, or the column map."
         )
-    return transmission.joint_torque(effort) if recording.torque_nm is None else transmission.reported_torque(effort)
+    return transmission.of_effort(effort, from_torque=recording.torque_nm is not None)
 
 
 def sample_scatter(recording: Recording, transmission: Transmission) -> FloatArray | None:
@@ -244,6 +237,5 @@ def sample_scatter(recording: Recording, transmission: Transmission) -> FloatArr
     covariance = None if recording.average is None else recording.average.effort_covariance
     if covariance is None:
         return None
-    if recording.torque_nm is None:
-        covariance = transmission.torque_covariance(covariance)
-    return np.sqrt(np.diag(covariance))
+    to_joint = transmission.of_effort(np.eye(len(covariance)), from_torque=recording.torque_nm is not None)
+    return np.sqrt(np.diag(to_joint.T @ covariance @ to_joint))

@@ -77,7 +77,8 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
 def fitted_spline(x: FloatArray, values: FloatArray, knots: FloatArray) -> BSpline:
     """The spline with the least squares of errors, by normal equations; its end pieces continue outside the knots.
 
-    `scipy.interpolate.make_lsq_spline` takes a time that grows with the square of the number of knots.
+    `scipy.interpolate.make_lsq_spline` takes a time that grows with the square of the number of knots, with its normal
+    equations too.
 
     Args:
         x: (N,) ascending.
