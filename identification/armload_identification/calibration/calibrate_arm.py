@@ -22,7 +22,7 @@ from armload_identification.calibration.mounted_runs import WEIGHED_WITHIN, ArmR
 from armload_identification.calibration.mounting_mistakes import Turn, most_trials, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import ArmKnowledge, explain
-from armload_identification.estimation.arm_rows import NO_ROWS, ArmLayout, RunSignals, run_signals
+from armload_identification.estimation.arm_rows import NO_ROWS, ArmLayout, motion_with_rows, row_window
 from armload_identification.estimation.arm_terms import (
     CHANGES,
     FRICTION_CHANGE,
@@ -47,6 +47,7 @@ from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.motion import Motion
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.verdict.joint_words import named_joints, numbered_joints
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
@@ -96,7 +97,7 @@ class _UsedRun:
 
     name: str
     given: MountedRun
-    signals: RunSignals
+    motion: Motion
     rows: RunRows
 
 
@@ -108,23 +109,24 @@ class _Calibration:
         self._left_out, self._progress = list(given.left_out), progress or (lambda done, total: None)
         self._total = 2 * len(given.runs) + most_trials(chain)
         self._done = 0
-        readable: list[tuple[str, MountedRun, RunSignals]] = []
+        readable: list[tuple[str, MountedRun, Motion]] = []
         names = _distinct([run.recording.source.path for run in given.runs])
         for name, run in zip(names, given.runs, strict=True):
-            signals = self._read(name, run.recording)
-            readable += [] if signals is None else [(name, run, signals)]
+            motion = self._read(name, run.recording)
+            readable += [] if motion is None else [(name, run, motion)]
             self._advance()
-        torque = [signals.from_torque for _, _, signals in readable]
+        torque = [run.recording.torque_nm is not None for _, run, _ in readable]
         self._from_torque = 2 * sum(torque) > len(torque)
-        alike = [run for run in readable if self._is_of_usual_effort(run[0], run[2])]
+        alike = [run for run, own in zip(readable, torque, strict=True) if self._is_of_usual_effort(run[0], own)]
         if not alike:
             reasons = "; ".join(f"{name}: {reason}" for name, reason in self._left_out) or "no recording was given"
             raise EstimationError(f"no recording can be used ({reasons.rstrip('.')}).")
-        self._layout = ArmLayout.of([signals for _, _, signals in alike], chain, transmission.coupling)
+        self._layout = ArmLayout.of([motion for _, _, motion in alike], chain, transmission.coupling)
         self._moves = self._layout.peak_rad_s > Calibrating.unmoved_rad_s
         self._used: list[_UsedRun] = []
-        for name, run, signals in alike:
-            self._used.append(_UsedRun(name, run, signals, _rows_of(signals, run.mounting, self._layout)))
+        for name, run, motion in alike:
+            rows = RunRows(self._layout.rows(motion, loaded=bool(run.mounting)), run.mounting)
+            self._used.append(_UsedRun(name, run, motion, rows))
             self._advance()
 
     def result(self, robot: str, made: Provenance) -> ArmCalibration:
@@ -156,22 +158,22 @@ class _Calibration:
         self._done += 1
         self._progress(self._done, self._total)
 
-    def _read(self, name: str, recording: Recording) -> RunSignals | None:
-        """The signals of a run; None, with the reason recorded, if it cannot be used."""
+    def _read(self, name: str, recording: Recording) -> Motion | None:
+        """The motion of a run; None, with the reason recorded, if it cannot be used."""
         path = recording.source.path
         try:
             (run,) = usable_runs([recording], self._chain.n, self._transmission)
-            signals = run_signals(run, self._transmission.coupling)
-            if not signals.has_rows:
+            motion = motion_with_rows(run)
+            if not row_window(motion).middle.size:
                 raise RecordingError(f"{path}: {NO_ROWS}")
         except IdentificationError as problem:
             self._left_out.append((name, str(problem).removeprefix(f"{path}: ")))
             return None
-        return signals
+        return motion
 
-    def _is_of_usual_effort(self, name: str, signals: RunSignals) -> bool:
+    def _is_of_usual_effort(self, name: str, from_torque: bool) -> bool:
         """Whether a run is not of the rarer of current and torque, which cannot be mixed; else it is excluded."""
-        if signals.from_torque is self._from_torque:
+        if from_torque is self._from_torque:
             return True
         kept, other = ("torque", "current") if self._from_torque else ("current", "torque")
         reason = f"it contains {other}, most runs contain {kept}; calibrate the two separately"
@@ -217,9 +219,11 @@ class _Calibration:
         tried = sorted(self._used, key=lambda run: not run.given.mounting)[: Calibrating.tried_runs]
 
         def shares(chain: Chain, turned: Turn) -> FloatArray:
-            signals = [replace(turned(run.signals), spacing=Calibrating.tried_spacing) for run in tried]
-            layout = replace(self._layout, chain=chain)
-            rows = [_rows_of(one, run.given.mounting, layout) for one, run in zip(signals, tried, strict=True)]
+            layout, rows = replace(self._layout, chain=chain), []
+            for run in tried:
+                motion, mounting = turned(run.motion), run.given.mounting
+                window = row_window(motion, spacing=Calibrating.tried_spacing)
+                rows.append(RunRows(layout.rows(motion, loaded=bool(mounting), window=window), mounting))
             fit = solve(self._problem(rows, layout), rough=True)
             # A joint at rest has no explained torque, and its sign does not matter.
             share = fit.noise_nm[0] / fit.problem.noise.greatest_nm
@@ -234,7 +238,7 @@ class _Calibration:
         arm = ArmKnowledge(fit, self._layout)
         mounting = run.given.mounting
         said = self._weighed.get(mounting)
-        reason = explain(arm, run.signals, mounting, None if said is None else said.mass_kg)
+        reason = explain(arm, run.motion, mounting, None if said is None else said.mass_kg)
         self._left_out.append((run.name, f"it contradicts the other runs: {reason}"))
 
     def _refuse_other_units(self) -> None:
@@ -287,7 +291,7 @@ class _Calibration:
     def _motion_warnings(self, found: ArmCalibration) -> Iterator[str]:
         """Joints whose torque on other motions is uncertain."""
         level = found.level(self._chain)
-        share = np.max([doubtful_share(found, level, run.signals) for run in self._used], axis=0)
+        share = np.max([doubtful_share(found, level, run.motion) for run in self._used], axis=0)
         doubtful = np.flatnonzero((share > Calibrating.doubtful) & self._moves)
         if doubtful.size:
             joints = named_joints([f"{joint + 1} ({100.0 * share[joint]:.0f} %)" for joint in doubtful])
@@ -364,10 +368,6 @@ class _Calibration:
                 "no payload was weighed: only the ratios of the gains are identified, their common scale is that of "
                 "the nominal gains. Add a run with a weighed payload and its mass_kg."
             )
-
-
-def _rows_of(signals: RunSignals, mounting: str, layout: ArmLayout) -> RunRows:
-    return RunRows(layout.rows(signals, loaded=bool(mounting)), mounting)
 
 
 def _effort_change(fit: Posterior, index: int) -> dict[str, float]:

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_constants import OtherMounting
-from armload_identification.calibration.run_contradictions import directions
-from armload_identification.estimation.arm_rows import RunSignals
+from armload_identification.calibration.run_contradictions import at_axes, directions
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
+from armload_identification.signals.motion import Motion
 
-Turn = Callable[[RunSignals], RunSignals]
+Turn = Callable[[Motion], Motion]
 """A run as it would be without a mistake."""
 ResidualShares = Callable[[Chain, Turn], FloatArray]
 """Logarithms of the moving joints' shares of residual in torque, for another chain and with all runs changed."""
@@ -88,9 +88,9 @@ def _refuse_turned_joint(
     turned = {}
     for axis, (what, (position, effort)) in product(np.flatnonzero(moves).tolist(), _TURNED.items()):
         turn = np.diag(np.where(np.arange(len(coupling)) == axis, -1.0, 1.0))
-        joints = (coupling @ turn @ np.linalg.inv(coupling)).T if position else np.eye(len(coupling))
-        axes = turn if effort else np.eye(len(coupling))
-        turned[axis, what] = float(shares(partial(RunSignals.turned, joints=joints, axes=axes)).mean())
+        by_axis, same = at_axes(turn, coupling), np.eye(len(coupling))
+        joints, torques = by_axis.T if position else same, by_axis if effort else same
+        turned[axis, what] = float(shares(partial(Motion.turned, joints=joints, torques=torques)).mean())
     joint, what = min(turned, key=lambda which: turned[which])
     if turned[joint, what] >= most:
         return

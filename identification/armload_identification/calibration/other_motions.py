@@ -14,15 +14,15 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
-from armload_identification.estimation.arm_rows import RunSignals
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
+from armload_identification.signals.motion import Motion
 
 _SAMPLES: Final = 300
 
 
-def doubtful_share(calibration: ArmCalibration, level: Chain, run: RunSignals) -> FloatArray:
+def doubtful_share(calibration: ArmCalibration, level: Chain, run: Motion) -> FloatArray:
     """Relative uncertainty of the predicted torque on another motion.
 
     Args:

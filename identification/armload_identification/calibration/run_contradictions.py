@@ -17,7 +17,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_constants import Calibrating, Contradiction
 from armload_identification.calibration.mounted_runs import WeighedPayload
-from armload_identification.estimation.arm_rows import ArmLayout, RunSignals
+from armload_identification.estimation.arm_rows import ArmLayout
 from armload_identification.estimation.arm_terms import (
     ARM_TERMS,
     PAYLOAD,
@@ -31,6 +31,7 @@ from armload_identification.estimation.solve import solve
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import PARAMETERS
+from armload_identification.signals.motion import Motion
 
 _ZERO: Final = 1e-12
 _GRAMS: Final = 1000.0
@@ -71,7 +72,12 @@ def directions(gravity_m_s2: FloatArray) -> dict[str, FloatArray]:
     return found
 
 
-def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | None) -> str:
+def at_axes(matrix: FloatArray, coupling: FloatArray) -> FloatArray:
+    """(n, n) factor on joint torques that multiplies axis torques by (n, n) `matrix`; `coupling` is C of the motors."""
+    return np.asarray(coupling @ matrix @ np.linalg.inv(coupling))
+
+
+def explain(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None) -> str:
     """Explain what is wrong with a run.
 
     Args:
@@ -101,7 +107,7 @@ def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | 
 
 
 def _trial(
-    arm: ArmKnowledge, run: RunSignals, mounting: str, *, free: bool = False, mass_kg: float | None = None
+    arm: ArmKnowledge, run: Motion, mounting: str, *, free: bool = False, mass_kg: float | None = None
 ) -> Posterior:
     """Fit of a run's own friction, and of its payload if unknown, with the mass if that is stated, on the arm."""
     fit = arm.fit
@@ -118,7 +124,7 @@ def _trial(
     return solve(Problem(terms, [group], noise, arm.layout.coupling, known), rough=True)
 
 
-def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | None) -> Iterator[Explained]:
+def _mistakes(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None) -> Iterator[Explained]:
     """All possible mistakes, each with the run tested after its correction."""
     trial = _trial(arm, run, mounting, free=True)
     elsewhere = None
@@ -128,15 +134,18 @@ def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float 
     place = trial.problem.place(PAYLOAD, _ANY)
     yield trial, _payload_text(_Carried(trial.x[place], trial.bread[place, place]), mounting, mass_kg, elsewhere)
     yield _scaled(arm, run, mounting)
-    chain, n = arm.layout.chain, arm.layout.chain.n
+    chain, n, coupling = arm.layout.chain, arm.layout.chain.n, arm.layout.coupling
     for one, other in combinations(range(n), 2):
         swap = np.eye(n)
         swap[:, [one, other]] = swap[:, [other, one]]
-        yield _trial(arm, run.turned(swap, swap), mounting), f"joints {one + 1} and {other + 1} are exchanged"
+        yield (
+            _trial(arm, run.turned(swap, at_axes(swap, coupling)), mounting),
+            f"joints {one + 1} and {other + 1} are exchanged",
+        )
     for joint in range(n):
         turn = np.diag(np.where(np.arange(n) == joint, -1.0, 1.0))
         yield _trial(arm, run.turned(turn, np.eye(n)), mounting), f"the position of joint {joint + 1} is inverted"
-        both = _trial(arm, run.turned(turn, turn), mounting)
+        both = _trial(arm, run.turned(turn, at_axes(turn, coupling)), mounting)
         yield both, f"position and effort of joint {joint + 1} are inverted"
     for how, gravity in directions(chain.gravity_m_s2).items():
         mounted = Chain(chain.placement, chain.axis, chain.flange, gravity)
@@ -187,9 +196,10 @@ def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhe
     return f"it carries {found_kg:.3f} kg, not {elsewhere_kg:.3f} kg as in the other runs of '{mounting}'"
 
 
-def _scaled(arm: ArmKnowledge, run: RunSignals, mounting: str) -> Explained:
+def _scaled(arm: ArmKnowledge, run: Motion, mounting: str) -> Explained:
     """Axes that report a multiple of their effort."""
     # Freely varying friction would absorb part of a wrong scale.
+    coupling = arm.layout.coupling
     share, corrected, stiff = np.ones(arm.layout.chain.n), run, replace(arm, drift=Contradiction.stiff)
     for _ in range(Contradiction.scalings):
         trial = _trial(stiff, corrected, mounting)
@@ -198,7 +208,7 @@ def _scaled(arm: ArmKnowledge, run: RunSignals, mounting: str) -> Explained:
         now = np.sum(weighted * predicted, axis=0) / np.maximum(np.sum(predicted**2, axis=0), _ZERO)
         share = share * np.where((trial.deviates(0) >= Contradiction.contradicts) | (share != 1.0), now, 1.0)
         share = np.where(np.abs(share) > Contradiction.least_scale, share, Contradiction.least_scale)
-        corrected = replace(run, effort_nm=run.effort_nm / share)
+        corrected = run.with_torque_times(at_axes(np.diag(1.0 / share), coupling))
     parts = [
         f"the sign of joint {j + 1}'s effort is flipped"
         if abs(share[j] + 1.0) < Contradiction.as_it_is

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_constants import Health
 from armload_identification.calibration.calibration_result import ArmCalibration
-from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, RunSignals, run_signals
+from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, motion_with_rows
 from armload_identification.estimation.arm_terms import PAYLOAD, SESSION_FRICTION, payload_term, session_friction
 from armload_identification.estimation.empty_arm.known_arm_rows import payload_scale
 from armload_identification.estimation.estimation_constants import Solver
@@ -33,6 +33,7 @@ from armload_identification.model.regressor import PARAMETERS
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.motion import Motion
 from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
@@ -121,23 +122,23 @@ def run_health(
     with threadpool_limits(1):
         gains = calibration.transmission(transmission)
         (run,) = usable_runs([recording], chain.n, gains, calibration.effort)
-        fit = _RunFit(run_signals(run, transmission.coupling), calibration, chain, mounting)
+        fit = _RunFit(motion_with_rows(run), calibration, chain, mounting)
         return fit.health(recording.source.path.name, recorded or run_start_text(recording))
 
 
 class _RunFit:
     """A run's own gains, friction and, if it is not known, payload on the calibrated arm."""
 
-    def __init__(self, signals: RunSignals, calibration: ArmCalibration, chain: Chain, mounting: str | None) -> None:
+    def __init__(self, motion: Motion, calibration: ArmCalibration, chain: Chain, mounting: str | None) -> None:
         arm, body, n = calibration.known_arm, calibration.body, calibration.n
         known = {payload.mounting: payload.theta for payload in calibration.payloads}
         self._carried = "nothing" if mounting == "" else mounting if mounting in known else None
         loaded = self._carried != "nothing"
         peak = body.reversal_speed_rad_s / TURN_OVER
-        self._signals, self._calibration = signals, calibration
+        self._motion, self._calibration = motion, calibration
         self._mounting = PAYLOAD if loaded else EMPTY
         layout = ArmLayout(calibration.level(chain), body.coupling, body.base.ravel(), peak)
-        self._rows = layout.rows(signals, loaded=loaded)
+        self._rows = layout.rows(motion, loaded=loaded)
         time_s = self._rows.time_s
         self._apart_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
         self._moved = np.count_nonzero(self._rows.weight > Solver.moving, axis=0) >= Health.fewest_rows
@@ -182,7 +183,7 @@ class _RunFit:
         return RunHealth(
             name=name,
             recorded=recorded,
-            length_s=float(len(self._signals.usable) * self._signals.interval_s),
+            length_s=len(self._motion.time_s) * self._motion.interval_s,
             carried=carried,
             gain=self._where_moved(replace(gain, value=np.expm1(gain.value))),
             friction=self._where_moved(self._compared(SESSION_FRICTION, self._middle)),
@@ -213,7 +214,7 @@ class _RunFit:
         elapsed, found = self._rows.time_s, self._found
         length_s = float(elapsed[-1] - elapsed[0])
         count = min(int(length_s / Health.window_s), Health.most_windows)
-        if self._signals.periodic or count < Health.fewest_windows:
+        if self._motion.periodic or count < Health.fewest_windows:
             return None
         edges = elapsed[0] + np.linspace(0.0, length_s, count + 1)
         window = np.clip(np.searchsorted(edges, elapsed, side="right") - 1, 0, count - 1)

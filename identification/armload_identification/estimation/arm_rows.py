@@ -32,6 +32,8 @@ from armload_identification.signals.signal_constants import RowMean
 
 NO_ROWS: Final = "no third of a second is without a gap of more than 0.1 s: record it at 20 Hz or more"
 """Why a run has no row."""
+_ROUNDING: Final = 1e-6
+"""In samples: the interval of an average period differs in its last digits from computer to computer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,7 @@ class RowWindow:
         cls, length: int, interval_s: float, step: int, *, periodic: bool = False, half_s: float = RowMean.half_s
     ) -> RowWindow:
         """Rows about every `step`-th of `length` samples; in a periodic run the last is followed by the first."""
-        reach = int(half_s / interval_s)
+        reach = int(half_s / interval_s + _ROUNDING)
         return cls(np.arange(0, length, step), np.arange(-reach, reach + 1), interval_s, length, periodic, half_s)
 
     def only(self, rows: NDArray[np.bool_]) -> RowWindow:
@@ -138,69 +140,31 @@ class RowWindow:
         return np.asarray(np.maximum((np.abs(self.mean(direction)) - RowMean.onward) / (1.0 - RowMean.onward), 0.0))
 
 
-@dataclass(frozen=True, eq=False)
-class RunSignals:
-    """A run on an equidistant time grid, n joints.
+def row_window(run: Motion, row_s: float = Rows.row_s, spacing: int = 1) -> RowWindow:
+    """The usable rows of a run.
 
-    Attributes:
-        interval_s: Time between samples.
-        states: (K, n) each.
-        effort_nm: (K, n) axis torque from the currents with nominal gains, C^T tau.
-        usable: (K,) False in gaps.
-        periodic: Whether the last sample is followed by the first.
-        from_torque: Whether the drives reported torque instead of current.
+    Args:
         row_s: Time between rows; further in a long run.
         spacing: Keep every `spacing`-th row.
     """
+    samples = len(run.time_s)
+    row_s = max(row_s, samples * run.interval_s / Rows.most)
+    step = max(round(row_s / run.interval_s), 1) * spacing
+    half_s = RowMean.half_s * min(2.0 * row_s / Rows.row_s, 1.0)
+    window = RowWindow.of(samples, run.interval_s, step, periodic=run.periodic, half_s=half_s)
+    usable = _without_holes(run.valid, run.interval_s) if run.periodic else run.valid
+    return window.only(window.usable(usable))
 
-    interval_s: float
-    states: JointStates
-    effort_nm: FloatArray
-    usable: NDArray[np.bool_]
-    periodic: bool
-    from_torque: bool
-    row_s: float = Rows.row_s
-    spacing: int = 1
 
-    @classmethod
-    def of_motion(cls, run: Motion, coupling: FloatArray) -> RunSignals:
-        """From the motion of a run.
+def close_rows(run: Motion) -> RowWindow:
+    """At least a hundred rows of a period, for two runs that are compared phase by phase."""
+    length_s = len(run.time_s) * run.interval_s
+    return row_window(run, min(Rows.row_s, length_s / Rows.fewest) if run.periodic else Rows.row_s)
 
-        Args:
-            run: Its motion and joint torque.
-            coupling: (n, n) C of the motors.
-        """
-        usable = _without_holes(run.valid, run.interval_s) if run.periodic else run.valid
-        return cls(run.interval_s, run.states, run.raw_nm @ coupling, usable, run.periodic, from_torque=False)
 
-    @property
-    def has_rows(self) -> bool:
-        """Whether any row's window is complete and without a hole."""
-        return bool(self.row_window().middle.size)
-
-    @property
-    def peak_rad_s(self) -> FloatArray:
-        """(n,) greatest speeds, of means over the rows' windows: single samples are greater by their noise."""
-        return np.asarray(np.abs(self.row_window().mean(self.states.velocity_rad_s)).max(axis=0, initial=0.0))
-
-    def with_close_rows(self) -> RunSignals:
-        """The same with at least a hundred rows of a period, for two runs that are compared phase by phase."""
-        length_s = len(self.usable) * self.interval_s
-        return replace(self, row_s=min(self.row_s, length_s / Rows.fewest)) if self.periodic else self
-
-    def row_window(self) -> RowWindow:
-        """The run's usable rows."""
-        samples = len(self.usable)
-        row_s = max(self.row_s, samples * self.interval_s / Rows.most)
-        step = max(round(row_s / self.interval_s), 1) * self.spacing
-        half_s = RowMean.half_s * min(2.0 * row_s / Rows.row_s, 1.0)
-        window = RowWindow.of(samples, self.interval_s, step, periodic=self.periodic, half_s=half_s)
-        return window.only(window.usable(self.usable))
-
-    def turned(self, joints: FloatArray, axes: FloatArray) -> RunSignals:
-        """The same run with positions and their derivatives multiplied by (n, n) `joints`, efforts by (n, n) `axes`."""
-        states = JointStates(*(values @ joints for values in self.states))
-        return replace(self, states=states, effort_nm=self.effort_nm @ axes)
+def peak_rad_s(run: Motion) -> FloatArray:
+    """(n,) greatest speeds, of means over the rows' windows: single samples are greater by their noise."""
+    return np.asarray(np.abs(row_window(run).mean(run.states.velocity_rad_s)).max(axis=0, initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,11 +223,8 @@ class ArmRows:
         return replace(self, weight=self.weight * factor)
 
 
-def run_signals(run: Run, coupling: FloatArray) -> RunSignals:
-    """Motion and effort of one run: its average period if it has whole ones, else the part in which the arm moves.
-
-    Args:
-        coupling: (n, n) C of the motors.
+def motion_with_rows(run: Run) -> Motion:
+    """Motion of a run: its average period if it has whole ones, else the part in which the arm moves.
 
     Raises:
         RecordingError: too short.
@@ -275,9 +236,7 @@ def run_signals(run: Run, coupling: FloatArray) -> RunSignals:
             f"{run.recording.source.path}: {length_s:.1f} s of motion, expected {Rows.shortest_s:g} s or more. Record "
             "a whole excitation."
         )
-    signals = RunSignals.of_motion(motion, coupling)
-    usable = signals.usable & (motion.interval_s <= Rows.hole_s)
-    return replace(signals, usable=usable, from_torque=run.from_torque)
+    return replace(motion, valid=motion.valid & (motion.interval_s <= Rows.hole_s))
 
 
 def _without_holes(valid: NDArray[np.bool_], interval_s: float) -> NDArray[np.bool_]:
@@ -306,20 +265,20 @@ class ArmLayout:
     peak_rad_s: FloatArray
 
     @classmethod
-    def of(cls, runs: Sequence[RunSignals], chain: Chain, coupling: FloatArray) -> ArmLayout:
+    def of(cls, runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> ArmLayout:
         """The arm, with the speeds of these runs."""
         base = base_columns(chain, coupling)[: PARAMETERS * chain.n]
-        return cls(chain, coupling, base, np.max([run.peak_rad_s for run in runs], axis=0))
+        return cls(chain, coupling, base, np.max([peak_rad_s(run) for run in runs], axis=0))
 
-    def rows(self, run: RunSignals, *, loaded: bool) -> ArmRows:
-        """The equations of a run; with a payload's columns if `loaded`."""
+    def rows(self, run: Motion, *, loaded: bool, window: RowWindow | None = None) -> ArmRows:
+        """The equations of a run, of all rows or those of a window; with a payload's columns if `loaded`."""
         states, moves = run.states, self.peak_rad_s > Rows.stands_rad_s
         scale = np.where(moves, self.peak_rad_s, 1.0)
         sign = np.where(moves, np.tanh(states.velocity_rad_s / (TURN_OVER * scale)), 0.0)
-        window = run.row_window()
+        window = window or row_window(run)
         velocity = window.mean(states.velocity_rad_s)
         acceleration = states.acceleration_rad_s2 @ np.linalg.inv(self.coupling).T
-        coarse = window.every(max(int(window.half_s / (Rows.model_parts * run.interval_s)), 1))
+        coarse = window.every(max(int(window.half_s / (Rows.model_parts * run.interval_s) + _ROUNDING), 1))
         links, links_moved = _columns(self.chain, coarse, states, lambda *at: body_regressor(*at)[:, :, self.base])
         payload, payload_moved = np.zeros((*velocity.shape, 0)), np.zeros((3, *velocity.shape, 0))
         if loaded:
@@ -332,7 +291,7 @@ class ArmLayout:
             axis_jerk_rad_s3=-window.slope(acceleration),
             direction=window.mean(sign),
             root=window.mean(sign * np.sqrt(np.abs(states.velocity_rad_s))),
-            effort_nm=window.mean(run.effort_nm),
+            effort_nm=window.mean(run.raw_nm) @ self.coupling,
             weight=np.where(moves, window.onward(sign) * moving_weights(velocity, REVERSAL * scale), 0.0),
             links=links,
             links_moved=links_moved,

@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_rows import ArmRows, RunSignals
+from armload_identification.estimation.arm_rows import ArmRows
 from armload_identification.estimation.arm_terms import FRICTION_CHANGE, effort_level
 from armload_identification.estimation.payload_problem import PayloadProblem
 from armload_identification.estimation.posterior import Posterior
@@ -123,8 +123,7 @@ def change_between_periods(whole: Run, arm: PayloadProblem, edge_s: float) -> Pa
         The change; None if the run is too short.
     """
     (motion, since_s, period_s), coupling = period_deviation(whole), arm.problem.coupling
-    signals = RunSignals.of_motion(motion, coupling)
-    rows = arm.layout.rows(signals, loaded=True)
+    rows = arm.layout.rows(motion, loaded=True)
     elapsed_s = np.interp(rows.time_s, motion.time_s, since_s)
     phase_s = elapsed_s % period_s
     starts_s = period_s * np.arange(whole.motion.periods)[:, None]

@@ -15,7 +15,15 @@ import msgspec
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_rows import NO_ROWS, ArmLayout, ArmRows, RunSignals
+from armload_identification.estimation.arm_rows import (
+    NO_ROWS,
+    ArmLayout,
+    ArmRows,
+    RowWindow,
+    close_rows,
+    peak_rad_s,
+    row_window,
+)
 from armload_identification.estimation.arm_terms import (
     FRICTION_CHANGE,
     GAIN,
@@ -113,15 +121,15 @@ def pair_problem(
         slow: The same runs' slow rounds.
     """
     layout = _layout([signal.loaded, signal.unloaded], chain, coupling, arm)
-    signals = [run.with_close_rows() for run in _pair_signals(signal, coupling)]
-    rows = [layout.rows(run, loaded=loaded) for run, loaded in zip(signals, (True, False), strict=True)]
+    window = close_rows(_both_valid(signal)[0])
+    rows = _pair_rows(signal, window, layout)
     groups = [Group((RunRows(rows[0], PAYLOAD), RunRows(rows[1])), DIFFERENCE_AND_MEAN)]
-    differences = [(signal, signals[0])]
+    differences = [(signal, window)]
     if slow is not None:
-        slowly = [replace(run, spacing=2) for run in _pair_signals(slow, coupling)]
-        if slowly[0].has_rows:  # a short one may have none
-            groups.append(_slow_group(slowly, layout))
-            differences.append((slow, slowly[0]))
+        window = row_window(_both_valid(slow)[0], spacing=2)
+        if window.middle.size:  # a short one may have none
+            groups.append(_slow_group(slow, window, layout))
+            differences.append((slow, window))
     noise = _sampled_noise(effort_level(rows), differences, coupling)
     if arm is not None:
         problem = Problem(_known_arm(rows, layout, arm), groups, noise, coupling, [arm.known])
@@ -130,7 +138,7 @@ def pair_problem(
     return PayloadProblem(problem, layout, signal.interval_s).with_gains(np.zeros((chain.n, chain.n)))
 
 
-def _sampled_noise(level_nm: FloatArray, parts: Sequence[tuple[LoadSignal, RunSignals]], coupling: FloatArray) -> Noise:
+def _sampled_noise(level_nm: FloatArray, parts: Sequence[tuple[LoadSignal, RowWindow]], coupling: FloatArray) -> Noise:
     """Unknown noise, but not less than the scatter of the samples: of few rows, a fit takes up much of it.
 
     Args:
@@ -138,34 +146,35 @@ def _sampled_noise(level_nm: FloatArray, parts: Sequence[tuple[LoadSignal, RunSi
         parts: The periods, of whose rows difference and mean are fitted, and other parts, of which the difference is.
         coupling: (n, n) C of the motors.
     """
-    windows = [run.row_window() for _, run in parts]
-    sampled = zip(parts, windows, strict=True)
-    least = [window.noise_share * np.sqrt(signal.averaged_noise_nm**2 @ coupling**2) for (signal, _), window in sampled]
-    correlation = [window.correlation for window in windows]
+    least = [window.noise_share * np.sqrt(signal.averaged_noise_nm**2 @ coupling**2) for signal, window in parts]
+    correlation = [window.correlation for _, window in parts]
     lags = max(one.size for one in correlation)
     faded = [np.pad(one, (0, lags - one.size)) for one in correlation]
     of_mean = 0.5 * least[0]
     return Noise.unknown(level_nm, np.array([least[0], of_mean, *least[1:]]), np.array([faded[0], *faded]))
 
 
-def _slow_group(runs: Sequence[RunSignals], arm: ArmLayout) -> Group:
+def _slow_group(slow: LoadSignal, window: RowWindow, arm: ArmLayout) -> Group:
     """The slow rounds of two runs, with friction changes and noise of their own.
 
     Only their difference: the laws of friction do not describe so low speeds well.
     """
-    slow = replace(arm, peak_rad_s=np.maximum(*(run.peak_rad_s for run in runs)))
-    rows = [slow.rows(run, loaded=loaded) for run, loaded in zip(runs, (True, False), strict=True)]
+    rows = _pair_rows(slow, window, replace(arm, peak_rad_s=np.maximum(*map(peak_rad_s, _both_valid(slow)))))
     return Group((RunRows(rows[0], PAYLOAD), RunRows(rows[1])), DIFFERENCE, len(DIFFERENCE_AND_MEAN))
 
 
-def _pair_signals(signal: LoadSignal, coupling: FloatArray) -> list[RunSignals]:
-    """The loaded and the unloaded run, usable where both are, at the loaded run's interval.
+def _pair_rows(signal: LoadSignal, window: RowWindow, arm: ArmLayout) -> list[ArmRows]:
+    """The same rows of the loaded and the unloaded run."""
+    runs = zip(_both_valid(signal), (True, False), strict=True)
+    return [arm.rows(run, loaded=loaded, window=window) for run, loaded in runs]
+
+
+def _both_valid(signal: LoadSignal) -> list[Motion]:
+    """The loaded and the unloaded run, valid where both are, at the loaded run's times.
 
     Two average periods differ in the last digits of theirs, by which the number of rows could differ.
     """
-    runs = [replace(run, valid=signal.valid) for run in (signal.loaded, signal.unloaded)]
-    signals = [RunSignals.of_motion(run, coupling) for run in runs]
-    return [replace(run, interval_s=signal.interval_s) for run in signals]
+    return [replace(run, time_s=signal.time_s, valid=signal.valid) for run in (signal.loaded, signal.unloaded)]
 
 
 def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownArm) -> PayloadProblem:
@@ -178,7 +187,7 @@ def single_problem(run: Motion, chain: Chain, coupling: FloatArray, arm: KnownAr
         arm: The calibrated arm.
     """
     layout = _layout([run], chain, coupling, arm)
-    rows = layout.rows(RunSignals.of_motion(run, coupling), loaded=True)
+    rows = layout.rows(run, loaded=True)
     level = effort_level([rows])
     noise = Noise(arm.noise_nm, arm.noise_nm, level + arm.noise_nm)
     group = Group((RunRows(rows, PAYLOAD),))
@@ -190,7 +199,7 @@ def _layout(runs: Sequence[Motion], chain: Chain, coupling: FloatArray, arm: Kno
     """The arm: with the base parameters and greatest speeds of its calibration, or of the runs."""
     if arm is not None:
         return ArmLayout(chain, coupling, arm.body.base.ravel(), arm.body.reversal_speed_rad_s / TURN_OVER)
-    return ArmLayout.of([RunSignals.of_motion(run, coupling) for run in runs], chain, coupling)
+    return ArmLayout.of(runs, chain, coupling)
 
 
 def _unknown_arm(rows: Sequence[ArmRows], arm: ArmLayout) -> list[Term]:

@@ -83,6 +83,11 @@ class Motion:
         """The same motion with every torque tau replaced by tau M, M (n, n); the noise is not changed."""
         return replace(self, raw_nm=self.raw_nm @ matrix, torque_nm=self.torque_nm @ matrix)
 
+    def turned(self, joints: FloatArray, torques: FloatArray) -> Motion:
+        """The same run with positions and their derivatives multiplied by (n, n) `joints`, torques by (n, n) others."""
+        states = JointStates(*(values @ joints for values in self.states))
+        return replace(self.with_torque_times(torques), states=states)
+
     def part(self, start_s: float, end_s: float) -> Motion:
         """The samples from one time since the first sample up to, not including, another."""
         rows = slice(*np.searchsorted(self.time_s, [start_s, end_s]))

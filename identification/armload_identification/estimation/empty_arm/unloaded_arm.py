@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, RunSignals
+from armload_identification.estimation.arm_rows import ArmLayout, ArmRows
 from armload_identification.estimation.arm_terms import (
     FRICTION_CHANGE,
     GAIN,
@@ -65,9 +65,8 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
         runs: Runs without a payload.
         coupling: (n, n) C of its motors.
     """
-    n, signals = chain.n, [RunSignals.of_motion(run, coupling) for run in runs]
-    arm = ArmLayout.of(signals, chain, coupling)
-    rows = [arm.rows(run, loaded=False) for run in signals]
+    n, arm = chain.n, ArmLayout.of(runs, chain, coupling)
+    rows = [arm.rows(run, loaded=False) for run in runs]
     level = effort_level(rows)
     terms = [_as_they_are(term) for term in arm_terms(rows, arm) if term.name != FRICTION_CHANGE]
     terms.append(Term(_OFFSET, Scope.ARM, Joint(_offset), np.zeros(n), Priors.wide * level, "any"))

@@ -13,7 +13,7 @@ from armload_identification.calibration.calibration_constants import OtherMounti
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.calibration.session_gains import SessionGains
 from armload_identification.estimation import solve as solve_module
-from armload_identification.estimation.arm_rows import run_signals
+from armload_identification.estimation.arm_rows import motion_with_rows
 from armload_identification.estimation.base_tilt import tilt_axes
 from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.identification_errors import EstimationError
@@ -146,10 +146,10 @@ def test_a_body_from_one_motion_says_how_little_it_knows_of_others(runs, pinocch
     named = {int(joint): int(share) / 100.0 for joint, share in re.findall(r"(\d) \((\d+) %\)", text)}
     assert len(named) >= 2
     # Its residual on the other motion is as stated, without the friction at reversals and the noise.
-    other = run_signals(Run.of(runs[3].recording, found.transmission(nominal)), nominal.coupling)
-    moving = other.usable[:, None] & (np.abs(other.states.velocity_rad_s) > 0.1)
-    left = np.where(moving, other.effort_nm - found.body.torque(found.level(pinocchio_arm.chain), *other.states), 0.0)
-    share = np.sqrt(np.sum(left**2, axis=0) / np.sum(np.where(moving, other.effort_nm, 0.0) ** 2, axis=0))
+    other = motion_with_rows(Run.of(runs[3].recording, found.transmission(nominal)))
+    moving = other.valid[:, None] & (np.abs(other.states.velocity_rad_s) > 0.1)
+    left = np.where(moving, other.raw_nm - found.body.torque(found.level(pinocchio_arm.chain), *other.states), 0.0)
+    share = np.sqrt(np.sum(left**2, axis=0) / np.sum(np.where(moving, other.raw_nm, 0.0) ** 2, axis=0))
     for joint, said in named.items():
         assert share[joint - 1] < 1.5 * said, (joint, share[joint - 1], said)
     assert not any(text.startswith("for other motions") for text in result.warnings)

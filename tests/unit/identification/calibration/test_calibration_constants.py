@@ -61,8 +61,8 @@ def mounted(configured, best=None, turned=None, least=1.0):
     def shares(chain, turn):
         trials.append(turn)
         if isinstance(turn, partial):
-            joint = int(np.argmin(np.diag(turn.keywords["joints"] + turn.keywords["axes"])))
-            both = (turn.keywords["joints"] < 0.0).any() + 2 * (turn.keywords["axes"] < 0.0).any()
+            joint = int(np.argmin(np.diag(turn.keywords["joints"] + turn.keywords["torques"])))
+            both = (turn.keywords["joints"] < 0.0).any() + 2 * (turn.keywords["torques"] < 0.0).any()
             return np.log(np.full(2, (turned or {}).get((joint, both), least)))
         if np.allclose(chain.gravity_m_s2, DOWN):
             return np.log(np.array(configured))
@@ -200,7 +200,10 @@ def test_a_mistake_explains_a_run_if_four_deviations_or_four_tenths_are_left(exp
 
 @dataclass
 class Run:
-    effort_nm: np.ndarray
+    raw_nm: np.ndarray
+
+    def with_torque_times(self, matrix):
+        return Run(self.raw_nm @ matrix)
 
 
 def scaled(monkeypatch, reported, off=9.0):
@@ -209,11 +212,11 @@ def scaled(monkeypatch, reported, off=9.0):
 
     def fit(arm, run, mounting):
         fitted.append(arm.drift)
-        rows = SimpleNamespace(weight=np.ones((1, 4, 1)), effort_nm=run.effort_nm[None])
+        rows = SimpleNamespace(weight=np.ones((1, 4, 1)), effort_nm=run.raw_nm[None])
         return trial(off, rows, 2.0 * (-1.0) ** np.arange(4)[:, None])
 
     monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", fit)
-    arm = ArmKnowledge(None, SimpleNamespace(chain=SimpleNamespace(n=1)))
+    arm = ArmKnowledge(None, SimpleNamespace(chain=SimpleNamespace(n=1), coupling=np.eye(1)))
     return _scaled(arm, Run(reported * 2.0 * (-1.0) ** np.arange(4)[:, None]), "tool")[1], fitted
 
 
@@ -342,7 +345,7 @@ def fit_over(lasts_s, *, periodic=False, rows_s=0.1, weight=0.31):
         _rows=one,
         _calibration=SimpleNamespace(n=1),
         _found=SimpleNamespace(groups=[SimpleNamespace(acting=[[]])]),
-        _signals=SimpleNamespace(periodic=periodic),
+        _motion=SimpleNamespace(periodic=periodic),
         _friction="friction",
         _middle=None,
         _solved=lambda terms, rows: rows.size,
@@ -417,7 +420,7 @@ def used(name="a.mcap", mounting="", weight=1.0, rows=10, effort_nm=5.0):
     """A run whose two joints move in all of its rows."""
     of_rows = SimpleNamespace(weight=np.full((rows, 2), weight), effort_nm=np.full((rows, 2), -effort_nm))
     given = SimpleNamespace(mounting=mounting, recording=SimpleNamespace(source=SimpleNamespace(path=name)))
-    return SimpleNamespace(name=name, given=given, rows=SimpleNamespace(rows=of_rows), signals=name)
+    return SimpleNamespace(name=name, given=given, rows=SimpleNamespace(rows=of_rows), motion=name)
 
 
 def calibrating(*runs, **changes):

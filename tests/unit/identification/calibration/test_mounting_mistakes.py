@@ -45,7 +45,7 @@ class Shares:
         turned = getattr(turn, "keywords", None)
         if turned is None:
             return self._shares(self.by_gravity.get(tuple(np.sign(chain.gravity_m_s2)), self.plain))
-        signs = tuple(np.diag(turned["joints"])), tuple(np.diag(turned["axes"]))
+        signs = tuple(np.diag(turned["joints"])), tuple(np.diag(turned["torques"]))
         self.turns.append(signs)
         return self._shares(self.by_turn.get(signs, self.plain))
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_identification.estimation.arm_rows import ArmRows, RunSignals, _without_holes, run_signals
+from armload_identification.estimation.arm_rows import ArmRows, _without_holes, close_rows, motion_with_rows, row_window
 from armload_identification.estimation.arm_terms import (
     LAWS,
     arm_terms,
@@ -44,6 +44,7 @@ from armload_identification.identification_errors import EstimationError, Record
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import InertialParameters
+from armload_identification.signals.motion import Motion
 
 pytestmark = pytest.mark.pure
 
@@ -51,54 +52,65 @@ pytestmark = pytest.mark.pure
 # Rows ------------------------------------------------------------------------------------------------------------
 
 
-def signals(lasts_s, interval_s=0.01, *, periodic=False, **changes):
+def motion(lasts_s, interval_s=0.01, *, periodic=False):
     count = round(lasts_s / interval_s)
-    states = JointStates(*np.zeros((3, count, 1)))
-    usable = np.ones(count, dtype=bool)
-    return RunSignals(interval_s, states, np.zeros((count, 1)), usable, periodic, from_torque=False, **changes)
+    nothing = np.zeros(1)
+    return Motion(
+        time_s=interval_s * np.arange(count),
+        periodic=periodic,
+        states=JointStates(*np.zeros((3, count, 1))),
+        raw_nm=np.zeros((count, 1)),
+        torque_nm=np.zeros((count, 1)),
+        valid=np.ones(count, dtype=bool),
+        noise_nm=nothing,
+        averaged_noise_nm=nothing,
+        noise_source="",
+        smoothing_loss=nothing,
+        periods=1,
+        position_fit_rad=nothing,
+        began_s=0.0,
+    )
 
 
 @pytest.mark.parametrize(("lasts_s", "row_s"), [(20.0, 0.1), (149.0, 0.1), (300.0, 0.2), (450.0, 0.3)])
 def test_rows_are_a_tenth_of_a_second_apart_and_at_most_1500(lasts_s, row_s):
-    window = signals(lasts_s).row_window()
+    window = row_window(motion(lasts_s))
     assert np.diff(window.middle) * 0.01 == pytest.approx(row_s)
     assert window.half_s == 0.16
     assert window.middle[0] >= 16, "a whole window"
-    assert signals(20.0, spacing=3).row_window().middle[1] - signals(20.0, spacing=3).row_window().middle[0] == 30
+    assert np.diff(row_window(motion(20.0), spacing=3).middle)[0] == 30
 
 
 @pytest.mark.parametrize(("period_s", "row_s", "half_s"), [(2.0, 0.02, 0.064), (5.0, 0.05, 0.16), (12.0, 0.1, 0.16)])
 def test_a_period_has_at_least_a_hundred_rows_where_two_are_compared(period_s, row_s, half_s):
-    close = signals(period_s, periodic=True).with_close_rows()
-    assert close.row_s == pytest.approx(row_s)
-    assert close.row_window().half_s == pytest.approx(half_s)
-    assert signals(period_s).with_close_rows().row_s == 0.1
+    close = close_rows(motion(period_s, periodic=True))
+    assert 0.01 * np.diff(close.middle)[0] == pytest.approx(row_s)
+    assert close.half_s == pytest.approx(half_s)
+    assert np.diff(close_rows(motion(period_s)).middle)[0] == 10
+
+
+@pytest.mark.parametrize("rounding", [-1e-9, 0.0, 1e-9])
+def test_the_last_digits_of_the_interval_change_no_window(rounding):
+    """0.16 s are 16 samples of 10 ms."""
+    window = row_window(motion(20.0, 0.01 * (1.0 + rounding)))
+    assert window.offset.size == 33
 
 
 def given_run(lasts_s, interval_s, *, periodic=False):
-    motion = signals(lasts_s, interval_s)
-    found = SimpleNamespace(
-        time_s=interval_s * np.arange(len(motion.usable)),
-        interval_s=interval_s,
-        periodic=periodic,
-        states=motion.states,
-        raw_nm=motion.effort_nm,
-        valid=motion.usable,
-    )
     recording = SimpleNamespace(source=SimpleNamespace(path="a.mcap"))
-    return SimpleNamespace(motion=found, recording=recording, from_torque=True)
+    return SimpleNamespace(motion=motion(lasts_s, interval_s, periodic=periodic), recording=recording)
 
 
 def test_three_seconds_of_motion_are_required_unless_they_are_a_period():
-    assert run_signals(given_run(3.01, 0.01), np.eye(1)).usable.all()
-    assert run_signals(given_run(2.0, 0.01, periodic=True), np.eye(1)).from_torque
+    assert motion_with_rows(given_run(3.01, 0.01)).valid.all()
+    assert motion_with_rows(given_run(2.0, 0.01, periodic=True)).valid.all()
     with pytest.raises(RecordingError, match=r"a\.mcap: 3\.0 s of motion, expected 3 s or more"):
-        run_signals(given_run(2.99, 0.01), np.eye(1))
+        motion_with_rows(given_run(2.99, 0.01))
 
 
 def test_samples_a_tenth_of_a_second_apart_are_holes():
-    assert run_signals(given_run(9.9, 0.099), np.eye(1)).usable.all()
-    assert not run_signals(given_run(10.1, 0.101), np.eye(1)).usable.any()
+    assert motion_with_rows(given_run(9.9, 0.099)).valid.all()
+    assert not motion_with_rows(given_run(10.1, 0.101)).valid.any()
 
 
 @pytest.mark.parametrize(("first", "missing", "holes"), [(50, 9, 0), (50, 10, 10), (-4, 9, 0), (-4, 10, 10)])

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from armload_identification.estimation.arm_rows import ArmLayout, RunSignals
+from armload_identification.estimation.arm_rows import ArmLayout
 from armload_identification.estimation.arm_terms import (
     DELAY,
     FRICTION_CHANGE,
@@ -33,7 +33,7 @@ def found(pinocchio_arm) -> Posterior:
     """A linear problem: a loaded and an empty run, with the noise given and some terms known exactly."""
     arm, coupling = pinocchio_arm, pinocchio_arm.transmission.coupling
     runs = [arm.run(arm.trajectory(3, period_s=10.0), load, seed=5 + load, periods=1) for load in (True, False)]
-    signals = [RunSignals.of_motion(Run.of(run, arm.transmission).over_time, coupling) for run in runs]
+    signals = [Run.of(run, arm.transmission).over_time for run in runs]
     layout = ArmLayout.of(signals, arm.chain, coupling)
     pair = [layout.rows(run, loaded=load) for run, load in zip(signals, (True, False), strict=True)]
     terms = [

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import f as fisher
 
-from armload_identification.estimation.arm_rows import ArmLayout, RunSignals
+from armload_identification.estimation.arm_rows import ArmLayout
 from armload_identification.estimation.arm_terms import (
     CHANGES,
     DELAY,
@@ -47,7 +47,7 @@ def rows(pinocchio_arm):
     ]
     signal = load_signal(*(Run.of(run, arm.transmission) for run in runs))
     coupling = arm.transmission.coupling
-    signals = [RunSignals.of_motion(run, coupling) for run in (signal.loaded, signal.unloaded)]
+    signals = [signal.loaded, signal.unloaded]
     layout = ArmLayout.of(signals, arm.chain, coupling)
     return [layout.rows(run, loaded=load) for run, load in zip(signals, (True, False), strict=True)], layout
 
