@@ -69,32 +69,29 @@ def parse_job_table(text: str, source: str) -> tuple[TableEntry, ...]:
         ConfigurationError: as `read_job_table`.
     """
     lines = parse_csv(text, source, REQUIRED, _OPTIONAL, "one or more arms", ConfigurationError)
-    return tuple(_entry(line, source) for line in lines)
+    return tuple(map(_entry, lines))
 
 
-def _entry(line: CsvLine, source: str) -> TableEntry:
+def _entry(line: CsvLine) -> TableEntry:
     """One line."""
-
-    def refused(column: str, found: str | None, expected: str) -> ConfigurationError:
-        return ConfigurationError(source, f"line {line.number}, {column}", found, expected)
-
+    text = line.text
     for name in REQUIRED:
-        if not line.text(name):
-            raise refused(name, None, "expected text")
-    robot, calibration = line.text("robot"), line.text("calibration")
-    if is_url(robot):
+        if not text[name]:
+            raise line.refused(name, "expected text")
+    if is_url(text["robot"]):
         expected = "a shipped robot, or a path that the workers can read; recordings and calibrations may be URLs"
-        raise refused("robot", robot, f"expected {expected}")
-    if "*" in calibration:
-        raise refused("calibration", calibration, "expected one file: a * has no meaning here")
-    if bool(line.text("validation_loaded")) != bool(line.text("validation_unloaded")):
-        raise refused("validation_loaded", None, "a validation requires a loaded and an unloaded run; give both")
+        raise line.refused("robot", f"expected {expected}")
+    if "*" in text["calibration"]:
+        raise line.refused("calibration", "expected one file: a * has no meaning here")
+    missing = [name for name in RECORDINGS[2:] if not text[name]]
+    if len(missing) == 1:
+        raise line.refused(missing[0], "a validation requires a loaded and an unloaded run; give both")
     return TableEntry(
         line=line.number,
-        arm=line.text("arm"),
-        robot=robot,
-        recordings={name: line.text(name) for name in RECORDINGS if line.text(name)},
-        calibration=calibration,
-        payload=line.text("payload"),
-        mass_kg=line.positive("mass_kg", source, ConfigurationError),
+        arm=text["arm"],
+        robot=text["robot"],
+        recordings={name: text[name] for name in RECORDINGS if text[name]},
+        calibration=text["calibration"],
+        payload=text["payload"],
+        mass_kg=line.positive("mass_kg"),
     )

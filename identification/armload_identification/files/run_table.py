@@ -67,31 +67,27 @@ def parse_run_table(text: str, source: str, folder: Path) -> tuple[TableRow, ...
         RunTableError: as `read_run_table`.
     """
     lines = parse_csv(text, source, _REQUIRED, _OPTIONAL, "one recording per line", RunTableError)
-    rows = [_row(line, source, folder) for line in lines]
+    rows = [_row(line, folder) for line in lines]
     _require_agreement(rows, source)
     return tuple(rows)
 
 
-def _row(line: CsvLine, source: str, folder: Path) -> TableRow:
+def _row(line: CsvLine, folder: Path) -> TableRow:
     """One line."""
-    place = f"line {line.number}"
-    recording, mounting = line.text("recording"), line.text("mounting")
-    mass_kg, payload = line.positive("mass_kg", source, RunTableError), line.text("payload")
+    recording, mounting, payload, recorded = (
+        line.text[key] for key in ("recording", "mounting", "payload", "recorded")
+    )
+    mass_kg = line.positive("mass_kg")
     if not recording:
-        raise RunTableError(source, f"{place}, recording", None, "expected the path of a recording")
+        raise line.refused("recording", "expected the path of a recording")
     if (mass_kg is not None or payload) and not mounting:
-        raise RunTableError(source, f"{place}, mounting", None, "a run with a mass or a payload must name its mounting")
-    recorded = _moment(line.text("recorded"), source, place)
-    return TableRow(folder / recording, mounting, mass_kg, folder / payload if payload else None, recorded)
-
-
-def _moment(text: str, source: str, place: str) -> str:
-    """A date, or date and time, or nothing, checked; in the format of `datetime.isoformat`."""
+        raise line.refused("mounting", "a run with a mass or a payload must name its mounting")
     try:
-        return datetime.fromisoformat(text).isoformat() if text else ""
+        recorded = datetime.fromisoformat(recorded).isoformat() if recorded else ""
     except ValueError:
         expected = "expected a date, or date and time, such as 2026-03-01T08:30, or nothing"
-        raise RunTableError(source, f"{place}, recorded", text, expected) from None
+        raise line.refused("recorded", expected) from None
+    return TableRow(folder / recording, mounting, mass_kg, folder / payload if payload else None, recorded)
 
 
 def _require_agreement(rows: list[TableRow], source: str) -> None:

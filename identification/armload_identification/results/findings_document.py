@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -66,12 +67,7 @@ def payload_fields(payload: PayloadResult) -> dict[str, Any]:
         "residual_rms_nm": numbers(payload.residual_rms_nm),
         "noise_nm": numbers(payload.noise_nm),
         "feedforward_ready": payload.feedforward_ready,
-        "robot": payload.provenance.robot,
-        "kinematics_sha256": payload.provenance.kinematics_sha256,
-        "configuration_sha256": payload.provenance.configuration_sha256,
-        "recordings_sha256": dict(payload.provenance.recordings_sha256),
-        "validation_sha256": dict(payload.provenance.validation_sha256),
-        "calibration_sha256": dict(payload.provenance.calibration_sha256),
+        **{key: value for key, value in asdict(payload.provenance).items() if key != "armload_version"},
     }
 
 
@@ -141,9 +137,4 @@ def _identification_fields(identification: Identification) -> dict[str, Any]:
 
 
 def _source_fields(source: RecordingSource) -> dict[str, Any]:
-    return {
-        "file": str(source.path),
-        "sha256": source.sha256,
-        "rows_read": source.rows_read,
-        "rows_dropped": source.rows_dropped,
-    }
+    return {"file": str(source.path), **{key: getattr(source, key) for key in ("sha256", "rows_read", "rows_dropped")}}

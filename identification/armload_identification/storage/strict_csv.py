@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -20,34 +21,29 @@ class CsvLine:
 
     Attributes:
         number: Number of the line in the file.
-        values: Text by column; without the columns that a short line omits.
+        text: Text by column; empty if the line has none.
+        source: Name of the file in messages.
+        error: Makes the error of an invalid line.
     """
 
     number: int
-    values: dict[str, str]
+    text: dict[str, str]
+    source: str
+    error: FileErrorClass
 
-    def text(self, column: str) -> str:
-        """Text of a column; empty if the line has none."""
-        return self.values.get(column, "")
+    def refused(self, column: str, expected: str) -> Exception:
+        """The error for what a column contains; `expected` is the end of a sentence."""
+        return self.error(self.source, f"line {self.number}, {column}", self.text[column] or None, expected)
 
-    def positive(self, column: str, source: str, error: FileErrorClass) -> float | None:
-        """A number above 0; None if the column is empty.
-
-        Args:
-            column: Its name.
-            source: Name of the file in messages.
-            error: Class of the error raised for any other text.
-        """
-        text = self.text(column)
-        if not text:
-            return None
+    def positive(self, column: str) -> float | None:
+        """A number above 0; None if the column is empty. Any other text raises `refused`."""
         try:
-            value = float(text)
+            value = float(self.text[column] or "inf")
         except ValueError:
-            value = float("nan")
-        if not 0.0 < value < float("inf"):
-            raise error(source, f"line {self.number}, {column}", text, "expected a number above 0, or nothing")
-        return value
+            value = math.nan
+        if not 0.0 < value < math.inf and self.text[column]:
+            raise self.refused(column, "expected a number above 0, or nothing")
+        return value if self.text[column] else None
 
 
 def parse_csv(
@@ -91,7 +87,7 @@ def parse_csv(
             continue
         if len(values) > len(header):
             raise error(source, f"line {number}", ",".join(values), f"expected {len(header)} columns")
-        found.append(CsvLine(number, dict(zip(header, values, strict=False))))
+        found.append(CsvLine(number, dict.fromkeys(known, "") | dict(zip(header, values, strict=False)), source, error))
     if not found:
         raise error(source, "", None, f"the table has no rows; expected {rows}")
     return tuple(found)

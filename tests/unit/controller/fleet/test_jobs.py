@@ -158,7 +158,7 @@ def test_what_is_said_of_the_payload_is_part_of_a_job(cells):
         (HEADER + "# one\na,b,c,d,e,f,1,7\n", "line 3 is 'a,b,c,d,e,f,1,7': expected 7 columns"),
         (
             "arm,robot,loaded,validation_loaded\na,b,c,d\n",
-            "line 2, validation_loaded is missing: a validation requires a loaded",
+            "line 2, validation_unloaded is missing: a validation requires a loaded",
         ),
     ],
 )
