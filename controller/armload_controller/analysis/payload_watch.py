@@ -192,11 +192,8 @@ class PayloadWatch:
     def _usable(self, path: Path) -> Iterator[RowBlock]:
         """The blocks of a recording without implausible rows."""
         options = ReadingOptions(joint_names=tuple(self._robot.joint_names), log_columns=self._robot.csv_columns)
-        garbage = GarbageFilter(path)
         with reading(path):
-            for block in reader_of(path, options).blocks(ReadingAccount()):
-                yield from garbage.add(block)
-            yield from garbage.finish()
+            yield from GarbageFilter(path).valid(reader_of(path, options).blocks(ReadingAccount()))
 
     def rows(self, path: Path, block: RowBlock) -> Iterator[WatchedMoment]:
         """Process rows; those not later than the last one are skipped.

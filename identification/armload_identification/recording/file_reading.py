@@ -147,7 +147,7 @@ class _Reading:
 
     def _selected_rows(self) -> Iterator[RowBlock]:
         """The usable rows between the two times; all of them without such times."""
-        for rows in self._usable_rows():
+        for rows in self.garbage.valid(self._blocks()):
             if self.between_s is None or not rows.size:
                 yield rows
                 continue
@@ -158,14 +158,11 @@ class _Reading:
             self.outside += int((~chosen).sum())
             yield rows.rows(chosen)
 
-    def _usable_rows(self) -> Iterator[RowBlock]:
-        """The usable rows of the file; the phase is dropped without an excitation."""
-        for block in self._blocks():
-            yield from self.garbage.add(block if self.excitation is not None else replace(block, phase_s=None))
-        yield from self.garbage.finish()
-
     def _blocks(self) -> Iterator[RowBlock]:
-        """The reader's blocks, up to a length that no recording of an arm has, but a small compressed file may."""
+        """The reader's blocks, up to a length that no recording of an arm has, but a small compressed file may.
+
+        The phase is dropped without an excitation.
+        """
         positions = 0
         with reading(self.garbage.path):
             for block in self.reader.blocks(self.account):
@@ -175,4 +172,4 @@ class _Reading:
                         f"{self.garbage.path}: more than {MOST_POSITIONS // block.n:,} rows of {block.n} joints. Split "
                         "the recording."
                     )
-                yield block
+                yield block if self.excitation is not None else replace(block, phase_s=None)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bisect
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -94,11 +94,11 @@ class GarbageFilter:
         self._interval_s: float | None = None
         self.reasons: Counter[str] = Counter()
 
-    def add(self, block: RowBlock) -> Iterator[RowBlock]:
-        """Add more rows of the log.
+    def valid(self, blocks: Iterable[RowBlock]) -> Iterator[RowBlock]:
+        """The valid rows of a log.
 
         Args:
-            block: The next rows, valid or not.
+            blocks: Its rows, valid or not.
 
         Yields:
             Valid rows, with a delay.
@@ -106,20 +106,11 @@ class GarbageFilter:
         Raises:
             RecordingError: neither torque nor current, or a wrong unit.
         """
-        self._waiting.append(block)
-        wanted = FIRST_WINDOW if self._interval_s is None else _WINDOW
-        if sum(part.size for part in self._waiting) > wanted + _OVERLAP:
-            yield self._judged(_OVERLAP)
-
-    def finish(self) -> Iterator[RowBlock]:
-        """The remaining rows.
-
-        Yields:
-            Valid rows.
-
-        Raises:
-            RecordingError: as `add`.
-        """
+        for block in blocks:
+            self._waiting.append(block)
+            wanted = FIRST_WINDOW if self._interval_s is None else _WINDOW
+            if sum(part.size for part in self._waiting) > wanted + _OVERLAP:
+                yield self._judged(_OVERLAP)
         if self._waiting:
             yield self._judged(0)
 
@@ -280,16 +271,12 @@ def refuse_degrees(path: Path, rows: RowBlock) -> None:
     reach = np.abs(np.percentile(finite, [5.0, 95.0], axis=0)).max() if finite.size else 0.0
     if reach <= _LARGEST_ANGLE_RAD:
         return
-    factors = {"position_rad": DEGREE_RAD}
-    if (
-        rows.velocity_rad_s is not None
-        and 0.8 < _speed_ratio(rows.time_s, rows.position_rad, rows.velocity_rad_s) < 1.25
-    ):
-        factors["velocity_rad_s"] = DEGREE_RAD
+    velocity = rows.velocity_rad_s
+    alike = velocity is not None and 0.8 < _speed_ratio(rows.time_s, rows.position_rad, velocity) < 1.25
     raise WrongUnit(
         f"{path}: joint positions reach {reach:.0f}, expected radians within +-{_LARGEST_ANGLE_RAD:.0f}. They look "
         "like degrees: convert them.",
-        factors,
+        dict.fromkeys(["position_rad", "velocity_rad_s"] if alike else ["position_rad"], DEGREE_RAD),
     )
 
 

@@ -236,7 +236,7 @@ class Recording(RowBlock):
             raise RecordingError(f"{name}: joint_names has {', '.join(names)}; expected {n} different names")
         rows = RowBlock(**arrays)
         garbage = GarbageFilter(Path(name))
-        kept = joined([*garbage.add(rows), *garbage.finish()])
+        kept = joined(list(garbage.valid([rows])))
         garbage.require_enough(kept.size, rows.size, {})
         reasons = dict(garbage.reasons)
         source = RecordingSource(

@@ -40,7 +40,7 @@ def kept(rows):
     """Indices of the rows that pass, and the reasons of the others."""
     garbage = GarbageFilter(PATH)
     numbered = replace(rows, phase_s=np.arange(rows.size, dtype=float))
-    passed = [block.phase_s for block in (*garbage.add(numbered), *garbage.finish())]
+    passed = [block.phase_s for block in garbage.valid([numbered])]
     return np.concatenate(passed).astype(int).tolist(), dict(garbage.reasons)
 
 
@@ -108,13 +108,11 @@ def test_blocks_of_any_size_give_the_same_rows(block):
     time_s = rows.time_s.copy()
     time_s[[3, 131_070, 131_072, 140_000, 159_999]] = 0.0
     rows = replace(rows, time_s=time_s, velocity_rad_s=None)
-    garbage, passed = GarbageFilter(PATH), []
+    garbage = GarbageFilter(PATH)
     if block == 7:
         rows = rows.rows(slice(0, 3000))
-    for first in range(0, rows.size, block):
-        passed += garbage.add(rows.rows(slice(first, first + block)))
-    passed += garbage.finish()
-    found = np.concatenate([part.time_s for part in passed])
+    parts = (rows.rows(slice(first, first + block)) for first in range(0, rows.size, block))
+    found = np.concatenate([part.time_s for part in garbage.valid(parts)])
     np.testing.assert_array_equal(found, rows.time_s[rows.time_s > 0.0])
     assert sum(garbage.reasons.values()) == rows.size - found.size
 
@@ -124,7 +122,7 @@ def test_a_log_needs_effort_unless_it_does_not_matter():
     with pytest.raises(RecordingError, match=r"log\.csv: the recording has neither motor current nor joint torque"):
         kept(bare)
     garbage = GarbageFilter(PATH, with_effort=False)
-    assert [block.size for block in (*garbage.add(bare), *garbage.finish())] == [ROWS]
+    assert [block.size for block in garbage.valid([bare])] == [ROWS]
 
 
 @pytest.mark.parametrize(

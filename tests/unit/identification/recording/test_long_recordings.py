@@ -341,13 +341,11 @@ def garbage_rows(rng, rows):
 def test_garbage_is_found_in_windows_as_in_one_piece(tmp_path):
     rows = garbage_rows(np.random.default_rng(8), FIRST_WINDOW + 70_000)
     filtered = GarbageFilter(tmp_path / "log")
-    kept = []
-    for first in range(0, rows.size, 3000):
-        kept += filtered.add(rows.rows(slice(first, first + 3000)))
-    kept = joined([*kept, *filtered.finish()])
+    parts = (rows.rows(slice(first, first + 3000)) for first in range(0, rows.size, 3000))
+    kept = joined(list(filtered.valid(parts)))
     assert len(filtered.reasons) == 5
     whole = GarbageFilter(tmp_path / "log")
-    expected = joined([*whole.add(rows), *whole.finish()])
+    expected = joined(list(whole.valid([rows])))
     assert filtered.reasons == whole.reasons
     np.testing.assert_array_equal(kept.time_s, expected.time_s)
     assert (np.diff(kept.time_s) > 0.0).all()
