@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -66,7 +67,10 @@ def read_recording(
     text = reader.attachments.get(EXCITATION_ATTACHMENT)
     excitation = None if text is None else parse_excitation(text, f"{path}, attachment {EXCITATION_ATTACHMENT}")
     shown = path if options.episode is None else path.with_name(f"{path.name} episode {options.episode}")
-    for reduction in _reductions(shown, excitation):
+    reductions: list[Callable[[], Reduction]] = [partial(TimeAverager, excitation)]  # this one suits every long run
+    if excitation is not None:
+        reductions.insert(0, partial(PeriodAverager, shown, excitation))
+    for reduction in reductions:
         read = _Reading(reader, GarbageFilter(shown, with_effort=with_effort), excitation, between_s)
         try:
             # One thread: a second one saves no time with products of blocks, and costs half of the processor time.
@@ -81,13 +85,6 @@ def read_recording(
             option = columns.in_units(error.factors).option(names)
             raise RecordingError(f"{error} Or specify the unit: {option}.") from None
     raise RecordingError(f"{path}: the recording cannot be reduced. Record it again.")
-
-
-def _reductions(path: Path, excitation: Excitation | None) -> Iterator[Callable[[], Reduction]]:
-    """The possible reductions of a long run, the best first; the last one suits every run."""
-    if excitation is not None:
-        yield lambda: PeriodAverager(path, excitation)
-    yield lambda: TimeAverager(excitation)
 
 
 @dataclass

@@ -27,6 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,15 @@ class CarriedSphere:
     radius_m: float
 
 
+class _Point(NamedTuple):
+    """A point, or sphere, that is fixed in a link, by its place in the frame of the joint that moves the link."""
+
+    name: str
+    link: int
+    at: FloatArray
+    radius_m: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class ArmPoints:
     """The points of an arm whose speed is computed: the origin of every moving joint frame, flange and tool.
@@ -74,33 +84,22 @@ class ArmPoints:
     tool_m: FloatArray
     carried: tuple[CarriedSphere, ...] = ()
     names: tuple[str, ...] = field(init=False)
-    _link: tuple[int, ...] = field(init=False, repr=False)
-    _in_link: FloatArray = field(init=False, repr=False)
-    _radius_m: FloatArray = field(init=False, repr=False)
+    _points: tuple[_Point, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        chain = self.chain
-        last = chain.n
-        flange = chain.flange
-        tool, *centres = (
-            flange[:3, :3] @ at + flange[:3, 3] for at in (self.tool_m, *(sphere.center_m for sphere in self.carried))
-        )
+        chain, last = self.chain, self.chain.n
+        turn, shift = chain.flange[:3, :3], chain.flange[:3, 3]
         # The origin of joint k + 1 is fixed in link k.
-        points = [(f"joint {k + 1}", k, chain.placement[k, :3, 3]) for k in range(1, last)]
-        points += [("flange", last, flange[:3, 3]), ("tool centre point", last, tool)]
+        points = [_Point(f"joint {k + 1}", k, chain.placement[k, :3, 3]) for k in range(1, last)]
+        points += [_Point("flange", last, shift), _Point("tool centre point", last, turn @ self.tool_m + shift)]
         kept = [
-            (name, link, at)
-            for number, (name, link, at) in enumerate(points)
-            if not any(
-                link == other and np.abs(at - there).max() < _APART_M for _, other, there in points[number + 1 :]
-            )
+            one
+            for number, one in enumerate(points, 1)
+            if all(one.link != other.link or np.abs(one.at - other.at).max() >= _APART_M for other in points[number:])
         ]
-        radii = [0.0] * len(kept) + [sphere.radius_m for sphere in self.carried]
-        kept += [(sphere.name, last, centre) for sphere, centre in zip(self.carried, centres, strict=True)]
-        object.__setattr__(self, "names", tuple(name for name, _, _ in kept))
-        object.__setattr__(self, "_link", tuple(link for _, link, _ in kept))
-        object.__setattr__(self, "_in_link", np.array([at for _, _, at in kept]))
-        object.__setattr__(self, "_radius_m", np.array(radii))
+        kept += [_Point(ball.name, last, turn @ ball.center_m + shift, ball.radius_m) for ball in self.carried]
+        object.__setattr__(self, "names", tuple(one.name for one in kept))
+        object.__setattr__(self, "_points", tuple(kept))
 
     def speeds(self, q: FloatArray, dq: FloatArray) -> FloatArray:
         """Speed of every point.
@@ -117,17 +116,16 @@ class ArmPoints:
     def moving(self, q: FloatArray, dq: FloatArray) -> MovingPoints:
         """The points in N states, of positions (N, n) in rad and velocities (N, n) in rad/s."""
         origins, axes, rotations = _frames(self.chain, q)
-        link = np.array(self._link) - 1
+        link = np.array([one.link for one in self._points]) - 1
         turning = np.cumsum(axes * dq[:, :, None], axis=1)
         drift = np.zeros_like(origins)
         drift[:, 1:] = np.cumsum(_cross(turning[:, :-1], np.diff(origins, axis=1)), axis=1)
-        lever = (rotations[:, link] @ self._in_link[:, :, None])[..., 0]
+        lever = (rotations[:, link] @ np.array([one.at for one in self._points])[:, :, None])[..., 0]
         velocity = drift[:, link] + _cross(turning[:, link], lever)
         moves = np.arange(self.chain.n)[:, None] <= link
         before = turning - axes * dq[:, :, None]
-        return MovingPoints(
-            origins, axes, before, turning, drift, origins[:, link] + lever, velocity, self._radius_m, moves
-        )
+        radius_m = np.array([one.radius_m for one in self._points])
+        return MovingPoints(origins, axes, before, turning, drift, origins[:, link] + lever, velocity, radius_m, moves)
 
     def greatest_on(self, trajectory: FourierTrajectory) -> FloatArray:
         """(P,) upper bound of the speed of every point along a trajectory, also between samples, in m/s."""
@@ -153,12 +151,8 @@ class ArmPoints:
         """
         speed = self.speeds(*motion(np.linspace(0.0, duration_s, samples + 1))[:2])
         between = np.maximum(speed[:-1], speed[1:])
-        bend = np.array(
-            [
-                point_rates(self.chain, rates, link, float(np.linalg.norm(at)) + radius_m)[2]
-                for link, at, radius_m in zip(self._link, self._in_link, self._radius_m, strict=True)
-            ]
-        )
+        levers_m = [(link, float(np.linalg.norm(at)) + radius_m) for _, link, at, radius_m in self._points]
+        bend = np.array([point_rates(self.chain, rates, link, lever_m)[2] for link, lever_m in levers_m])
         return np.asarray(between + bend * (duration_s / samples) ** 2 / 8.0)
 
 
