@@ -32,8 +32,6 @@ from armload_identification.signals.signal_constants import RowMean
 
 NO_ROWS: Final = "no third of a second is without a gap of more than 0.1 s: record it at 20 Hz or more"
 """Why a run has no row."""
-_ROUNDING: Final = 1e-6
-"""In samples: the interval of an average period differs in its last digits from computer to computer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +64,7 @@ class RowWindow:
         cls, length: int, interval_s: float, step: int, *, periodic: bool = False, half_s: float = RowMean.half_s
     ) -> RowWindow:
         """Rows about every `step`-th of `length` samples; in a periodic run the last is followed by the first."""
-        reach = int(half_s / interval_s + _ROUNDING)
+        reach = int(half_s / interval_s + Rows.rounding)
         return cls(np.arange(0, length, step), np.arange(-reach, reach + 1), interval_s, length, periodic, half_s)
 
     def only(self, rows: NDArray[np.bool_]) -> RowWindow:
@@ -278,7 +276,7 @@ class ArmLayout:
         window = window or row_window(run)
         velocity = window.mean(states.velocity_rad_s)
         acceleration = states.acceleration_rad_s2 @ np.linalg.inv(self.coupling).T
-        coarse = window.every(max(int(window.half_s / (Rows.model_parts * run.interval_s) + _ROUNDING), 1))
+        coarse = window.every(max(int(window.half_s / (Rows.model_parts * run.interval_s) + Rows.rounding), 1))
         links, links_moved = _columns(self.chain, coarse, states, lambda *at: body_regressor(*at)[:, :, self.base])
         payload, payload_moved = np.zeros((*velocity.shape, 0)), np.zeros((3, *velocity.shape, 0))
         if loaded:

@@ -60,6 +60,13 @@ class Rows:
     Factor of two: either way: nothing.
     """
 
+    rounding: Final = 1e-6
+    """[samples] Rounding of lengths: the interval of an average period differs in its last digits between computers.
+
+    Origin: numerics.
+    Factor of two: either way: nothing.
+    """
+
     stands_rad_s: Final = 1e-3
     """[rad/s] Greatest speed of a joint that stands.
 

@@ -243,21 +243,20 @@ class PayloadEstimate:
             calibration_slope=apart if len(self.considered) > gain.size else apart[:, :0],
         )
 
-    def without(self, axis: int) -> tuple[FloatArray, FloatArray, int]:
-        """(10,) parameters without the rows of an axis, (10, 10) covariance, and number of determined directions."""
-        place = self._place
-        values, covariance = self.posterior.without_axis(axis)
-        return values[place], covariance[place, place], PARAMETERS - len(self._blind(covariance[place, place]).T)
+    def without(self, axis: int, *, afresh: bool) -> tuple[FloatArray, FloatArray, int]:
+        """(10,) parameters without the rows of an axis, (10, 10) covariance, and number of determined directions.
 
-    def fitted_without(self, axis: int) -> tuple[FloatArray, FloatArray, int]:
-        """The same from another solve, whose noise and weights do not depend on the axis either."""
+        Args:
+            axis: Its number.
+            afresh: Whether not even noise and weights are started from those that it had a share in.
+        """
         problem = self.posterior.problem
         kept = np.arange(problem.noise.start_nm.size) != axis
         groups = [
             replace(group, runs=tuple(replace(run, rows=run.rows.weighted(kept)) for run in group.runs))
             for group in problem.groups
         ]
-        found = solve(replace(problem, groups=groups), rough=True)
+        found = solve(replace(problem, groups=groups), rough=True, start=None if afresh else self.posterior)
         covariance = found.bread[self._place, self._place]
         return found.value(PAYLOAD, PAYLOAD), covariance, PARAMETERS - len(self._blind(covariance).T)
 

@@ -19,7 +19,6 @@ from armload_identification.estimation.weighted_equations import (
     Eliminated,
     GroupState,
     WeightedRows,
-    eliminate,
     solved,
 )
 
@@ -33,7 +32,6 @@ class Posterior:
         x: All unknowns.
         information: (s, s) inverse covariance of the shared unknowns if the rows are as independent as assumed.
         known: (f, f) the share of the shared unknowns' priors in that, of the f that are not known exactly.
-        pull: (f,) gradient of these priors.
         noise_nm: (g, n) standard deviation of a row, by the number of its combination.
         residual_nm: (g, n) RMS residual of moving rows, outliers clipped; less than the noise by what the unknowns
             absorbed.
@@ -48,7 +46,6 @@ class Posterior:
     x: FloatArray
     information: FloatArray
     known: FloatArray
-    pull: FloatArray
     noise_nm: FloatArray
     residual_nm: FloatArray
     correlation: FloatArray
@@ -301,35 +298,6 @@ class Posterior:
         change = np.zeros(self.problem.shared_size)
         change[self._free] = -solved(self.information - part.information, part.gradient)
         return change
-
-    def without_axis(self, axis: int) -> tuple[FloatArray, FloatArray]:
-        """The shared unknowns without the rows of an axis, by one step from the solution.
-
-        All gradients count: a direction that only this axis shows is 10^5 times as free without it, and so is what the
-        solution still lacks there.
-
-        Args:
-            axis: Its number.
-
-        Returns:
-            (s,) unknowns, and (s, s) their covariance if rows are as independent as assumed.
-        """
-        shared, mean = self._free.size, self.problem.prior()[0]
-        information, gradient = self.known, self.pull
-        for index in range(len(self.groups)):
-            own, precision = self.problem.own(index), self._own_precision(index)
-            whole = np.diag(np.concatenate([np.zeros(shared), precision]))
-            pull = np.concatenate([np.zeros(shared), precision * (mean - self.x)[own][self.problem.free[own]]])
-            for rows in self.weighted_rows[index]:
-                if rows.axis != axis:
-                    pull[rows.place] += rows.rows.T @ rows.target
-                    whole[np.ix_(rows.place, rows.place)] += rows.rows.T @ rows.rows
-            part = eliminate(whole, pull, shared, {})
-            information, gradient = information + part.information, gradient + part.gradient
-        covariance = solved(information, np.eye(shared))
-        values = self.x[: self.problem.shared_size].copy()
-        values[self._free] += covariance @ gradient
-        return values, self._whole(covariance)
 
     @cached_property
     def _free(self) -> NDArray[np.intp]:

@@ -220,7 +220,7 @@ class _Solver:
 
     def posterior(self, steps: int) -> Posterior:
         """The posterior at the present unknowns."""
-        known, pull = self._prior_equations()
+        known, _ = self._prior_equations()
         parts = self._eliminated()
         information = known + np.sum([part.information for part in parts], axis=0)
         return Posterior(
@@ -228,7 +228,6 @@ class _Solver:
             x=self._x,
             information=information,
             known=known,
-            pull=pull,
             noise_nm=self._noise,
             residual_nm=self._residual,
             correlation=self._correlation,

@@ -123,7 +123,7 @@ def _refuse_contradicting_joint(fit: FittedPair) -> None:
     implied_nm = np.zeros_like(signal.torque_nm)
     for joint in np.flatnonzero(signal.loaded.moves & loud).tolist():
         # A joint almost free of noise decides the noise of the others: fit these again if one is unexplained.
-        others, covariance, rank = (plain.fitted_without if suspect.any() else plain.without)(joint)
+        others, covariance, rank = plain.without(joint, afresh=bool(suspect.any()))
         if rank < others.size:
             continue
         if suspect[joint]:

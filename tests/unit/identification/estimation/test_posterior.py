@@ -50,7 +50,7 @@ def found(pinocchio_arm) -> Posterior:
 class Dense:
     """All free unknowns, shared ones first, with rows (m, u), residual (m,), axis and group of each row."""
 
-    def __init__(self, found, without_axis=None, without_group=None):
+    def __init__(self, found, without_group=None):
         problem = found.problem
         self.shared = np.flatnonzero(problem.free[: problem.shared_size])
         owns = [np.arange(problem.size)[problem.own(group)] for group in (0, 1)]
@@ -60,7 +60,7 @@ class Dense:
         for group in (0, 1):
             places = np.concatenate([np.arange(self.shared.size), np.searchsorted(self.at, owns[group])])
             for rows in found.weighted_rows[group]:
-                if rows.axis == without_axis or group == without_group:
+                if group == without_group:
                     continue
                 block = np.zeros((len(rows.target), self.at.size))
                 block[:, places[rows.place]] = rows.rows
@@ -170,19 +170,6 @@ def test_without_a_group_the_others_and_the_priors_remain(found):
     actual = found.change_without(0)[rest.shared]
     deviation = np.sqrt(np.diag(rest.covariance))[: rest.shared.size]
     close(actual, change, deviation, 1e-2)
-
-
-@pytest.mark.parametrize("axis", [1, 4])
-def test_without_an_axis(found, axis):
-    rest = Dense(found, without_axis=axis)
-    values, covariance = found.without_axis(axis)
-    s = rest.shared.size
-    expected = rest.covariance[:s, :s]
-    deviation = np.sqrt(np.diag(expected))
-    close(values[rest.shared], found.x[rest.shared] + rest.step()[:s], deviation, 1e-2)
-    close(covariance[np.ix_(rest.shared, rest.shared)], expected, np.outer(deviation, deviation), 1e-2)
-    exact = np.setdiff1d(np.arange(found.problem.shared_size), rest.shared)
-    np.testing.assert_array_equal(values[exact], found.x[exact])
 
 
 def test_values_are_by_name_mounting_and_run(found, pinocchio_arm):

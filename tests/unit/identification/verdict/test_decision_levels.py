@@ -545,10 +545,8 @@ def test_what_others_imply_counts_from_20_deviations_and_a_tenth_of_the_friction
 def test_joints_are_compared_if_a_loud_one_is_unexplained_by_a_tenth_of_its_power(left, noise_nm, compared):
     """Loud is five times the noise of a mean of 100 samples, 6.5 N m with a noise of 13 N m."""
     asked = []
-    plain = SimpleNamespace(
-        theta=np.array([1.0]), fitted_without=lambda joint: asked.append("again") or (np.ones(2), 0, 1)
-    )
-    plain.without = lambda joint: asked.append("once") or (np.ones(2), 0, 1)
+    plain = SimpleNamespace(theta=np.array([1.0]))
+    plain.without = lambda joint, afresh: asked.append("again" if afresh else "once") or (np.ones(2), 0, 1)
     torque = np.full((100, 1), 6.0)
     signal = SimpleNamespace(
         valid=np.ones(100, dtype=bool),
