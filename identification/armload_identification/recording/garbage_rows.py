@@ -10,7 +10,7 @@ import bisect
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -175,8 +175,6 @@ def _reasons_to_drop(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[
     """(N,) index of the reason to drop each row, `_KEPT` for valid rows, and the sampling interval in s."""
     verdict = np.full(rows.size, _KEPT)
     kept = np.arange(rows.size)
-    if not rows.size:
-        return verdict, 0.0 if interval_s is None else interval_s
 
     def drop(bad: NDArray[np.bool_], reason: str) -> None:
         nonlocal kept
@@ -186,7 +184,9 @@ def _reasons_to_drop(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[
 
     measured = {name: values for name in _ABSURD if (values := getattr(rows, name)) is not None}
     # The maximum per quantity clears nearly all windows; the comparison is also False for NaN.
-    suspect = {name: values for name, values in measured.items() if not np.abs(values).max() <= _ABSURD[name]}
+    suspect = {
+        name: values for name, values in measured.items() if not np.abs(values).max(initial=0.0) <= _ABSURD[name]
+    }
     finite = np.isfinite(rows.time_s)
     for values in suspect.values():
         finite &= np.isfinite(values).all(axis=1)
@@ -195,13 +195,12 @@ def _reasons_to_drop(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[
     for name, values in suspect.items():
         absurd |= (np.abs(values[kept]) > _ABSURD[name]).any(axis=1)
     drop(absurd, "impossible value")
-    if not kept.size:
-        return verdict, 0.0 if interval_s is None else interval_s
     time_s = rows.time_s
     if interval_s is None:
         interval_s = float(np.median(np.abs(np.diff(time_s[kept])))) if kept.size > 1 else 0.0
     span_s = 60.0 + 3.0 * interval_s * kept.size
-    drop(np.abs(time_s[kept] - np.median(time_s[kept])) > span_s, "time out of range")
+    middle_s = np.median(time_s[kept]) if kept.size else 0.0
+    drop(np.abs(time_s[kept] - middle_s) > span_s, "time out of range")
     backwards = np.ones(kept.size, dtype=bool)
     backwards[_longest_increasing(time_s[kept])] = False
     drop(backwards, "time not increasing")
@@ -215,37 +214,33 @@ def _reasons_to_drop(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[
 
 def _jumps(position: FloatArray, reach_rad: float) -> NDArray[np.bool_]:
     """(N,) True for rows in which a joint is further than `reach_rad` from the median of its neighbours."""
-    jumps = np.zeros(len(position), dtype=bool)
     # Such a row has a step of at least a tenth of that distance among its neighbours; nearly all logs have none.
-    step = np.abs(np.diff(position, axis=0))
-    if step.max() <= reach_rad / (_JUMP_WINDOW - 1):
-        return jumps
-    steps = np.flatnonzero((step > reach_rad / (_JUMP_WINDOW - 1)).any(axis=1))
-    near = np.unique(np.clip(steps[:, None] + np.arange(-_JUMP_WINDOW, _JUMP_WINDOW + 1), 0, len(position) - 1))
-    jumps[near] = (_from_neighbours(position, near, _JUMP_WINDOW) > reach_rad).any(axis=1)
-    return jumps
+    steps = np.abs(np.diff(position, axis=0)) > reach_rad / (_JUMP_WINDOW - 1)
+    near = np.arange(-_JUMP_WINDOW, _JUMP_WINDOW + 1)
+    return _from_neighbours(position, steps, near, _JUMP_WINDOW, reach_rad, 1)
 
 
 def _spikes(effort: FloatArray) -> NDArray[np.bool_]:
     """(N,) True for rows in which the (N, n) efforts of two joints or more are far from those of their neighbours."""
-    spikes = np.zeros(len(effort), dtype=bool)
     step = np.abs(np.diff(effort, axis=0))
     usual_step = np.percentile(step, 90.0, axis=0)
     far = np.where(usual_step > 0.0, _SPIKE * usual_step, np.inf)
-    joints = min(2, effort.shape[1])
-    (steps,) = np.nonzero(np.count_nonzero(step > far, axis=1) >= joints)
-    if not steps.size:
-        return spikes
-    near = np.unique(np.clip(steps[:, None] + np.arange(2), 0, len(effort) - 1))
-    spikes[near] = np.count_nonzero(_from_neighbours(effort, near, _SPIKE_WINDOW) > far, axis=1) >= joints
+    spikes = _from_neighbours(effort, step > far, np.arange(2), _SPIKE_WINDOW, far, min(2, effort.shape[1]))
     return spikes & (np.mean(spikes) > _SPIKES)
 
 
-def _from_neighbours(values: FloatArray, rows: NDArray[np.intp], window: int) -> FloatArray:
-    """(k, n) distances of k rows of (N, n) values from the medians of the windows about them."""
-    padded = np.pad(values, ((window // 2, window // 2), (0, 0)), mode="edge")
-    usual = np.median(sliding_window_view(padded, window, axis=0)[rows], axis=-1)
-    return np.asarray(np.abs(values[rows] - usual))
+def _from_neighbours(
+    values: FloatArray, steps: NDArray[np.bool_], near: NDArray[np.intp], window: int, far: Any, joints: int
+) -> NDArray[np.bool_]:
+    """(N,) True where that many joints' (N, n) values are far from the median of a window, near (N - 1, n) steps."""
+    found = np.zeros(len(values), dtype=bool)
+    at = np.flatnonzero(np.count_nonzero(steps, axis=1) >= joints) if steps.any() else np.zeros(0, dtype=np.intp)
+    if at.size:
+        rows = np.unique(np.clip(at[:, None] + near, 0, len(values) - 1))
+        padded = np.pad(values, ((window // 2, window // 2), (0, 0)), mode="edge")
+        usual = np.median(sliding_window_view(padded, window, axis=0)[rows], axis=-1)
+        found[rows] = np.count_nonzero(np.abs(values[rows] - usual) > far, axis=1) >= joints
+    return found
 
 
 def _longest_increasing(values: FloatArray) -> NDArray[np.intp]:
