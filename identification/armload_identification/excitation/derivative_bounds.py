@@ -89,7 +89,8 @@ def torque_curvature(dynamics: ArmDynamics, rates: FloatArray) -> FloatArray:
         force = abs(theta[0]) * acceleration + first[2:]
         # angular momentum I w = sum_i lambda_i u_i (u_i . w) over the principal axes u_i, fixed in the link
         axis = _fixed_vector(1.0, turning)[:4]
-        momentum = _principal_sum(theta) * _leibniz_product(_leibniz_product(axis, axis), turning)
+        moments = np.linalg.eigvalsh(symmetric_tensor(theta[4:]))  # principal ones, about the frame's origin
+        momentum = np.abs(moments).sum() * _leibniz_product(_leibniz_product(axis, axis), turning)
         about_origin = _leibniz_product(first[:3], acceleration) + momentum[1:]
         arm = np.zeros(3)
         for i in range(k, -1, -1):
@@ -125,8 +126,3 @@ def _leibniz_product(a: FloatArray, b: FloatArray) -> FloatArray:
 def _joint_distance(chain: Chain, joint: int) -> float:
     """Distance of a joint's origin from the previous one's."""
     return float(np.sqrt(np.sum(chain.placement[joint, :3, 3] ** 2)))
-
-
-def _principal_sum(theta: FloatArray) -> float:
-    """Sum of the magnitudes of the principal moments about the frame's origin."""
-    return float(np.sum(np.abs(np.linalg.eigvalsh(symmetric_tensor(theta[4:])))))

@@ -183,8 +183,7 @@ class Search:
 
     def cost_of(self, criterion: Criterion, trajectory: FourierTrajectory, measured_s: float | None = None) -> float:
         """A criterion of a trajectory for a measuring time, one period if not given, on the grid of the search."""
-        samples = self._basis.shape[1]
-        state = trajectory.evaluate(np.arange(samples) * (trajectory.period_s / samples))
+        state = trajectory.period(self._basis.shape[1])
         return criterion.cost(*state[:3], trajectory.period_s if measured_s is None else measured_s)
 
     def _optimised_start(self, rng: np.random.Generator) -> Attempt:
@@ -208,8 +207,7 @@ class Search:
             return Attempt(np.inf, np.inf, None, float(worst.max()), problem)
         cost = self.cost_of(self._criterion, trajectory)
         equally_long = self.cost_of(self._criterion, trajectory, self._reference_s)
-        samples = len(self._basis[0])
-        state = trajectory.evaluate(np.arange(samples) * (trajectory.period_s / samples))
+        state = trajectory.period(self._basis.shape[1])
         lasts_s = self._duration(np.stack(state[:2]), trajectory.period_s)[0]
         return Attempt(cost, equally_long * lasts_s, trajectory)
 
