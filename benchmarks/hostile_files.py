@@ -112,7 +112,7 @@ def small_payload():
     """A payload with all ten quantities."""
     body = InertialParameters.from_center_of_mass(2.5, [0.01, -0.02, 0.06], 0.004 * np.eye(3))
     known, interval = np.ones(10, dtype=bool), body.values[:, None] + np.array([-0.1, 0.1])
-    covariance = MassCenterCovariance.of_measured(1e-6 * np.eye(4), 20.0)
+    covariance = MassCenterCovariance(1e-6 * np.eye(4), 20.0)
     return PayloadResult("flange", body, known, interval, np.ones(6), np.ones(6), Provenance("0", "0", {}), covariance)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Annotated, Final
 
 import numpy as np
@@ -53,11 +52,11 @@ class CovarianceTable(Table):
 
     def covariance(self) -> MassCenterCovariance:
         """As in a `PayloadResult`."""
-        measured, freedom, gains = self.mass_center, self.degrees_of_freedom, self.gains
-        if gains is None:
-            return MassCenterCovariance.of_measured(measured, freedom)
-        known = MassCenterCovariance(measured, freedom, gains.gain_nm_a, gains.slope, gains.covariance)
-        return known if self.calibration_slope is None else replace(known, calibration_slope=self.calibration_slope)
+        gains, slope = self.gains, self.calibration_slope
+        known = () if gains is None else (gains.gain_nm_a, gains.slope, gains.covariance)
+        if gains is not None and slope is not None:
+            known = (*known, slope)
+        return MassCenterCovariance(self.mass_center, self.degrees_of_freedom, *known)
 
 
 def covariance_lines(known: MassCenterCovariance | None) -> list[str]:

@@ -32,20 +32,10 @@ class MassCenterCovariance:
 
     measured: FloatArray
     freedom: float
-    gain_nm_a: FloatArray
-    gain_slope: FloatArray
-    gain_covariance: FloatArray
+    gain_nm_a: FloatArray = field(default_factory=lambda: np.zeros(0))
+    gain_slope: FloatArray = field(default_factory=lambda: np.zeros((4, 0)))
+    gain_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     calibration_slope: FloatArray = field(default_factory=lambda: np.zeros((4, 0)))
-
-    @classmethod
-    def of_measured(cls, measured: FloatArray, freedom: float) -> MassCenterCovariance:
-        """Without gains.
-
-        Args:
-            measured: (4, 4) covariance.
-            freedom: Its degrees of freedom.
-        """
-        return cls(measured, freedom, np.zeros(0), np.zeros((4, 0)), np.zeros((0, 0)))
 
     @classmethod
     def from_intervals(cls, interval_95: FloatArray, mass_kg: float) -> MassCenterCovariance:
@@ -56,7 +46,7 @@ class MassCenterCovariance:
         """
         deviation = 0.5 * np.diff(interval_95, axis=1)[:, 0] / _NORMAL_95
         known = np.isfinite(deviation)
-        return cls.of_measured(np.diag(np.where(known, deviation, unknown_deviation(mass_kg)) ** 2), np.inf)
+        return cls(np.diag(np.where(known, deviation, unknown_deviation(mass_kg)) ** 2), np.inf)
 
     @property
     def held(self) -> FloatArray:

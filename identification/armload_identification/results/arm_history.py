@@ -24,23 +24,18 @@ _COLD_S: Final = 60.0
 class ArmHistory(PrintedResult, ComparedRuns):
     """An arm over its runs; printed as a table with the changes."""
 
-    def rows(self) -> list[tuple[str, ...]]:
-        """Present levels by joint; empty if the runs do not determine one."""
-        rows: list[tuple[str, ...]] = []
-        for joint, name in enumerate(self.joint_names):
-            friction, gain, residual = (_present(self.drift.charts[quantity][joint].level) for quantity in Monitored)
-            warming = self._warming_nm(joint)
-            rows.append(
-                (
-                    f"{joint + 1} {name}",
-                    f"{self.drift.friction_nm[joint]:.2f}",
-                    "" if friction is None else f"{friction:+z.2f}",
-                    "" if gain is None else f"{100.0 * gain:+z.2f} %",
-                    "" if residual is None else f"{np.exp(residual):.2f}",
-                    "" if warming is None else f"{warming:+z.2f}",
-                )
-            )
-        return rows
+    def _row(self, joint: int, name: str) -> tuple[str, ...]:
+        """Present levels of a joint; empty if the runs do not determine one."""
+        friction, gain, residual = (_present(self.drift.charts[quantity][joint].level) for quantity in Monitored)
+        warming = self._warming_nm(joint)
+        return (
+            f"{joint + 1} {name}",
+            f"{self.drift.friction_nm[joint]:.2f}",
+            "" if friction is None else f"{friction:+z.2f}",
+            "" if gain is None else f"{100.0 * gain:+z.2f} %",
+            "" if residual is None else f"{np.exp(residual):.2f}",
+            "" if warming is None else f"{warming:+z.2f}",
+        )
 
     def _warming_nm(self, joint: int) -> float | None:
         """Change of friction from the first minute to an hour of work, N m; None if unknown."""
@@ -139,7 +134,8 @@ class ArmHistory(PrintedResult, ComparedRuns):
         title = f"{self.robot}: {runs} against {self.calibration_name}, present levels"
         headings = ("joint", "friction N m", "minus the calibration's", "gain", "unexplained", "warming up N m")
         sentences = (*(found.text for found in self.drift.findings), self.advice)
-        return ResultTable(title, headings, self.rows(), (0,), sentences)
+        rows = [self._row(joint, name) for joint, name in enumerate(self.joint_names)]
+        return ResultTable(title, headings, rows, (0,), sentences)
 
 
 def _present(level: FloatArray) -> float | None:

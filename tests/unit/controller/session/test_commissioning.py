@@ -218,9 +218,7 @@ def test_with_data_that_no_payload_explains_no_more_periods_are_recorded(half, t
 def payload_within(share):
     """A payload of 2 kg whose mass repeats within a share."""
     measured = np.diag([(2.0 * share / 1.959964) ** 2, 1.0, 1.0, 1.0])
-    return SimpleNamespace(
-        mass_center=MassCenterCovariance.of_measured(measured, np.inf), model=SimpleNamespace(mass_kg=2.0)
-    )
+    return SimpleNamespace(mass_center=MassCenterCovariance(measured, np.inf), model=SimpleNamespace(mass_kg=2.0))
 
 
 def test_slow_rounds_alone_are_complete_recordings_without_periods(half, tmp_path):

@@ -41,7 +41,7 @@ def test_everything_is_read_back(payload):
 
 
 def test_without_gains_and_calibration_their_tables_are_left_out(payload):
-    plain = MassCenterCovariance.of_measured(MEASURED, 7.0)
+    plain = MassCenterCovariance(MEASURED, 7.0)
     table = tomllib.loads("\n".join(covariance_lines(plain)))["covariance"]
     assert set(table) == {"mass_center", "degrees_of_freedom"}
     assert covariance_lines(None) == []

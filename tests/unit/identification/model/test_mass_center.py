@@ -64,7 +64,7 @@ def test_the_freedom_is_that_of_the_less_certain_one():
 
 
 def test_without_gains_nothing_is_shared():
-    plain = MassCenterCovariance.of_measured(MEASURED, 3.0)
+    plain = MassCenterCovariance(MEASURED, 3.0)
     assert not plain.same_gains_as(plain)
     np.testing.assert_array_equal(plain.held, np.zeros((4, 4)))
     np.testing.assert_array_equal(plain.minus(plain).total, 2.0 * MEASURED)

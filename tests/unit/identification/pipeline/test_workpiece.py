@@ -17,7 +17,7 @@ DEVIATION = np.array([0.004, 0.0005, 0.0005, 0.001])
 
 
 def result(body, freedom=np.inf, gains=None):
-    covariance = MassCenterCovariance.of_measured(np.diag(DEVIATION**2), freedom)
+    covariance = MassCenterCovariance(np.diag(DEVIATION**2), freedom)
     if gains is not None:
         covariance = replace(covariance, **gains)
     interval = body.values[:, None] + np.array([-0.1, 0.1])

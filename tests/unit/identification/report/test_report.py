@@ -319,7 +319,7 @@ def views(clear):
         known[list(unknown)], interval[list(unknown)] = False, np.nan
         covariance = np.diag([1.0, *half_m]) ** 2
         covariance[1, 2] = covariance[2, 1] = correlation * half_m[0] * half_m[1]
-        center = MassCenterCovariance.of_measured(covariance, 50.0)
+        center = MassCenterCovariance(covariance, 50.0)
         return payload, center_views(replace(payload, determined=known, interval_95=interval, mass_center=center))
 
     return views

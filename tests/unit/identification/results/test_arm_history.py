@@ -52,12 +52,12 @@ def history(warming=None, findings=(), began=(datetime(2026, 3, 1, tzinfo=UTC),)
 
 
 def test_the_latest_known_level_of_every_joint_is_told():
-    rows = history(Warming()).rows()
+    rows = history(Warming()).table().rows
     assert rows == [
         ("1 base", "4.00", "+0.50", "-1.00 %", "2.00", "-0.30"),
         ("2 elbow", "5.50", "", "+0.00 %", "1.00", ""),
     ]
-    assert [row[5] for row in history().rows()] == ["", ""]
+    assert [row[5] for row in history().table().rows] == ["", ""]
 
 
 def test_the_table_ends_with_the_changes_and_the_advice():

@@ -38,9 +38,7 @@ def moved(*by):
 
 
 def known(values, covariance=COVARIANCE, freedom=np.inf):
-    return KnownMassCenter(
-        payload(np.asarray(values, dtype=float)), MassCenterCovariance.of_measured(covariance, freedom)
-    )
+    return KnownMassCenter(payload(np.asarray(values, dtype=float)), MassCenterCovariance(covariance, freedom))
 
 
 TRUE = np.array([MASS_KG, 0.02, 0.1, 0.15])
@@ -135,8 +133,7 @@ def test_a_payload_ten_per_cent_off_is_never_right(factor, scale):
     for _ in range(100):
         wrong, measured = drawn(rng, [(factor - 1.0) * MASS_KG, 0, 0, 0])
         spread = [
-            KnownMassCenter(x.parameters, MassCenterCovariance.of_measured(scale * COVARIANCE, 40.0))
-            for x in (wrong, measured)
+            KnownMassCenter(x.parameters, MassCenterCovariance(scale * COVARIANCE, 40.0)) for x in (wrong, measured)
         ]
         assert compare_known(*spread, Tolerance()).outcome is not Outcome.RIGHT
 

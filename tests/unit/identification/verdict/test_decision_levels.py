@@ -87,7 +87,7 @@ def known(variance=0.0, freedom=np.inf, mass_kg=10.0):
     """A payload whose mass and centre have the same variance, each in units of its floor."""
     body = InertialParameters.from_center_of_mass(mass_kg, [0.0, 0.0, 0.1], 0.05 * np.eye(3))
     covariance = variance * np.diag([25.0, 1.0, 1.0, 1.0]) * 1e-6
-    return KnownMassCenter(body, MassCenterCovariance.of_measured(covariance, freedom))
+    return KnownMassCenter(body, MassCenterCovariance(covariance, freedom))
 
 
 def test_what_is_known_exactly_agrees_to_5_g_and_1_mm():
