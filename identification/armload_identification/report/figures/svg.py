@@ -5,19 +5,20 @@ from __future__ import annotations
 import io
 import re
 from typing import Final
-from xml.etree import ElementTree
 
 import matplotlib.style
+from markupsafe import escape
 from matplotlib.figure import Figure
 
 from armload_identification.storage.control_characters import printable
 
-_NAMESPACE: Final = re.compile(r"^\{[^}]*\}")
+_TAG: Final = re.compile(r"<[^>]*>")
+_ATTRIBUTE: Final = re.compile(r' (?:\w+:)?([\w-]+)="([^"]*)"')
 _NEEDLESS_DIGITS: Final = re.compile(r"(?<=\.\d\d)\d+")
 """Digits below a hundredth of a point: invisible, but a third of the page."""
 _TEXT_STAYS_TEXT: Final = {"svg.fonttype": "none", "svg.hashsalt": "armload"}
 """Read by Matplotlib while it writes; outlines of letters would also lose their size to `_NEEDLESS_DIGITS`."""
-_LEFT_OUT: Final = frozenset({"metadata", "style"})
+_LEFT_OUT: Final = re.compile(r"<metadata>.*?</metadata>|<style[^>]*>.*?</style>|<!--.*?-->", re.DOTALL)
 _REFERRING: Final = frozenset({"href", "clip-path"})
 
 
@@ -31,33 +32,20 @@ def inline_svg(figure: Figure, name: str, title: str) -> str:
     written = io.BytesIO()
     with matplotlib.style.context(_TEXT_STAYS_TEXT):
         figure.savefig(written, format="svg", metadata={"Date": None})
-    root = ElementTree.fromstring(printable(written.getvalue().decode()))
-    _clean(root, name)
-    for attribute in ("width", "height", "version"):
-        root.attrib.pop(attribute, None)
-    root.set("role", "img")
-    root.set("aria-labelledby", f"{name}-title")
-    label = ElementTree.Element("title", {"id": f"{name}-title"})
-    label.text = printable(title)
-    root.insert(0, label)
-    return ElementTree.tostring(root, encoding="unicode")
 
-
-def _clean(element: ElementTree.Element, name: str) -> None:
-    """Make ids unique and remove name spaces, metadata, style rules and needless digits, recursively."""
-    element.tag = _NAMESPACE.sub("", element.tag)
-    attributes = {_NAMESPACE.sub("", key): value for key, value in element.items()}
-    for key, value in attributes.items():
+    def attribute(found: re.Match[str]) -> str:
+        """With a unique id, without name space and needless digits."""
+        key, value = found.groups()
         if key == "id":
-            attributes[key] = f"{name}-{value}"
+            value = f"{name}-{value}"
         elif key in _REFERRING:
-            attributes[key] = value.replace("#", f"#{name}-")
+            value = value.replace("#", f"#{name}-")
         elif key != "style":
-            attributes[key] = _NEEDLESS_DIGITS.sub("", value)
-    element.attrib.clear()
-    element.attrib.update(attributes)
-    for child in list(element):
-        if _NAMESPACE.sub("", child.tag) in _LEFT_OUT:
-            element.remove(child)
-        else:
-            _clean(child, name)
+            value = _NEEDLESS_DIGITS.sub("", value)
+        return f' {key}="{value}"'
+
+    root, _, content = printable(written.getvalue().decode()).partition("<svg ")[2].partition(">")
+    content = _TAG.sub(lambda tag: _ATTRIBUTE.sub(attribute, tag[0]), _LEFT_OUT.sub("", content))
+    view = dict(_ATTRIBUTE.findall(f" {root}"))["viewBox"]
+    label = f'<title id="{name}-title">{escape(printable(title))}</title>'
+    return f'<svg viewBox="{view}" role="img" aria-labelledby="{name}-title">{label}{content}'
