@@ -54,9 +54,7 @@ class Quantity:
 
     def __str__(self) -> str:
         """In words."""
-        if self.kind in PER_PAYLOAD:
-            return f"{self.kind} of {self.of}" if self.of else str(self.kind)
-        return f"{self.kind} of {self.of}"
+        return f"{self.kind} of {self.of}" if self.of else str(self.kind)
 
 
 @dataclass(frozen=True)

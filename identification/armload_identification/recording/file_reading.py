@@ -125,18 +125,15 @@ class _Reading:
         outside = {"outside `between_s=`": self.outside} if self.outside else {}
         self.garbage.require_enough(size, account.rows_read, {**account.reasons, **outside})
         reasons = {**account.reasons, **self.garbage.reasons}
+        found = ("sha256", "rows_read", "truncated", "joint_names", "remarks")
         source = RecordingSource(
+            **{name: getattr(account, name) for name in found},
             path=self.garbage.path,
-            sha256=account.sha256,
             kind=self.reader.kind,
-            rows_read=account.rows_read,
             rows_dropped=sum(reasons.values()),
             reasons=reasons,
             attachments=dict(self.reader.attachments),
-            truncated=account.truncated,
-            joint_names=account.joint_names,
             between_s=self.between_s,
-            remarks=account.remarks,
         )
         if reduction is not None:
             return reduction.recording(source)

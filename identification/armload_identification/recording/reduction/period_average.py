@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import PeriodAverage, Recording, RecordingSource, recording_of
 from armload_identification.recording.reduction.phase_advance import (
@@ -39,14 +38,13 @@ class PeriodAverager(Reduction):
         self._path, self._excitation = path, excitation
 
     def _used(self, rows: RowBlock) -> RowBlock:
-        """The rows within the periods."""
-        if rows.phase_s is None or rows.effort is None:
-            return rows.rows(slice(0, 0))
-        return rows.rows(np.isfinite(rows.phase_s))
+        """The rows within the periods; none without a phase or an effort."""
+        known = rows.phase_s is not None and rows.effort is not None
+        return rows.rows(np.isfinite(np.asarray(rows.phase_s)) if known else slice(0, 0))
 
     def _learn(self, rows: RowBlock) -> None:
         """Determine the grid, K equidistant phases of a period, from the first rows."""
-        phase, _ = _phase_and_effort(rows)
+        phase = np.asarray(rows.phase_s)
         trajectory = shortest_period(phase, self._excitation.trajectory)
         self._period_s = trajectory.period_s
         self._phases = phases_of(phase, trajectory)
@@ -64,10 +62,10 @@ class PeriodAverager(Reduction):
 
     def _reduce(self, rows: RowBlock) -> None:
         """Add rows, all of them with a phase, to the average."""
-        phase, effort = _phase_and_effort(rows)
+        phase = np.asarray(rows.phase_s)
         since_s = self._advance.add(phase, rows.time_s)
         place = phase / self._step_s - self._offset
-        values = np.hstack([effort, rows.position_rad])
+        values = np.hstack([np.asarray(rows.effort), rows.position_rad])
         values[since_s < SETTLING_S] = np.nan
         index = np.round(place).astype(np.int64)
         if np.abs(place - index).max() >= ON_GRID:
@@ -112,10 +110,3 @@ class PeriodAverager(Reduction):
         self._square += before[:, :n].T @ (sample - self._mean[there])[:, :n]
         self._period[:] = np.nan
         self._number += 1
-
-
-def _phase_and_effort(rows: RowBlock) -> tuple[FloatArray, FloatArray]:
-    """(N,) phase and (N, n) effort of rows; without either the reduction is not possible."""
-    if rows.phase_s is None or rows.effort is None:
-        raise WrongReduction
-    return rows.phase_s, rows.effort
