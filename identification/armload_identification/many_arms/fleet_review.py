@@ -87,7 +87,7 @@ class FigureReview:
         values: (r,) SI units.
         center: The level of the first runs.
         chart: Control chart of the values minus `center`.
-        twins: The same quantity of its twins; None if there are too few.
+        twins: The level of its twins; None if there are too few.
     """
 
     quantity: Quantity
@@ -95,7 +95,7 @@ class FigureReview:
     values: FloatArray
     center: float
     chart: ControlChart
-    twins: Twins | None
+    twins: float | None
 
 
 @dataclass(frozen=True)
@@ -118,23 +118,6 @@ class Suspicion:
     def sentence(self) -> str:
         """The text with its improbability; a recording without a result has none."""
         return self.text if self.quantity is None else f"{self.text} ({self.deviations:.0f} standard deviations)"
-
-
-@dataclass(frozen=True)
-class Twins:
-    """A quantity of an arm's twins.
-
-    Attributes:
-        count: Number of twins.
-        level: Their median.
-        spread: Standard deviation between them.
-        suspicion: Suspicion about the arm compared with them; None if it does not differ.
-    """
-
-    count: int
-    level: float
-    spread: float
-    suspicion: Suspicion | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,12 +234,10 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
     figures: defaultdict[ArmKey, dict[Quantity, FigureReview]] = defaultdict(dict)
     found = {arm: _silence(of_arm) for arm, of_arm in by_arm.items()}
     for (arm, quantity), one in series.items():
-        twins = compared.get((arm, quantity))
+        twins, strange = compared.get((arm, quantity), (None, []))
         figure = _figure(quantity, one, len(series), twins)
         figures[arm][quantity] = figure
-        found[arm] += _changes_and_outliers(figure)
-        if twins is not None and twins.suspicion is not None:
-            found[arm].append(twins.suspicion)
+        found[arm] += [*_changes_and_outliers(figure), *strange]
     arms = [_review(arm, of_arm, figures[arm], found[arm]) for arm, of_arm in by_arm.items()]
     arms.sort(key=lambda review: (-review.deviations, review.arm))
     return FleetReview(
@@ -326,7 +307,7 @@ def _usual_spread(
     return usual
 
 
-def _figure(quantity: Quantity, one: _Series, charts: int, twins: Twins | None) -> FigureReview:
+def _figure(quantity: Quantity, one: _Series, charts: int, twins: float | None) -> FigureReview:
     """The chart of a quantity."""
     center, width, count = one.level(slice(0, FIRST_RUNS))
     doubt = np.full(one.values.size, width / np.sqrt(count))
@@ -356,8 +337,10 @@ def _changes_and_outliers(figure: FigureReview) -> list[Suspicion]:
     return found
 
 
-def _against_twins(series: Mapping[tuple[ArmKey, Quantity], _Series]) -> dict[tuple[ArmKey, Quantity], Twins]:
-    """Each arm's quantities compared with those of its twins."""
+def _against_twins(
+    series: Mapping[tuple[ArmKey, Quantity], _Series],
+) -> dict[tuple[ArmKey, Quantity], tuple[float, list[Suspicion]]]:
+    """The level of its twins for each arm's quantities, and the suspicion if it differs from them."""
     groups: defaultdict[tuple[str, Quantity], list[tuple[str, float, float]]] = defaultdict(list)
     for ((arm, model), quantity), one in series.items():
         if quantity.of or quantity.kind not in PER_PAYLOAD:  # payloads without a name may be different ones
@@ -366,7 +349,7 @@ def _against_twins(series: Mapping[tuple[ArmKey, Quantity], _Series]) -> dict[tu
             groups[model, quantity].append((arm, level, width * ratio / float(np.sqrt(count))))
     compared = {place: arms for place, arms in groups.items() if len(arms) > TWINS_LEAST}
     tests = max(sum(len(arms) for arms in compared.values()), 1)
-    found: dict[tuple[ArmKey, Quantity], Twins] = {}
+    found: dict[tuple[ArmKey, Quantity], tuple[float, list[Suspicion]]] = {}
     for (model, quantity), arms in compared.items():
         names, levels, own = zip(*arms, strict=True)
         for i, name in enumerate(names):
@@ -376,13 +359,12 @@ def _against_twins(series: Mapping[tuple[ArmKey, Quantity], _Series]) -> dict[tu
             expected = np.hypot(spread, own[i]) * np.sqrt(1.0 + _MEDIAN_OVER_MEAN**2 / others.size)
             freedom = _FREEDOM_PER_TWIN * (others.size - 1)
             log_chance = float(t.logsf(abs(levels[i] - middle) / expected, freedom)) + np.log(2.0)
-            suspicion = None
+            found[(name, model), quantity] = middle, []
             if log_chance < np.log(FalseAlarms.probability / tests):
                 mine, theirs = _amounts(quantity, levels[i], middle)
                 text = f"{quantity} is {mine}, that of {others.size} twins {theirs}"
                 size = min(float(-norm.ppf(np.exp(log_chance) / 2.0)), _MOST_DEVIATIONS)
-                suspicion = Suspicion(Anomaly.STRANGER, quantity, size, text)
-            found[(name, model), quantity] = Twins(others.size, middle, spread, suspicion)
+                found[(name, model), quantity][1].append(Suspicion(Anomaly.STRANGER, quantity, size, text))
     return found
 
 

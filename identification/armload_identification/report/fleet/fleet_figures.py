@@ -41,7 +41,7 @@ def chart_figure(figure: FigureReview, name: str, title: str) -> str:
 
         draw_control_chart(axes, place, figure.chart, drawn)
         if figure.twins is not None:
-            axes.axhline(scale * figure.twins.level, color=INK, linewidth=0.7, dashes=(4.0, 3.0))
+            axes.axhline(scale * figure.twins, color=INK, linewidth=0.7, dashes=(4.0, 3.0))
         draw_dates(axes, place)
         axes.set_title(f"{figure.quantity}{', ' if unit else ''}{unit}", fontsize=7.5)
         return inline_svg(drawing, name, title)

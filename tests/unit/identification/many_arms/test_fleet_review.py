@@ -195,7 +195,10 @@ def test_arms_that_are_no_longer_recorded_are_no_twins_and_their_problems_are_no
     found = review_fleet([replace(old[0], recording="none", problem="cut short", figures={}), *old, *new])
     assert {arm.arm for arm in found.arms} == set(heavy)
     assert not any(arm.suspicions for arm in found.arms)
-    assert {arm.figures[MASS].twins.count for arm in found.arms} == {3}
+    levels = {arm.arm: float(np.median(arm.figures[MASS].values[-5:])) for arm in found.arms}
+    for arm in found.arms:
+        others = [level for name, level in levels.items() if name != arm.arm]
+        assert arm.figures[MASS].twins == pytest.approx(np.median(others)), "the three that are there"
     assert not found.problems
 
 
@@ -330,8 +333,7 @@ def test_three_twins_or_more_are_compared_by_the_median_of_their_five_latest_run
     runs = [run for n in range(twins + 1) for run in arm_runs(f"{n}", [0, 0, n + 5, n + 6, n + 7, n + 8, n + 9])]
     arms = {arm.arm: arm.figures[FRICTIONS[0]].twins for arm in review_fleet(runs).arms}
     if compared:
-        assert [(arms[name].count, arms[name].level) for name in "0123"] == [(3, 9.0), (3, 9.0), (3, 8.0), (3, 8.0)]
-        assert arms["0"].spread == pytest.approx(1.0 / 0.67449, rel=1e-5)
+        assert [arms[name] for name in "0123"] == [9.0, 9.0, 8.0, 8.0]
     else:
         assert set(arms.values()) == {None}
 

@@ -80,7 +80,7 @@ def test_a_chart_is_in_the_unit_of_its_quantity_about_its_centre(monkeypatch, ki
     shown.chart.level, shown.chart.changes = np.zeros(3), ()
     shown.recorded = [moment.replace(tzinfo=UTC) for moment in shown.recorded]
     shown.quantity, shown.center = Quantity(kind, name), 2.0
-    shown.twins = twins and SimpleNamespace(level=twins)
+    shown.twins = twins
     assert chart_figure(shown, "id", "a title") == "svg"
     ((axes,),) = [found.axes for found in figures]
     assert axes.get_title() == title
