@@ -217,8 +217,7 @@ class ArmCalibration:
     @property
     def friction_nm(self) -> FloatArray:
         """(n,) friction of each joint at that speed, without load."""
-        speed, body = self.middle_speed_rad_s, self.body
-        return np.asarray(body.coulomb_nm + body.viscous_nm_s_rad * speed + body.root_nm * np.sqrt(speed))
+        return self.body.unloaded_friction(self.middle_speed_rad_s)
 
     @property
     def friction_deviation_nm(self) -> FloatArray:

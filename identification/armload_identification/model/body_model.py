@@ -79,6 +79,10 @@ class BodyModel(LinksAndDrives):
         """
         return _dynamics(chain, self).link_torque(q, dq, ddq)
 
+    def unloaded_friction(self, speed_rad_s: FloatArray) -> FloatArray:
+        """(n,) friction without load at (n,) rad/s, f_c + f_r sqrt(v) + f_v v, in N m."""
+        return np.asarray(self.coulomb_nm + self.root_nm * np.sqrt(speed_rad_s) + self.viscous_nm_s_rad * speed_rad_s)
+
     def added_friction(self, empty_nm: FloatArray, payload_nm: FloatArray, dq: FloatArray) -> FloatArray:
         """Friction under a payload beyond that of the empty arm, mu s (|tau_link + tau_payload| - |tau_link|).
 

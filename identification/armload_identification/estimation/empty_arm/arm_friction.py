@@ -23,16 +23,7 @@ class ArmFriction:
     speed_rad_s: FloatArray
 
     @classmethod
-    def of(cls, body: BodyModel, velocity_rad_s: FloatArray, change: FloatArray | None = None) -> ArmFriction:
-        """The friction of a body in a run.
-
-        Args:
-            body: The empty arm.
-            velocity_rad_s: (K, n) of the run.
-            change: (2, n) the run's Coulomb (N m) and viscous friction (N m s/rad) minus the body's; 0 if not given,
-                for a body that was fitted to the run.
-        """
+    def of(cls, body: BodyModel, velocity_rad_s: FloatArray) -> ArmFriction:
+        """The friction of a body that was fitted to a run of (K, n) rad/s."""
         speed = 0.5 * np.abs(velocity_rad_s).max(axis=0)
-        coulomb, viscous = np.zeros((2, body.n)) if change is None else change
-        torque = body.coulomb_nm + coulomb + body.root_nm * np.sqrt(speed) + (body.viscous_nm_s_rad + viscous) * speed
-        return cls(torque, speed)
+        return cls(body.unloaded_friction(speed), speed)
