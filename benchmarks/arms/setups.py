@@ -20,7 +20,7 @@ from armload_controller.config.robot_simulation import HARSH_SECOND_RUN_FRICTION
 from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody
 from armload_identification.excitation.design import optimal_excitation
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
-from armload_identification.excitation.design_search import SearchSettings
+from armload_identification.excitation.design_search import PeriodRange, SearchSettings
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.information import named_criterion
@@ -90,9 +90,7 @@ def paper_motion(robot: Robot, criterion: str) -> Motion:
     found = optimal_excitation(
         named_criterion(criterion, chain, robot.limits.torque_noise_nm[:n], payload),
         Envelope(head, strong, Workspace(chain)),
-        SearchSettings(
-            harmonics=PAPER_HARMONICS, base_frequency_hz=PAPER_BASE_HZ, seed=PAPER_DESIGN_SEED, restarts=PAPER_RESTARTS
-        ),
+        SearchSettings(PAPER_HARMONICS, PeriodRange(*[1.0 / PAPER_BASE_HZ] * 3), PAPER_DESIGN_SEED, PAPER_RESTARTS),
     ).trajectory
     held = np.zeros((robot.n - n, PAPER_HARMONICS))
     trajectory = FourierTrajectory(

@@ -32,7 +32,7 @@ from armload_controller.session.session_load import SessionLoad
 from armload_drivers.servos import JointServos
 from armload_identification.calibration.mounted_runs import MountedRun
 from armload_identification.excitation.design import optimal_excitation
-from armload_identification.excitation.design_search import SearchSettings
+from armload_identification.excitation.design_search import PeriodRange, SearchSettings
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.information import named_criterion
 from armload_identification.model.body_model import BodyModel
@@ -77,9 +77,7 @@ def _sweep(robot: Robot) -> Excitation:
         "a-optimal", robot.chain, robot.limits.torque_noise_nm, payload, robot.payloads.design_set
     )
     envelope = robot.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)
-    result = optimal_excitation(
-        criterion, envelope, SearchSettings(harmonics=1, base_frequency_hz=SWEEP_HZ, seed=3, restarts=4)
-    )
+    result = optimal_excitation(criterion, envelope, SearchSettings(1, PeriodRange(*[1.0 / SWEEP_HZ] * 3), 3, 4))
     return result.excitation(1, "benchmark", "benchmark")
 
 

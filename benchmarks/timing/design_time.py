@@ -26,7 +26,7 @@ from armload_controller.config.robot import Robot, load_robot
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.design import DesignResult, optimal_excitation
 from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M, Envelope
-from armload_identification.excitation.design_search import SearchSettings
+from armload_identification.excitation.design_search import PeriodRange, SearchSettings
 from armload_identification.excitation.fourier import FourierTrajectory, fourier_basis
 from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.information import condition_number, named_criterion
@@ -92,7 +92,7 @@ def _ours(
     return optimal_excitation(
         chosen,
         envelope,
-        SearchSettings(harmonics=HARMONICS, base_frequency_hz=1.0 / PERIOD_S, seed=SEED, restarts=restarts),
+        SearchSettings(HARMONICS, PeriodRange(PERIOD_S, PERIOD_S, PERIOD_S), SEED, restarts),
         executor=executor,
     )
 

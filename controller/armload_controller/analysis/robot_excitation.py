@@ -225,7 +225,7 @@ def design(
     require_extra(Extra.IDENTIFY, "designing an excitation")
     require_type("search", search, DesignSearch)
     arm = robot_of(robot)
-    frequency = _frequency(arm, period_s, harmonics)
+    allowed = _allowed_periods(arm, period_s, harmonics)
     envelope = design_envelope(arm)
     objective = named_criterion(
         search.criterion, arm.chain, arm.limits.torque_noise_nm, arm.payloads.expected, arm.payloads.design_set
@@ -238,7 +238,7 @@ def design(
         result = optimal_excitation(
             objective,
             envelope,
-            SearchSettings(harmonics, frequency, search.seed, search.restarts, slow),
+            SearchSettings(harmonics, allowed, search.seed, search.restarts, slow),
             executor=executor,
             progress=progress or (lambda _finished: None),
             objection=arm.obstacles.objection,
@@ -276,8 +276,8 @@ def _workers(restarts: int) -> Iterator[Executor | None]:
         yield executor
 
 
-def _frequency(arm: Robot, period_s: float | Literal["auto"], harmonics: int) -> float | PeriodRange:
-    """The base frequency, or the range of periods to choose from, such that the arm's bus can stream them."""
+def _allowed_periods(arm: Robot, period_s: float | Literal["auto"], harmonics: int) -> PeriodRange:
+    """The periods to choose from, such that the arm's bus can stream them."""
     if period_s == "auto":
         cycle_s = 1 / arm.bus.cycle_hz
         step_s = ceil(_PERIOD_STEP_S / cycle_s - 1e-9) * cycle_s
@@ -289,7 +289,7 @@ def _frequency(arm: Robot, period_s: float | Literal["auto"], harmonics: int) ->
         raise UnstreamablePeriod(f"a period of {period_s:g} s: expected a duration above 0")
     if arm.has_bus:
         _require_streamable(period_s, harmonics, arm.bus.cycle_hz)
-    return 1 / period_s
+    return PeriodRange(period_s, period_s, period_s)
 
 
 def _require_streamable(period_s: float, harmonics: int, cycle_hz: float) -> None:

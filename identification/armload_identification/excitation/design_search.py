@@ -46,7 +46,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class PeriodRange:
-    """Periods to choose from.
+    """Periods to choose from; a single one if both ends and the step are that period.
 
     Attributes:
         shortest_s: The shortest.
@@ -90,9 +90,8 @@ class SearchSettings:
 
     Attributes:
         harmonics: H, at least 1.
-        base_frequency_hz: Inverse of the period; or a range of periods, from which the one that best determines the
-            payload in a given measuring time is chosen. Faster is better until a limit is reached: speed,
-            acceleration, jerk or torque.
+        periods: The range of periods from which the one that best determines the payload in a given measuring time is
+            chosen. Faster is better until a limit is reached: speed, acceleration, jerk or torque.
         seed: Seed of the random starts.
         restarts: Number of starts, at least 1.
         slow: The slow round before the periods; motions are then compared by the criterion times the duration of a run.
@@ -102,24 +101,14 @@ class SearchSettings:
     """
 
     harmonics: int
-    base_frequency_hz: float | PeriodRange
+    periods: PeriodRange
     seed: int
     restarts: int
     slow: SlowRound | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.base_frequency_hz, PeriodRange) and not 0.0 < self.base_frequency_hz < np.inf:
-            raise ExcitationError(f"base_frequency_hz is {self.base_frequency_hz}; expected a number above 0")
         if self.harmonics < 1 or self.restarts < 1:
             raise ExcitationError(f"harmonics {self.harmonics}, restarts {self.restarts}; expected at least 1 of each")
-
-    @property
-    def periods(self) -> PeriodRange:
-        """The range of periods; one period if the frequency is fixed."""
-        if isinstance(self.base_frequency_hz, PeriodRange):
-            return self.base_frequency_hz
-        period_s = 1.0 / self.base_frequency_hz
-        return PeriodRange(period_s, period_s, period_s)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -13,7 +13,7 @@ from armload_controller.analysis.robot_excitation import (
     design,
     design_envelope,
 )
-from armload_controller.analysis.robot_excitation import _frequency as frequency
+from armload_controller.analysis.robot_excitation import _allowed_periods as allowed_periods
 from armload_controller.config.robot import load_robot
 
 POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE = 0.1, 0.7, 0.8
@@ -27,7 +27,8 @@ def bus(cycle_hz):
     ("period_s", "harmonics", "cycle_hz"), [(5.0, 5, 250.0), (0.2, 5, 250.0), (4.0, 1, 2.5), (0.123, 99, None)]
 )
 def test_a_period_of_whole_cycles_and_enough_setpoints_is_streamed(period_s, harmonics, cycle_hz):
-    assert frequency(bus(cycle_hz), period_s, harmonics) == pytest.approx(1.0 / period_s)
+    found = allowed_periods(bus(cycle_hz), period_s, harmonics)
+    assert (found.shortest_s, found.longest_s, found.step_s) == (period_s, period_s, period_s)
 
 
 @pytest.mark.parametrize(
@@ -44,12 +45,12 @@ def test_a_period_of_whole_cycles_and_enough_setpoints_is_streamed(period_s, har
 )
 def test_other_periods_are_refused_with_those_that_fit(period_s, harmonics, cycle_hz, said):
     with pytest.raises(UnstreamablePeriod, match=said):
-        frequency(bus(cycle_hz), period_s, harmonics)
+        allowed_periods(bus(cycle_hz), period_s, harmonics)
 
 
 def test_a_word_that_is_no_period_is_an_argument_of_another_type():
     with pytest.raises(TypeError, match="period_s"):
-        frequency(bus(100.0), "fast", 5)
+        allowed_periods(bus(100.0), "fast", 5)
 
 
 @pytest.mark.parametrize(
@@ -59,7 +60,7 @@ def test_a_word_that_is_no_period_is_an_argument_of_another_type():
 def test_an_automatic_period_is_of_whole_cycles_with_ten_setpoints_for_the_highest_harmonic(
     cycle_hz, harmonics, shortest_s, step_s
 ):
-    found = frequency(bus(cycle_hz), "auto", harmonics)
+    found = allowed_periods(bus(cycle_hz), "auto", harmonics)
     assert (found.shortest_s, found.step_s, found.longest_s) == pytest.approx((shortest_s, step_s, 20.0), rel=1e-5)
     assert (found.step_s * cycle_hz) == pytest.approx(round(found.step_s * cycle_hz))
     assert found.shortest_s * cycle_hz >= 10 * harmonics - 1e-9

@@ -34,11 +34,12 @@ def envelope(limits: ExcitationLimits = LIMITS) -> Envelope:
     return Envelope(limits, strong, Workspace(ARM))
 
 
-def search(
-    frequency: float | PeriodRange = 0.125, slow: SlowRound | None = None, limits: ExcitationLimits = LIMITS
-) -> Search:
+ONE = PeriodRange(8.0, 8.0, 8.0)
+
+
+def search(periods: PeriodRange = ONE, slow: SlowRound | None = None, limits: ExcitationLimits = LIMITS) -> Search:
     criterion = named_criterion("a-optimal", ARM, np.ones(2), PAYLOAD)
-    return Search(criterion, envelope(limits), SearchSettings(2, frequency, 0, 1, slow))
+    return Search(criterion, envelope(limits), SearchSettings(2, periods, 0, 1, slow))
 
 
 def path(offset, sine, frequency_hz: float = 0.125) -> FourierTrajectory:
@@ -66,11 +67,10 @@ def test_a_range_of_periods_has_two_ends_above_zero_and_a_step_up_to_the_longest
             PeriodRange(*periods)
 
 
-def test_a_fixed_frequency_is_a_range_of_one_period_and_settings_are_numbers_above_zero():
-    assert SearchSettings(1, 0.05, 0, 1).periods == PeriodRange(20.0, 20.0, 20.0)
-    for wrong in ((0, 0.05, 0, 1), (1, 0.05, 0, 0), (1, np.inf, 0, 1), (1, -0.05, 0, 1)):
+def test_settings_are_numbers_above_zero():
+    for harmonics, restarts in ((0, 1), (1, 0)):
         with pytest.raises(ExcitationError, match="expected"):
-            SearchSettings(*wrong)
+            SearchSettings(harmonics, PeriodRange(20.0, 20.0, 20.0), 0, restarts)
 
 
 def test_a_variable_of_one_is_half_a_range_or_the_amplitude_that_reaches_the_speed_limit():

@@ -14,7 +14,7 @@ from armload_controller.motion.obstacles import Obstacles
 from armload_controller.session.commissioning import checked_excitations
 from armload_identification.excitation.design import optimal_excitation
 from armload_identification.excitation.design_envelope import Envelope
-from armload_identification.excitation.design_search import Attempt, Search, SearchSettings
+from armload_identification.excitation.design_search import Attempt, PeriodRange, Search, SearchSettings
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.collision_meshes import SURPLUS_M, Meshes
 from armload_identification.excitation.information import named_criterion
@@ -209,7 +209,7 @@ def designed(objection):
     criterion = named_criterion("condition-number", PRBT.chain, PRBT.limits.torque_noise_nm, payload)
     envelope: Envelope = PRBT.envelope(0.1, 0.7, 0.8)
     return optimal_excitation(
-        criterion, envelope, SearchSettings(harmonics=1, base_frequency_hz=0.1, seed=1, restarts=2), objection=objection
+        criterion, envelope, SearchSettings(1, PeriodRange(10.0, 10.0, 10.0), 1, 2), objection=objection
     ).trajectory
 
 
