@@ -77,7 +77,8 @@ class Criterion:
         values = [np.asarray(np.linalg.eigvalsh(basis.T @ information @ basis)) for basis in self.bases]
         if not all(_determines_everything(value) for value in values):
             return np.inf
-        costs = [self._cost(value) for value in values]
+        exactly = self.name == "condition-number"
+        costs = [float(np.sqrt(v[-1] / v[0])) if exactly else self._smooth_cost(v)[0] for v in values]
         return max(costs) if self.name == "a-optimal-max" else float(np.mean(costs))
 
     def cost_and_slope(
@@ -134,14 +135,8 @@ class Criterion:
         weighted = weight[:, None, None] * (phi - friction @ share)
         return np.tensordot(weighted, phi, axes=((0, 1), (0, 1))), weighted, share, friction_slope
 
-    def _cost(self, value: FloatArray) -> float:
-        """The criterion from the eigenvalues (r,) of one information matrix."""
-        if self.name == "condition-number":
-            return float(np.sqrt(value[-1] / value[0]))
-        return self._smooth_cost(value)[0]
-
     def _smooth_cost(self, value: FloatArray) -> tuple[float, FloatArray]:
-        """The smooth criterion, and its derivative by the eigenvalues."""
+        """The smooth criterion from the eigenvalues (r,) of one information matrix, and its derivative by these."""
         if self.name == "condition-number":
             (greatest, up), (least, down) = _smooth_greatest(value, SHARPNESS), _smooth_greatest(1.0 / value, SHARPNESS)
             condition = float(np.sqrt(greatest * least))

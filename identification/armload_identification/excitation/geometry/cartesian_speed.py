@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.derivative_bounds import point_rates, rate_bounds
 from armload_identification.excitation.fourier import FourierState, FourierTrajectory
-from armload_identification.model.chain import Chain
+from armload_identification.model.chain import Chain, cross
 
 _SAMPLES = 4096
 """Number of intervals of a period for the bound of the greatest speed."""
@@ -119,9 +119,9 @@ class ArmPoints:
         link = np.array([one.link for one in self._points]) - 1
         turning = np.cumsum(axes * dq[:, :, None], axis=1)
         drift = np.zeros_like(origins)
-        drift[:, 1:] = np.cumsum(_cross(turning[:, :-1], np.diff(origins, axis=1)), axis=1)
+        drift[:, 1:] = np.cumsum(cross(turning[:, :-1], np.diff(origins, axis=1)), axis=1)
         lever = (rotations[:, link] @ np.array([one.at for one in self._points])[:, :, None])[..., 0]
-        velocity = drift[:, link] + _cross(turning[:, link], lever)
+        velocity = drift[:, link] + cross(turning[:, link], lever)
         moves = np.arange(self.chain.n)[:, None] <= link
         before = turning - axes * dq[:, :, None]
         radius_m = np.array([one.radius_m for one in self._points])
@@ -200,9 +200,9 @@ class MovingPoints:
         spun = (twist * (weight @ self.radius_m)[:, None])[:, None]
         moves = self.moves.astype(np.float64)
         force = moves @ pull
-        moment = moves @ _cross(self.at, pull) - _cross(self.origins, force)
-        along = _cross(force, self.drift) + _cross(spun, self.turning)
-        by_position = np.sum(self.axes * along + _cross(self.before, self.axes) * moment, axis=2)
+        moment = moves @ cross(self.at, pull) - cross(self.origins, force)
+        along = cross(force, self.drift) + cross(spun, self.turning)
+        by_position = np.sum(self.axes * along + cross(self.before, self.axes) * moment, axis=2)
         return np.stack([by_position, np.sum(self.axes * (moment + spun), axis=2)])
 
 
@@ -231,12 +231,6 @@ def _frames(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatA
         origins[:, i] = origins[:, i - 1] + rotations[:, i - 1] @ chain.placement[i, :3, 3]
         rotations[:, i] = rotations[:, i - 1] @ rotations[:, i]
     return origins, (rotations @ chain.axis[:, :, None])[..., 0], rotations
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(..., 3) cross products; NumPy's takes several times as long for some hundred of them."""
-    after, last = (1, 2, 0), (2, 0, 1)
-    return np.asarray(a[..., after] * b[..., last] - a[..., last] * b[..., after])
 
 
 def _length(vectors: FloatArray) -> FloatArray:
