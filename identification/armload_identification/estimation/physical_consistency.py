@@ -86,7 +86,7 @@ def make_physical(found: PayloadEstimate) -> PhysicalEstimate:
     root = found.root
     rows, target = [root], [root @ plain.theta]
     if not complete:
-        compact = _compact_body(plain)
+        compact = _ball(plain)
         size = compact.mass_kg * np.array([1.0] + [_COMPACT_RADIUS_M] * 3 + [_COMPACT_RADIUS_M**2] * 6)
         pull = _PULL * np.diag(1.0 / size)
         rows.append(pull)
@@ -227,14 +227,12 @@ def _pulled_to(unconstrained: FloatArray, square: FloatArray, x: FloatArray) -> 
     return np.asarray(square @ (x - unconstrained))
 
 
-def _compact_body(plain: InertialParameters) -> InertialParameters:
-    """A small ball with the plain estimate's mass and centre of mass."""
-    inertia = 2.0 * plain.mass_kg * _COMPACT_RADIUS_M**2 * np.eye(3)
+def _ball(plain: InertialParameters, spread: float = 1.0) -> InertialParameters:
+    """A small ball with the plain estimate's mass and centre of mass; its inertia is multiplied by a factor."""
+    inertia = 2.0 * plain.mass_kg * _COMPACT_RADIUS_M**2 * spread * np.eye(3)
     return InertialParameters.from_center_of_mass(plain.mass_kg, plain.center_of_mass_m, inertia)
 
 
 def _interior(plain: InertialParameters) -> FloatArray:
     """A body well inside the constraint, even with a distant centre of mass."""
-    center = plain.center_of_mass_m
-    inertia = 2.0 * plain.mass_kg * _COMPACT_RADIUS_M**2 * (1.0 + center @ center) * np.eye(3)
-    return InertialParameters.from_center_of_mass(plain.mass_kg, center, inertia).theta
+    return _ball(plain, 1.0 + float(plain.center_of_mass_m @ plain.center_of_mass_m)).theta

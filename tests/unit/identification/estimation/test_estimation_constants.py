@@ -23,7 +23,7 @@ from armload_identification.estimation.payload_change import _greatest, _slow_ch
 from armload_identification.estimation.payload_estimate import gear_asymmetry, model_doubts
 from armload_identification.estimation.physical_consistency import (
     WRITTEN_MARGIN,
-    _compact_body,
+    _ball,
     _interior,
     make_physical,
     nearest_possible,
@@ -580,7 +580,7 @@ def test_gears_give_way_by_two_milliradians_at_the_usual_torque(monkeypatch):
 def test_undetermined_directions_are_drawn_towards_a_ball_of_five_centimetres():
     """2 m r^2 of inertia about its centre; the start is wider by the square of its distance from the flange."""
     plain = InertialParameters.from_center_of_mass(3.0, [0.0, 1.0, 2.0], np.diag([1.0, 2.0, 3.0]))
-    ball = _compact_body(plain)
+    ball = _ball(plain)
     np.testing.assert_allclose(ball.values, [3.0, 0.0, 1.0, 2.0, *[0.015] * 3, 0.0, 0.0, 0.0], atol=1e-12)
     wide = InertialParameters(_interior(plain))
     np.testing.assert_allclose(wide.values, [3.0, 0.0, 1.0, 2.0, *[0.09] * 3, 0.0, 0.0, 0.0], atol=1e-12)
