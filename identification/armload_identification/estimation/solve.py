@@ -15,7 +15,7 @@ on all joints. A group that deviates as a whole has less weight, so that the oth
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -35,7 +35,6 @@ _ZERO: Final = 1e-12
 
 def solve(
     problem: Problem,
-    progress: Callable[[int, int], None] | None = None,
     *,
     rough: bool = False,
     start: Posterior | None = None,
@@ -43,7 +42,6 @@ def solve(
     """Solve a problem.
 
     Args:
-        progress: Called with the number of iterations done, and an estimate of their total.
         start: Solution of a problem with other priors, from which to start.
         rough: Return the last iterate even if it has not settled; sufficient if only the residual is needed.
 
@@ -60,8 +58,6 @@ def solve(
         moved = solver.step()
         if step < Solver.weighing_steps:
             solver.weigh(rough=step < Solver.rough_steps)
-        if progress is not None:
-            progress(step + 1, max(step + 1, Solver.weighing_steps + Solver.rough_steps))
         if moved < Solver.settled and (step > Solver.rough_steps or not problem.adapts):
             return solver.posterior(step + 1)
     if rough:

@@ -282,13 +282,6 @@ def test_a_fit_settles_at_a_twentieth_of_a_deviation_once_its_priors_have(iterat
         iterated(0.051)
 
 
-def test_progress_is_told_of_fifteen_steps_or_as_many_as_there_are(iterated):
-    told = []
-    iterated(0.051, rough=True, progress=lambda *done: told.append(done))
-    assert told[0] == (1, 15)
-    assert told[14:16] == [(15, 15), (16, 16)]
-
-
 # Priors ----------------------------------------------------------------------------------------------------------
 
 ARM = Chain.from_origins(

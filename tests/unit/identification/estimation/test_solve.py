@@ -240,13 +240,6 @@ def test_a_fit_that_does_not_settle_is_an_error_unless_a_rough_one_suffices(prob
     assert solve(problem, rough=True).steps == 3
 
 
-def test_progress_is_reported_step_by_step(problem):
-    steps = []
-    found = solve(problem, lambda done, total: steps.append((done, total)))
-    assert [done for done, _ in steps] == list(range(1, found.steps + 1))
-    assert all(done <= total for done, total in steps)
-
-
 def test_a_blow_counts_for_nothing(problem, found):
     group = problem.groups[0]
     hit = (group.time_s > 4.0) & (group.time_s < 4.2)
