@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import accumulate
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -91,13 +92,9 @@ class FourierTrajectory:
         cosine = finite_array("cos_rad", self.cos_rad, sine.shape)
         offset = finite_array("offset_rad", self.offset_rad, sine.shape[:1])
         omega = 2.0 * np.pi * self.base_frequency_hz * np.arange(1, sine.shape[1] + 1)
-        rates = [
-            (sine, cosine),
-            (-omega * cosine, omega * sine),
-            (-(omega**2) * sine, -(omega**2) * cosine),
-            (omega**3 * cosine, -(omega**3) * sine),
-        ]
-        orders = np.hstack([np.hstack(rate).T for rate in rates])
+        # q = Im((a + i b) exp(i k w_f t)), and each derivative has i k w_f times the factor of the one before
+        rates = accumulate([1j * omega] * 3, np.multiply, initial=sine + 1j * cosine)
+        orders = np.hstack([np.hstack([rate.real, rate.imag]).T for rate in rates])
         set_arrays(self, {"offset_rad": offset, "sin_rad": sine, "cos_rad": cosine, "_all_orders": orders})
 
     @property

@@ -57,13 +57,10 @@ class ReadingOptions:
         Raises:
             RecordingError: they are not stated, and the names leave something open.
         """
-        if self.columns is not None:
-            return self.columns
-        if self.log_columns is None:
-            return recognised()
-        if self.log_columns.by_name:
-            return self.log_columns
+        logged = self.log_columns
         try:
-            return recognised()
+            return self.columns or (logged if logged is not None and logged.by_name else recognised())
         except NamelessColumns:
-            return self.log_columns
+            if logged is None:
+                raise
+            return logged

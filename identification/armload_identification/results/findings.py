@@ -92,9 +92,7 @@ class Findings(PrintedResult, ReportedPayload):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, texts, lists and dictionaries: the schema `armload/payload/1`."""
-        arm = self.arm
-        fields = findings_document(arm.name, arm.joint_names, self.payload, self.content, self.verdict)
-        return json_document("payload", fields)
+        return json_document("payload", findings_document(self, self.verdict))
 
     def table(self) -> ResultTable:
         """Values, intervals, verdict and notes."""

@@ -19,26 +19,23 @@ from armload_identification.model.payload import AXES, PayloadResult
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.recording.recording import RecordingSource
-from armload_identification.report.report_content import ReportContent
+from armload_identification.report.report_content import ReportedPayload
 from armload_identification.report.verdict_box import VerdictBox
 from armload_identification.verdict.agreement import Agreement
 
 
-def findings_document(
-    robot: str, joint_names: Sequence[str], payload: PayloadResult, content: ReportContent, verdict: VerdictBox
-) -> dict[str, Any]:
+def findings_document(found: ReportedPayload, verdict: VerdictBox) -> dict[str, Any]:
     """The document.
 
     Args:
-        robot: Name of the arm.
-        content: Fit, runs and validation.
         verdict: Result of the validation in words.
     """
+    content, joint_names = found.content, found.arm.joint_names
     validation, (fitted, validating) = content.validation, content.sources
     return {
-        "robot": robot,
+        "robot": found.arm.name,
         "joint_names": list(joint_names),
-        "payload": payload_fields(payload),
+        "payload": payload_fields(found.payload),
         "identification": None if content.identification is None else _identification_fields(content.identification),
         "validation": None if validation is None else validation_fields(validation, joint_names),
         "verdict": {

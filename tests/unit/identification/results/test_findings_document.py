@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify, payload_result
-from armload_identification.report.report_content import ReportContent
+from armload_identification.report.report_content import ReportContent, ReportedPayload
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.results.findings_document import findings_document
 
@@ -17,9 +18,9 @@ pytestmark = pytest.mark.pure
 
 
 def document(found):
-    names = [f"j{i}" for i in range(6)]
-    content = ReportContent(found)
-    made = findings_document("arm", names, payload_result(found, "0", ""), content, verdict_box(None, names))
+    arm = SimpleNamespace(name="arm", joint_names=tuple(f"j{i}" for i in range(6)))
+    subject = ReportedPayload(arm, payload_result(found, "0", ""), ReportContent(found))
+    made = findings_document(subject, verdict_box(None, arm.joint_names))
     return json.loads(json.dumps(made, allow_nan=False))["identification"]
 
 
