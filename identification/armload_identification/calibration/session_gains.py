@@ -142,19 +142,25 @@ class SessionGains:
         transmission: Transmission,
         carried: Callable[[PayloadProblem], Problem],
     ) -> tuple[float, float]:
-        """The logarithm of the factor from a run and the prior, and its standard deviation."""
+        """The logarithm of the factor from a run and the prior, and its standard deviation.
+
+        The prior is combined with what the run says where the solve has ended with the factor free: held by the prior,
+        5 % would remain as residual, count as noise, and hide themselves.
+        """
         known, level = calibration.known_arm, calibration.level(chain)
         gains = calibration.transmission(transmission)
         motion = usable_runs([run], chain.n, gains, known.effort)[0].motion
-        found, information, prior = self.log_factor, 0.0, self.deviation**-2.0
+        found, information, free = self.log_factor, 0.0, LARGEST**-2.0
         for _ in range(_STEPS):
             now = motion.with_torque_times(np.exp(found) * np.eye(chain.n))
             problem = single_problem(now, level, gains.coupling, known)
             posterior = solve(carried(problem), rough=True)
             pull, left = posterior.beside(posterior.groups[0].torque[0].predicted_nm[None])
             information = float(left[0, 0])
-            found -= (float(pull[0]) + prior * (found - self.log_factor)) / (information + prior)
-        return found, float(np.hypot((information + prior) ** -0.5, min(LEAST, self.deviation)))
+            found -= (float(pull[0]) + free * (found - self.log_factor)) / (information + free)
+        precision = information + self.deviation**-2.0
+        found = self.log_factor + information / precision * (found - self.log_factor)
+        return found, float(np.hypot(precision**-0.5, min(LEAST, self.deviation)))
 
     def corrected(self, calibration: ArmCalibration) -> ArmCalibration:
         """The calibration with the gains of the session."""

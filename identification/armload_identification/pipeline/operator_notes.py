@@ -13,7 +13,7 @@ from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.unloaded_arm import BodyFit
 from armload_identification.estimation.estimation_constants import Drift
 from armload_identification.estimation.gain_errors import GainFit
-from armload_identification.estimation.payload_change import PayloadChange, change_during
+from armload_identification.estimation.payload_change import Event, events_during
 from armload_identification.estimation.payload_estimate import PayloadEstimate, gear_asymmetry
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.model.payload import DETERMINED_SHARE
@@ -51,6 +51,7 @@ def notes_on(
         *_on_recordings(found.sources),
         *_on_interruptions(found.signal),
         *_on_times(found),
+        *_on_paths(found.signal),
         *_on_nominal_gains(gains, found),
         *_on_contradictions(found.gains),
         *_on_signal(found.signal, found.struck),
@@ -98,6 +99,20 @@ def _on_times(found: Identification) -> Iterator[str]:
             f"The torque belongs to positions {1e3 * abs(delay_s):.0f} ms {'before' if delay_s > 0.0 else 'after'} it. "
             "Mass and centre of mass may lie outside their intervals. Check that torque and position have the same "
             "time stamps."
+        )
+
+
+def _on_paths(signal: LoadSignal) -> Iterator[str]:
+    """Joints on which the positions of the two runs differ by more than a servo sags."""
+    apart = np.flatnonzero(signal.mismatch_rad > PayloadFit.apart_rad)
+    if apart.size:
+        listed = named_joints(
+            [f"{joint + 1} ({np.degrees(signal.mismatch_rad[joint]):.1f} deg RMS)" for joint in apart]
+        )
+        yield (
+            f"The positions of the two runs differ on {listed}, more than a servo sags by: a zero was moved, or the "
+            "runs were not commanded alike. Mass and centre of mass may lie outside their intervals. Check the zeros, "
+            "and record both runs again."
         )
 
 
@@ -277,7 +292,7 @@ def misfit_notes(found: Identification) -> list[str]:
 
 
 def change_notes(found: Identification, loaded: Run, unloaded: Run | None = None) -> Iterator[str]:
-    """A note on each run during which the payload changed.
+    """A note on each run during which the payload changed, or something pushed the arm, whichever explains it better.
 
     A run that was reduced to its average period while it was read, or that was interrupted within its periods, is not
     tested. Of two runs without periods, a change is attributed to the loaded one.
@@ -291,16 +306,31 @@ def change_notes(found: Identification, loaded: Run, unloaded: Run | None = None
     runs = {"loaded": (loaded, signal.loaded, found.plain.theta)}
     if unloaded is not None and signal.unloaded.periods > 1:
         runs["unloaded"] = unloaded, signal.unloaded, np.zeros_like(found.plain.theta)
+    levels = PayloadChangeLevels
     for name, (run, motion, theta) in runs.items():
-        change = change_during(run, motion, found.plain.posterior, found.plain.arm, PayloadChangeLevels.edge_s)
-        if change is not None and change.statistic > PayloadChangeLevels.statistic:
+        change, push = events_during(run, motion, found.plain.posterior, found.plain.arm, levels.edge_s)
+        if push is not None and push.statistic > max(levels.push, 0.0 if change is None else change.statistic):
+            _, at_s = _times(run.recording, motion, push)
+            force_n = float(np.sqrt(np.sum(push.change**2)))
+            yield (
+                f"About {at_s:.0f} s after the start of the {name} run's recording, its torque differs for some "
+                f"seconds from that of its other periods, as by a force of {force_n:.0f} N on the flange: a push, a "
+                "cable that catches, or a signal that fails. Mass and centre of mass may lie outside their intervals. "
+                "Record the run again, without contact."
+            )
+        elif change is not None and change.statistic > levels.statistic:
             yield _on_change(name, run.recording, motion, theta, change)
 
 
-def _on_change(name: str, run: Recording, motion: Motion, theta: FloatArray, found: PayloadChange) -> str:
-    """When the payload changed, by how much, and how to identify what was carried before and after that."""
+def _times(run: Recording, motion: Motion, event: Event) -> tuple[float, float]:
+    """Start of a run, and when something happened, since the start of its recording."""
     start_s = 0.0 if run.source.between_s is None else run.source.between_s[0]
-    at_s = start_s + motion.began_s - run.time_s[0] + found.at_s
+    return start_s, start_s + motion.began_s - run.time_s[0] + event.at_s
+
+
+def _on_change(name: str, run: Recording, motion: Motion, theta: FloatArray, found: Event) -> str:
+    """When the payload changed, by how much, and how to identify what was carried before and after that."""
+    start_s, at_s = _times(run, motion, found)
     end_s = start_s + run.time_s[-1] - run.time_s[0]
     apart_s = PayloadChangeLevels.apart_s
     return (
@@ -310,7 +340,7 @@ def _on_change(name: str, run: Recording, motion: Motion, theta: FloatArray, fou
     )
 
 
-def _by_how_much(theta: FloatArray, found: PayloadChange) -> str:
+def _by_how_much(theta: FloatArray, found: Event) -> str:
     """The change of the mass, and that of the centre of mass as far as it is significant."""
     half_width = NORMAL_HALF_WIDTH * found.deviation
     digits = max(1 - int(np.floor(np.log10(half_width[0]))), 0)

@@ -19,7 +19,7 @@ from armload_identification.estimation.arm_terms import (
 )
 from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.gain_errors import _named_from, _noticeable
-from armload_identification.estimation.payload_change import _greatest, _slow_change
+from armload_identification.estimation.payload_change import _greatest, _slow_change, _times
 from armload_identification.estimation.payload_estimate import gear_asymmetry, model_doubts
 from armload_identification.estimation.physical_consistency import (
     WRITTEN_MARGIN,
@@ -464,8 +464,10 @@ def test_a_change_is_found_at_one_of_forty_times_with_its_size(edge_s):
         return flat @ residual.ravel(), flat @ flat.T
 
     found = SimpleNamespace(beside=beside, problem=SimpleNamespace(coupling=COUPLING))
-    given = found, rows, time_s, edge_s, lambda at_s: (time_s >= at_s).astype(float), np.ones((1, 200, N))
-    change = _greatest(*given)
+    tried_s = _times(time_s, edge_s, edge_s)
+    assert tried_s == pytest.approx(times_s)
+    per_joint = np.moveaxis(rows.payload[:, :, :4], 2, 0)
+    change = _greatest(found, per_joint, time_s >= tried_s[:, None], tried_s, np.ones((1, 200, N)))
     assert change.at_s == pytest.approx(times_s[25])
     np.testing.assert_allclose(change.change, delta, rtol=1e-6)
     # Beside a constant torque: the columns without their share of it.
@@ -474,8 +476,9 @@ def test_a_change_is_found_at_one_of_forty_times_with_its_size(edge_s):
     information = columns @ columns.T
     assert change.statistic == pytest.approx(delta @ information @ delta, rel=1e-6)
     np.testing.assert_allclose(change.deviation, np.sqrt(np.diag(np.linalg.inv(information))), rtol=1e-6)
-    assert _greatest(found, rows, time_s, 9.96, *given[4:]) is None, "19.9 s are less than twice that"
-    assert _greatest(found, rows, time_s[:0], 0.0, *given[4:]) is None
+    assert not _times(time_s, 9.96, 9.96).size, "19.9 s are less than twice that"
+    assert not _times(time_s[:0], 0.0, 0.0).size
+    assert _greatest(found, per_joint, np.zeros((0, 200)), np.zeros(0), np.ones((1, 200, N))) is None
 
 
 def test_friction_that_changes_evenly_is_zero_in_the_middle():

@@ -1,4 +1,4 @@
-"""A payload that changes during a run: found with its time and size, and not found where there is none."""
+"""A payload that changes during a run, or a push: found with its time and size, and not found where there is none."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import pytest
 from armload_identification.estimation import payload_change
 from armload_identification.estimation.payload_change import (
     CHANGING,
-    change_between_periods,
     change_in,
+    events_between_periods,
 )
 from armload_identification.estimation.payload_problem import pair_problem, single_problem
 from armload_identification.estimation.solve import solve
@@ -20,6 +20,7 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.decision_levels import PayloadChangeLevels
+from benchmarks.arms.modifications import ModifiedRun
 
 pytestmark = pytest.mark.pure
 
@@ -97,23 +98,40 @@ def periodic(pinocchio_arm, heavier, pair):
         load_signal(*(Run.of(run, transmission) for run in pair)), pinocchio_arm.chain, transmission.coupling, None
     )
 
-    def periodic(at_s=None):
+    def periodic(at_s=None, push_n=None):
         run = before if at_s is None else joined(before, after, at_s)
-        return change_between_periods(Run.of(run, transmission), arm, 1.0)
+        if push_n is not None:
+            acting = ModifiedRun(run, pinocchio_arm.chain, transmission, pinocchio_arm.payload)
+            elapsed_s = acting.elapsed_s
+            run = acting.pushed(((elapsed_s >= 4.0) & (elapsed_s < 6.0)) * np.array(push_n))
+        return events_between_periods(Run.of(run, transmission), arm, 1.0)
 
     return periodic, float(np.ptp(before.time_s))
 
 
 def test_periods_that_are_alike_show_none(periodic):
     found, _ = periodic
-    assert found().statistic < PayloadChangeLevels.statistic
+    change, push = found()
+    assert change.statistic < PayloadChangeLevels.statistic
+    assert push.statistic < PayloadChangeLevels.push
+    assert change.at_s >= 1.0
+
+
+@pytest.mark.parametrize("push_n", [(0.0, 0.0, -150.0), (150.0, 0.0, 0.0), (0.0, -150.0, 0.0)])
+def test_a_push_between_periods_is_found_with_its_time_and_force(periodic, push_n):
+    found, _ = periodic
+    change, push = found(push_n=push_n)
+    assert push.statistic > max(PayloadChangeLevels.push, change.statistic)
+    assert push.at_s == pytest.approx(4.0, abs=0.7)
+    assert push.change.shape == (3,)
+    assert push.change == pytest.approx(push_n, abs=50.0)
 
 
 @pytest.mark.parametrize("share", [0.4, 0.6])
 def test_a_change_between_periods_needs_no_knowledge_of_the_arm(periodic, share):
     found, length_s = periodic
     at_s = share * length_s
-    change = found(at_s)
+    change, _ = found(at_s)
     assert change.statistic > 3.0 * PayloadChangeLevels.statistic
     shift_s = at_s - change.at_s
     assert abs(shift_s) < 0.1 * length_s
@@ -134,8 +152,10 @@ def test_a_change_between_periods_needs_no_knowledge_of_the_arm(periodic, share)
 def test_a_change_is_looked_for_where_the_run_was_kept_whole(monkeypatch, periods, average, interruptions, by):
     """In the rows of a run that is not averaged, between the periods of one that is; not of one averaged on reading."""
     monkeypatch.setattr(payload_change, "change_in", lambda found, edge_s: ("rows", found, edge_s))
-    monkeypatch.setattr(payload_change, "change_between_periods", lambda run, arm, edge_s: ("periods", arm, edge_s))
+    both = "events_between_periods"
+    monkeypatch.setattr(payload_change, both, lambda run, arm, edge_s: (("periods", arm, edge_s), "push"))
     run = SimpleNamespace(recording=SimpleNamespace(average=average))
     motion = SimpleNamespace(periods=periods, interruptions=interruptions)
-    found = payload_change.change_during(run, motion, "posterior", "arm", 6.0)
-    assert found == (by and (by, {"rows": "posterior", "periods": "arm"}[by], 6.0))
+    change, push = payload_change.events_during(run, motion, "posterior", "arm", 6.0)
+    assert change == (by and (by, {"rows": "posterior", "periods": "arm"}[by], 6.0))
+    assert push == ("push" if by == "periods" else None)

@@ -44,6 +44,7 @@ def signal(interruptions=(0, 0), rate=1.0, moves=ALL, **changes):
         "time_s": 0.1 * np.arange(SAMPLES),
         "interval_s": 0.1,
         "states": moving(ALL),
+        "mismatch_rad": np.full(JOINTS, 0.005),
     }
     found = with_changes(base, changes)
     found.loaded, found.unloaded = (
@@ -336,12 +337,21 @@ def test_friction_far_outside_that_of_the_calibration_is_named():
     assert "torque of joint 3 fits" in only(noted(runs=1, noise_nm=np.array([1.0, 5.0, 20.0])))
 
 
-def noted_changes(monkeypatch, change_kg, moments_kg_m, statistic=24.1, periods=1):
+def test_positions_that_differ_by_more_than_a_servo_sags_are_named():
+    """A zero that moved by a degree between the runs."""
+    mismatch_rad = np.array([0.0, np.radians(1.0), 0.0049])
+    found = found_of(signal=signal(mismatch_rad=mismatch_rad), gains=None)
+    used = Transmission(np.ones(JOINTS), np.eye(JOINTS), ALL).gains(from_torque=False)
+    assert "differ on joint 2 (1.0 deg RMS), more than a servo sags by" in only(notes_on(found, used, None))
+
+
+def noted_changes(monkeypatch, change_kg, moments_kg_m, statistic=24.1, periods=1, push=0.0):
     """Notes on a loaded and an unloaded run of 60 s, the latter of some periods; 2 kg at 0.1 m on x, +- 0.01."""
     change = SimpleNamespace(
         at_s=20.0, statistic=statistic, change=np.array([change_kg, *moments_kg_m]), deviation=np.full(4, 0.01)
     )
-    monkeypatch.setattr(operator_notes, "change_during", lambda *_: change)
+    pushed = SimpleNamespace(at_s=20.0, statistic=push, change=np.array([3.0, 0.0, -4.0]))
+    monkeypatch.setattr(operator_notes, "events_during", lambda *_: (change, pushed))
     theta = np.array([2.0, 0.2, *np.zeros(8)])
 
     def run(between_s):
@@ -365,6 +375,21 @@ def test_a_change_of_payload_is_dated_from_the_start_of_the_whole_recording(monk
     assert loaded == note
     assert "`--between 0s 21s` and `--between 23s 60s`" in unloaded
     assert noted_changes(monkeypatch, 1.0, [0.1, 0.0, 0.0], statistic=24.0) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "push", "said"),
+    [
+        (24.1, 24.0, "payload changed"),
+        (30.2, 30.1, "payload changed"),
+        (23.0, 30.1, "About 122 s after the start of the loaded run's recording, its torque differs"),
+        (40.0, 40.1, "a force of 5 N"),
+        (23.0, 30.0, None),
+    ],
+)
+def test_a_push_is_noted_if_it_explains_more_than_a_change_of_payload(monkeypatch, change, push, said):
+    notes = noted_changes(monkeypatch, 1.0, [0.1, 0.0, 0.0], statistic=change, push=push)
+    assert (said in only(notes)) if said else (notes == [])
 
 
 @pytest.mark.parametrize(
