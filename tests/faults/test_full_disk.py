@@ -75,7 +75,7 @@ def drawn():
             "a.toml",
         ),
         (lambda folder: write_page(folder / "a.html", "new"), ReportError, "a.html"),
-        (lambda folder: write_figure(folder / "a.png", drawn()), ReportError, "a.png"),
+        (lambda folder: write_figure(folder / "a.png", drawn(), 20), ReportError, "a.png"),
         (lambda folder: write_files({"a.c": "new"}, folder), ExportError, "a.c"),
         (lambda folder: make_folder(folder / "run"), CommissioningError, "run"),
     ],

@@ -74,6 +74,7 @@ def design() -> None:
     excitation = armload.design(Path("my_arm.toml"), period_s="auto", search=armload.DesignSearch(restarts=4))
     assert_type(excitation.periods, int)
     excitation.save("excitation.toml")
+    excitation.picture(Path("excitation.png"))
 
 
 def wrong_names() -> None:

@@ -50,6 +50,7 @@ _LEAST_PERIODS: Final = 3
 """Fewer do not show the scatter between periods."""
 _LEAST_CYCLES: Final = 10
 """Minimum number of setpoints per period of the highest harmonic."""
+_PICTURE_DPI: Final = 150
 
 
 class UnstreamablePeriod(ControlError):
@@ -57,7 +58,7 @@ class UnstreamablePeriod(ControlError):
 
 
 class DesignedMotion(ABC):
-    """A designed motion of an arm, to save.
+    """A designed motion of an arm, to save and draw.
 
     Attributes:
         arm: The arm it was designed for.
@@ -70,6 +71,19 @@ class DesignedMotion(ABC):
     def save(self, path: str | PathLike[str]) -> None:
         """Write the excitation file, which a robot's `[excitation]` may name; an existing file is replaced."""
         write_excitation(Path(path), self._excitation(Path(path).name))
+
+    def picture(self, path: str | PathLike[str]) -> None:
+        """Draw the motion, its limits and its design on one page, .png, .svg or .pdf.
+
+        Raises:
+            ReportError: the file cannot be written.
+        """
+        require_extra(Extra.REPORT, "the picture of an excitation")
+        from armload_identification.report.figures.figure_file import write_figure
+        from armload_identification.report.figures.path_figure import path_figure
+
+        excitation = self._excitation(Path(path).name)
+        write_figure(Path(path), path_figure(excitation, self.envelope, self.arm.joint_names), _PICTURE_DPI)
 
     @property
     def robot_argument(self) -> str:
@@ -208,7 +222,7 @@ def design(
         progress: Called with the number of starts completed.
 
     Returns:
-        The excitation, to print and save.
+        The excitation, to print, save and draw.
 
     Raises:
         ConfigurationError: the robot's file lacks data that a design needs. UnstreamablePeriod: the bus cannot stream
@@ -240,7 +254,7 @@ def design(
             envelope,
             SearchSettings(harmonics, allowed, search.seed, search.restarts, slow),
             executor=executor,
-            progress=progress or (lambda _finished: None),
+            progress=None if progress is None else lambda finished, _total, _best: progress(finished),
             objection=arm.obstacles.objection,
         )
     driven = periods or max(_LEAST_PERIODS, ceil(_MEASURED_S / result.trajectory.period_s - 1e-9))

@@ -85,7 +85,7 @@ class DesignedWiggle(DesignedMotion):
             "command": f"armload design {self.robot_argument} {self.options} --output {output}",
             "armload_version": version("armload"),
         }
-        return Excitation(trajectory, self.wiggle.periods, design, self.envelope.margins(trajectory))
+        return Excitation(trajectory, self.wiggle.periods, design, (), self.envelope.margins(trajectory))
 
     def to_dict(self) -> dict[str, Any]:
         """The figures as numbers, texts, lists and dictionaries: the schema `armload/wiggle/1`."""

@@ -260,6 +260,19 @@ class PayloadEstimate:
         covariance = found.bread[self._place, self._place]
         return found.value(PAYLOAD, PAYLOAD), covariance, PARAMETERS - len(self._blind(covariance).T)
 
+    def seen(self, errors: FloatArray) -> FloatArray:
+        """(n, k) squared size of errors of theta, (10, k), in the rows of each axis, in standard deviations."""
+        problem = self.posterior.problem
+        place = np.searchsorted(np.flatnonzero(problem.free), np.arange(problem.size)[self._place])
+        found = np.zeros((problem.noise.start_nm.size, errors.shape[1]))
+        for rows in self.posterior.weighted_rows[0]:
+            if rows.combination > 0:
+                continue  # the mean of two runs, in which the links take up the payload
+            at = np.searchsorted(place, rows.place)
+            own = np.isin(rows.place, place)
+            found[rows.axis] += np.sum((rows.rows[:, own] @ errors[at[own]]) ** 2, axis=0)
+        return found
+
     @property
     def _session(self) -> bool:
         """Whether friction of the session differs from the calibration's."""

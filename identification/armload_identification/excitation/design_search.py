@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import ceil
+from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -23,6 +24,9 @@ from armload_identification.excitation.fourier import FourierTrajectory, fourier
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 from armload_identification.excitation.information import Criterion
 from armload_identification.identification_errors import ExcitationError
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 _ORDERS = 4  # position, velocity, acceleration, jerk
 _SAMPLES_PER_HARMONIC = 24
@@ -120,6 +124,7 @@ class Attempt:
         score: The criterion for a measuring time that is the same for all periods, times the duration of a run, by
             which starts are compared.
         trajectory: The motion, or None.
+        history: (I,) criterion after each iteration; early iterations may exceed the limits.
         excess: Greatest relative excess over a limit, if no motion within the limits was found.
         problem: The limit that is exceeded, in words.
     """
@@ -127,6 +132,7 @@ class Attempt:
     cost: float
     score: float
     trajectory: FourierTrajectory | None
+    history: FloatArray
     excess: float = 0.0
     problem: str = ""
 
@@ -180,8 +186,9 @@ class Search:
         multipliers = np.zeros((self._basis.shape[1], self._envelope.rows))
         reserve = np.zeros(self._envelope.rows)
         penalty = _FIRST_PENALTY
+        history: list[float] = []
         for finished in range(1, _MOST_ROUNDS + 1):
-            x = self._minimised(x, multipliers, reserve, penalty)
+            x = self._minimised(x, multipliers, reserve, penalty, history)
             excess = self._envelope.excess(self._states(x))
             if finished >= _RESERVE_FROM_ROUND:
                 worst = self._envelope.worst(self._trajectory(x))
@@ -193,12 +200,12 @@ class Search:
         trajectory, worst = self._shrunk_within_limits(self._with_period_in_steps(self._begun_nearby(x)))
         if worst.max() > -_LIMIT_MARGIN:
             problem = self._envelope.most_exceeded(worst)
-            return Attempt(np.inf, np.inf, None, float(worst.max()), problem)
+            return Attempt(np.inf, np.inf, None, np.array(history), float(worst.max()), problem)
         cost = self.cost_of(self._criterion, trajectory)
         equally_long = self.cost_of(self._criterion, trajectory, self._reference_s)
         state = trajectory.period(self._basis.shape[1])
         lasts_s = self._duration(np.stack(state[:2]), trajectory.period_s)[0]
-        return Attempt(cost, equally_long * lasts_s, trajectory)
+        return Attempt(cost, equally_long * lasts_s, trajectory, np.array(history) * (cost / equally_long))
 
     def _best_random_motion(self, rng: np.random.Generator) -> FloatArray:
         """The best of many random motions: informative, and not far outside the limits."""
@@ -217,25 +224,36 @@ class Search:
                 best, least = drawn, value
         return best
 
-    def _minimised(self, x: FloatArray, multipliers: FloatArray, reserve: FloatArray, penalty: float) -> FloatArray:
+    def _minimised(
+        self, x: FloatArray, multipliers: FloatArray, reserve: FloatArray, penalty: float, history: list[float]
+    ) -> FloatArray:
         """The minimum of the augmented Lagrangian for fixed multipliers."""
         from scipy.optimize import minimize
+
+        latest = np.inf
+
+        def lagrangian(trial: FloatArray) -> tuple[float, FloatArray]:
+            nonlocal latest
+            value, gradient, latest = self._lagrangian(trial, multipliers, reserve, penalty)
+            return value, gradient
+
+        def iterated(intermediate_result: OptimizeResult) -> None:
+            history.append(latest)
 
         bounds = np.full((len(x), 2), (-np.inf, np.inf))
         bounds[-1] = (-self._half_span, self._half_span)
         options = {"maxcor": _MEMORY, "maxiter": _ITERATIONS_PER_ROUND, "ftol": _SMALLEST_GAIN, "gtol": 0.0}
-        given = (multipliers, reserve, penalty)
-        found = minimize(self._lagrangian, x, given, "L-BFGS-B", jac=True, bounds=bounds, options=options)
+        found = minimize(lagrangian, x, jac=True, method="L-BFGS-B", bounds=bounds, callback=iterated, options=options)
         return np.asarray(found.x)
 
     def _lagrangian(
         self, x: FloatArray, multipliers: FloatArray, reserve: FloatArray, penalty: float
-    ) -> tuple[float, FloatArray]:
-        """Augmented Lagrangian of log(cost), and its gradient by x."""
+    ) -> tuple[float, FloatArray, float]:
+        """Augmented Lagrangian of log(cost), its gradient by x, and the cost."""
         states = self._states(x)
         cost, slope = self._criterion.cost_and_slope(states[0], states[1], states[2], self._reference_s)
         if not np.isfinite(cost):
-            return np.inf, np.zeros_like(x)
+            return np.inf, np.zeros_like(x), cost
         active = np.maximum(0.0, multipliers + penalty * (self._envelope.excess(states) + reserve))
         lasts_s, slowly_s, slower_s = self._duration(states, self._reference_s / float(np.exp(x[-1])))
         value = np.log(cost * lasts_s) + (np.sum(active**2) - np.sum(multipliers**2)) / (2.0 * penalty)
@@ -245,7 +263,7 @@ class Search:
         orders = np.arange(_ORDERS)
         by_coefficient = np.tensordot(total * np.exp(orders * x[-1])[:, None, None], self._basis, ((0, 1), (0, 1)))
         by_frequency = orders @ np.einsum("kij,kij->k", total, states) - slowly_s / lasts_s
-        return float(value), np.append((by_coefficient * self._scale).ravel(), by_frequency)
+        return float(value), np.append((by_coefficient * self._scale).ravel(), by_frequency), cost
 
     def _duration(self, states: FloatArray, period_s: float) -> tuple[float, float, FloatArray]:
         """Duration of a run and of its slow round, and (2, N, n) their slope by positions and velocities."""

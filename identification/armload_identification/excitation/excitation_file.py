@@ -50,7 +50,7 @@ class _DesignTable(Table):
     restarts: _Count
     command: Text
     armload_version: Text
-    history: NumberList | None = None  # in files of earlier versions: the criterion of each iteration
+    history: NumberList | None = None
 
     def __post_init__(self) -> None:
         known = (*CRITERIA, MASS_CRITERION)
@@ -99,6 +99,7 @@ def parse_excitation(content: str, source: str = "excitation") -> Excitation:
         FourierTrajectory(table.base_frequency_hz, table.offset_rad, table.sin_rad, table.cos_rad),
         table.periods,
         {} if design is None else {key: value for key, value in asdict(design).items() if key != "history"},
+        () if design is None or design.history is None else tuple(design.history.tolist()),
         tables.margins,
     )
 
@@ -107,7 +108,7 @@ def format_excitation(excitation: Excitation) -> str:
     """The text of an excitation's file; `parse_excitation` gives back the same trajectory.
 
     Args:
-        excitation: What to write. The margins are rounded down to six digits.
+        excitation: What to write. The design's history is rounded to five digits, the margins down to six.
     """
     trajectory = excitation.trajectory
     motion = {
@@ -121,7 +122,8 @@ def format_excitation(excitation: Excitation) -> str:
         *toml_text.table("excitation", motion),
     ]
     if excitation.design:
-        lines += toml_text.table("design", excitation.design)
+        history = [float(f"{cost:.5g}") for cost in excitation.history]
+        lines += toml_text.table("design", {**excitation.design, **({"history": history} if history else {})})
     if excitation.margins is not None:
         lines += _margin_lines(excitation.margins)
     return "\n".join(lines)

@@ -190,6 +190,7 @@ class Excitation:
         periods: Number of periods that are streamed and recorded.
         design: The file's `[design]`: criterion, cost, condition_number, seed, restarts, command,
             armload_version; empty for a trajectory that was not designed.
+        history: Criterion per iteration of the design, to five digits in the file; empty if the file has none.
         margins: Margin of the design to each limit, or None.
 
     Raises:
@@ -199,6 +200,7 @@ class Excitation:
     trajectory: FourierTrajectory
     periods: int
     design: Mapping[str, str | int | float] = field(default_factory=dict)
+    history: tuple[float, ...] = ()
     margins: LimitMargins | None = None
 
     def __post_init__(self) -> None:

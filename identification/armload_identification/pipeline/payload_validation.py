@@ -19,7 +19,7 @@ from armload_identification.recording.recording import Recording, RecordingSourc
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.verdict.agreement import KnownMassCenter, Outcome, compare_known, length_needed
-from armload_identification.verdict.payload_verdict import PayloadVerdict, known_payload
+from armload_identification.verdict.payload_verdict import PayloadVerdict, known_payload, remedy_for
 from armload_identification.verdict.recording_checks.joint_scales import joint_scales
 from armload_identification.verdict.tolerance import Tolerance
 
@@ -137,7 +137,14 @@ def judge(measured: Identification, chain: Chain, judged: KnownMassCenter, toler
             agreement=agreement,
             of_payload=joint_scales(signal, load, friction),
             of_measured=joint_scales(signal, regressor @ measured.parameters.theta, friction),
-            length=length_needed(judged, again, tolerance),
+            remedy=remedy_for(
+                agreement,
+                length_needed(judged, again, tolerance),
+                measured.plain,
+                measured.parameters,
+                chain,
+                signal.states.position_rad,
+            ),
         ),
         measured=measured,
         predicted_nm=predicted,

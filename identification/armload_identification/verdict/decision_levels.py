@@ -659,6 +659,12 @@ class VerdictText:
     Origin: prior; 26 degrees.
     Factor of two: half: none of 25 tests fails. Twice is above 1; reasoned: only the wording changes.
     """
+    level_share: Final = 0.5
+    """[1] Mean square sine of the angle to gravity below which poses with that direction horizontal are recommended.
+
+    Origin: prior; 2/3 is that of random directions.
+    Factor of two: either way: none of 25 tests fails. Reasoned: only the advice changes.
+    """
     least_longer: Final = 1.1
     """[1] Least multiple of the length that is recommended.
 

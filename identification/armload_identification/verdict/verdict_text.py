@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.model.payload import AXES
-from armload_identification.verdict.agreement import Agreement, LengthNeeded, Outcome
+from armload_identification.verdict.agreement import Agreement, Outcome
 from armload_identification.verdict.decision_levels import AgreementLevels, VerdictText
-from armload_identification.verdict.payload_verdict import PayloadVerdict
+from armload_identification.verdict.payload_verdict import PayloadVerdict, Remedy
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
 
 TITLES: Final = {
@@ -49,7 +49,7 @@ def sentences(verdict: PayloadVerdict, joint_names: Sequence[str]) -> list[str]:
         case Outcome.WRONG:
             return [*text, *_remounting_sentences(verdict.agreement), *_joint_sentences(verdict, joint_names)]
         case Outcome.CANNOT_TELL:
-            return [*text, _length_sentence(verdict.length)]
+            return [*text, *_remedy_sentences(verdict.remedy, verdict.agreement, joint_names)]
 
 
 def agreement_sentences(agreement: Agreement, source: str) -> list[str]:
@@ -166,18 +166,38 @@ def _scales_text(scales: JointScales, which: NDArray[np.bool_], names: Sequence[
     )
 
 
-def _length_sentence(length: LengthNeeded) -> str:
-    """Whether longer runs would detect an error equal to the tolerance."""
-    if np.isfinite(length.factor):
-        longer = max(length.factor, VerdictText.least_longer)
-        return (
+def _remedy_sentences(remedy: Remedy, agreement: Agreement, names: Sequence[str]) -> Iterator[str]:
+    """How an error equal to the tolerance could be detected."""
+    if np.isfinite(remedy.length.factor):
+        longer = max(remedy.length.factor, VerdictText.least_longer)
+        yield (
             f"Identification and validation runs of {longer:.1f} times the length would detect "
             "an error equal to the tolerance."
         )
-    if length.gains_limit:
-        return "Longer runs would not detect it, because the drive gains are too uncertain: calibrate them."
-    return (
-        "No run would detect it: the variation between mountings and the servos' sag, "
-        f"{1e3 * AgreementLevels.floor_kg:.0f} g and {1e3 * AgreementLevels.floor_m:.0f} mm (one standard "
-        "deviation), is too large for this tolerance."
-    )
+    elif remedy.length.gains_limit:
+        yield "Longer runs would not detect it, because the drive gains are too uncertain: calibrate them."
+        return
+    else:
+        yield (
+            "No run would detect it: the variation between mountings and the servos' sag, "
+            f"{1e3 * AgreementLevels.floor_kg:.0f} g and {1e3 * AgreementLevels.floor_m:.0f} mm (one standard "
+            "deviation), is too large for this tolerance."
+        )
+        return
+    if agreement.noticeable_kg > agreement.tolerance_kg:
+        yield (
+            f"The mass is best determined by {names[remedy.mass_joint]}: a motion that holds the payload far "
+            "from that axis, perpendicular to gravity, needs less time."
+        )
+    if agreement.noticeable_m > agreement.tolerance_m:
+        direction = _weakest_direction(agreement).removeprefix("along ")
+        if remedy.level_share < VerdictText.level_share:
+            yield (
+                f"The motion hardly ever brings {direction} to the horizontal, where gravity has the greatest "
+                "effect: add such poses."
+            )
+        else:
+            yield (
+                f"That direction is best determined by {names[remedy.center_joint]}: with more wrist motion that "
+                "turns it to the horizontal and back, less time is needed."
+            )

@@ -11,7 +11,7 @@ import typer
 
 from armload_controller.cli.argument_names import as_options
 from armload_controller.cli.options import CalibrationOption, RobotArgument, refuse_together
-from armload_controller.cli.output.output_files import require_folder
+from armload_controller.cli.output.output_files import require_drawable
 from armload_controller.cli.screen import PLAIN, Screen
 
 if TYPE_CHECKING:
@@ -51,7 +51,9 @@ class CriterionName(StrEnum):
 def design_motion(
     context: typer.Context,
     robot: RobotArgument,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Excitation file to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Excitation file to write; a picture is written to the same folder.")
+    ],
     purpose: Annotated[
         Purpose,
         typer.Option(
@@ -105,7 +107,7 @@ def design_motion(
     from armload_controller.analysis.robot_excitation import DesignSearch, UnstreamablePeriod, design
     from armload_controller.config.robot import load_robot
 
-    require_folder(output)
+    require_drawable(output.with_suffix(".png"))
     arm = load_robot(robot)
     if not arm.has_workspace:
         screen.step(
@@ -144,10 +146,13 @@ def design_motion(
 
 
 def _finish(screen: Screen, designed: DesignedMotion, output: Path) -> None:
-    """Write the excitation, and show its figures."""
+    """Write the excitation and its picture, and show its figures."""
+    picture = output.with_suffix(".png")
     designed.save(output)
-    screen.document(designed.to_dict, {"excitation": output})
+    designed.picture(picture)
+    screen.document(designed.to_dict, {"excitation": output, "picture": picture})
     screen.result(f"{output}: {designed}")
+    screen.step(f"picture: {picture}")
 
 
 def _radians(degrees: float) -> float:

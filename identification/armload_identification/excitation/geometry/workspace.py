@@ -155,6 +155,18 @@ class Workspace:
         object.__setattr__(self, "between", tuple(between))
         object.__setattr__(self, "_packed", packed)
 
+    def centres(self, q: FloatArray) -> FloatArray:
+        """Positions of the spheres.
+
+        Args:
+            q: (n,) configuration in rad.
+
+        Returns:
+            (S, 3) centres in the base frame.
+        """
+        poses = np.concatenate([np.eye(4)[None], self.chain.forward(q)])  # base, links, flange
+        return np.array([poses[s.link, :3, :3] @ s.center_m + poses[s.link, :3, 3] for s in self.spheres])
+
     def clearances(self, q: FloatArray) -> FloatArray:
         """All clearances.
 

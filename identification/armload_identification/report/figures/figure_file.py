@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from armload_identification.identification_errors import ReportError
 from armload_identification.storage.replace_file import replace_file
@@ -12,14 +12,13 @@ from armload_identification.storage.replace_file import replace_file
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_DPI: Final = 130.0
 
-
-def write_figure(path: Path, figure: Figure) -> None:
+def write_figure(path: Path, figure: Figure, dpi: float = 130.0) -> None:
     """Write a figure; an existing file is replaced atomically.
 
     Args:
         path: The file; its suffix is the format, such as .svg or .png.
+        dpi: Resolution in pixels per inch.
 
     Raises:
         ReportError: the file cannot be written, or the suffix is that of no format.
@@ -30,7 +29,7 @@ def write_figure(path: Path, figure: Figure) -> None:
             f"{path}: {path.suffix!r} is not the suffix of a picture; expected one of {', '.join(sorted(kinds))}."
         )
     drawn = io.BytesIO()
-    figure.savefig(drawn, format=kind, dpi=_DPI)
+    figure.savefig(drawn, format=kind, dpi=dpi)
     write_drawn(path, drawn.getvalue(), "picture")
 
 

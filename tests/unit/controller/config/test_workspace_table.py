@@ -9,18 +9,12 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
 
 
-def heights(workspace, q):
-    """Of the centres of all spheres."""
-    poses = np.concatenate([[np.eye(4)], workspace.chain.forward(q)])  # base, links, flange
-    return [(poses[s.link][:3, :3] @ s.center_m + poses[s.link][:3, 3])[2] for s in workspace.spheres]
-
-
 def test_er50_stands_a_metre_above_the_floor_on_a_pedestal():
     workspace = load_robot("er50").workspace
     assert {"floor", "pedestal", "link 1 to tool"} <= set(workspace.names)
     stretched = np.array([[0.0, 1.5707963, -1.5707963 + 0.176, 0.0, 0.0, 0.0]])
     floor = workspace.clearances(stretched)[0, [name == "floor" for name in workspace.names]]
-    centre = heights(workspace, stretched[0])
+    centre = workspace.centres(stretched[0])[:, 2]
     assert floor.min() == pytest.approx(
         min(c + 1.0 - s.radius_m for c, s in zip(centre, workspace.spheres, strict=True))
     )
@@ -41,7 +35,7 @@ boxes = [{ name = "table", xyz_m = [0.9, 0.0, 0.0], rpy_rad = [0.0, 0.0, 0.3], s
     workspace = load_robot(edited("[workspace]\n", more, "prbt")).workspace
     assert {"inside, -x", "inside, +z", "wall", "table", "floor"} <= set(workspace.names)
     q = np.zeros((1, 6))
-    height = heights(workspace, q[0])
+    height = workspace.centres(q[0])[:, 2]
     found = workspace.clearances(q)[0, [name == "inside, +z" for name in workspace.names]]
     moving = [(z, s.radius_m) for z, s in zip(height, workspace.spheres, strict=True) if s.link > 0]
     assert found.min() == pytest.approx(min(1.5 - z - radius for z, radius in moving))

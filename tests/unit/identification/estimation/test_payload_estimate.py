@@ -158,6 +158,13 @@ def test_errors_without_a_term_widen_everything_that_they_move(regressor, torque
     np.testing.assert_allclose(centers[1] - centers[0], slope @ shift.T @ shift @ slope.T, rtol=1e-6, atol=1e-12)
 
 
+def test_what_an_axis_sees_of_an_error_is_its_size_in_the_rows(regressor, torque, pinocchio_arm):
+    found = payload_of(regressor, torque, white(pinocchio_arm))
+    errors = np.random.default_rng(6).normal(size=(10, 2))
+    expected = np.sum((regressor @ errors / pinocchio_arm.noise_nm[:, None]) ** 2, axis=0)
+    np.testing.assert_allclose(found.seen(errors), expected, rtol=1e-6)
+
+
 def on_calibrated_arm(arm, calibration, harder=0.0):
     """A run's problem, and its solution, on the calibrated arm; joint 4 rubs harder than calibrated, in N m."""
     known, transmission = calibration.known_arm, calibration.transmission(arm.transmission)

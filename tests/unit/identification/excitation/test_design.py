@@ -99,7 +99,8 @@ def test_margins_tell_the_room_that_the_dense_grid_shows(result):
     np.testing.assert_allclose(room.acceleration_rad_s2, LIMITS.acceleration_max_rad_s2 - hardest, atol=1e-4)
 
 
-def test_all_ten_directions_are_shown(result):
+def test_the_history_falls(result):
+    assert result.history[-1] < 0.8 * result.history[0]
     assert result.rank == 10
 
 
@@ -158,9 +159,10 @@ def test_progress_is_reported_after_every_start():
         criterion_of("a-optimal", ARM.head(1)),
         wide(ARM.head(1), one),
         SearchSettings(harmonics=2, periods=only(5.0), seed=0, restarts=3),
-        progress=reported.append,
+        progress=lambda *report: reported.append(report),
     )
-    assert reported == [1, 2, 3]
+    assert [(done, count) for done, count, _ in reported] == [(1, 3), (2, 3), (3, 3)]
+    assert reported[2][2] <= reported[0][2]
 
 
 def test_an_arm_that_cannot_show_all_ten_still_gets_a_motion():
@@ -311,6 +313,7 @@ def test_whoever_runs_the_starts_the_result_is_the_same(one_after_the_other, kin
     assert np.array_equal(again.trajectory.sin_rad, one_after_the_other.trajectory.sin_rad)
     assert np.array_equal(again.trajectory.offset_rad, one_after_the_other.trajectory.offset_rad)
     assert np.array_equal(again.restart_costs, one_after_the_other.restart_costs)
+    assert np.array_equal(again.history, one_after_the_other.history)
 
 
 def test_a_chosen_period_is_as_fast_as_the_path_allows(crowded):

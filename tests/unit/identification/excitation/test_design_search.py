@@ -102,8 +102,7 @@ def test_the_lagrangian_is_the_logarithm_of_the_cost_and_what_its_multipliers_as
     states = one._states(x)
     multipliers = rng.uniform(0.0, 0.5, (states.shape[1], one._envelope.rows))
     reserve, penalty = rng.uniform(0.0, 0.4, one._envelope.rows), 0.7
-    value, slope = one._lagrangian(x, multipliers, reserve, penalty)
-    cost = one._criterion.cost_and_slope(*states[:3], 8.0)[0]
+    value, slope, cost = one._lagrangian(x, multipliers, reserve, penalty)
     active = np.maximum(0.0, multipliers + 0.7 * (one._envelope.excess(states) + reserve))
     lasts_s = one._duration(states, 8.0 / np.exp(x[-1]))[0]
     expected = np.log(cost) + np.log(lasts_s) + (np.sum(active**2) - np.sum(multipliers**2)) / 1.4
@@ -115,7 +114,7 @@ def test_the_lagrangian_is_the_logarithm_of_the_cost_and_what_its_multipliers_as
         ahead, behind = (one._lagrangian(x + sign * step, multipliers, reserve, penalty)[0] for sign in (1, -1))
         assert slope[place] == pytest.approx((ahead - behind) / 2e-6, rel=2e-4, abs=1e-4)
     still = one._lagrangian(np.zeros(11), multipliers, reserve, penalty)
-    assert still[0] == np.inf
+    assert (still[0], still[2]) == (np.inf, np.inf)
     assert not still[1].any()
 
 
@@ -204,4 +203,5 @@ def test_a_start_ends_within_the_limits_and_scores_the_cost_times_the_duration_o
     state = motion.evaluate(np.arange(48) * motion.period_s / 48)
     lasts_s = slow._duration(np.stack(state[:2]), motion.period_s)[0]
     assert attempt.score == pytest.approx(attempt.cost * motion.period_s / 8.0 * lasts_s)
+    assert attempt.history[-1] == pytest.approx(attempt.cost, rel=0.05)
     assert (attempt.excess, attempt.problem) == (0.0, "")

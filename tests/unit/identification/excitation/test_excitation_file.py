@@ -62,7 +62,8 @@ MARGINS = LimitMargins(
 
 
 def test_a_file_states_how_the_design_went_and_what_room_is_left():
-    got = parse_excitation(format_excitation(Excitation(trajectory(), 3, DESIGN, MARGINS)))
+    got = parse_excitation(format_excitation(Excitation(trajectory(), 3, DESIGN, (0.0212345678, 0.004), MARGINS)))
+    assert got.history == (0.021235, 0.004)
     assert got.margins.clearance_m == {"floor": 0.25, "link 1 to tool": 0.0301239}
     assert got.margins.speed_m_s == {"joint 3": 0.4, "tool centre point": 0.123456}
     np.testing.assert_array_equal(got.margins.position_rad, MARGINS.position_rad)
@@ -72,17 +73,12 @@ def test_a_file_states_how_the_design_went_and_what_room_is_left():
     assert smallest_margin(got.margins) == -2.34568
 
 
-def test_a_file_without_margins_has_none():
-    assert parse_excitation(format_excitation(Excitation(trajectory(), 3, DESIGN))).margins is None
+def test_a_file_without_margins_or_history_has_none():
+    got = parse_excitation(format_excitation(Excitation(trajectory(), 3, DESIGN)))
+    assert (got.history, got.margins) == ((), None)
 
 
-def test_the_history_of_earlier_versions_is_accepted():
-    content = format_excitation(Excitation(trajectory(), 3, DESIGN))
-    assert "seed = 3" in content
-    assert parse_excitation(content.replace("seed = 3", "seed = 3\nhistory = [0.02, 0.004]")).design == DESIGN
-
-
-GOOD = format_excitation(Excitation(trajectory(), 3, DESIGN, MARGINS))
+GOOD = format_excitation(Excitation(trajectory(), 3, DESIGN, (0.02, 0.004), MARGINS))
 
 
 @pytest.mark.parametrize(
@@ -111,6 +107,7 @@ GOOD = format_excitation(Excitation(trajectory(), 3, DESIGN, MARGINS))
         ("offset_rad = [", "offset_rad = [0.0, ", ("excitation.sin_rad", "4 lists of 4")),
         ('criterion = "a-optimal"', 'criterion = "best"', ("design.criterion", "'best'", "condition-number")),
         ("seed = 3", "seed = -1", ("design.seed", "-1")),
+        ("history = [0.02, ", 'history = ["low", ', ("design.history", "list of finite numbers")),
         ("[margins]\nposition_rad = [0.1, ", "[margins]\nposition_rad = [", ("margins.position_rad", "3 finite")),
         ("clearance_m = {", "clearance = {", ("margins.clearance", "unknown key")),
         ('"floor" = 0.25', '"floor" = "far"', ("margins.clearance_m.floor", "'far'", "number")),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armload_identification.verdict.agreement import Agreement, LengthNeeded, Outcome
-from armload_identification.verdict.payload_verdict import PayloadVerdict
+from armload_identification.verdict.payload_verdict import PayloadVerdict, Remedy
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
 from armload_identification.verdict.verdict_text import agreement_sentences, sentences, title
 
@@ -31,11 +31,16 @@ AGREEMENT = Agreement(
     weakest=X,
 )
 AGREED = JointScales(np.ones(3), np.full(3, 0.01))
-LENGTH = LengthNeeded(2.5, False)
+REMEDY = Remedy(
+    length=LengthNeeded(2.5, False),
+    mass_joint=1,
+    center_joint=2,
+    level_share=0.8,
+)
 
 
-def verdict(agreement=AGREEMENT, of_payload=AGREED, of_measured=AGREED, length=LENGTH, own_run=False):
-    return PayloadVerdict(agreement, of_payload, of_measured, length, own_run)
+def verdict(agreement=AGREEMENT, of_payload=AGREED, of_measured=AGREED, remedy=REMEDY, own_run=False):
+    return PayloadVerdict(agreement, of_payload, of_measured, remedy, own_run)
 
 
 def text(of, **changes):
@@ -46,10 +51,10 @@ def wrong(difference, **changes):
     return text({"outcome": Outcome.WRONG, "difference": np.array(difference), "statistic": 9.0} | changes)
 
 
-def unclear(length=LENGTH, **changes):
+def unclear(remedy=REMEDY, limits=(False, False), **changes):
     """The text where mass and centre of mass are as uncertain as the tolerance, or more."""
-    tolerance = {"tolerance_kg": 0.2, "tolerance_m": 0.012}
-    return text({"outcome": Outcome.CANNOT_TELL} | tolerance | changes, length=length)
+    tolerance = {"tolerance_kg": 0.199 if limits[0] else 0.2, "tolerance_m": 0.0119 if limits[1] else 0.012}
+    return text({"outcome": Outcome.CANNOT_TELL} | tolerance | changes, remedy=remedy)
 
 
 def test_right_tells_the_difference_its_interval_and_the_tolerance():
@@ -141,15 +146,23 @@ def test_cannot_tell_names_the_smallest_error_it_would_notice_and_where(weakest,
 
 
 @pytest.mark.parametrize(("factor", "said"), [(2.5, "2.5 times"), (1.02, "1.1 times")])
-def test_longer_runs_are_advised_where_they_help(factor, said):
-    assert said in unclear(LengthNeeded(factor, False))[-1]
+def test_longer_runs_are_the_remedy_where_they_help(factor, said):
+    assert said in unclear(replace(REMEDY, length=LengthNeeded(factor, False)))[-1]
 
 
 @pytest.mark.parametrize(("gains_limit", "said"), [(True, "calibrate them"), (False, "No run would detect it")])
-def test_where_no_length_helps_its_reason_is_said_and_nothing_else(gains_limit, said):
-    found = unclear(LengthNeeded(np.inf, gains_limit))
+def test_where_no_length_helps_its_reason_is_the_remedy_and_no_other(gains_limit, said):
+    found = unclear(replace(REMEDY, length=LengthNeeded(np.inf, gains_limit)), (True, True))
     assert said in found[-1]
     assert len(found) == 3
+
+
+def test_the_joint_that_would_help_is_named():
+    assert "by elbow" in unclear(limits=(True, False))[-1]
+    assert "by wrist" in unclear(limits=(False, True))[-1]
+    level = unclear(replace(REMEDY, level_share=0.3), (False, True))[-1]
+    assert "brings the flange's x axis to the horizontal" in level
+    assert len(unclear()) == 3
 
 
 def test_a_comparison_says_with_what():
@@ -170,7 +183,7 @@ def test_a_comparison_says_with_what():
 )
 def test_the_title_claims_no_more_than_is_verified(outcome, verified, own_run, said):
     agreement = replace(AGREEMENT, outcome=outcome)
-    assert title(PayloadVerdict(agreement, AGREED, AGREED, LENGTH, own_run, verified)) == said
+    assert title(PayloadVerdict(agreement, AGREED, AGREED, REMEDY, own_run, verified)) == said
 
 
 def test_an_error_of_both_is_one_sentence_with_its_share_of_the_mass():
@@ -192,6 +205,11 @@ def test_a_direction_within_26_degrees_of_an_axis_is_that_axis(weakest, said):
     assert said in unclear(weakest=np.array(weakest))[1]
 
 
+@pytest.mark.parametrize(("share", "said"), [(0.49, "hardly ever brings"), (0.51, "is best determined by wrist")])
+def test_poses_are_missing_if_the_direction_is_level_for_less_than_half(share, said):
+    assert said in unclear(replace(REMEDY, level_share=share), (False, True))[-1]
+
+
 @pytest.mark.parametrize(
     ("moved_m", "turned"),
     [
@@ -206,7 +224,7 @@ def test_a_turned_payload_is_as_far_from_the_axis_and_along_it_within_the_tolera
 
 
 def test_floors_are_said_in_grams_and_millimetres():
-    found = unclear(LengthNeeded(np.inf, False))[-1]
+    found = unclear(replace(REMEDY, length=LengthNeeded(np.inf, False)))[-1]
     assert "5 g and 1 mm (one standard deviation)" in found
-    assert "1.1 times the length" in unclear(LengthNeeded(1.0, False))[-1]
-    assert "1.2 times the length" in unclear(LengthNeeded(1.2, False))[-1]
+    assert "1.1 times the length" in unclear(replace(REMEDY, length=LengthNeeded(1.0, False)))[-1]
+    assert "1.2 times the length" in unclear(replace(REMEDY, length=LengthNeeded(1.2, False)))[-1]

@@ -226,7 +226,7 @@ def made():
     return [
         moment.to_dict("arm"),
         history.to_dict() | {"files": {"picture": None}},
-        wiggle.to_dict() | {"files": {"excitation": "wiggle.toml"}},
+        wiggle.to_dict() | {"files": {"excitation": "wiggle.toml", "picture": "wiggle.png"}},
         weeks.to_dict() | {"files": {"report": None, "picture": None}},
         printed(CalibratedArm("", joints, arm).to_dict, calibration="arm.toml", report="arm.html"),
         printed(partial(feedforward_document, "arm", offset, [compared], [decision]), picture="picture.svg"),

@@ -145,3 +145,8 @@ def test_what_makes_no_sense_is_refused(workspace, arguments, words):
     given = {"spheres": (Sphere(1, np.zeros(3), 0.1),), **arguments}
     with pytest.raises(ModelError, match=words):
         Workspace(workspace.chain, **given)
+
+
+def test_spheres_are_where_their_links_are(workspace):
+    q = np.random.default_rng(5).uniform(-2.0, 2.0, N)
+    np.testing.assert_allclose(workspace.centres(q), centres(workspace, q), atol=1e-12)
