@@ -205,6 +205,27 @@ class Health:
     Factor of two: either way: nothing.
     """
 
+    window_s: Final = 60.0
+    """[s] Length of a window of friction over time.
+
+    Origin: prior, not measured: gears warm up in minutes.
+    Factor of two: either way: as many or as few windows.
+    """
+
+    most_windows: Final = 30
+    """[1] Most windows of a long run, which are then longer.
+
+    Origin: cost.
+    Factor of two: either way: as many or as few windows of runs over half an hour.
+    """
+
+    fewest_windows: Final = 3
+    """[1] Windows from which friction over time is given.
+
+    Origin: mathematics: fewer show no course.
+    Factor of two: twice: runs of 3 to 6 min have no course; half: those of 1 min have one.
+    """
+
 
 class OtherMounting:
     """An arm that is mounted or turned in another way than configured (`mounting_mistakes`)."""

@@ -7,20 +7,23 @@ calibration's errors on the run's motion, which all runs with the same motion ha
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from msgspec import structs
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_constants import Health
 from armload_identification.calibration.calibration_result import ArmCalibration
-from armload_identification.estimation.arm_rows import ArmLayout, motion_with_rows
+from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, motion_with_rows
 from armload_identification.estimation.arm_terms import PAYLOAD, SESSION_FRICTION, payload_term, session_friction
 from armload_identification.estimation.empty_arm.known_arm_rows import payload_scale
 from armload_identification.estimation.estimation_constants import Solver
-from armload_identification.estimation.problem import EMPTY, Group, Noise, Problem, RunRows
+from armload_identification.estimation.posterior import Posterior
+from armload_identification.estimation.problem import EMPTY, Group, Known, Noise, Problem, RunRows
 from armload_identification.estimation.solve import clipped_rms, solve
 from armload_identification.estimation.term_kinds import Scope, Shared, Term
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
@@ -35,6 +38,21 @@ from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 _CHANGE: Final = "change of the gains"
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionOverTime:
+    """Friction along a long run, w windows.
+
+    Attributes:
+        elapsed_s: (w,) middle of each window, since the start of the run.
+        friction_nm: (w, n) difference from the calibrated friction; NaN if a joint hardly moves.
+        noise_nm: (w, n) standard deviations.
+    """
+
+    elapsed_s: FloatArray
+    friction_nm: FloatArray
+    noise_nm: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +82,7 @@ class RunHealth:
         gain: Ratio of gain to calibrated gain, minus 1.
         friction: Difference of the friction at half the joint's greatest speed, without load, N m.
         residual: Logarithm of the ratio of the residual to the calibration's.
+        course: Friction along a long run; None for a short one.
     """
 
     name: str
@@ -73,6 +92,7 @@ class RunHealth:
     gain: Compared
     friction: Compared
     residual: Compared
+    course: FrictionOverTime | None
 
 
 def run_health(
@@ -116,8 +136,11 @@ class _RunFit:
         loaded = self._carried != "nothing"
         peak = body.reversal_speed_rad_s / TURN_OVER
         self._motion, self._calibration = motion, calibration
+        self._mounting = PAYLOAD if loaded else EMPTY
         layout = ArmLayout(calibration.level(chain), body.coupling, body.base.ravel(), peak)
         self._rows = layout.rows(motion, loaded=loaded)
+        time_s = self._rows.time_s
+        self._apart_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
         self._moved = np.count_nonzero(self._rows.weight > Solver.moving, axis=0) >= Health.fewest_rows
         if not self._moved.any():
             raise EstimationError("no joint moves long enough to determine gain or friction")
@@ -130,15 +153,17 @@ class _RunFit:
             terms.append(payload_term(known[self._carried], np.zeros(PARAMETERS), "the calibration"))
         one = np.eye(n)
         self._middle = np.hstack([one, one * calibration.middle_speed_rad_s, np.zeros_like(one)])
-        terms.append(session_friction(Health.loose * calibration.drift.ravel(), "ten times the usual changes"))
-        apart_s = float(np.median(np.diff(self._rows.time_s)))
-        correlation = np.maximum(calibration.correlation_s / apart_s, 1.0)
-        # at least the calibration's
-        noise = Noise(self._noise_nm, self._noise_nm, np.full_like(self._noise_nm, np.inf), correlation)
-        group = Group((RunRows(self._rows, PAYLOAD if loaded else EMPTY),))
-        self._found = solve(Problem(terms, [group], noise, body.coupling, [arm.known]), rough=True)
+        self._friction = session_friction(Health.loose * calibration.drift.ravel(), "ten times the usual changes")
+        found = self._found = self._solved([*terms, self._friction], self._rows, [arm.known])
         # (k, s) change of all unknowns for one standard deviation of each independent error of the calibration
-        self._errors = self._found.considered(arm.errors)
+        self._errors = found.considered(arm.errors)
+
+    def _solved(self, terms: Sequence[Term], rows: ArmRows, known: Sequence[Known] = ()) -> Posterior:
+        """Fit; the noise is at least the calibration's."""
+        correlation = np.maximum(self._calibration.correlation_s / self._apart_s, 1.0)
+        noise = Noise(self._noise_nm, self._noise_nm, np.full_like(self._noise_nm, np.inf), correlation)
+        group = Group((RunRows(rows, self._mounting),))
+        return solve(Problem(terms, [group], noise, self._calibration.body.coupling, known), rough=True)
 
     def health(self, name: str, recorded: str) -> RunHealth:
         """The fit as `RunHealth`."""
@@ -163,6 +188,7 @@ class _RunFit:
             gain=self._where_moved(replace(gain, value=np.expm1(gain.value))),
             friction=self._where_moved(self._compared(SESSION_FRICTION, self._middle)),
             residual=self._where_moved(residual),
+            course=self._course(),
         )
 
     def _where_moved(self, found: Compared) -> Compared:
@@ -172,12 +198,8 @@ class _RunFit:
 
     def _compared(self, name: str, slope: FloatArray, mounting: str = EMPTY) -> Compared:
         """(k, m) combinations of the values of a term."""
-        found, place = self._found, self._found.problem.place(name, mounting)
-        return Compared(
-            slope @ found.value(name, mounting),
-            np.sqrt(np.diag(slope @ found.bread[place, place] @ slope.T)),
-            np.sqrt(np.sum((self._errors[:, place] @ slope.T) ** 2, axis=0)),
-        )
+        of_errors = self._errors[:, self._found.problem.place(name, mounting)] @ slope.T
+        return Compared(*_estimated(self._found, name, slope, mounting), np.sqrt(np.sum(of_errors**2, axis=0)))
 
     def _left_nm(self) -> FloatArray:
         """(n,) RMS over the rows of what the calibration's errors leave in the residual."""
@@ -186,3 +208,31 @@ class _RunFit:
         changes = self._errors[:, found.problem.free]
         left = [np.sum((rows.rows @ changes[:, rows.place].T) ** 2, axis=1) for rows in found.weighted_rows[0]]
         return np.asarray(np.sqrt(np.mean(np.transpose(left) * unweighted**2, axis=0)))
+
+    def _course(self) -> FrictionOverTime | None:
+        """Friction by windows of a long run, with everything else as in the entire run."""
+        elapsed, found = self._rows.time_s, self._found
+        length_s = float(elapsed[-1] - elapsed[0])
+        count = min(int(length_s / Health.window_s), Health.most_windows)
+        if self._motion.periodic or count < Health.fewest_windows:
+            return None
+        edges = elapsed[0] + np.linspace(0.0, length_s, count + 1)
+        window = np.clip(np.searchsorted(edges, elapsed, side="right") - 1, 0, count - 1)
+        terms = [
+            structs.replace(term, mean=found.x[place], deviation=np.zeros_like(term.mean))
+            for term, place in found.groups[0].acting[0]
+            if term.name != SESSION_FRICTION
+        ]
+        friction, noise = np.full((2, count, self._calibration.n), np.nan)
+        for number in range(count):
+            rows = self._rows.only(window == number)
+            change, deviation = _estimated(self._solved([*terms, self._friction], rows), SESSION_FRICTION, self._middle)
+            fast = np.count_nonzero(rows.weight > Solver.moving, axis=0) >= Health.fewest_rows
+            friction[number, fast], noise[number, fast] = change[fast], deviation[fast]
+        return FrictionOverTime(0.5 * (edges[1:] + edges[:-1]), friction, noise)
+
+
+def _estimated(found: Posterior, name: str, slope: FloatArray, mounting: str = EMPTY) -> tuple[FloatArray, FloatArray]:
+    """(k,) combinations of the values of a term by their (k, m) slope, and their standard deviations by the noise."""
+    place = found.problem.place(name, mounting)
+    return slope @ found.value(name, mounting), np.sqrt(np.diag(slope @ found.bread[place, place] @ slope.T))

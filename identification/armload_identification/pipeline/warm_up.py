@@ -2,13 +2,13 @@
 
     F(t) = F_session + b ln(1 + t / 10 min)
 
-After two hours of rest a new session starts. The times are those of the middles of the runs; an arm that was in
-operation before its first run has a flatter curve. b is used only if it is significant.
+After two hours of rest a new session starts. The times are those of the runs, and of the windows of long ones; an arm
+that was in operation before its first run has a flatter curve. b is used only if it is significant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
@@ -27,7 +27,7 @@ _LEAST_RANGE: Final = 0.5
 """Least range of the logarithm: at least from the start to 6.5 minutes."""
 _BEYOND_CHANCE: Final = 4.0
 _LEAST_MORE: Final = 3
-"""Least number of runs in excess of one per session plus one for the slope."""
+"""Least number of points in excess of one per session plus one for the slope."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +35,9 @@ class WarmUp:
     """Friction over time in operation, n joints.
 
     Attributes:
-        at_work_s: (r,) time in operation at the middle of every run.
-        session: (r,) number of its session, which is operation without a long rest.
-        friction_nm: (r, n) difference from the friction after an hour; NaN if a joint hardly moves.
+        at_work_s: (p,) time in operation of every point.
+        session: (p,) number of its session, which is operation without a long rest.
+        friction_nm: (p, n) difference from the friction after an hour; NaN if a joint hardly moves.
         slope_nm: (n,) b; 0 if it is not significant.
         of_runs_nm: (r, n) increase of each run's friction because the arm is not warm.
     """
@@ -67,20 +67,37 @@ def warm_up(runs: Sequence[RunHealth], began: Sequence[datetime]) -> WarmUp | No
     Returns:
         The curve; None if no joint's friction depends significantly on the time in operation.
     """
-    starts, session = _sessions(runs, began)
-    time_s = starts + 0.5 * np.array([run.length_s for run in runs])
-    values, noise = (np.stack([getattr(run.friction, name) for run in runs]) for name in ("value", "noise"))
-    slope, deviation = np.transpose(
-        [_slope(_log(time_s), session, *of_joint) for of_joint in zip(values.T, noise.T, strict=True)]
-    )
+    starts, sessions = _sessions(runs, began)
+    points = [
+        (start + elapsed_s, which, value, noise)
+        for run, start, which in zip(runs, starts, sessions, strict=True)
+        for elapsed_s, value, noise in _points(run)
+    ]
+    time_s, where, values, spread = (np.array(part) for part in zip(*points, strict=True))
+    n = values.shape[1]
+    slope, deviation = np.zeros(n), np.zeros(n)
+    for joint in range(n):
+        slope[joint], deviation[joint] = _slope(_log(time_s), where, values[:, joint], spread[:, joint])
     slope = np.where(np.abs(slope) > _BEYOND_CHANCE * deviation, slope, 0.0)
     if not slope.any():
         return None
-    cold = (_log(time_s) - _log(WARM_S))[:, None] * slope
-    warm, known = values - cold, np.isfinite(values)
-    together = session[:, None] == session
-    levels = together @ np.where(known, warm, 0.0) / np.maximum(together @ known.astype(float), 1.0)
-    return WarmUp(time_s, session, values - levels, slope, cold)
+    part = (_log(time_s) - _log(WARM_S))[:, None] * slope
+    levels = np.zeros_like(values)
+    for which in np.unique(where):
+        rows = where == which
+        known = np.isfinite(values[rows])
+        count = np.maximum(known.sum(axis=0), 1)
+        levels[rows] = np.where(known, values[rows] - part[rows], 0.0).sum(axis=0) / count
+    middle_s = starts + 0.5 * np.array([run.length_s for run in runs])
+    cold = (_log(middle_s) - _log(WARM_S))[:, None] * slope
+    return WarmUp(time_s, where, values - levels, slope, cold)
+
+
+def _points(run: RunHealth) -> Iterable[tuple[float, FloatArray, FloatArray]]:
+    """Time since the start of a run, friction and its noise: of its windows, or of the whole run."""
+    if run.course is None:
+        return [(0.5 * run.length_s, run.friction.value, run.friction.noise)]
+    return zip(run.course.elapsed_s, run.course.friction_nm, run.course.noise_nm, strict=True)
 
 
 def _log(at_work_s: FloatArray | float) -> FloatArray:

@@ -337,6 +337,49 @@ def test_the_note_has_the_factor_or_what_a_percent_would_change():
 # One run of a calibrated arm -------------------------------------------------------------------------------------
 
 
+def fit_over(lasts_s, *, periodic=False, rows_s=0.1, weight=0.31):
+    """A fit whose friction is the number of rows of a window."""
+    time_s = 5.0 + np.arange(0.0, lasts_s, rows_s)
+    one = SimpleNamespace(time_s=time_s, weight=np.full((time_s.size, 1), weight))
+    one.only = lambda kept: SimpleNamespace(size=np.count_nonzero(kept), weight=one.weight[kept])
+    return SimpleNamespace(
+        _rows=one,
+        _calibration=SimpleNamespace(n=1),
+        _found=SimpleNamespace(groups=[SimpleNamespace(acting=[[]])]),
+        _motion=SimpleNamespace(periodic=periodic),
+        _friction="friction",
+        _middle=None,
+        _solved=lambda terms, rows: rows.size,
+    )
+
+
+@pytest.fixture(autouse=True)
+def counted(monkeypatch):
+    monkeypatch.setattr(f"{ROOM}.run_health._estimated", lambda size, *_: (np.array([float(size)]), np.array([0.5])))
+
+
+@pytest.mark.parametrize(
+    ("lasts_s", "windows"), [(179.0, None), (180.2, 3), (239.0, 3), (240.2, 4), (1800.2, 30), (3600.0, 30)]
+)
+def test_friction_over_time_has_three_to_thirty_windows_of_a_minute(lasts_s, windows):
+    course = _RunFit._course(fit_over(lasts_s))
+    if windows is None:
+        assert course is None
+        return
+    length_s = lasts_s - 0.1
+    assert course.friction_nm.shape == (windows, 1)
+    np.testing.assert_allclose(course.friction_nm, lasts_s * 10.0 / windows, atol=1.5)
+    np.testing.assert_allclose(course.elapsed_s, 5.0 + (np.arange(windows) + 0.5) * length_s / windows, atol=0.2)
+    assert course.noise_nm.max() == 0.5
+    assert _RunFit._course(fit_over(lasts_s, periodic=True)) is None
+
+
+@pytest.mark.parametrize(("rows_s", "weight", "known"), [(3.3, 0.31, False), (2.95, 0.31, True), (2.95, 0.29, False)])
+def test_a_window_with_twenty_rows_of_a_moving_joint_shows_its_friction(rows_s, weight, known):
+    course = _RunFit._course(fit_over(185.0, rows_s=rows_s, weight=weight))
+    assert bool(np.isfinite(course.friction_nm).all()) is known
+
+
 def test_what_errors_of_the_calibration_leave_is_their_torque_less_what_the_unknowns_take_up():
     """Two rows count; of 3 and 4 N m the other unknown takes up 1 N m each, and the second row weighs a half."""
     weighted = SimpleNamespace(rows=np.array([[6.0, 2.0], [8.0, 2.0], [0.0, 0.0]]), place=np.array([0, 1]))

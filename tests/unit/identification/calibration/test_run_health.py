@@ -62,3 +62,27 @@ def test_a_joint_that_stands_still_in_a_run_has_no_health(result, runs, pinocchi
     frozen = replace(run, position_rad=np.tile(position[0], (len(position), 1)) + 1e-9 * run.position_rad)
     with pytest.raises(RecordingError, match="no joint moves"):
         run_health(frozen, result, pinocchio_arm.chain, nominal)
+
+
+def test_a_long_run_shows_when_friction_changed(result, pinocchio_arm, nominal):
+    """Joint 4 rubs 50 % more during the second third of 200 s; some seconds at both ends are lost to filters."""
+    trajectory = pinocchio_arm.trajectory(6, period_s=10.0)
+    settings = {"periods": 20, "cycle_s": 0.02, "load_friction": LOAD_FRICTION, "with_phase": False}
+    found = pinocchio_arm.run(trajectory, False, seed=72, **settings)
+    speed = np.gradient(found.position_rad, found.time_s, axis=0)[:, 3]
+    second = np.abs(found.time_s - found.time_s.mean()) < 32.0
+    more, current = 0.5 * result.friction_nm[3], found.current_a.copy()
+    current[:, 3] += second * more * np.tanh(speed / 0.02) / pinocchio_arm.transmission.gain_nm_a[3]
+
+    def course(run):
+        return run_health(run, result, pinocchio_arm.chain, nominal, mounting="").course
+
+    long = course(replace(found, current_a=current))
+    assert long.elapsed_s[1] == pytest.approx(100.0, abs=0.5)
+    assert np.diff(long.elapsed_s) == pytest.approx(64.0, abs=2.5)
+    expected = np.zeros((3, 6))
+    expected[1, 3] = more
+    assert (np.abs(long.friction_nm - long.friction_nm[2] - expected) < 5.0 * long.noise_nm + 0.1 * expected).all()
+    assert (long.noise_nm[:, 3] < 0.1 * more).all()
+    of_two = {name: getattr(found, name)[:8500] for name in ("time_s", "position_rad", "current_a")}
+    assert course(replace(found, **of_two)) is None

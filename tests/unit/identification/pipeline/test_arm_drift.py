@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_identification.calibration.run_health import Compared, RunHealth
+from armload_identification.calibration.run_health import Compared, FrictionOverTime, RunHealth
 from armload_identification.pipeline.arm_drift import Monitored, arm_drift
 
 pytestmark = pytest.mark.pure
@@ -22,16 +22,17 @@ def compared(value, noise, doubt):
     return Compared(value, np.full(N, noise), np.full(N, doubt))
 
 
-def run(number, moment=None, gain=0.0, friction=0.0, residual=1.0):
+def run(number, moment=None, gain=0.0, friction=0.0, residual=1.0, course=None):
     draw = np.random.default_rng(number).normal
     return RunHealth(
         name=f"{number}.mcap",
         recorded="" if moment is None else moment.isoformat(),
-        length_s=30.0,
+        length_s=30.0 if course is None else 3600.0,
         carried="nothing",
         gain=compared(gain + 0.003 * draw(size=N), 0.002, 0.002),
         friction=compared(friction + np.array([0.5, 0.1]) * draw(size=N), 0.1, 0.3),
         residual=compared(np.log(residual) + 0.1 * draw(size=N), 0.1, 0.005),
+        course=course,
     )
 
 
@@ -101,3 +102,13 @@ def test_a_cold_arm_in_the_morning_is_no_change():
     assert drift.warming.slope_nm[1] == 0.0
     np.testing.assert_allclose(drift.warming.of_runs_nm[:5, 0], drift.warming.of_runs_nm[5:10, 0])
     assert drift.warming.session.max() == 5
+
+
+def test_one_long_run_shows_the_warm_up_curve():
+    elapsed = np.arange(30.0, 3600.0, 60.0)
+    friction = np.stack([warming(t) for t in elapsed]) + 0.2 * np.random.default_rng(1).normal(size=(60, N))
+    course = FrictionOverTime(elapsed, friction, np.full((60, N), 0.2))
+    drift = arm_drift(ARM, [run(0, course=course)])
+    np.testing.assert_allclose(drift.warming.slope_nm, [-4.0, 0.0], atol=0.2)
+    assert drift.warming.curve_nm(np.array([3600.0]))[0, 0] == pytest.approx(0.0)
+    assert arm_drift(ARM, [run(0), run(1)]).warming is None

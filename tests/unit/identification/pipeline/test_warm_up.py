@@ -21,10 +21,11 @@ def friction(at_work_s, level=10.0):
     return level + SLOPE_NM * np.log1p(np.asarray(at_work_s)[..., None] / 600.0)
 
 
-def run(at_work_s, length_s=60.0, level=10.0, noise=0.0):
+def run(at_work_s, length_s=60.0, level=10.0, course=None, noise=0.0):
     return SimpleNamespace(
         length_s=length_s,
         friction=SimpleNamespace(value=friction(at_work_s + 0.5 * length_s, level) + noise, noise=np.full(2, NOISE_NM)),
+        course=course,
     )
 
 
@@ -58,6 +59,19 @@ def test_each_session_has_its_own_level_after_two_hours_of_rest():
         assert set(found.session) == sessions
         np.testing.assert_allclose(found.at_work_s[10:], found.at_work_s[:10])
         np.testing.assert_allclose(found.friction_nm[10:], found.friction_nm[:10], atol=1e-9)
+
+
+def test_a_long_run_alone_shows_it_by_its_course():
+    elapsed = np.linspace(100.0, 3500.0, 12)
+    course = SimpleNamespace(
+        elapsed_s=elapsed,
+        friction_nm=np.array([friction(t) for t in elapsed]),
+        noise_nm=np.full((12, 2), NOISE_NM),
+    )
+    found = warm_up([run(0.0, 3600.0, course=course)], [])
+    np.testing.assert_allclose(found.slope_nm, SLOPE_NM, atol=1e-9)
+    np.testing.assert_allclose(found.at_work_s, elapsed)
+    np.testing.assert_allclose(found.of_runs_nm, [friction(1800.0) - friction(WARM_S)], atol=1e-9)
 
 
 def test_without_dates_runs_are_sessions_and_show_nothing():

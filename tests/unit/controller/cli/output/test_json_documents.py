@@ -209,7 +209,7 @@ def made():
     two, noise = np.zeros(2), np.full(2, 0.01)
     same = Compared(two, noise, noise)
     runs = [
-        RunHealth(f"{number}.mcap", "", 30.0, "nothing", same, Compared(two + (number > 3), noise, noise), same)
+        RunHealth(f"{number}.mcap", "", 30.0, "nothing", same, Compared(two + (number > 3), noise, noise), same, None)
         for number in range(8)
     ]
     worn = arm_drift(SimpleNamespace(n=2, friction_nm=ones, usual_change_nm=noise), runs)
