@@ -24,7 +24,7 @@ from urllib.parse import urlsplit
 
 from armload_controller.control_errors import ConfigurationError, FleetError
 from armload_controller.fleet.attention import Attention, Finding
-from armload_identification.many_arms.fleet_review import FleetReview
+from armload_controller.fleet.fleet_review import FleetReview
 from armload_identification.storage.replace_file import replace_file
 
 _NOTIFIED: Final = "notified.json"

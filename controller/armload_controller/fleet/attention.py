@@ -16,7 +16,7 @@ from datetime import date, datetime
 from pathlib import Path
 
 from armload_controller.control_errors import ConfigurationError, FleetError
-from armload_identification.many_arms.fleet_review import FleetReview
+from armload_controller.fleet.fleet_review import FleetReview
 from armload_identification.storage.replace_file import replace_file
 
 _FILE = "acknowledged.jsonl"

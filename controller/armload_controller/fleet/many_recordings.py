@@ -7,6 +7,7 @@ from pathlib import Path
 
 from armload_controller.config.objects_or_paths import FilePath
 from armload_controller.fleet.attention import attention_of
+from armload_controller.fleet.fleet_review import FleetReview, review_fleet
 from armload_controller.fleet.fleet_rows import runs_of
 from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
 from armload_controller.fleet.row_store import RowStore
@@ -14,7 +15,6 @@ from armload_controller.fleet.workforce import workforce
 from armload_controller.session.folder_claim import claimed
 from armload_identification.argument_types import path_of
 from armload_identification.extras import Extra, require_extra
-from armload_identification.many_arms.fleet_review import FleetReview, review_fleet
 
 
 def fleet(jobs: FilePath, output: FilePath, *, workers: int | None = None, scheduler: str | None = None) -> FleetTally:
@@ -70,7 +70,7 @@ def fleet_report(rows: FilePath, report: FilePath | None = None) -> FleetReview:
     review = review_fleet(runs_of(folder))
     if report is not None:
         require_extra(Extra.REPORT, "the report of a fleet")
-        from armload_identification.report.fleet.fleet_report import render_fleet_report
+        from armload_controller.fleet.report.fleet_report import render_fleet_report
         from armload_identification.report.page import write_page
 
         attention = attention_of(review, folder, datetime.now(UTC).date())

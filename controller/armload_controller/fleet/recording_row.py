@@ -11,9 +11,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from armload_controller.fleet.arm_runs import IN_FUTURE
 from armload_controller.fleet.job import Job
 from armload_controller.fleet.job_table import RECORDINGS
-from armload_identification.many_arms.arm_runs import IN_FUTURE
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start

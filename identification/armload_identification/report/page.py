@@ -20,21 +20,22 @@ _NEGATIVE = re.compile(r"(?<![\w.+/-])-(?=\d)")
 _PERCENT = re.compile(r"(?<=\d) %")
 
 
-def rendered(template: str, **values: object) -> str:
+def rendered(template: str, package: str = __package__, **values: object) -> str:
     """A page from its template; undefined values are errors, text is escaped and typeset, with `words` as code.
 
     Args:
-        template: The template's file, in this package.
+        template: The template's file.
+        package: The package that it is in; what it includes may also be in this one.
         values: Values of the template's variables; it may call functions for numbers, and `json.loads`, too.
     """
-    return _environment().get_template(template).render(values)
+    return _environment(package).get_template(template).render(values)
 
 
 @cache
-def _environment() -> jinja2.Environment:
-    """What all templates have in common."""
+def _environment(package: str) -> jinja2.Environment:
+    """What all templates of a package have in common."""
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("armload_identification.report", "."),
+        loader=jinja2.ChoiceLoader([jinja2.PackageLoader(each, ".") for each in (package, __package__)]),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         finalize=_typeset,

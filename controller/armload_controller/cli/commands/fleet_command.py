@@ -162,14 +162,14 @@ def report_command(
     from armload_controller.cli.output.fleet_output import fleet_report_document, suspicion_lines
     from armload_controller.fleet.alerts import metrics_text, notify, write_metrics
     from armload_controller.fleet.attention import attention_of
+    from armload_controller.fleet.fleet_review import review_fleet
     from armload_controller.fleet.fleet_rows import runs_of
-    from armload_identification.many_arms.fleet_review import review_fleet
 
     now = datetime.now(UTC)
     page = output or folder / "report.html"
     runs = runs_of(folder)
     require_drawable(page)
-    from armload_identification.report.fleet.fleet_report import render_fleet_report
+    from armload_controller.fleet.report.fleet_report import render_fleet_report
     from armload_identification.report.page import write_page
 
     review = review_fleet(runs)
@@ -205,8 +205,8 @@ def history_command(
     from armload_controller.cli.output.fleet_output import arm_document
     from armload_controller.control_errors import ConfigurationError
     from armload_controller.fleet.attention import attention_of
+    from armload_controller.fleet.fleet_review import review_fleet
     from armload_controller.fleet.fleet_rows import runs_of
-    from armload_identification.many_arms.fleet_review import review_fleet
 
     runs = runs_of(folder)
     names = sorted({run.arm for run in runs})
@@ -214,7 +214,7 @@ def history_command(
         raise ConfigurationError("command line", "ARM", arm, f"expected one of {', '.join(names)}")
     page = output or folder / f"{quote(arm, safe=' ')}.html"
     require_drawable(page)
-    from armload_identification.report.fleet.fleet_report import render_arm_history
+    from armload_controller.fleet.report.fleet_report import render_arm_history
     from armload_identification.report.page import write_page
 
     review = review_fleet(runs)
@@ -248,8 +248,8 @@ def acknowledge_command(
     require_extra(Extra.FLEET, "armload fleet")
     from armload_controller.cli.output.fleet_output import acknowledged_document
     from armload_controller.fleet.attention import acknowledge
+    from armload_controller.fleet.fleet_review import review_fleet
     from armload_controller.fleet.fleet_rows import runs_of
-    from armload_identification.many_arms.fleet_review import review_fleet
 
     made = acknowledge(folder, review_fleet(runs_of(folder)), arm, until, why, datetime.now(UTC))
     screen.step(f"{arm}: acknowledged until {made.until}: {'; '.join(made.findings)}")

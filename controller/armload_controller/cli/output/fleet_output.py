@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from armload_controller.fleet.arm_runs import IN_FUTURE
 from armload_controller.fleet.attention import Acknowledgement, Attention
+from armload_controller.fleet.fleet_review import ArmReview, FleetReview, Suspicion
 from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
-from armload_identification.many_arms.arm_runs import IN_FUTURE
-from armload_identification.many_arms.fleet_review import ArmReview, FleetReview, Suspicion
 from armload_identification.numerals import counted
 from armload_identification.results.json_document import json_document
 

@@ -177,7 +177,7 @@ class PhaseAdvance:
         return max(float(np.abs(stretch.extremes @ stretch.line(rate)).max()) for stretch in self._stretches)
 
 
-@dataclass
+@dataclass(eq=False)
 class _EvenStretch:
     """Sums over a stretch, from its first sample on, and the samples that may be farthest from its line.
 

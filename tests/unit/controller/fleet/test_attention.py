@@ -10,9 +10,9 @@ import pytest
 
 from armload_controller.control_errors import ConfigurationError, FleetError
 from armload_controller.fleet.alerts import metrics_text, notify
+from armload_controller.fleet.arm_runs import Quantity, QuantityKind
 from armload_controller.fleet.attention import acknowledge, attention_of
-from armload_identification.many_arms.arm_runs import Quantity, QuantityKind
-from armload_identification.many_arms.fleet_review import Anomaly, ArmReview, FleetReview, Suspicion
+from armload_controller.fleet.fleet_review import Anomaly, ArmReview, FleetReview, Suspicion
 
 NOW = datetime(2026, 3, 20, 6, tzinfo=UTC)
 TODAY = NOW.date()

@@ -12,7 +12,9 @@ import pytest
 
 from armload_controller.cli.output.fleet_output import suspicion_lines
 from armload_controller.control_errors import ConfigurationError, FleetError, ListingError
+from armload_controller.fleet.arm_runs import Quantity, QuantityKind
 from armload_controller.fleet.attention import attention_of
+from armload_controller.fleet.fleet_review import review_fleet
 from armload_controller.fleet.fleet_rows import runs_of
 from armload_controller.fleet.fleet_run import FleetTally, do_jobs, looks
 from armload_controller.fleet.job import Job
@@ -20,8 +22,6 @@ from armload_controller.fleet.job_listing import JobListing, list_jobs
 from armload_controller.fleet.job_table import read_job_table
 from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row
 from armload_controller.fleet.row_store import RowStore, latest_rows
-from armload_identification.many_arms.arm_runs import Quantity, QuantityKind
-from armload_identification.many_arms.fleet_review import review_fleet
 from tests.fleet_nights import FIRST, NIGHTS, recorded_nights
 
 PAGE = Path(__file__).resolve().parents[4] / "controller" / "FLEET.md"

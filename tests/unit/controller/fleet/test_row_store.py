@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import pytest
 
 from armload_controller.control_errors import FleetError
+from armload_controller.fleet.arm_runs import IN_FUTURE
 from armload_controller.fleet.job import Job
 from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row, recorded_fields
 from armload_controller.fleet.row_store import RowStore, latest_rows, read_rows
-from armload_identification.many_arms.arm_runs import IN_FUTURE
 
 DAY = datetime(2026, 3, 1, 23, 30, tzinfo=UTC)
 JOB = Job("k0", "one", "er50", {"loaded": "a.mcap", "unloaded": "b.mcap"}, "", "tool", None, DAY)

@@ -20,7 +20,6 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.decision_levels import PayloadChangeLevels
-from benchmarks.arms.modifications import ModifiedRun
 
 pytestmark = pytest.mark.pure
 
@@ -42,6 +41,18 @@ def joined(before, after, at_s):
     """The first run until a time, then the second one."""
     late = before.time_s - before.time_s[0] >= at_s
     return replace(before, current_a=np.where(late[:, None], after.current_a, before.current_a))
+
+
+def pushed(run, arm, force_n):
+    """The run with a force on the flange from 4 to 6 s: the motors give -J^T f more."""
+    elapsed_s = run.time_s - run.time_s[0]
+    current_a = np.array(run.current_a)
+    for row in np.flatnonzero((elapsed_s >= 4.0) & (elapsed_s < 6.0)):
+        *joints, flange = arm.chain.forward(run.position_rad[row])
+        for joint, pose in enumerate(joints):
+            turned = np.cross(pose[:3, :3] @ arm.chain.axis[joint], flange[:3, 3] - pose[:3, 3])
+            current_a[row, joint] -= turned @ force_n / arm.transmission.gain_nm_a[joint]
+    return replace(run, current_a=current_a)
 
 
 @pytest.fixture(scope="module")
@@ -101,9 +112,7 @@ def periodic(pinocchio_arm, heavier, pair):
     def periodic(at_s=None, push_n=None):
         run = before if at_s is None else joined(before, after, at_s)
         if push_n is not None:
-            acting = ModifiedRun(run, pinocchio_arm.chain, transmission, pinocchio_arm.payload)
-            elapsed_s = acting.elapsed_s
-            run = acting.pushed(((elapsed_s >= 4.0) & (elapsed_s < 6.0)) * np.array(push_n))
+            run = pushed(run, pinocchio_arm, push_n)
         return events_between_periods(Run.of(run, transmission), arm, 1.0)
 
     return periodic, float(np.ptp(before.time_s))

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from armload_controller.cli.output.fleet_output import problem_lines, suspicion_lines
+from armload_controller.fleet.arm_runs import IN_FUTURE
 from armload_controller.fleet.recording_row import RowOutcome
-from armload_identification.many_arms.arm_runs import IN_FUTURE
 
 DAY = datetime(2026, 3, 1, tzinfo=UTC)
 

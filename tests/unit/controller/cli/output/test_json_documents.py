@@ -33,7 +33,15 @@ from armload_controller.cli.screen import Screen
 from armload_controller.config.robot import load_robot
 from armload_controller.feedforward.adaptation import AdaptationDecision, DecisionKind
 from armload_controller.feedforward.offset_check import OffsetVerdict
+from armload_controller.fleet.arm_runs import ArmRun, Quantity, QuantityKind
 from armload_controller.fleet.attention import Acknowledgement, Attention, Finding
+from armload_controller.fleet.fleet_review import (
+    Anomaly,
+    ArmReview,
+    FleetReview,
+    Suspicion,
+    review_fleet,
+)
 from armload_controller.fleet.fleet_run import FleetProblem, FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
 from armload_controller.session.feedforward_comparison import FollowingComparison, Measure
@@ -47,14 +55,6 @@ from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.calibration.run_health import Compared, RunHealth
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import NothingMounted
-from armload_identification.many_arms.arm_runs import ArmRun, Quantity, QuantityKind
-from armload_identification.many_arms.fleet_review import (
-    Anomaly,
-    ArmReview,
-    FleetReview,
-    Suspicion,
-    review_fleet,
-)
 from armload_identification.pipeline.any_motion import Window
 from armload_identification.pipeline.arm_drift import arm_drift
 from armload_identification.pipeline.payload_estimator import LivePayload

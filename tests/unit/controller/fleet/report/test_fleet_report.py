@@ -7,15 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_identification.many_arms.arm_runs import Quantity, QuantityKind
-from armload_identification.many_arms.fleet_review import ArmReview, FigureReview, FleetReview
-from armload_identification.numerals import NO_BREAK
-from armload_identification.report.fleet import fleet_report
-from armload_identification.report.fleet.fleet_report import (
+from armload_controller.fleet.arm_runs import Quantity, QuantityKind
+from armload_controller.fleet.fleet_review import ArmReview, FigureReview, FleetReview
+from armload_controller.fleet.report import fleet_report
+from armload_controller.fleet.report.fleet_report import (
     MOST_SUSPICIOUS,
     render_arm_history,
     render_fleet_report,
 )
+from armload_identification.numerals import NO_BREAK
 
 BEGUN = datetime(2026, 3, 1, tzinfo=UTC)
 MASS, HEAVY = Quantity(QuantityKind.MASS, "box"), Quantity(QuantityKind.MASS, "")
@@ -38,7 +38,7 @@ def arm(name="a", figures=(), suspicions=(), runs=3, day=0):
 @pytest.fixture
 def page(monkeypatch):
     """What is given to a page; charts and strips are their quantities."""
-    monkeypatch.setattr(fleet_report, "rendered", lambda template, **content: content)
+    monkeypatch.setattr(fleet_report, "rendered", lambda template, package, **content: content)
     monkeypatch.setattr(fleet_report, "chart_figure", lambda figure, name, title: f"{name}|{title}")
     monkeypatch.setattr(fleet_report, "strip", lambda figure: f"strip of {figure.quantity}")
 

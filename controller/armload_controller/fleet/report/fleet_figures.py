@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
+from armload_controller.fleet.arm_runs import UNITS
+from armload_controller.fleet.fleet_review import FigureReview
 from armload_core.arrays import FloatArray
-from armload_identification.many_arms.arm_runs import UNITS
-from armload_identification.many_arms.fleet_review import FigureReview
 from armload_identification.report.figures.control_chart_axes import days_of, draw_control_chart, draw_dates
 from armload_identification.report.figures.figure_style import BLUE, INK, LIGHT_GREY, VERMILION, styled_figure
 from armload_identification.report.figures.svg import inline_svg
@@ -60,4 +60,4 @@ def strip(figure: FigureReview) -> str:
     up = (top - np.array([high, low, *chart.values])) / max(top - bottom, np.finfo(float).tiny)
     marks = zip(along.tolist(), up[2:].tolist(), (chart.outside | chart.alone).tolist(), strict=True)
     colors = {"limits": LIGHT_GREY, "usual": BLUE, "loud": VERMILION}
-    return rendered("fleet/strip.svg.j2", figure=figure, limits=up[:2].tolist(), marks=marks, colors=colors)
+    return rendered("strip.svg.j2", __package__, figure=figure, limits=up[:2].tolist(), marks=marks, colors=colors)

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from armload_identification.many_arms.arm_runs import UNITS, QuantityKind
-from armload_identification.many_arms.fleet_review import ABSENT, ArmReview, FigureReview, FleetReview
+from armload_controller.fleet.arm_runs import UNITS, QuantityKind
+from armload_controller.fleet.fleet_review import ABSENT, ArmReview, FigureReview, FleetReview
+from armload_controller.fleet.report.fleet_figures import chart_figure, strip
 from armload_identification.numerals import NO_BREAK, common_decimals, decimals_for, numeral
-from armload_identification.report.fleet.fleet_figures import chart_figure, strip
 from armload_identification.report.page import rendered
 
 MOST_SUSPICIOUS: Final = 10
@@ -38,7 +38,8 @@ def render_fleet_report(
     """
     suspicious = [arm for arm in review.arms if arm.suspicions]
     return rendered(
-        "fleet/fleet.html.j2",
+        "fleet.html.j2",
+        __package__,
         arms=len(review.arms),
         runs=sum(arm.runs for arm in review.arms),
         without_result=len(review.problems),
@@ -70,7 +71,7 @@ def render_arm_history(arm: ArmReview, acknowledged: str = "") -> str:
     kinds = list(QuantityKind)
     others = sorted(arm.figures.values(), key=lambda figure: kinds.index(figure.quantity.kind))
     charts = _drawn(arm, [*_suspicious(arm), *others])
-    return rendered("fleet/arm.html.j2", arm=arm, charts=charts, acknowledged=acknowledged)
+    return rendered("arm.html.j2", __package__, arm=arm, charts=charts, acknowledged=acknowledged)
 
 
 def _charts(arm: ArmReview, number: int) -> list[Markup]:

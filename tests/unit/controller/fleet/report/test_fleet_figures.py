@@ -8,10 +8,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from armload_identification.many_arms.arm_runs import Quantity, QuantityKind
+from armload_controller.fleet.arm_runs import Quantity, QuantityKind
+from armload_controller.fleet.report import fleet_figures
+from armload_controller.fleet.report.fleet_figures import chart_figure, strip
 from armload_identification.report.figures.figure_style import BLUE, VERMILION
-from armload_identification.report.fleet import fleet_figures
-from armload_identification.report.fleet.fleet_figures import chart_figure, strip
 
 WIDTH, HEIGHT, MARGIN = 96.0, 18.0, 2.5
 

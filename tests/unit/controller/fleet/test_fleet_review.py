@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from armload_identification.many_arms.arm_runs import IN_FUTURE, ArmRun, Quantity, QuantityKind
-from armload_identification.many_arms.fleet_review import Anomaly, review_fleet
-from armload_identification.report.fleet.fleet_report import MOST_SUSPICIOUS, render_arm_history, render_fleet_report
+from armload_controller.fleet.arm_runs import IN_FUTURE, ArmRun, Quantity, QuantityKind
+from armload_controller.fleet.fleet_review import Anomaly, review_fleet
+from armload_controller.fleet.report.fleet_report import MOST_SUSPICIOUS, render_arm_history, render_fleet_report
 
 FIRST = datetime(2026, 3, 1, 22, tzinfo=UTC)
 ARMS, NIGHTS = 12, 14

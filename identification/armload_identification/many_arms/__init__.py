@@ -1,1 +1,0 @@
-"""Many arms compared: what changed on one of them, and which differ from their twins."""
