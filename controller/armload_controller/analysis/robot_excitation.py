@@ -254,7 +254,7 @@ def design(
             envelope,
             SearchSettings(harmonics, allowed, search.seed, search.restarts, slow),
             executor=executor,
-            progress=None if progress is None else lambda finished, _total, _best: progress(finished),
+            progress=progress or (lambda _finished: None),
             objection=arm.obstacles.objection,
         )
     driven = periods or max(_LEAST_PERIODS, ceil(_MEASURED_S / result.trajectory.period_s - 1e-9))

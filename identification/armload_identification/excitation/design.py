@@ -9,8 +9,8 @@ same result.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, as_completed
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,7 +77,7 @@ def optimal_excitation(
     settings: SearchSettings,
     *,
     executor: Executor | None = None,
-    progress: Callable[[int, int, float], None] | None = None,
+    progress: Callable[[int], None] = lambda _finished: None,
     objection: Callable[[FourierTrajectory], str | None] | None = None,
 ) -> DesignResult:
     """Find the motion that best determines the payload within all limits.
@@ -89,7 +89,7 @@ def optimal_excitation(
         envelope: All limits.
         settings: Harmonics, period and starts.
         executor: Runs the starts, such as a process pool; None runs them here, one after the other.
-        progress: Called after each start with starts done, total number of starts, best cost so far.
+        progress: Called after each start, in their order, with the number of starts done.
         objection: Returns why a motion within the limits must not be driven, such as a collision of a URDF's meshes,
             or None; the best start without an objection is used.
 
@@ -107,15 +107,18 @@ def optimal_excitation(
     if envelope.n != chain.n:
         raise ExcitationError(f"limits of {envelope.n} joints for a chain of {chain.n}")
     search = Search(criterion, envelope, settings)
-    restarts = settings.restarts
-    sources = np.random.SeedSequence(settings.seed).spawn(restarts)
-    attempts: dict[int, Attempt] = {}
+    sources = np.random.SeedSequence(settings.seed).spawn(settings.restarts)
+    every = map if executor is None else executor.map
+    ended: list[Attempt] = []
     with threadpool_limits(1):  # here too: each of an executor's threads lifts the process's limit when it ends
-        for number, attempt in _attempts(search, sources, executor):
-            attempts[number] = attempt
-            if progress is not None:
-                progress(len(attempts), restarts, min(a.cost for a in attempts.values()))
-    ended = [attempts[number] for number in range(restarts)]
+        try:
+            for attempt in every(search.run, sources):
+                ended.append(attempt)
+                progress(len(ended))
+        except BrokenExecutor as error:
+            raise ExcitationError(
+                "a worker process of the design was killed, perhaps for lack of memory; run the design again"
+            ) from error
     best, trajectory = _best(ended, objection)
     return DesignResult(
         trajectory=trajectory,
@@ -149,24 +152,3 @@ def _best(
         f"none of {len(ended)} starts ended with a motion that determines the payload within all limits{refused}; "
         "widen the limits or the workspace, or increase the number of restarts"
     )
-
-
-def _attempts(
-    search: Search, sources: list[np.random.SeedSequence], executor: Executor | None
-) -> Iterator[tuple[int, Attempt]]:
-    """Number and result of every start, in order of completion."""
-    if executor is None:
-        for number, source in enumerate(sources):
-            yield number, search.run(source)
-        return
-    futures = {executor.submit(search.run, source): number for number, source in enumerate(sources)}
-    try:
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    except BrokenExecutor as error:
-        raise ExcitationError(
-            "a worker process of the design was killed, perhaps for lack of memory; run the design again"
-        ) from error
-    finally:
-        for future in futures:
-            future.cancel()

@@ -159,10 +159,9 @@ def test_progress_is_reported_after_every_start():
         criterion_of("a-optimal", ARM.head(1)),
         wide(ARM.head(1), one),
         SearchSettings(harmonics=2, periods=only(5.0), seed=0, restarts=3),
-        progress=lambda *report: reported.append(report),
+        progress=reported.append,
     )
-    assert [(done, count) for done, count, _ in reported] == [(1, 3), (2, 3), (3, 3)]
-    assert reported[2][2] <= reported[0][2]
+    assert reported == [1, 2, 3]
 
 
 def test_an_arm_that_cannot_show_all_ten_still_gets_a_motion():
