@@ -54,9 +54,9 @@ class PhaseAdvance:
         self._period_s = period_s
         self._spacing_s = float(np.median(np.diff(phase)))
         self._pace = float(np.median(np.diff(time_s))) / self._spacing_s
-        self._rate = 0.0
+        self._rate: float | None = None
         self._last_s, self._last_time_s = float(phase[0]), float(time_s[0])
-        self._stretches = [_EvenStretch(self._last_s, self._last_time_s)]
+        self._stretches = [_EvenStretch(self._last_s)]
 
     @classmethod
     def of(cls, phase: FloatArray, time_s: FloatArray, period_s: float) -> PhaseAdvance:
@@ -89,17 +89,11 @@ class PhaseAdvance:
         since_s = np.empty_like(phase)
         for number, (begin, end) in enumerate(pairwise([0, *starts, phase.size])):
             if number:
-                self._stretches.append(_EvenStretch(float(phase[begin]), float(time_s[begin])))
+                self._stretches.append(_EvenStretch(float(phase[begin])))
             if begin < end:
                 rows, stretch = slice(begin, end), self._stretches[-1]
+                self._rate = stretch.add(phase[rows], time_s[rows], self._rate)
                 since_s[rows] = phase[rows] - stretch.first_s
-                samples = np.column_stack([np.ones(end - begin), since_s[rows], time_s[rows] - stretch.first_time_s])
-                stretch.sums, stretch.last_s = stretch.sums + samples.T @ samples, float(phase[end - 1])
-                square, product = stretch.scatter
-                self._rate = self._rate or (product / square if square > 0.0 else 0.0)
-                # Within a block the final slope moves no extreme: only the two farthest samples of each are kept.
-                off = samples @ stretch.line(self._rate or 1.0)
-                stretch.extremes.extend(samples[[off.argmin(), off.argmax()]])
         self._last_s, self._last_time_s = float(phase[-1]), float(time_s[-1])
         return since_s
 
@@ -111,8 +105,8 @@ class PhaseAdvance:
     @property
     def rate(self) -> float:
         """Measured seconds per second of phase; 0 if it cannot be determined."""
-        square, product = np.sum([stretch.scatter for stretch in self._stretches], axis=0).tolist()
-        return product / square if square > 0.0 else 0.0
+        square = sum(stretch.phase_square for stretch in self._stretches)
+        return sum(stretch.product for stretch in self._stretches) / square if square > 0.0 else 0.0
 
     @property
     def is_even(self) -> bool:
@@ -168,42 +162,57 @@ class PhaseAdvance:
 
     def time_at(self, phase: FloatArray) -> FloatArray:
         """Times on the first stretch's line."""
-        first, rate = self._stretches[0], self.rate
-        return np.asarray(first.first_time_s - first.line(rate)[0] + rate * (phase - first.first_s))
+        return self._stretches[0].time_at(phase, self.rate)
 
     def _uneven_s(self) -> float:
         """Greatest distance of a time stamp from its stretch's line."""
         rate = self.rate
-        return max(float(np.abs(stretch.extremes @ stretch.line(rate)).max()) for stretch in self._stretches)
+        return max(stretch.uneven_s(rate) for stretch in self._stretches)
 
 
-@dataclass(eq=False)
+@dataclass
 class _EvenStretch:
-    """Sums over a stretch, from its first sample on, and the samples that may be farthest from its line.
-
-    Attributes:
-        first_s: Phase of its first sample.
-        first_time_s: Its time stamp.
-        last_s: Phase of its last sample.
-        sums: (3, 3) products of 1, phase and time, added up over the samples.
-        extremes: 1, phase and time of samples far from the line.
-    """
+    """Sums over a stretch, and the samples that may be farthest from its line."""
 
     first_s: float
-    first_time_s: float
     last_s: float = 0.0
-    sums: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
-    extremes: list[FloatArray] = field(default_factory=list)
+    n: int = 0
+    phase_s: float = 0.0
+    time_s: float = 0.0
+    phase_square: float = 0.0
+    product: float = 0.0
+    extremes: list[tuple[float, float]] = field(default_factory=list)
 
-    @property
-    def scatter(self) -> FloatArray:
-        """(2,) sums of squares of the phase, and of its products with the time, about their means."""
-        return np.asarray(self.sums[1, 1:] - self.sums[0, 1] * self.sums[0, 1:] / self.sums[0, 0])
+    def add(self, phase: FloatArray, time_s: FloatArray, rate: float | None) -> float | None:
+        """Add more samples; returns the approximate rate, from these if it was not known."""
+        mean_phase, mean_time = float(phase.mean()), float(time_s.mean())
+        centred = phase - mean_phase
+        square, product = float(centred @ centred), float(centred @ (time_s - mean_time))
+        total = self.n + phase.size
+        share = self.n * phase.size / total
+        apart_phase, apart_time = mean_phase - self.phase_s, mean_time - self.time_s
+        self.phase_square += square + share * apart_phase**2
+        self.product += product + share * apart_phase * apart_time
+        self.phase_s += apart_phase * phase.size / total
+        self.time_s += apart_time * phase.size / total
+        self.n = total
+        self.last_s = float(phase[-1])
+        if rate is None and square > 0.0:
+            rate = product / square
+        # Within a block the final slope moves no extreme: only the two farthest samples of each block are kept.
+        off = (time_s - mean_time) - (rate or 1.0) * centred
+        for row in (int(np.argmin(off)), int(np.argmax(off))):
+            self.extremes.append((float(phase[row]), float(time_s[row])))
+        return rate
 
-    def line(self, rate: float) -> FloatArray:
-        """(3,) factors of 1, phase and time with which their sum is a sample's time after the line."""
-        _, phase, time_s = self.sums[0] / self.sums[0, 0]
-        return np.array([rate * phase - time_s, -rate, 1.0])
+    def time_at(self, phase: FloatArray, rate: float) -> FloatArray:
+        """Times on the line."""
+        return np.asarray(self.time_s + rate * (phase - self.phase_s))
+
+    def uneven_s(self, rate: float) -> float:
+        """Greatest distance of a time stamp from the line."""
+        phase, time_s = np.array(self.extremes).T
+        return float(np.abs((time_s - self.time_s) - rate * (phase - self.phase_s)).max())
 
 
 def interruptions(recording: Recording) -> int:
