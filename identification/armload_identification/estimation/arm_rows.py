@@ -147,7 +147,7 @@ def row_window(run: Motion, row_s: float = Rows.row_s, spacing: int = 1) -> RowW
     """
     samples = len(run.time_s)
     row_s = max(row_s, samples * run.interval_s / Rows.most)
-    step = max(round(row_s / run.interval_s), 1) * spacing
+    step = max(round(row_s / run.interval_s - Rows.rounding), 1) * spacing
     half_s = RowMean.half_s * min(2.0 * row_s / Rows.row_s, 1.0)
     window = RowWindow.of(samples, run.interval_s, step, periodic=run.periodic, half_s=half_s)
     usable = _without_holes(run.valid, run.interval_s) if run.periodic else run.valid

@@ -91,9 +91,10 @@ def test_a_period_has_at_least_a_hundred_rows_where_two_are_compared(period_s, r
 
 @pytest.mark.parametrize("rounding", [-1e-9, 0.0, 1e-9])
 def test_the_last_digits_of_the_interval_change_no_window(rounding):
-    """0.16 s are 16 samples of 10 ms."""
+    """0.16 s are 16 samples of 10 ms; 0.1 s are two and a half of 40 ms, of which two are taken."""
     window = row_window(motion(20.0, 0.01 * (1.0 + rounding)))
     assert window.offset.size == 33
+    assert np.diff(row_window(motion(20.0, 0.04 * (1.0 + rounding))).middle)[0] == 2
 
 
 def given_run(lasts_s, interval_s, *, periodic=False):
