@@ -196,13 +196,13 @@ class GroupState:
         found = (torque_derivatives(torque, placed, self.coupling) for torque, placed in runs)
         for axis, of_runs in enumerate(zip(*found, strict=True)):
             columns, place = joined_columns(of_runs)
-            kept = np.isin(place, free)
+            at = np.searchsorted(free, place)
+            kept = free[np.minimum(at, free.size - 1)] == place
             mixed = self.group.mixed(columns[:, :, kept])
             for combination, rows in enumerate(mixed):
                 of_rows = weight[combination, :, axis]
                 target = self.residual_nm[combination, :, axis] * of_rows
-                at = np.searchsorted(free, place[kept])
-                yield WeightedRows(combination, axis, rows * of_rows[:, None], target, at)
+                yield WeightedRows(combination, axis, rows * of_rows[:, None], target, at[kept])
 
     def eliminated(self, weight: FloatArray, precision: FloatArray, pull: FloatArray) -> Eliminated:
         """Its normal equations with (g, N, n) weights, and (o,) precision and gradient of its own unknowns' priors."""
@@ -281,7 +281,7 @@ def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> Ite
     nothing = np.zeros((*at.predicted_nm.shape, 0))
     through = np.concatenate([nothing, *(columns for columns, _ in whole)], axis=2) * at.factor[:, :, None]
     place_through = _indices(place for _, place in whole)
-    delayed = np.isin(place_through, _indices(place for _, place in _acting(terms, Shared.DELAY)))
+    delayed = (place_through[:, None] == _indices(place for _, place in _acting(terms, Shared.DELAY))).any(axis=1)
     own = np.concatenate([np.zeros((0, *at.predicted_nm.shape)), *(columns for _, columns in at.joints)])
     starts = _indices(slice(place.start, place.start + n * len(columns), n) for place, columns in at.joints)
     for axis, column in enumerate(coupling.T):
