@@ -23,7 +23,7 @@ import numpy as np
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.control_errors import ControlError
 from armload_controller.cycle.control_cycle import Cycle
-from armload_controller.cycle.monitors import FollowingMonitor
+from armload_controller.cycle.following_monitor import FollowingMonitor
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import CheckedPath, check_path

@@ -16,10 +16,11 @@ from armload_controller.config.robot import Robot, load_robot
 from armload_controller.control_errors import MotionError, OffsetRefused, RecordingFailed
 from armload_controller.cycle.control_cycle import Cycle
 from armload_controller.cycle.feedback_truth import TorqueReversed
-from armload_controller.cycle.monitors import FollowingMonitor, TorqueWindow
+from armload_controller.cycle.following_monitor import FollowingMonitor
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep
 from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.cycle.torque_window import TorqueWindow
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.joint_limits import BeyondLimit, MotionLimits
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, TerminationStop

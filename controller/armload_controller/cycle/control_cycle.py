@@ -18,7 +18,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from armload_controller.control_errors import ControlError, MotionError
-from armload_controller.cycle.monitors import LateCycle
+from armload_controller.cycle.following_monitor import LateCycle
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep, PluginHost
 from armload_controller.cycle.stop_decisions import PathDeviation, StopStep, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate

@@ -24,8 +24,8 @@ from armload_controller.analysis.stated_drift import NOTHING_STATED, StatedDrift
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_recordings import read_of
 from armload_controller.control_errors import CommissioningError
+from armload_controller.cycle.following_monitor import CycleSummary
 from armload_controller.cycle.lateness import Lateness
-from armload_controller.cycle.monitors import CycleSummary
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.checked_path import CheckedPath, check_path

@@ -23,11 +23,12 @@ from armload_controller.config.robot import Robot
 from armload_controller.control_errors import CommissioningError, MotionError
 from armload_controller.cycle.control_cycle import Cycle, Hold, not_switched_on, require_going, stop_message
 from armload_controller.cycle.feedback_truth import FeedbackError, FeedbackTruth
-from armload_controller.cycle.monitors import CycleSummary, FollowingMonitor, TorqueError, TorqueWindow
+from armload_controller.cycle.following_monitor import CycleSummary, FollowingMonitor
 from armload_controller.cycle.plugins import CyclePlugin
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.cycle.torque_window import TorqueError, TorqueWindow
 from armload_controller.motion.checked_path import CheckedLeg, CheckedPath
 from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.motion_control import MotionControl

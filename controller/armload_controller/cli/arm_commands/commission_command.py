@@ -32,7 +32,7 @@ from armload_identification.verdict.tolerance import Tolerance
 
 if TYPE_CHECKING:
     from armload_controller.config.robot import Robot
-    from armload_controller.cycle.monitors import CycleSummary
+    from armload_controller.cycle.following_monitor import CycleSummary
     from armload_controller.session.commissioning import CommissioningPlan
     from armload_controller.session.run_session import Consent, Operator, ServosFactory
     from armload_controller.session.session_load import SessionLoad

@@ -8,10 +8,11 @@ import pytest
 
 from armload_controller.control_errors import MotionError
 from armload_controller.cycle.control_cycle import Cycle
-from armload_controller.cycle.monitors import FollowingMonitor, TorqueWindow, measured_torque
+from armload_controller.cycle.following_monitor import FollowingMonitor
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.stop_decisions import Cause, StopStep, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.cycle.torque_window import TorqueWindow, measured_torque
 from armload_controller.motion.checked_path import CheckedLeg, check_path
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.motion_constraints import MotionConstraints

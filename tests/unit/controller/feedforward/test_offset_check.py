@@ -9,7 +9,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import MotionError, OffsetRefused
 from armload_controller.cycle.control_cycle import Cycle
-from armload_controller.cycle.monitors import FollowingMonitor
+from armload_controller.cycle.following_monitor import FollowingMonitor
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, positions_along, tried_torque
 from armload_controller.motion.motion_control import MotionControl

@@ -9,7 +9,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import MotionError
 from armload_controller.cycle.control_cycle import Cycle
-from armload_controller.cycle.monitors import FollowingMonitor
+from armload_controller.cycle.following_monitor import FollowingMonitor
 from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import check_path
