@@ -352,7 +352,7 @@ class PayloadChangeLevels:
 
     Origin: chi-squared with four degrees of freedom exceeds it with a probability of 8e-5, at 40 dependent times with
         one of 0.3 % at most. Constant payloads of simulated arms
-        exceeded it in 1 of 640 tests, those of the UR10e reached 12; of 72 changed ones the least was 26.
+        exceeded it in 2 of 1,280 tests, those of the UR10e reached 12; of 72 changed ones the least was 26.
     Factor of two: either way: none of 8 tests fails.
     """
     edge_s: Final = 6.0
@@ -366,9 +366,9 @@ class PayloadChangeLevels:
     """[1] Greatest statistic of a force of two seconds over 40 times, above which a push is noted.
 
     Origin: chi-squared with three degrees of freedom exceeds it with a probability of 1e-6, at 40 dependent times with
-        one of 6e-5 at most; in 640 simulated runs that nothing touched the greatest was 27.6, of 64 pushes by 30 or
-        60 N for 2 s the least 35.8.
-    Factor of two: twice: a third of these pushes is not noted; half: one of eight runs is.
+        one of 6e-5 at most; in 1,280 simulated runs that nothing touched the greatest was 25.3, of 64 pushes by 30 or
+        60 N for 2 s the least 39.0.
+    Factor of two: twice: one in seven of these pushes is not noted; half: one in seven untouched runs is.
     """
     apart_s: Final = 1.0
     """[s] Distance of the parts that are identified from the time of a change.
