@@ -76,7 +76,7 @@ class ModifiedRun:
 
     def of_weight(self, body: InertialParameters, gravity_m_s2: FloatArray) -> FloatArray:
         """(N, n) joint torque that holds a body in a field of gravity, without its inertial torque."""
-        chain = Chain(self.chain.placement, self.chain.axis, self.chain.flange, gravity_m_s2)
+        chain = self.chain.under(gravity_m_s2)
         position = self.states.position_rad
         return payload_torque(chain, body.theta, position, np.zeros_like(position), np.zeros_like(position))
 

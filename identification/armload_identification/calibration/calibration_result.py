@@ -277,7 +277,7 @@ class ArmCalibration:
         """
         size = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
         gravity = chain.gravity_m_s2 + size * self.tilt_rad @ tilt_axes(chain.gravity_m_s2)
-        return Chain(chain.placement, chain.axis, chain.flange, size * gravity / np.sqrt(np.sum(gravity**2)))
+        return chain.under(size * gravity / np.sqrt(np.sum(gravity**2)))
 
     @cached_property
     def known_arm(self) -> KnownArm:

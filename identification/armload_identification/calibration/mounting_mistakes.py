@@ -56,7 +56,7 @@ def refuse_other_mounting(shares: ResidualShares, chain: Chain, coupling: FloatA
         return
     found = {}
     for how, gravity in directions(chain.gravity_m_s2).items():
-        hung = Chain(chain.placement, chain.axis, chain.flange, gravity)
+        hung = chain.under(gravity)
         found[how] = float(shares(hung, lambda run: run).mean())
     best = min(found, key=lambda how: found[how])
     if found[best] >= np.log(OtherMounting.little) and as_configured.max() > np.log(OtherMounting.much):

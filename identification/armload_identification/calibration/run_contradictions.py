@@ -28,7 +28,6 @@ from armload_identification.estimation.arm_terms import (
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import EMPTY, Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
-from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters, derived
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.signals.motion import Motion
@@ -148,7 +147,7 @@ def _mistakes(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | No
         both = _trial(arm, run.turned(turn, at_axes(turn, coupling)), mounting)
         yield both, f"position and effort of joint {joint + 1} are inverted"
     for how, gravity in directions(chain.gravity_m_s2).items():
-        mounted = Chain(chain.placement, chain.axis, chain.flange, gravity)
+        mounted = chain.under(gravity)
         turned = replace(arm, layout=replace(arm.layout, chain=mounted))
         yield _trial(turned, run, mounting), f"the arm was mounted {how} in this run"
 

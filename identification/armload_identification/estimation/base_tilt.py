@@ -31,6 +31,4 @@ def tilt_axes(gravity_m_s2: FloatArray) -> FloatArray:
 def sideways(chain: Chain) -> tuple[Chain, ...]:
     """The arm with gravity along each tilt axis only: the effect of one rad of tilt."""
     size = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
-    return tuple(
-        Chain(chain.placement, chain.axis, chain.flange, size * axis) for axis in tilt_axes(chain.gravity_m_s2)
-    )
+    return tuple(chain.under(size * axis) for axis in tilt_axes(chain.gravity_m_s2))

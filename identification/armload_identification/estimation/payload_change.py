@@ -165,7 +165,7 @@ def _of_payload(rows: ArmRows) -> FloatArray:
 def _of_force(rows: ArmRows, chain: Chain) -> FloatArray:
     """(3, N, n) joint torque per newton on the flange along each axis of the base: the weight of a mass there."""
     still = np.zeros_like(rows.position_rad)
-    turned = (Chain(chain.placement, chain.axis, chain.flange, along) for along in np.eye(3))
+    turned = (chain.under(along) for along in np.eye(3))
     return np.stack([payload_regressor(arm, rows.position_rad, still, still)[:, :, 0] for arm in turned])
 
 

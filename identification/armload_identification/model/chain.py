@@ -173,6 +173,10 @@ class Chain:
             raise ModelError(f"head of {joints} joints requested from a chain of {self.n}; expected 1 to {self.n}")
         return Chain(self.placement[:joints], self.axis[:joints], np.eye(4), self.gravity_m_s2)
 
+    def under(self, gravity_m_s2: FloatArray) -> Chain:
+        """The same arm under another gravity, (3,) in the base frame."""
+        return Chain(self.placement, self.axis, self.flange, gravity_m_s2)
+
     def forward(self, q: ArrayLike) -> FloatArray:
         """Poses of all joint frames and of the flange.
 
