@@ -312,7 +312,7 @@ class PayloadFit:
 
     Origin: half of what is always allowed (`SamePath.rms_rad`). Servos sag by up to 4e-4 under a payload; a zero that
         moves by 1 deg between the runs shifts the UR10e's centres of mass by twice their interval.
-    Factor of two: either way: none of 71 tests fails, unless positions differ by that.
+    Factor of two: twice: none of 53 tests fails; half: those fail whose given pair is 5 mrad apart.
     """
 
 
