@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 import armload
-from armload_controller.cli.main import app
+from armload_controller.cli.command_tree import app
 from armload_identification.results.json_document import json_schemas
 
 

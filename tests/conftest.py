@@ -322,7 +322,7 @@ def armload():
     """Run a command in this process; errors keep their type."""
     from typer import testing
 
-    from armload_controller.cli.main import app
+    from armload_controller.cli.command_tree import app
 
     testing._get_command = functools.cache(testing._get_command)  # 10 ms, and always the same
 
@@ -337,7 +337,7 @@ def require_accepted():
     """Fails if the command line rejects these arguments; nothing is run."""
     import typer
 
-    from armload_controller.cli.main import app
+    from armload_controller.cli.command_tree import app
 
     program = typer.main.get_command(app)
 

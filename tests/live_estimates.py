@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from armload_identification.model.payload import InertialParameters
-from armload_identification.pipeline.payload_estimator import LivePayload
+from armload_identification.pipeline.recursive_estimator import LivePayload
 
 
 def sphere(mass_kg, center_m):

@@ -20,7 +20,8 @@ from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, read_pair, record_half, recording_path
 from armload_controller.session.run_session import no_operator
 from armload_controller.session.session_load import SessionLoad
-from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.pipeline.identification_result import payload_result
+from armload_identification.pipeline.payload_identification import identify
 from tests.short_commissioning import write_short_robot
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_rows import ArmLayout, ArmRows
 from armload_identification.estimation.arm_terms import GAIN, LAWS, LINKS, PAYLOAD, payload_term
-from armload_identification.estimation.payload_estimate import PayloadEstimate
+from armload_identification.estimation.payload_from_posterior import PayloadEstimate
 from armload_identification.estimation.payload_problem import PayloadProblem
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows

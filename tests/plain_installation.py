@@ -39,7 +39,7 @@ REFUSED = {
 def main() -> None:
     from typer.testing import CliRunner
 
-    from armload_controller.cli.main import app
+    from armload_controller.cli.command_tree import app
 
     runner = CliRunner()
     there = [name for name in EXTRAS if find_spec(name) is not None]

@@ -20,7 +20,7 @@ import numpy as np
 from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_simulation import HARSH_GAIN_ERROR
 from armload_core.arrays import FloatArray
-from armload_identification.pipeline.payload_estimator import PayloadEstimator
+from armload_identification.pipeline.recursive_estimator import PayloadEstimator
 from benchmarks.accuracy.simulated_motion import (
     ARMS,
     IN_THE_LOOP_S,

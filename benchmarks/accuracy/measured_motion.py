@@ -18,8 +18,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.pipeline.any_motion import identify_windows
-from armload_identification.pipeline.payload_estimator import PayloadEstimator
 from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.recursive_estimator import PayloadEstimator
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording

@@ -27,7 +27,7 @@ from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.model.smooth_sign import smooth_sign
 from armload_identification.pipeline.any_motion import identify_windows
-from armload_identification.pipeline.payload_estimator import PayloadEstimator
+from armload_identification.pipeline.recursive_estimator import PayloadEstimator
 from armload_identification.recording.recording import Recording
 from benchmarks.arms.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid
 from benchmarks.arms.calibrated import calibrated

@@ -25,9 +25,9 @@ from armload_drivers.simulation.plant_spec import RigidBody
 from armload_identification.calibration.calibration_result import COLD
 from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.estimation.arm_terms import WITHIN_HOURS
-from armload_identification.estimation.payload_estimate import gear_asymmetry
+from armload_identification.estimation.payload_from_posterior import gear_asymmetry
 from armload_identification.model.payload import InertialParameters, PayloadResult
-from armload_identification.pipeline.payload_identification import payload_result
+from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.pipeline.workpiece import Workpiece
 from armload_identification.recording.recording import Recording

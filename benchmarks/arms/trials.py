@@ -25,8 +25,7 @@ from armload_identification.files.payload_file import format_payload, parse_payl
 from armload_identification.identification_errors import IdentificationError, PayloadFileError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
-from armload_identification.pipeline.identification_result import Identification
-from armload_identification.pipeline.payload_identification import payload_result
+from armload_identification.pipeline.identification_result import Identification, payload_result
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
 from benchmarks.arms.calibrated import calibrated_from_pair, identified_with

@@ -37,7 +37,8 @@ from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.information import named_criterion
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import PayloadResult
-from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.pipeline.identification_result import payload_result
+from armload_identification.pipeline.payload_identification import identify
 from benchmarks.arms.calibrated import calibrated
 
 ARMS = (("er50", "paper"), ("prbt", "block"))

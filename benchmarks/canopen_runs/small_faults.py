@@ -19,7 +19,7 @@ from armload_controller.config.robot import Robot, load_robot
 from armload_controller.control_errors import ControlError
 from armload_controller.cycle.feedback_truth import TorqueMissing, TorqueReversed
 from armload_controller.cycle.plugins import CycleStep
-from armload_controller.cycle.torque_window import TorqueError, measured_torque
+from armload_controller.cycle.torque_monitor import TorqueError, measured_torque
 from armload_controller.session.session_load import SessionLoad
 from armload_drivers.servos import JointFeedback
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives

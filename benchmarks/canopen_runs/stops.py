@@ -20,7 +20,7 @@ from armload_controller.cycle.following_monitor import FollowingMonitor
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep
 from armload_controller.cycle.stop_decisions import Cause, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
-from armload_controller.cycle.torque_window import TorqueWindow
+from armload_controller.cycle.torque_monitor import TorqueWindow
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.joint_limits import BeyondLimit, MotionLimits
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, TerminationStop

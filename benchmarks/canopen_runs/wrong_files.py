@@ -15,7 +15,7 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError, MotionError
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.checked_path import check_path
-from armload_controller.session.flange_check import unloaded_doubts
+from armload_controller.session.mounted_load_check import unloaded_doubts
 from armload_controller.session.run_session import Course, no_operator, run_session
 from armload_controller.session.session_load import SessionLoad
 from armload_drivers.servos import JointServos

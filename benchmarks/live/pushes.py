@@ -33,7 +33,7 @@ from armload_identification.files.calibration_file import read_calibration
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.estimator_constants import estimator_constants
-from armload_identification.pipeline.payload_estimator import LivePayload
+from armload_identification.pipeline.recursive_estimator import LivePayload
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.reading_options import ReadingOptions
 from benchmarks.arms.trials import workers

@@ -18,7 +18,7 @@ from armload_drivers.bus.sync_sources import SyncSource, TimerSync
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.servos import JointCommand
 from armload_identification.files.calibration_file import read_calibration
-from armload_identification.pipeline.payload_estimator import PayloadEstimator
+from armload_identification.pipeline.recursive_estimator import PayloadEstimator
 from benchmarks.timing.peak_memory import peak_bytes, resident_bytes
 
 ROBOT = "er50"

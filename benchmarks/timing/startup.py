@@ -21,7 +21,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from armload_controller.cli.main import app
+from armload_controller.cli.command_tree import app
 from benchmarks.timing.recorded_pairs import recorded_pairs
 
 ROUNDS = 9

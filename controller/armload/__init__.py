@@ -71,7 +71,7 @@ if TYPE_CHECKING:  # read by `_homes` too: the only list of the public names
     from armload_identification.identification_errors import IdentificationError as IdentificationError
     from armload_identification.identification_errors import NothingMounted as NothingMounted
     from armload_identification.model.payload import InertialParameters as InertialParameters
-    from armload_identification.pipeline.payload_estimator import PayloadEstimator as PayloadEstimator
+    from armload_identification.pipeline.recursive_estimator import PayloadEstimator as PayloadEstimator
     from armload_identification.recording.recording import Recording as Recording
     from armload_identification.results.calibrated_arm import CalibratedArm as CalibratedArm
     from armload_identification.results.findings import Findings as Findings

@@ -10,7 +10,8 @@ import pytest
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.files.payload_file import format_payload
 from armload_identification.identification_errors import EstimationError, RecordingError
-from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.pipeline.identification_result import payload_result
+from armload_identification.pipeline.payload_identification import identify
 
 WEIGHED_KG = 2.805
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from armload_controller.cli.main import app
+from armload_controller.cli.command_tree import app
 from armload_controller.config.robot import load_robot
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.driver_errors import ServoFault

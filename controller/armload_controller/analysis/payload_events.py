@@ -24,7 +24,7 @@ from armload_controller.feedforward.adaptation_rules import friction_size
 from armload_drivers.listening.overheard_arm import ToldPayload
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.force_watch import ForceEvent, ForceEventKind
-from armload_identification.pipeline.payload_estimator import LivePayload
+from armload_identification.pipeline.recursive_estimator import LivePayload
 from armload_identification.verdict.decision_levels import ColdArm
 
 WEIGHED_WITHIN: Final = 0.25

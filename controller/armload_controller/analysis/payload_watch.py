@@ -20,7 +20,7 @@ from armload_identification.argument_types import path_of, require_type
 from armload_identification.contact.force_watch import Force
 from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.identification_errors import RecordingError
-from armload_identification.pipeline.payload_estimator import LivePayload
+from armload_identification.pipeline.recursive_estimator import LivePayload
 from armload_identification.recording.garbage_rows import GarbageFilter
 from armload_identification.recording.read_boundary import reading
 from armload_identification.recording.reader import ReadingAccount

@@ -37,7 +37,7 @@ from armload_identification.identification_errors import (
 from armload_identification.model.payload import FLANGE, PayloadResult
 from armload_identification.pipeline import payload_identification, payload_validation
 from armload_identification.pipeline.any_motion import SHORTEST_WINDOW_S, identify_windows
-from armload_identification.pipeline.payload_identification import payload_result
+from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.pipeline.workpiece import Workpiece
 from armload_identification.recording import file_reading

@@ -17,7 +17,7 @@ from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.slow_round_pace import PLANNED_SPEED_M_S
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.fourier import MASS_CRITERION, Excitation
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit

@@ -21,7 +21,7 @@ def main() -> None:
     """Run the command line and exit."""
     gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS)
     try:
-        from armload_controller.cli.main import app
+        from armload_controller.cli.command_tree import app
         from armload_controller.control_errors import ControlError
         from armload_drivers.driver_errors import DriverError
         from armload_identification.extras import missing_extra

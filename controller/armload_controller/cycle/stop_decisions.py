@@ -31,7 +31,7 @@ from armload_controller.cycle.feedback_truth import (
 )
 from armload_controller.cycle.following_monitor import FollowingError, LateCycle, StaleFeedback
 from armload_controller.cycle.plugins import PluginFailed, PluginTooSlow
-from armload_controller.cycle.torque_window import TorqueError
+from armload_controller.cycle.torque_monitor import TorqueError
 from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.motion_control import OperatorStop, PluginStop, StopRequested, TerminationStop
 from armload_controller.motion.paths import BlockedWay, InfeasibleMotion

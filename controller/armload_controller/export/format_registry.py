@@ -45,8 +45,8 @@ Exporter = Callable[["ExportSubject"], Mapping[str, str | bytes]]
 
 _MODULES: Final = {
     ExportFormat.C: "c99",
-    ExportFormat.FMU: "fmi.fmu",
-    ExportFormat.FMU2: "fmi.fmu2",
+    ExportFormat.FMU: "fmi.fmi3",
+    ExportFormat.FMU2: "fmi.fmi2",
     **{maker: f"load_data.{maker}" for maker in LOAD_DATA},
 }
 """Module in this room of each format whose module is not named like the format; its function is `export_FORMAT`."""

@@ -31,7 +31,7 @@ from armload_identification.contact.force_watch import Force
 from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import FLANGE, InertialParameters, PayloadResult, Provenance
-from armload_identification.pipeline.payload_estimator import LivePayload
+from armload_identification.pipeline.recursive_estimator import LivePayload
 from armload_identification.recording.reading_options import Effort
 
 LOOK_S: Final = 1.0

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import OffsetRefused
 from armload_controller.cycle.plugins import CycleStep
-from armload_controller.cycle.torque_window import measured_torque
+from armload_controller.cycle.torque_monitor import measured_torque
 from armload_controller.motion.checked_path import CheckedPath
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain

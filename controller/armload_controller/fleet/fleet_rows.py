@@ -11,7 +11,7 @@ from armload_controller.control_errors import FleetError
 from armload_controller.fleet.arm_runs import ArmRun, Quantity, QuantityKind
 from armload_controller.fleet.recording_row import Row, RowOutcome, value_columns
 from armload_controller.fleet.row_store import latest_rows, precedence
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 
 _PAYLOAD_KINDS: Final = (QuantityKind.MASS, QuantityKind.CENTER_X, QuantityKind.CENTER_Y, QuantityKind.CENTER_Z)
 _COLUMNS: Final = (

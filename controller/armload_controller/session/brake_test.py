@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_controller.cycle.plugins import CycleStep
-from armload_controller.cycle.torque_window import measured_torque
+from armload_controller.cycle.torque_monitor import measured_torque
 from armload_controller.session.run_session import RunSession
 from armload_core.arrays import FloatArray
 from armload_identification.signals.joint_torque import Transmission

@@ -29,12 +29,12 @@ from armload_controller.cycle.lateness import Lateness
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.motion.checked_path import CheckedPath, check_path
-from armload_controller.session.flange_check import loaded_doubts, unloaded_doubts
+from armload_controller.session.mounted_load_check import loaded_doubts, unloaded_doubts
 from armload_controller.session.robot_recorder import robot_recorder
 from armload_controller.session.run_session import WHOLE, Course, Operator, RunSession, ServosFactory, run_session
 from armload_controller.session.session_load import SessionLoad
+from armload_identification.estimation.payload_intervals import student_half_width
 from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.estimation.uncertainty import student_half_width
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.identification_errors import IdentificationError

@@ -28,7 +28,7 @@ from armload_controller.cycle.plugins import CyclePlugin
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
 from armload_controller.cycle.torque_gate import TorqueGate
-from armload_controller.cycle.torque_window import TorqueError, TorqueWindow
+from armload_controller.cycle.torque_monitor import TorqueError, TorqueWindow
 from armload_controller.motion.checked_path import CheckedLeg, CheckedPath
 from armload_controller.motion.joint_limits import BeyondLimit, LimitViolation
 from armload_controller.motion.motion_control import MotionControl

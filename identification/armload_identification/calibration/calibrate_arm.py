@@ -22,6 +22,7 @@ from armload_identification.calibration.mounted_runs import WEIGHED_WITHIN, ArmR
 from armload_identification.calibration.mounting_mistakes import Turn, most_trials, refuse_other_mounting
 from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import ArmKnowledge, explain
+from armload_identification.estimation.arm_from_posterior import identified_body
 from armload_identification.estimation.arm_rows import NO_ROWS, ArmLayout, motion_with_rows, row_window
 from armload_identification.estimation.arm_terms import (
     CHANGES,
@@ -35,7 +36,6 @@ from armload_identification.estimation.arm_terms import (
 )
 from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.estimation_constants import Solver
-from armload_identification.estimation.identified_body import identified_body
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve

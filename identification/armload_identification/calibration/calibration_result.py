@@ -26,7 +26,7 @@ from armload_identification.estimation.arm_terms import (
     places_of,
 )
 from armload_identification.estimation.base_tilt import sideways, tilt_axes
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain

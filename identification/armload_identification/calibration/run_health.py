@@ -22,11 +22,11 @@ from armload_identification.estimation.arm_rows import ArmLayout, ArmRows, motio
 from armload_identification.estimation.arm_terms import PAYLOAD, SESSION_FRICTION, payload_term, session_friction
 from armload_identification.estimation.empty_arm.known_arm_rows import payload_scale
 from armload_identification.estimation.estimation_constants import Solver
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import EMPTY, Group, Known, Noise, Problem, RunRows
 from armload_identification.estimation.solve import clipped_rms, solve
 from armload_identification.estimation.term_kinds import Scope, Shared, Term
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS

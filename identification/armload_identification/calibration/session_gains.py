@@ -22,11 +22,11 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import FEWEST_SESSIONS, ArmCalibration
 from armload_identification.estimation.arm_terms import GAIN
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH, ONE_SIDED
 from armload_identification.estimation.payload_problem import PayloadProblem, single_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.problem import Group, Problem, RunRows
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, ONE_SIDED
 from armload_identification.model.chain import Chain
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission

@@ -383,7 +383,7 @@ class GainTest:
 
 
 class Payloads:
-    """A payload read from a posterior (`payload_estimate`)."""
+    """A payload read from a posterior (`payload_from_posterior`)."""
 
     blind: Final = 0.5
     """[1] Share of the prior's variance that remains in a direction of which the rows say nothing.
@@ -476,7 +476,7 @@ class Drift:
 
 
 class Blows:
-    """Blows to an arm (`weighted_equations`)."""
+    """Blows to an arm (`normal_equations`)."""
 
     struck: Final = 8.0
     """[1] Standard deviations of a blow; a second joint must exceed half of it, because a blow shakes the entire

@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import GAIN
 from armload_identification.estimation.estimation_constants import GainTest
+from armload_identification.estimation.payload_intervals import student_half_width
 from armload_identification.estimation.payload_problem import HELD, PayloadProblem
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.uncertainty import student_half_width
 from armload_identification.signals.joint_torque import Gains
 
 

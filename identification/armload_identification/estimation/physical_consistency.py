@@ -27,7 +27,7 @@ from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import PSEUDO_INERTIA_BASIS, SMALLEST_MARGIN, InertialParameters
 
 if TYPE_CHECKING:  # the estimator in a control loop needs nothing of the pipeline
-    from armload_identification.estimation.payload_estimate import PayloadEstimate
+    from armload_identification.estimation.payload_from_posterior import PayloadEstimate
 
 WRITTEN_MARGIN: Final = 2.0 * SMALLEST_MARGIN
 """Imposed margin, large enough that rounding in a file does not reduce it below `SMALLEST_MARGIN`."""

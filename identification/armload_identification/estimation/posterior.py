@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.problem import EMPTY, Problem
-from armload_identification.estimation.residual_spectrum import FREEST, ResidualSpectrum
-from armload_identification.estimation.weighted_equations import (
+from armload_identification.estimation.normal_equations import (
     Eliminated,
     GroupState,
     WeightedRows,
     solved,
 )
+from armload_identification.estimation.problem import EMPTY, Problem
+from armload_identification.estimation.residual_spectrum import FREEST, ResidualSpectrum
 
 
 @dataclass(frozen=True, eq=False)

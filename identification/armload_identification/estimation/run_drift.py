@@ -22,11 +22,11 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.estimation_constants import Drift, Payloads
+from armload_identification.estimation.normal_equations import GroupState
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH, ONE_SIDED
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, ONE_SIDED
-from armload_identification.estimation.weighted_equations import GroupState
 
 
 @dataclass(frozen=True)

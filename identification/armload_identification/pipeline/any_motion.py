@@ -9,11 +9,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.payload_estimate import estimate_of, model_doubts
+from armload_identification.estimation.payload_from_posterior import estimate_of, model_doubts
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.estimation.payload_problem import PayloadProblem, single_problem
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import DETERMINED_SHARE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,14 +12,14 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.arm_terms import GAIN
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.gain_errors import GainFit
-from armload_identification.estimation.payload_estimate import PayloadEstimate
+from armload_identification.estimation.payload_from_posterior import PayloadEstimate
+from armload_identification.estimation.payload_intervals import Uncertainty, quantify
 from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
-from armload_identification.estimation.uncertainty import Uncertainty, quantify
 from armload_identification.model.mass_center import MassCenterCovariance
-from armload_identification.model.payload import InertialParameters, derived
+from armload_identification.model.payload import FLANGE, InertialParameters, PayloadResult, Provenance, derived
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.model.smooth_sign import smooth_sign
-from armload_identification.recording.recording import RecordingSource
+from armload_identification.recording.recording import RecordingSource, hashes_by_name
 from armload_identification.signals.joint_torque import Gains, Transmission
 from armload_identification.signals.load_signal import LoadSignal, without_body
 from armload_identification.signals.motion import Motion
@@ -130,6 +131,47 @@ def completed(
         residual_rms_nm=signal.raw_residual_rms(predicted_nm),
         arm_friction=ArmFriction.of(plain.body(plain.runs - 1), velocity),
         sources=tuple(run.recording.source for run in runs),
+    )
+
+
+def payload_result(
+    result: Identification,
+    armload_version: str,
+    configuration_sha256: str,
+    calibration_sha256: Mapping[str, str] | None = None,
+    robot: str = "",
+    kinematics_sha256: str = "",
+) -> PayloadResult:
+    """The content of a payload file.
+
+    Args:
+        armload_version: Version of the program.
+        configuration_sha256: Hash of the robot's configuration.
+        calibration_sha256: File name and hash of the arm's calibration, if there is one.
+        robot: Name of the arm, if known.
+        kinematics_sha256: Hash of its kinematics, if known.
+
+    Returns:
+        The content; undetermined values have no interval, and no number except in the model.
+    """
+    known = result.uncertainty.determined
+    return PayloadResult(
+        frame=FLANGE,
+        model=result.parameters,
+        determined=known,
+        interval_95=np.where(known[:, None], result.uncertainty.interval_95, np.nan),
+        residual_rms_nm=result.residual_rms_nm,
+        noise_nm=result.signal.noise_nm,
+        mass_center=result.mass_center,
+        known_range=result.uncertainty.limits,
+        provenance=Provenance(
+            armload_version=armload_version,
+            configuration_sha256=configuration_sha256,
+            recordings_sha256=hashes_by_name(result.sources),
+            calibration_sha256=dict(calibration_sha256 or {}),
+            robot=robot,
+            kinematics_sha256=kinematics_sha256,
+        ),
     )
 
 

@@ -16,14 +16,14 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.empty_arm.known_arm_rows import KnownArmRows
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.estimator_constants import FLOOR_KG, FLOOR_SHARE, ROW_S
-from armload_identification.pipeline.payload_estimator import COLOUR
+from armload_identification.pipeline.recursive_estimator import COLOUR
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ recordings -> runs -> rows -> one solve over terms -> possible body -> intervals
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -15,14 +15,13 @@ from threadpoolctl import threadpool_limits
 from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.gain_errors import GainFit, fit_gains
-from armload_identification.estimation.payload_estimate import estimate_of, model_doubts
+from armload_identification.estimation.payload_from_posterior import estimate_of, model_doubts
 from armload_identification.estimation.payload_problem import pair_problem, single_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
 from armload_identification.estimation.run_drift import RunDrift
 from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import FLANGE, PayloadResult, Provenance
 from armload_identification.pipeline.any_motion import identify_alone
 from armload_identification.pipeline.identification_result import (
     Identification,
@@ -32,12 +31,12 @@ from armload_identification.pipeline.identification_result import (
 )
 from armload_identification.pipeline.operator_notes import change_notes, misfit_notes, notes_on
 from armload_identification.pipeline.prior_contradictions import identified_knowing
-from armload_identification.recording.recording import Recording, hashes_by_name
+from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal, slow_round_signal
 from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.recording_checks.column_mistakes import RunColumns
-from armload_identification.verdict.recording_checks.contradictions import FittedPair, refuse_contradictions
+from armload_identification.verdict.recording_checks.pair_contradictions import FittedPair, refuse_contradictions
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 
@@ -129,44 +128,3 @@ def _by_difference(
         return result.with_notes(*drift.notes(), *notes_on(result, gains, arm, columns.arm if arm is None else None))
 
     return identified
-
-
-def payload_result(
-    result: Identification,
-    armload_version: str,
-    configuration_sha256: str,
-    calibration_sha256: Mapping[str, str] | None = None,
-    robot: str = "",
-    kinematics_sha256: str = "",
-) -> PayloadResult:
-    """The content of a payload file.
-
-    Args:
-        armload_version: Version of the program.
-        configuration_sha256: Hash of the robot's configuration.
-        calibration_sha256: File name and hash of the arm's calibration, if there is one.
-        robot: Name of the arm, if known.
-        kinematics_sha256: Hash of its kinematics, if known.
-
-    Returns:
-        The content; undetermined values have no interval, and no number except in the model.
-    """
-    known = result.uncertainty.determined
-    return PayloadResult(
-        frame=FLANGE,
-        model=result.parameters,
-        determined=known,
-        interval_95=np.where(known[:, None], result.uncertainty.interval_95, np.nan),
-        residual_rms_nm=result.residual_rms_nm,
-        noise_nm=result.signal.noise_nm,
-        mass_center=result.mass_center,
-        known_range=result.uncertainty.limits,
-        provenance=Provenance(
-            armload_version=armload_version,
-            configuration_sha256=configuration_sha256,
-            recordings_sha256=hashes_by_name(result.sources),
-            calibration_sha256=dict(calibration_sha256 or {}),
-            robot=robot,
-            kinematics_sha256=kinematics_sha256,
-        ),
-    )

@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from armload_identification.calibration.calibration_result import ArmCalibration
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ReportError
 from armload_identification.numerals import NO_BREAK, decimals_for, numeral
 from armload_identification.recording.reading_options import Effort

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armload_identification.calibration.calibration_result import ArmCalibration, CalibratedPayload, CalibratedRun
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.extras import Extra, require_extra
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.recording.reading_options import Effort

@@ -605,7 +605,7 @@ class RunLevels:
 
 
 class JointContradiction:
-    """A joint against all others (`contradictions`)."""
+    """A joint against all others (`pair_contradictions`)."""
 
     unexplained: Final = 0.1
     """[1] Share of a joint's power that a sound fit leaves unexplained at most.

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import erf
 
 from armload_controller.cycle.feedback_truth import IDLE_RAD
-from armload_controller.cycle.torque_window import TorqueError
+from armload_controller.cycle.torque_monitor import TorqueError
 from armload_controller.session.session_load import SessionLoad
 from benchmarks.arms.setups import Twin, twin_spec
 from benchmarks.canopen_runs.false_alarms import _chance_of_a_stretch, judge, moved, replayed, seed_of

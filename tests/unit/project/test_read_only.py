@@ -27,7 +27,7 @@ state = np.zeros((3, robot.chain.n))
 PayloadFeedforward(robot.chain, robot.payloads.expected).torque_nm(*state)
 payload_regressor(robot.chain, *state)
 from typer.testing import CliRunner
-from armload_controller.cli.main import app
+from armload_controller.cli.command_tree import app
 result = CliRunner().invoke(app, ["identify", "--help"])
 assert result.exit_code == 0, result.output
 print(*written, sep="\\n")

@@ -13,6 +13,7 @@ import typer
 
 from armload_controller.cli.attendance import operator_at
 from armload_controller.cli.drift_options import DriftOptions
+from armload_controller.cli.exit_status import require_not_wrong
 from armload_controller.cli.given_arm import DrivenArm
 from armload_controller.cli.options import (
     CalibrationOption,
@@ -23,10 +24,9 @@ from armload_controller.cli.options import (
     refuse_together,
     share,
 )
-from armload_controller.cli.output.findings_output import require_not_wrong
 from armload_controller.cli.output.output_files import make_folder, require_writable
-from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption
 from armload_controller.cli.screen import PLAIN, Screen
+from armload_controller.cli.tolerance_option import TOLERANCE, ToleranceOption
 from armload_controller.control_errors import CommissioningError
 from armload_identification.verdict.tolerance import Tolerance
 
@@ -137,7 +137,7 @@ def commission(
         for text in (f"payload: {directory / PAYLOAD_NAME}", f"report:  {directory / REPORT_NAME}", *calibrated):
             screen.step(text)
     screen.document(findings.to_dict, _files(directory))
-    require_not_wrong(findings)
+    require_not_wrong(findings.outcome)
 
 
 def _files(directory: Path) -> dict[str, Path]:

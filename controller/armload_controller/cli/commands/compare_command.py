@@ -7,12 +7,9 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.output.verdict_output import (
-    TOLERANCE,
-    ToleranceOption,
-    exit_status,
-)
+from armload_controller.cli.exit_status import exit_status
 from armload_controller.cli.screen import PLAIN, Screen
+from armload_controller.cli.tolerance_option import TOLERANCE, ToleranceOption
 from armload_identification.verdict.tolerance import Tolerance
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from armload_controller.cli.drift_options import DriftOptions
+from armload_controller.cli.exit_status import require_not_wrong
 from armload_controller.cli.given_arm import given_arm
 from armload_controller.cli.options import (
     ArmArgument,
@@ -25,12 +26,11 @@ from armload_controller.cli.output.findings_output import (
     ValidationOption,
     finish,
     finish_without_payload,
-    require_not_wrong,
 )
 from armload_controller.cli.output.output_files import require_drawable, require_folder, require_replaceable
-from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption
 from armload_controller.cli.recording_options import RecordingOptions
 from armload_controller.cli.screen import PLAIN, Screen
+from armload_controller.cli.tolerance_option import TOLERANCE, ToleranceOption
 from armload_identification.verdict.tolerance import Tolerance
 
 if TYPE_CHECKING:
@@ -188,4 +188,4 @@ def identify_payload(
     if output is not None and not force:
         require_replaceable(output, findings.payload)
     finish(screen, findings, payload=output, report=report)
-    require_not_wrong(findings)
+    require_not_wrong(findings.outcome)

@@ -7,11 +7,12 @@ from typing import Annotated
 
 import typer
 
+from armload_controller.cli.exit_status import require_not_wrong
 from armload_controller.cli.options import CalibrationOption, RobotArgument
-from armload_controller.cli.output.findings_output import ValidationOption, finish, require_not_wrong
+from armload_controller.cli.output.findings_output import ValidationOption, finish
 from armload_controller.cli.output.output_files import require_drawable
-from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption
 from armload_controller.cli.screen import PLAIN, Screen
+from armload_controller.cli.tolerance_option import TOLERANCE, ToleranceOption
 from armload_identification.verdict.tolerance import Tolerance
 
 
@@ -41,4 +42,4 @@ def report(
         tolerance=Tolerance(*tolerance),
     )
     finish(screen, findings, payload=None, report=output)
-    require_not_wrong(findings)
+    require_not_wrong(findings.outcome)

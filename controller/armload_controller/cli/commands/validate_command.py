@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from armload_controller.cli.exit_status import exit_status
 from armload_controller.cli.given_arm import given_arm
 from armload_controller.cli.options import (
     ArmArgument,
@@ -18,9 +19,9 @@ from armload_controller.cli.options import (
 )
 from armload_controller.cli.output.findings_output import ReportOption, finish
 from armload_controller.cli.output.output_files import require_drawable
-from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, exit_status
 from armload_controller.cli.recording_options import RecordingOptions
 from armload_controller.cli.screen import PLAIN, Screen
+from armload_controller.cli.tolerance_option import TOLERANCE, ToleranceOption
 from armload_identification.verdict.tolerance import Tolerance
 
 

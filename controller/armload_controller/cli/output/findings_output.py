@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.exit_status import ExitStatus
-
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_identification.results.arm_without_payload import ArmWithoutPayload
@@ -55,15 +53,3 @@ def finish_without_payload(
         screen.step(f"not written: {payload}: there is no payload")
     screen.write(found.report, report)
     screen.document(found.to_dict, {"report": report})
-
-
-def require_not_wrong(findings: Findings) -> None:
-    """Exit with the status of a wrong payload if the validation found it wrong.
-
-    Raises:
-        typer.Exit: with status 3.
-    """
-    from armload_identification.verdict.agreement import Outcome
-
-    if findings.outcome is Outcome.WRONG:
-        raise typer.Exit(ExitStatus.WRONG_PAYLOAD)

@@ -21,6 +21,7 @@ import msgspec
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.arm_from_posterior import identified_body
 from armload_identification.estimation.arm_rows import ArmLayout, ArmRows
 from armload_identification.estimation.arm_terms import (
     FRICTION_CHANGE,
@@ -31,7 +32,6 @@ from armload_identification.estimation.arm_terms import (
     effort_level,
 )
 from armload_identification.estimation.estimation_constants import Priors
-from armload_identification.estimation.identified_body import identified_body
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.term_kinds import Joint, Scope, Term

@@ -15,8 +15,8 @@ from rich.console import Console
 from rich.table import Column, Table
 from typer.testing import CliRunner
 
+from armload_controller.cli.command_tree import app
 from armload_controller.cli.console_text import drawn, fitted
-from armload_controller.cli.main import app
 from armload_controller.cli.output.result_tables import payload_table
 from armload_controller.cli.screen import Screen
 from armload_drivers.bring_up import arm_bring_up
@@ -181,7 +181,7 @@ def test_a_terminal_that_accepts_nothing_does_not_halt_what_reports_its_progress
 
 NOTED = """
 import sys
-from armload_controller.cli import main
+from armload_controller.cli import command_tree
 from armload_controller.control_errors import MotionError
 from armload_drivers.driver_errors import BusError
 
@@ -192,7 +192,7 @@ def fail():
     error.add_note("A drive may still carry torque: use the emergency stop.")
     raise error from cause
 
-main.app = fail
+command_tree.app = fail
 from armload_controller.cli.entry import main
 main()
 """
@@ -209,7 +209,7 @@ def test_what_was_noted_with_an_error_reaches_the_operator():
 
 
 ON_TOP = """
-from armload_controller.cli import main
+from armload_controller.cli import command_tree
 from armload_drivers.driver_errors import BusError, StateError
 
 def fail():
@@ -218,7 +218,7 @@ def fail():
     finally:
         raise StateError("closing failed as well")
 
-main.app = fail
+command_tree.app = fail
 from armload_controller.cli.entry import main
 main()
 """

@@ -6,7 +6,7 @@ import warnings
 
 import pytest
 
-from armload_controller.cli import entry, main
+from armload_controller.cli import command_tree, entry
 from armload_controller.cli.printable_console import OutlivingStream
 from armload_controller.control_errors import CommissioningError, MotionError
 from armload_controller.motion.motion_control import OperatorStop, TerminationStop
@@ -22,7 +22,7 @@ def ended(monkeypatch):
         def app():
             raise problem
 
-        monkeypatch.setattr(main, "app", app)
+        monkeypatch.setattr(command_tree, "app", app)
         with pytest.raises(SystemExit) as caught:
             entry.main()
         return caught.value.code

@@ -38,7 +38,7 @@ HEAVY = (
 SHOW_EVERYTHING = f"""
 import functools, json, sys
 from typer import testing
-from armload_controller.cli.main import app
+from armload_controller.cli.command_tree import app
 
 def below(command, words):
     yield [*words, "--help"]
@@ -82,7 +82,7 @@ def test_a_pair_is_identified_with_little_of_scipy(tmp_path):
     program = (
         "import json, sys\n"
         "from typer.testing import CliRunner\n"
-        "from armload_controller.cli.main import app\n"
+        "from armload_controller.cli.command_tree import app\n"
         f"result = CliRunner().invoke(app, {command!r})\n"
         "assert result.exit_code == 0, result.output\n"
         "slow = 'scipy.linalg', 'scipy.stats', 'scipy.signal', 'matplotlib'\n"
@@ -101,7 +101,7 @@ def after_commands(tmp_path_factory):
         "from pathlib import Path\n"
         "os.environ['OPENBLAS_NUM_THREADS'] = '2'\n"
         "from typer.testing import CliRunner\n"
-        "from armload_controller.cli.main import app\n"
+        "from armload_controller.cli.command_tree import app\n"
         "assert CliRunner().invoke(app, ['compare', 'nothing', 'nothing']).exit_code == 1\n"
         "assert CliRunner().invoke(app, ['identify', 'nonsense', '--loaded', 'x']).exit_code == 1\n"
         "from armload_identification.recording.reader_registry import reader_of\n"

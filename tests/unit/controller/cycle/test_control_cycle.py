@@ -12,7 +12,7 @@ from armload_controller.cycle.following_monitor import FollowingMonitor
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.stop_decisions import Cause, StopStep, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
-from armload_controller.cycle.torque_window import TorqueWindow, measured_torque
+from armload_controller.cycle.torque_monitor import TorqueWindow, measured_torque
 from armload_controller.motion.checked_path import CheckedLeg, check_path
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.motion_constraints import MotionConstraints

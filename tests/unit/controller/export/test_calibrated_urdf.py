@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from typer.testing import CliRunner
 
-from armload_controller.cli.main import app
+from armload_controller.cli.command_tree import app
 from armload_controller.config.robot import load_robot
 from armload_controller.export.calibrated_urdf import arm_urdf
 from armload_identification.calibration.calibration_result import ArmCalibration, CalibratedRun, kinematics_sha256

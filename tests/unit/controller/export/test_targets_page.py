@@ -10,7 +10,7 @@ import pytest
 
 import armload
 from armload_controller.export.c99 import export_c
-from armload_controller.export.fmi.fmu import export_fmu
+from armload_controller.export.fmi.fmi3 import export_fmu
 from armload_controller.export.hal import export_hal
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_identification.files.payload_file import write_payload

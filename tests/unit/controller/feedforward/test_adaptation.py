@@ -26,7 +26,7 @@ from armload_controller.motion.phase import PhaseState, Segment
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.contact.force_watch import Force
 from armload_identification.model.payload import REFERENCE_LENGTH_M
-from armload_identification.pipeline.payload_estimator import LivePayload
+from armload_identification.pipeline.recursive_estimator import LivePayload
 from armload_identification.recording.reading_options import Effort
 from tests.live_estimates import live_estimate, sphere
 

@@ -7,7 +7,7 @@ from armload_identification.contact import force_watch
 from armload_identification.contact.contact_levels import LOOKS_S, OVER_S, SUSPECT
 from armload_identification.contact.force_watch import Force, ForceEventKind
 from armload_identification.contact.watched_payload import WatchedPayload
-from armload_identification.pipeline.payload_estimator import PayloadEstimator
+from armload_identification.pipeline.recursive_estimator import PayloadEstimator
 
 FORCE_N = np.array([40.0, -30.0, 10.0])
 BEGIN_S, END_S = 9.0, 9.7

@@ -19,8 +19,15 @@ from armload_identification.estimation.arm_terms import (
 )
 from armload_identification.estimation.elastic_joints import elastic_torque
 from armload_identification.estimation.gain_errors import _named_from, _noticeable
+from armload_identification.estimation.normal_equations import (
+    GroupState,
+    joined_columns,
+    struck_samples,
+    torque_at,
+    torque_derivatives,
+)
 from armload_identification.estimation.payload_change import _greatest, _slow_change, _times
-from armload_identification.estimation.payload_estimate import gear_asymmetry, model_doubts
+from armload_identification.estimation.payload_from_posterior import gear_asymmetry, model_doubts
 from armload_identification.estimation.physical_consistency import (
     WRITTEN_MARGIN,
     _ball,
@@ -33,13 +40,6 @@ from armload_identification.estimation.residual_spectrum import _summed
 from armload_identification.estimation.run_drift import RunDrift
 from armload_identification.estimation.solve import _clipped_rms, _integrated, _Solver, clipped_rms, solve
 from armload_identification.estimation.term_kinds import Scope, Term
-from armload_identification.estimation.weighted_equations import (
-    GroupState,
-    joined_columns,
-    struck_samples,
-    torque_at,
-    torque_derivatives,
-)
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_identification.estimation.arm_from_posterior import identified_body
 from armload_identification.estimation.arm_terms import (
     FRICTION_CHANGE,
     GAIN,
@@ -15,7 +16,6 @@ from armload_identification.estimation.arm_terms import (
     RECORDER,
     SESSION_FRICTION,
 )
-from armload_identification.estimation.identified_body import identified_body
 from armload_identification.estimation.payload_problem import HELD, pair_problem, single_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.solve import solve

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from armload_identification.estimation.payload_intervals import student_half_width
 from armload_identification.estimation.residual_spectrum import FREEST, ResidualSpectrum
-from armload_identification.estimation.uncertainty import student_half_width
 
 pytestmark = pytest.mark.pure
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from armload_identification.estimation.estimation_constants import Drift
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH, ONE_SIDED
 from armload_identification.estimation.payload_problem import pair_problem
 from armload_identification.estimation.run_drift import RunDrift
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH, ONE_SIDED
 from armload_identification.model.regressor import payload_torque
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.recorded_run import Run

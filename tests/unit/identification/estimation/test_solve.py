@@ -25,12 +25,12 @@ from armload_identification.estimation.arm_terms import (
     effort_level,
 )
 from armload_identification.estimation.estimation_constants import Solver
+from armload_identification.estimation.normal_equations import torque_at, torque_derivatives
+from armload_identification.estimation.payload_intervals import student_half_width
 from armload_identification.estimation.problem import DIFFERENCE_AND_MEAN, Group, Known, Noise, Problem, RunRows
 from armload_identification.estimation.residual_spectrum import FREEST
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.term_kinds import Joint, Scope, Term
-from armload_identification.estimation.uncertainty import student_half_width
-from armload_identification.estimation.weighted_equations import torque_at, torque_derivatives
 from armload_identification.identification_errors import EstimationError
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.recorded_run import Run

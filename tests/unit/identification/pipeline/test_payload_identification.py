@@ -20,7 +20,8 @@ from armload_identification.identification_errors import (
     RecordingError,
 )
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
-from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.pipeline.identification_result import payload_result
+from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 
 pytestmark = pytest.mark.pure

@@ -12,7 +12,8 @@ from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.files.payload_file import format_payload, parse_payload
 from armload_identification.identification_errors import PayloadFileError, RecordingError
 from armload_identification.model.payload import InertialParameters
-from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.pipeline.identification_result import payload_result
+from armload_identification.pipeline.payload_identification import identify
 from armload_identification.pipeline.payload_validation import judge, validate
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.signal_constants import NominalGain

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
 from armload_identification.pipeline.prior_contradictions import (
     contradicted,

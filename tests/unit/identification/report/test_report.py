@@ -20,7 +20,8 @@ from armload_identification.identification_errors import IdentificationError, Re
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
 from armload_identification.numerals import align, decimals_for, numeral, scientific
-from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.pipeline.identification_result import payload_result
+from armload_identification.pipeline.payload_identification import identify
 from armload_identification.pipeline.payload_validation import judge, validate
 from armload_identification.recording.run_format import LATENESS_ATTACHMENT, RUN_ATTACHMENT
 from armload_identification.report.figures import joint_figures

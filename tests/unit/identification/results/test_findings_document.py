@@ -9,7 +9,8 @@ import pytest
 
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.payload import InertialParameters
-from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.pipeline.identification_result import payload_result
+from armload_identification.pipeline.payload_identification import identify
 from armload_identification.report.report_content import ReportContent, ReportedPayload
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.results.findings_document import findings_document

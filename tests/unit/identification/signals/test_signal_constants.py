@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from armload_identification.estimation.arm_rows import RowWindow
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.joint_states import JointStates

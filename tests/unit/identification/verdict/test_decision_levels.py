@@ -37,15 +37,6 @@ from armload_identification.verdict.recording_checks.column_mistakes import (
     exchanged_columns,
     flipped_signs,
 )
-from armload_identification.verdict.recording_checks.contradictions import (
-    _is_evidence,
-    _refuse_contradicting_joint,
-    _refuse_impossible_gain,
-    _refuse_no_mass,
-    _refuse_opposite,
-    _refuse_small,
-    check_scales,
-)
 from armload_identification.verdict.recording_checks.friction_validity import friction_notes, standard_deviations
 from armload_identification.verdict.recording_checks.impossible_magnitudes import (
     ArmMagnitudes,
@@ -58,6 +49,15 @@ from armload_identification.verdict.recording_checks.impossible_magnitudes impor
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
 from armload_identification.verdict.recording_checks.motion_quality import MotionQuality
 from armload_identification.verdict.recording_checks.nothing_mounted import refuse_nothing
+from armload_identification.verdict.recording_checks.pair_contradictions import (
+    _is_evidence,
+    _refuse_contradicting_joint,
+    _refuse_impossible_gain,
+    _refuse_no_mass,
+    _refuse_opposite,
+    _refuse_small,
+    check_scales,
+)
 from armload_identification.verdict.recording_checks.usable_runs import (
     _refuse_fed_energy,
     _refuse_long_means,

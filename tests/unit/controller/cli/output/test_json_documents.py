@@ -18,7 +18,7 @@ from jsonschema import Draft202012Validator
 from armload_controller.analysis.payload_events import PayloadEvent
 from armload_controller.analysis.payload_watch import HeardBus, WatchedMoment
 from armload_controller.analysis.robot_wiggle import DesignedWiggle
-from armload_controller.cli.main import app
+from armload_controller.cli.command_tree import app
 from armload_controller.cli.output.fleet_output import (
     acknowledged_document,
     arm_document,
@@ -57,7 +57,7 @@ from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import NothingMounted
 from armload_identification.pipeline.any_motion import Window
 from armload_identification.pipeline.arm_drift import arm_drift
-from armload_identification.pipeline.payload_estimator import LivePayload
+from armload_identification.pipeline.recursive_estimator import LivePayload
 from armload_identification.pipeline.wiggle import Wiggle
 from armload_identification.recording.reading_options import Effort
 from armload_identification.results.arm_history import ArmHistory

@@ -5,11 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import typer
 
 from armload_controller.cli import screen as screen_module
 from armload_controller.cli.output.feedforward_output import following_error_table, offset_account
-from armload_controller.cli.output.findings_output import finish, require_not_wrong
+from armload_controller.cli.output.findings_output import finish
 from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.session.feedforward_comparison import FollowingComparison, Measure
 from armload_identification.results import payload_comparison
@@ -117,13 +116,3 @@ def test_the_files_that_are_wanted_are_written_and_named(unlisted, tmp_path, cap
         assert bool(out) is as_json
         if as_json:
             assert json.loads(out)["files"] == {kind: path and str(path) for kind, path in paths.items()}
-
-
-@pytest.mark.parametrize("outcome", list(Outcome))
-def test_only_a_wrong_payload_ends_with_status_3(outcome):
-    if outcome is not Outcome.WRONG:
-        require_not_wrong(findings(outcome))
-        return
-    with pytest.raises(typer.Exit) as caught:
-        require_not_wrong(findings(outcome))
-    assert caught.value.exit_code == 3

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armload_identification.estimation.gain_errors import GainFit
-from armload_identification.estimation.payload_estimate import estimate_of
+from armload_identification.estimation.payload_from_posterior import estimate_of
 from armload_identification.estimation.payload_problem import pair_problem
 from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, RecordingError
@@ -21,8 +21,8 @@ from armload_identification.verdict.recording_checks.column_mistakes import (
     exchanged_columns,
     flipped_signs,
 )
-from armload_identification.verdict.recording_checks.contradictions import CONTRADICTIONS, FittedPair, check_scales
 from armload_identification.verdict.recording_checks.joint_scales import JointScales
+from armload_identification.verdict.recording_checks.pair_contradictions import CONTRADICTIONS, FittedPair, check_scales
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 pytestmark = pytest.mark.pure

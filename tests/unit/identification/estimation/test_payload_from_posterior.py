@@ -9,7 +9,7 @@ import pytest
 
 from armload_identification.estimation.arm_terms import GAIN, LOAD_FRICTION
 from armload_identification.estimation.estimation_constants import Payloads
-from armload_identification.estimation.payload_estimate import estimate_of, gear_asymmetry, model_doubts
+from armload_identification.estimation.payload_from_posterior import estimate_of, gear_asymmetry, model_doubts
 from armload_identification.estimation.payload_problem import single_problem
 from armload_identification.estimation.problem import Noise
 from armload_identification.estimation.solve import solve

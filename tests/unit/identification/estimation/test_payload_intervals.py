@@ -9,9 +9,9 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
+from armload_identification.estimation.payload_intervals import quantify, student_half_width
 from armload_identification.estimation.problem import Noise
 from armload_identification.estimation.residual_spectrum import FREEST
-from armload_identification.estimation.uncertainty import quantify, student_half_width
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, derived
 from armload_identification.model.regressor import payload_regressor
 from tests.payload_rows import exactly, payload_of

@@ -1,4 +1,4 @@
-"""FMI 2.0, model exchange and co-simulation, for tools without FMI 3.0: the same FMU; see `fmu_parts`.
+"""FMI 2.0, model exchange and co-simulation, for tools without FMI 3.0: the same FMU; see `fmu`.
 
 References:
     Modelica Association, Functional Mock-up Interface for Model Exchange and Co-Simulation 2.0.4, sections 2 and 4: the
@@ -10,7 +10,7 @@ from __future__ import annotations
 import platform
 
 from armload_controller.export.exported_payload import ExportSubject
-from armload_controller.export.fmi.fmu_parts import (
+from armload_controller.export.fmi.fmu import (
     documentation,
     element,
     model_description,

@@ -9,11 +9,11 @@ import pytest
 
 from armload_core import kernels
 from armload_identification.calibration.session_gains import SessionGains
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
-from armload_identification.pipeline.payload_estimator import COLOUR, LOAD_LAW, PayloadEstimator
 from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.recursive_estimator import COLOUR, LOAD_LAW, PayloadEstimator
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording
 from armload_identification.verdict.decision_levels import ColdArm

@@ -19,7 +19,7 @@ from armload_identification.model.payload import (
 )
 
 if TYPE_CHECKING:
-    from armload_identification.estimation.payload_estimate import PayloadEstimate
+    from armload_identification.estimation.payload_from_posterior import PayloadEstimate
 
 NORMAL_HALF_WIDTH: Final = 1.9599639845400536
 """Half width of the 95 % interval of a normal distribution, in standard deviations. A literal, as the modules that

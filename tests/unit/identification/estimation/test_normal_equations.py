@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_identification.estimation.weighted_equations import eliminate, huber_weight
+from armload_identification.estimation.normal_equations import eliminate, huber_weight
 
 pytestmark = pytest.mark.pure
 

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.arm_from_posterior import identified_body
 from armload_identification.estimation.arm_terms import (
     FRICTION_CHANGE,
     GAIN,
@@ -17,13 +18,12 @@ from armload_identification.estimation.arm_terms import (
 )
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.estimation_constants import Payloads
-from armload_identification.estimation.identified_body import identified_body
+from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.estimation.payload_problem import PayloadProblem
 from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.prior_knowledge import Prior
 from armload_identification.estimation.sampled_torque import sampling_doubt
 from armload_identification.estimation.solve import solve
-from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.mass_center import MassCenterCovariance, unknown_deviation
 from armload_identification.model.regressor import PARAMETERS

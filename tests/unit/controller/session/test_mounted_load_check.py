@@ -15,9 +15,9 @@ from armload_controller.analysis.arm_in_use import arm_in_use
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import MotionError
 from armload_controller.cycle.slow_round_torque import SlowRoundRows
-from armload_controller.session import flange_check
+from armload_controller.session import mounted_load_check
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, record_half, recording_path
-from armload_controller.session.flange_check import loaded_doubts, recorded_slow_round, unloaded_doubts
+from armload_controller.session.mounted_load_check import loaded_doubts, recorded_slow_round, unloaded_doubts
 from armload_controller.session.run_session import NoDisplay, no_operator
 from armload_controller.session.session_load import SessionLoad
 from armload_drivers.simulation.mujoco_plant import ArmPlant
@@ -137,13 +137,13 @@ def test_without_body_and_calibration_nothing_is_compared():
     ("before", "now", "noticed"), [(None, PAYLOAD, False), (PAYLOAD, PAYLOAD, True), (None, None, True)]
 )
 def test_a_loaded_run_with_nothing_added_is_reported(monkeypatch, tmp_path, before, now, noticed):
-    monkeypatch.setattr(flange_check, "recorded_slow_round", lambda path, cycle_s: slow_round(before, seed=2))
+    monkeypatch.setattr(mounted_load_check, "recorded_slow_round", lambda path, cycle_s: slow_round(before, seed=2))
     texts = loaded_doubts(PRBT, ARM, tmp_path, slow_round(now))
     assert [text.startswith(SAME) for text in texts] == [True] * noticed
 
 
 def test_an_expected_payload_too_light_to_be_noticed_is_not_asked_for(monkeypatch, tmp_path):
-    monkeypatch.setattr(flange_check, "recorded_slow_round", lambda path, cycle_s: slow_round(None, seed=2))
+    monkeypatch.setattr(mounted_load_check, "recorded_slow_round", lambda path, cycle_s: slow_round(None, seed=2))
     light = msgspec.structs.replace(PRBT.tables.expected_payload, mass_kg=LIGHT.mass_kg)
     robot = PRBT.with_tables(expected_payload=light)
     assert loaded_doubts(robot, ARM, tmp_path, slow_round(LIGHT)) == []

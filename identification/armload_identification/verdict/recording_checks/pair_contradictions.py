@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.gain_errors import GainFit
-from armload_identification.estimation.payload_estimate import PayloadEstimate
+from armload_identification.estimation.payload_from_posterior import PayloadEstimate
 from armload_identification.identification_errors import EstimationError, NoPayloadMass, NothingMounted, RecordingError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import DETERMINED_SHARE

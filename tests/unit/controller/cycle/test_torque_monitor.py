@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_controller.cycle.torque_window import TorqueError, TorqueWindow, measured_torque
+from armload_controller.cycle.torque_monitor import TorqueError, TorqueWindow, measured_torque
 from armload_identification.signals.joint_torque import Transmission
 
 PLAIN = Transmission(np.ones(2), np.eye(2))
