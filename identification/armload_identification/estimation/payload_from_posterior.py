@@ -17,7 +17,7 @@ from armload_identification.estimation.arm_terms import (
     SESSION_FRICTION,
 )
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.estimation_constants import Payloads
+from armload_identification.estimation.estimation_constants import Payloads, Solver
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.estimation.payload_problem import PayloadProblem
 from armload_identification.estimation.posterior import Posterior
@@ -248,7 +248,7 @@ class PayloadEstimate:
 
         Args:
             axis: Its number.
-            afresh: Whether not even noise and weights are started from those that it had a share in.
+            afresh: Whether noise and weights, in which it had a share, are estimated again; else it is one step.
         """
         problem = self.posterior.problem
         kept = np.arange(problem.noise.start_nm.size) != axis
@@ -256,7 +256,8 @@ class PayloadEstimate:
             replace(group, runs=tuple(replace(run, rows=run.rows.weighted(kept)) for run in group.runs))
             for group in problem.groups
         ]
-        found = solve(replace(problem, groups=groups), rough=True, start=None if afresh else self.posterior)
+        start, steps = (None, Solver.steps) if afresh else (self.posterior, 1)
+        found = solve(replace(problem, groups=groups), rough=True, start=start, steps=steps)
         covariance = found.bread[self._place, self._place]
         return found.value(PAYLOAD, PAYLOAD), covariance, PARAMETERS - len(self._blind(covariance).T)
 

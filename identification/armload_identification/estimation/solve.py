@@ -38,12 +38,14 @@ def solve(
     *,
     rough: bool = False,
     start: Posterior | None = None,
+    steps: int = Solver.steps,
 ) -> Posterior:
     """Solve a problem.
 
     Args:
         start: Solution of a problem with other priors, from which to start.
         rough: Return the last iterate even if it has not settled; sufficient if only the residual is needed.
+        steps: Most steps.
 
     Returns:
         The posterior.
@@ -54,16 +56,17 @@ def solve(
     solver = _Solver(problem)
     if start is not None:
         solver.start_from(start)
-    for step in range(0 if start is None else Solver.weighing_steps - Solver.fresh_steps, Solver.steps):
+    first = 0 if start is None else Solver.weighing_steps - Solver.fresh_steps
+    for step in range(first, first + steps):
         moved = solver.step()
         if step < Solver.weighing_steps:
             solver.weigh(rough=step < Solver.rough_steps)
         if moved < Solver.settled and (step > Solver.rough_steps or not problem.adapts):
             return solver.posterior(step + 1)
     if rough:
-        return solver.posterior(Solver.steps)
+        return solver.posterior(first + steps)
     raise EstimationError(
-        f"the fit does not converge within {Solver.steps} steps (the unknowns still change by {moved:.2g} standard "
+        f"the fit does not converge within {steps} steps (the unknowns still change by {moved:.2g} standard "
         f"deviations); {problem.shared_size} unknowns, {len(problem.groups)} runs. Add runs with other motions."
     )
 
