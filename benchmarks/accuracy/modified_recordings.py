@@ -99,7 +99,7 @@ class Case:
         """
         calibration = None if mode is Mode.NOMINAL else self.calibration
         pair = _cleaned(loaded), None if mode is Mode.SINGLE else _cleaned(unloaded)
-        found = identify(self.robot, *pair, calibration=calibration).content.identification
+        found = identify(self.robot, *pair, calibration=calibration).identification
         return cast("Identification", found)
 
     def modified(self, modification: Modification, payload: InertialParameters) -> tuple[Recording, Recording]:

@@ -45,7 +45,6 @@ from armload_identification.recording.csv_columns import CsvColumns, parse_colum
 from armload_identification.recording.formats.frame_reader import DataFrame
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.recording import Recording
-from armload_identification.report.report_content import ReportContent
 from armload_identification.results.findings import Findings
 from armload_identification.results.payload_over_time import PayloadOverTime
 from armload_identification.verdict.recording_checks.impossible_magnitudes import require_possible_mass
@@ -213,8 +212,7 @@ def identify(
     if used.calibration is not None and not verified:
         notes.append("The scale is not verified: no payload of the calibration was weighed.")
     identification = replace(identification, notes=(*notes, *identification.notes), scale_verified=verified)
-    content = ReportContent(identification)
-    findings = Findings(arm, payload, content)
+    findings = Findings(arm, payload, identification)
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
 
 
@@ -355,7 +353,7 @@ def findings_from_files(
     if fitted is not None:
         pair = recording_of(arm, fitted[0], "fitted"), recording_of(arm, fitted[1], "fitted")
         shown = payload_validation.validate(pair, used.chain, used.transmission, result, arm=used.known)
-    findings = Findings(arm, result, ReportContent(shown))
+    findings = Findings(arm, result, shown)
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
 
 
@@ -371,10 +369,10 @@ def _validated(
     # a part of a recording that the payload was identified from may be one that was not used
     used_files = findings.payload.provenance.recordings_sha256.values()
     own_run = loaded.source.between_s is None and loaded.source.sha256 in used_files
-    fitted = findings.content.identification
+    fitted = findings.identification
     verified = _scale_verified(used) if fitted is None else fitted.scale_verified
     judged = replace(judged, verdict=replace(judged.verdict, own_run=own_run, scale_verified=verified))
-    return replace(findings, content=replace(findings.content, validation=judged))
+    return replace(findings, validation=judged)
 
 
 def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:

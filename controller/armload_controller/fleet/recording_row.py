@@ -105,7 +105,7 @@ def findings_fields(findings: Findings) -> Row:
     Args:
         findings: Findings from recordings.
     """
-    payload, content = findings.payload, findings.content
+    payload, found = findings.payload, findings.identification
     row: Row = {"outcome": RowOutcome.IDENTIFIED.value, "robot_name": findings.arm.name}
     row |= {"joint_names": list(findings.arm.joint_names)}
     for i, names in enumerate(value_columns()):
@@ -118,7 +118,6 @@ def findings_fields(findings: Findings) -> Row:
     row |= {"verdict": findings.verdict.title, "robot_sha256": payload.provenance.configuration_sha256}
     row |= {"kinematics_sha256": payload.provenance.kinematics_sha256}
     row |= {"calibration_sha256": next(iter(payload.provenance.calibration_sha256.values()), None)}
-    found = content.identification
     if found is None:
         return row
     if found.gains is not None:

@@ -24,7 +24,7 @@ from armload_identification.recording.read_boundary import reading
 from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.reader_registry import reader_of
 from armload_identification.recording.reading_options import ReadingOptions
-from armload_identification.recording.recording import Recording, RecordingSource, recording_of
+from armload_identification.recording.recording import Recording, RecordingSource
 from armload_identification.recording.reduction.period_average import PeriodAverager
 from armload_identification.recording.reduction.reduction import Reduction, WrongReduction
 from armload_identification.recording.reduction.time_average import TimeAverager
@@ -137,7 +137,7 @@ class _Reading:
         )
         if reduction is not None:
             return reduction.recording(source)
-        return recording_of(joined(kept), self.excitation, source)
+        return Recording(**vars(joined(kept)), excitation=self.excitation, source=source)
 
     def _selected_rows(self) -> Iterator[RowBlock]:
         """The usable rows between the two times; all of them without such times."""

@@ -242,25 +242,7 @@ class Recording(RowBlock):
         source = RecordingSource(
             Path(name), hash_of(arrays), "arrays", rows.size, sum(reasons.values()), reasons, joint_names=names
         )
-        return recording_of(kept, excitation, source)
-
-
-def recording_of(
-    rows: RowBlock,
-    excitation: Excitation | None,
-    source: RecordingSource,
-    average: PeriodAverage | None = None,
-    repeats: RepeatedValues | None = None,
-) -> Recording:
-    """A recording of the usable rows of a run, or of rows to which these were reduced.
-
-    Args:
-        excitation: The trajectory that was streamed, or None.
-        average: Statistics of the average period, if the rows are one.
-        repeats: Repeated values in the rows before their reduction.
-    """
-    given = {name: getattr(rows, name) for name in QUANTITIES}
-    return Recording(**given, excitation=excitation, source=source, average=average, repeats=repeats)
+        return cls(**vars(kept), excitation=excitation, source=source)
 
 
 def check_joints(recording: Recording, n: int) -> None:

@@ -36,8 +36,7 @@ from armload_identification.report.payload_in_words import (
     parameter_rows,
     truth_sentence,
 )
-from armload_identification.report.report_content import ReportContent, ReportedPayload
-from armload_identification.report.verdict_box import verdict_box
+from armload_identification.report.report_content import ReportedPayload
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.signal_constants import Smoothing
 from armload_identification.verdict.joint_words import listed
@@ -55,20 +54,19 @@ def render_report(subject: ReportedPayload, created: str) -> str:
     Raises:
         ReportError: the names do not fit the joints.
     """
-    payload, content, names = subject.payload, subject.content, subject.arm.joint_names
+    payload, motion, names = subject.payload, subject.motion, subject.arm.joint_names
     if len(names) != len(payload.noise_nm):
         raise ReportError(
             f"{len(names)} joint names for recordings of {len(payload.noise_nm)} joints; give one name per joint"
         )
-    fit, hashes = content.identification, payload.provenance
+    fit, hashes = subject.identification, payload.provenance
     half_width_95 = half_widths(payload) if fit is None else fit.uncertainty.half_width_95
-    used = {source.sha256 for sources in content.sources for source in sources}
+    used = {source.sha256 for sources in subject.sources for source in sources}
     others = (*hashes.recordings_sha256.items(), *hashes.validation_sha256.items())
-    planned = None if content.motion is None else content.motion[1].attachments.get(EXCITATION_ATTACHMENT)
+    planned = None if motion is None else motion[1].attachments.get(EXCITATION_ATTACHMENT)
     return rendered(
         "template.html.j2",
         subject=subject,
-        content=content,
         created=created,
         fit=fit,
         headline=headline(payload),
@@ -76,13 +74,12 @@ def render_report(subject: ReportedPayload, created: str) -> str:
         views=[(heading, Markup(svg)) for heading, svg in center_views(payload)],
         flange_mm=FLANGE_MM,
         truth_sentence="" if subject.truth is None else truth_sentence(payload, subject.truth),
-        verdict=verdict_box(content.validation, names),
         notes=tuple(_notes(payload, fit)),
         parameters=parameter_rows(payload, half_width_95, subject.truth),
         compared=() if fit is None or not fit.physical.changed else compared_rows(fit, payload),
-        motion=() if content.motion is None else tuple(_motion_panels(content.motion[0], names)),
+        motion=() if motion is None else tuple(_motion_panels(motion[0], names)),
         excitation=None if planned is None else parse_excitation(planned),
-        runs=tuple(_runs(content, names)),
+        runs=tuple(_runs(subject, names)),
         named=[(name, sha256) for name, sha256 in others if sha256 not in used],
         colors=joint_figures.COLORS,
         determined_share=DETERMINED_SHARE,
@@ -114,12 +111,12 @@ def _motion_panels(signal: LoadSignal, names: tuple[str, ...]) -> Iterator[tuple
         yield name, caption, Markup(joint_figures.motion_figure(signal, joint, f"motion-{joint + 1}", title))
 
 
-def _runs(content: ReportContent, names: tuple[str, ...]) -> Iterator[dict[str, object]]:
+def _runs(subject: ReportedPayload, names: tuple[str, ...]) -> Iterator[dict[str, object]]:
     """Text, figures and table of the pairs of runs of identification and validation, as far as available."""
-    scales = None if content.validation is None else content.validation.verdict.of_payload
+    scales = None if subject.validation is None else subject.validation.verdict.of_payload
     for key, heading, runs, judged in (
-        ("identification", "Torque: the runs it was identified from", content.fitted, None),
-        ("validation", "Torque: the runs it was validated on", content.validation, scales),
+        ("identification", "Torque: the runs it was identified from", subject.fitted, None),
+        ("validation", "Torque: the runs it was validated on", subject.validation, scales),
     ):
         if runs is not None:
             rows = joint_rows(runs.signal, runs.residual_rms_nm, names, judged)

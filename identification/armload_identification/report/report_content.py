@@ -9,6 +9,7 @@ from armload_identification.model.payload import InertialParameters, PayloadResu
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.recording.recording import RecordingSource
+from armload_identification.report.verdict_box import VerdictBox, verdict_box
 from armload_identification.signals.load_signal import LoadSignal
 
 
@@ -28,18 +29,24 @@ class ArmDescription(Protocol):
         """Names of the joints, from the base to the flange."""
 
 
-@dataclass(frozen=True, eq=False)
-class ReportContent:
-    """Content of a report besides the payload; each part may be missing.
+@dataclass(frozen=True, eq=False, repr=False)
+class ReportedPayload:
+    """A payload with everything known about it; runs and validation may be missing.
 
     Attributes:
+        arm: The arm that carried it.
+        payload: Its values, intervals and provenance: the content of the payload file.
         fitted: The runs from which the payload was identified: their fit if that was in this run of the program, else
             a comparison of them with the payload.
         validation: How well the payload predicts another motion.
+        truth: In simulation, the mounted payload in the frame of the result; else None.
     """
 
+    arm: ArmDescription
+    payload: PayloadResult
     fitted: Identification | Validation | None = None
     validation: Validation | None = None
+    truth: InertialParameters | None = None
 
     @property
     def identification(self) -> Identification | None:
@@ -58,25 +65,13 @@ class ReportContent:
         runs = self.fitted or self.validation
         return None if runs is None else (runs.signal, runs.sources[0])
 
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ReportedPayload:
-    """A payload with everything known about it.
-
-    Attributes:
-        arm: The arm that carried it.
-        payload: Its values, intervals and provenance: the content of the payload file.
-        content: The fit, the runs and the validation, as far as available.
-        truth: In simulation, the mounted payload in the frame of the result; else None.
-    """
-
-    arm: ArmDescription
-    payload: PayloadResult
-    content: ReportContent
-    truth: InertialParameters | None = None
+    @property
+    def verdict(self) -> VerdictBox:
+        """Result of the validation in words."""
+        return verdict_box(self.validation, self.arm.joint_names)
 
     @property
     def simulated(self) -> bool:
         """Whether every recording is marked as made with a simulated arm."""
-        sources = [source for of_runs in self.content.sources for source in of_runs]
+        sources = [source for of_runs in self.sources for source in of_runs]
         return bool(sources) and all(source.run().get("simulated", False) for source in sources)

@@ -13,7 +13,6 @@ from armload_identification.files.payload_file import write_payload
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.recording import hashes_by_name
 from armload_identification.report.report_content import ReportedPayload
-from armload_identification.report.verdict_box import VerdictBox, verdict_box
 from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.findings_document import findings_document
 from armload_identification.results.json_document import json_document
@@ -47,21 +46,16 @@ class Findings(PrintedResult, ReportedPayload):
     @property
     def outcome(self) -> Outcome | None:
         """Result of the validation: right, wrong, or cannot tell; None without a validation."""
-        return None if self.content.validation is None else self.content.validation.outcome
-
-    @property
-    def verdict(self) -> VerdictBox:
-        """Result of the validation in words."""
-        return verdict_box(self.content.validation, self.arm.joint_names)
+        return None if self.validation is None else self.validation.outcome
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Notes to the operator about the fit, one sentence each."""
-        return () if self.content.identification is None else self.content.identification.notes
+        return () if self.identification is None else self.identification.notes
 
     def with_validation_in_provenance(self) -> Findings:
         """The same with the recordings of the validation added to the payload's provenance."""
-        hashes = hashes_by_name(self.content.sources[1])
+        hashes = hashes_by_name(self.sources[1])
         provenance = replace(self.payload.provenance, validation_sha256=hashes)
         return replace(self, payload=replace(self.payload, provenance=provenance))
 
@@ -92,7 +86,7 @@ class Findings(PrintedResult, ReportedPayload):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, texts, lists and dictionaries: the schema `armload/payload/1`."""
-        return json_document("payload", findings_document(self, self.verdict))
+        return json_document("payload", findings_document(self))
 
     def table(self) -> ResultTable:
         """Values, intervals, verdict and notes."""

@@ -20,28 +20,23 @@ from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.recording.recording import RecordingSource
 from armload_identification.report.report_content import ReportedPayload
-from armload_identification.report.verdict_box import VerdictBox
 from armload_identification.verdict.agreement import Agreement
 
 
-def findings_document(found: ReportedPayload, verdict: VerdictBox) -> dict[str, Any]:
-    """The document.
-
-    Args:
-        verdict: Result of the validation in words.
-    """
-    content, joint_names = found.content, found.arm.joint_names
-    validation, (fitted, validating) = content.validation, content.sources
+def findings_document(found: ReportedPayload) -> dict[str, Any]:
+    """The document."""
+    joint_names, identification = found.arm.joint_names, found.identification
+    validation, (fitted, validating) = found.validation, found.sources
     return {
         "robot": found.arm.name,
         "joint_names": list(joint_names),
         "payload": payload_fields(found.payload),
-        "identification": None if content.identification is None else _identification_fields(content.identification),
+        "identification": None if identification is None else _identification_fields(identification),
         "validation": None if validation is None else validation_fields(validation, joint_names),
         "verdict": {
             "outcome": None if validation is None else validation.outcome.value,
-            "title": verdict.title,
-            "text": verdict.text,
+            "title": found.verdict.title,
+            "text": found.verdict.text,
         },
         "recordings": {
             "identification": [_source_fields(source) for source in fitted],

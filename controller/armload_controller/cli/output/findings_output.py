@@ -25,13 +25,13 @@ def show_findings(screen: Screen, findings: Findings) -> None:
     from armload_identification.verdict.agreement import Outcome
     from armload_identification.verdict.verdict_text import sentences, title
 
-    content = findings.content
+    validation = findings.validation
     screen.result_table(payload_table(findings.payload, findings.truth))
-    if content.validation is not None:
-        screen.result_table(validation_table(content.validation, findings.arm.joint_names))
-        name = title(content.validation.verdict)
+    if validation is not None:
+        screen.result_table(validation_table(validation, findings.arm.joint_names))
+        name = title(validation.verdict)
         screen.result(f"verdict: {name if findings.outcome is Outcome.RIGHT else name.upper()}")
-        for sentence in sentences(content.validation.verdict, findings.arm.joint_names):
+        for sentence in sentences(validation.verdict, findings.arm.joint_names):
             screen.result(f"  {sentence}")
     screen.remarks("note", findings.notes)
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from armload_identification.excitation.fourier import Excitation
-from armload_identification.recording.recording import PeriodAverage, Recording, RecordingSource, recording_of
+from armload_identification.recording.recording import PeriodAverage, Recording, RecordingSource
 from armload_identification.recording.reduction.phase_advance import (
     SETTLING_S,
     PhaseAdvance,
@@ -95,7 +95,7 @@ class PeriodAverager(Reduction):
         effort, position = np.hsplit(self._mean[known], 2)
         rows = RowBlock(advance.time_at(phase_s), position, **{self._effort_name: effort}, phase_s=phase_s)
         average = PeriodAverage(advance.periods, covariance, advance.interruptions)
-        return recording_of(rows, self._excitation, source, average, repeats)
+        return Recording(**vars(rows), excitation=self._excitation, source=source, average=average, repeats=repeats)
 
     def _complete_period(self) -> None:
         """Add the completed period to the sums, and begin the next."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
-from armload_identification.recording.recording import Recording, RecordingSource, recording_of
+from armload_identification.recording.recording import Recording, RecordingSource
 from armload_identification.recording.reduction.reduction import Reduction
 from armload_identification.recording.reduction.repeated_values import RepeatedValues
 from armload_identification.recording.row_block import RowBlock, joined
@@ -77,7 +77,7 @@ class TimeAverager(Reduction):
         if self._open is not None:
             self._collect(self._means_of(self._open))
         rows = _at_their_times(joined(self._means), self._width_s, (1.0 - self._samples**-2.0) / 24.0)
-        return recording_of(rows, self._excitation, source, repeats=repeats)
+        return Recording(**vars(rows), excitation=self._excitation, source=source, repeats=repeats)
 
     def _number(self, rows: RowBlock) -> FloatArray:
         """Number of each row's interval."""

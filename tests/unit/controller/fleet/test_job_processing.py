@@ -97,7 +97,7 @@ def test_a_row_holds_what_identify_finds(done, recorded_er50):
     assert row["model"] == found.payload.model.values.tolist()
     assert row["loaded_sha256"] in found.payload.provenance.recordings_sha256.values()
     assert row["robot_sha256"] == found.payload.provenance.configuration_sha256
-    identification = found.content.identification
+    identification = found.identification
     assert row["friction_nm"] == identification.arm_friction.torque_nm.tolist()
     assert row["gain_change"] == [math.expm1(value) for value in identification.gains.log_gain]
     assert row["notes"] == list(identification.notes)

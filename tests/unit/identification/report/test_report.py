@@ -30,7 +30,7 @@ from armload_identification.report.figures.joint_figures import thin_out, torque
 from armload_identification.report.page import _typeset, rendered, write_page
 from armload_identification.report.payload_in_words import headline, parameter_rows
 from armload_identification.report.report import render_report
-from armload_identification.report.report_content import ReportContent, ReportedPayload
+from armload_identification.report.report_content import ReportedPayload
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.verdict.payload_verdict import known_payload
 from armload_identification.verdict.tolerance import Tolerance
@@ -82,11 +82,11 @@ class Page(HTMLParser):
 def subject(identification, truth=None, **changes):
     arm = SimpleNamespace(**({"name": "test arm", "description": "six joints", "joint_names": NAMES} | changes))
     payload = payload_result(identification, "0.1.0", "c" * 64)
-    return ReportedPayload(arm, payload, ReportContent(identification), truth)
+    return ReportedPayload(arm, payload, identification, truth=truth)
 
 
-def report_of(about, content):
-    return render_report(replace(about, content=content), "2026-01-02 03:04")
+def report_of(about, fitted, validation=None):
+    return render_report(replace(about, fitted=fitted, validation=validation), "2026-01-02 03:04")
 
 
 def number(text):
@@ -135,7 +135,7 @@ def full_text(clear, validation, pinocchio_arm):
         replace(runs, sources=tuple(replace(source, attachments=marked) for source in runs.sources))
         for runs in (clear, validation.measured)
     )
-    return report_of(about, ReportContent(fitted, replace(validation, measured=measured)))
+    return report_of(about, fitted, replace(validation, measured=measured))
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +159,7 @@ def curves_of_one_joint():
 @pytest.fixture(scope="module")
 def bare_text(noisy):
     with curves_of_one_joint():
-        return report_of(subject(noisy), ReportContent(noisy))
+        return report_of(subject(noisy), noisy)
 
 
 @pytest.fixture(scope="module")
@@ -266,7 +266,7 @@ def test_every_note_is_shown_and_the_gravest_comes_first(bare, noisy, without_cu
         assert re.sub("<.*?>", "", str(_typeset(note[1:]))) in bare.text
     blind = subject(noisy)
     blind = replace(blind, payload=replace(blind.payload, determined=np.zeros(10, bool)))
-    text = Page(report_of(blind, ReportContent(noisy))).text
+    text = Page(report_of(blind, noisy)).text
     assert "requires mass and centre of mass, and mass, cx, cy and cz are not determined." in text
     assert 0 < text.index("Do not use this payload for feed-forward") < text.index(noisy.notes[0][1:60])
 
@@ -305,7 +305,7 @@ def test_the_first_screen_has_the_verdict_and_what_is_wrong(clear, validation, p
     vague = replace(payload, mass_center=None, interval_95=payload.interval_95 + np.array([-1.0, 1.0]))
     unclear = verdict_box(judge(validation.measured, pinocchio_arm.chain, known_payload(vague), Tolerance()), NAMES)
     assert (unclear.kind, unclear.title) == ("missing", "Cannot tell")
-    page = Page(report_of(subject(clear), ReportContent(clear, failed)))
+    page = Page(report_of(subject(clear), clear, failed))
     assert 0 < page.text.index("Wrong.") < page.text.index("too high") < page.text.index("Physical consistency")
 
 
@@ -366,7 +366,7 @@ def test_the_page_says_what_to_do_next(clear, validation, pinocchio_arm, without
     payload = about.payload
 
     def first_step(about, validation):
-        page = Page(report_of(about, ReportContent(clear, validation)))
+        page = Page(report_of(about, clear, validation))
         return page.text.partition("What to do next")[2].strip().partition("\n")[0]
 
     assert "armload export" in first_step(about, validation)
@@ -376,7 +376,7 @@ def test_the_page_says_what_to_do_next(clear, validation, pinocchio_arm, without
     assert first_step(about, failed) == "Do not use this payload."
     unknown = replace(payload, determined=np.zeros(10, dtype=bool))
     assert first_step(replace(about, payload=unknown), None).startswith("Do not use this payload yet")
-    page = Page(report_of(subject(clear), ReportContent(clear)))
+    page = Page(report_of(subject(clear), clear))
     assert page.text.index("What to do next") < page.text.index("record another motion") < page.text.index("Parameters")
 
 
@@ -421,7 +421,7 @@ def test_dropped_rows_and_further_recordings_are_listed(clear, without_curves):
     about = replace(
         about, payload=replace(about.payload, provenance=replace(about.payload.provenance, validation_sha256=more))
     )
-    page = report_of(about, ReportContent(replace(clear, sources=(lossy, clear.sources[1]))))
+    page = report_of(about, replace(clear, sources=(lossy, clear.sources[1])))
     rows = Page(page).table("provenance")[1:]
     assert rows[0][2].endswith("3 dropped (2 not finite, 1 truncated last row)")
     assert ", ends early" in rows[0][1]
@@ -497,20 +497,20 @@ def test_every_figure_says_what_it_shows(full):
 def test_the_same_inputs_give_the_same_bytes(tmp_path, noisy, bare_text):
     path = tmp_path / "report.html"
     with curves_of_one_joint():
-        write_page(path, report_of(subject(noisy), ReportContent(noisy)))
+        write_page(path, report_of(subject(noisy), noisy))
     assert path.read_bytes() == bare_text.encode()
 
 
 def test_a_page_that_cannot_be_written_is_an_error_with_its_path(tmp_path, noisy, without_curves):
     path = tmp_path / "missing" / "report.html"
     with pytest.raises(ReportError, match=r"missing/report\.html: the report cannot be written"):
-        write_page(path, report_of(subject(noisy), ReportContent(noisy)))
+        write_page(path, report_of(subject(noisy), noisy))
     assert issubclass(ReportError, IdentificationError)
 
 
 def test_names_must_fit_the_joints(noisy):
     with pytest.raises(ReportError, match="3 joint names for recordings of 6 joints"):
-        report_of(subject(noisy, joint_names=NAMES[:3]), ReportContent(noisy))
+        report_of(subject(noisy, joint_names=NAMES[:3]), noisy)
 
 
 def test_long_recordings_make_no_long_pages(clear):

@@ -9,10 +9,10 @@ import pytest
 
 from armload_identification.files.payload_file import read_payload
 from armload_identification.model.payload import PARAMETER_NAMES
+from armload_identification.pipeline.identification_result import Identification
 from armload_identification.recording.recording import RecordingSource
 from armload_identification.recording.run_format import RUN_ATTACHMENT
 from armload_identification.report import report
-from armload_identification.report.report_content import ReportContent
 from armload_identification.results.findings import Findings
 from armload_identification.verdict.agreement import Outcome
 
@@ -27,11 +27,11 @@ def recorded(name, run=""):
 
 @pytest.fixture
 def findings(make_subject):
-    """Findings of a payload without its iyz, with any content."""
+    """Findings of a payload without its iyz, with any runs."""
 
-    def findings(content=None, **changes):
+    def findings(**runs):
         payload = make_subject(undetermined=("iyz",)).payload
-        return Findings(ARM, payload, content or ReportContent(), "1.2.3", **changes)
+        return Findings(ARM, payload, **runs)
 
     return findings
 
@@ -66,23 +66,23 @@ SIMULATED, REAL = recorded("a", '{"simulated": true}'), recorded("b", '{"simulat
     ],
 )
 def test_findings_are_simulated_if_every_recording_is(findings, fitted, validating, simulated):
-    assert findings(SimpleNamespace(sources=(fitted, validating))).simulated is simulated
+    runs = {"fitted": SimpleNamespace(sources=fitted), "validation": SimpleNamespace(sources=validating)}
+    assert findings(**runs).simulated is simulated
 
 
 def test_what_a_fit_and_a_validation_say_is_said(findings, monkeypatch):
-    content = SimpleNamespace(
-        identification=SimpleNamespace(notes=("one", "two")), validation=SimpleNamespace(outcome=Outcome.WRONG)
-    )
+    fitted = Identification(*[None] * 13, notes=("one", "two"))
     box = SimpleNamespace(title="Wrong", text="It is too heavy.")
-    monkeypatch.setattr("armload_identification.results.findings.verdict_box", lambda validation, names: box)
-    found = findings(content)
+    monkeypatch.setattr("armload_identification.report.report_content.verdict_box", lambda validation, names: box)
+    found = findings(fitted=fitted, validation=SimpleNamespace(outcome=Outcome.WRONG))
     assert found.outcome is Outcome.WRONG
     assert found.table().sentences == ("Wrong. It is too heavy.", "note: one", "note: two")
 
 
 def test_recordings_of_the_validation_are_written_with_the_payload(findings, tmp_path):
-    content = SimpleNamespace(sources=((recorded("a.mcap"),), (recorded("b.mcap"), recorded("c.mcap"))))
-    found = findings(content).with_validation_in_provenance()
+    fitted = SimpleNamespace(sources=(recorded("a.mcap"),))
+    validation = SimpleNamespace(sources=(recorded("b.mcap"), recorded("c.mcap")))
+    found = findings(fitted=fitted, validation=validation).with_validation_in_provenance()
     hashes = {name: f"hash of {name}" for name in ("b.mcap", "c.mcap")}
     assert found.payload.provenance.validation_sha256 == hashes
     found.save(str(tmp_path / "payload.toml"))

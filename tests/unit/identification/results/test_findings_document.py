@@ -11,8 +11,7 @@ from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_identification import identify
-from armload_identification.report.report_content import ReportContent, ReportedPayload
-from armload_identification.report.verdict_box import verdict_box
+from armload_identification.report.report_content import ReportedPayload
 from armload_identification.results.findings_document import findings_document
 
 pytestmark = pytest.mark.pure
@@ -20,8 +19,8 @@ pytestmark = pytest.mark.pure
 
 def document(found):
     arm = SimpleNamespace(name="arm", joint_names=tuple(f"j{i}" for i in range(6)))
-    subject = ReportedPayload(arm, payload_result(found, "0", ""), ReportContent(found))
-    made = findings_document(subject, verdict_box(None, arm.joint_names))
+    subject = ReportedPayload(arm, payload_result(found, "0", ""), found)
+    made = findings_document(subject)
     return json.loads(json.dumps(made, allow_nan=False))["identification"]
 
 

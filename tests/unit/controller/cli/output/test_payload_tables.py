@@ -76,7 +76,7 @@ def test_errors_with_feed_forward_are_told_as_less_and_loaded_joints_are_marked(
 def findings(outcome=Outcome.RIGHT):
     made = []
     return SimpleNamespace(
-        content=SimpleNamespace(identification=None, validation=None),
+        validation=None,
         payload=None,
         truth=None,
         notes=("one", "two"),
