@@ -11,7 +11,7 @@ import numpy as np
 from armload_controller.config.chain_from_urdf import DescribedArm, UrdfArm
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import rpy_rad
-from armload_identification.storage.toml_text import array, inline
+from armload_identification.storage.toml_text import value
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,10 +47,10 @@ def draft_of_urdf(arm: UrdfArm) -> ArmDraft:
         description=f"drafted from {Path(arm.file).name}, {arm.base} to {arm.flange}",
         convention="joint-origins",
         rows=tuple(
-            inline(_pose(placement) | {"axis": array(axis)})
+            value(_pose(placement) | {"axis": axis})
             for placement, axis in zip(chain.placement, chain.axis, strict=True)
         ),
-        flange=inline(_pose(chain.flange)),
+        flange=value(_pose(chain.flange)),
         source=f"the URDF {Path(arm.file).name}",
     )
 
@@ -65,9 +65,9 @@ def within(draft: ArmDraft, range_rad: FloatArray) -> ArmDraft:
     return replace(draft, position_min_rad=range_rad[0], position_max_rad=range_rad[1])
 
 
-def _pose(pose: FloatArray) -> dict[str, str]:
-    """A (4, 4) pose as TOML keys and values."""
-    return {"xyz_m": array(_rounded(pose[:3, 3])), "rpy_rad": array(_rounded(rpy_rad(pose[:3, :3])))}
+def _pose(pose: FloatArray) -> dict[str, FloatArray]:
+    """A (4, 4) pose by TOML key."""
+    return {"xyz_m": _rounded(pose[:3, 3]), "rpy_rad": _rounded(rpy_rad(pose[:3, :3]))}
 
 
 def _rounded(values: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from armload_controller.new_robot.arm_draft import ArmDraft
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
-from armload_identification.storage.toml_text import array, inline, number
+from armload_identification.storage.toml_text import value
 
 Ask = Callable[[str], str]
 """Shows a question, returns the answer."""
@@ -133,17 +133,17 @@ def _kinematics(talk: Interview, convention: str, joints: int) -> tuple[tuple[st
         [talk.numbers(f"Joint {i}, {what} (m, rad): ", 9 if origins else 4) for i in range(1, joints + 1)]
     )
     end = talk.numbers("Flange in the last frame, x y z roll pitch yaw [0 0 0 0 0 0]: ", 6, (0.0,) * 6)
-    flange = inline({"xyz_m": array(end[:3]), "rpy_rad": array(end[3:])})
+    flange = value({"xyz_m": end[:3], "rpy_rad": end[3:]})
     gravity = np.array(STANDARD_GRAVITY_M_S2)
     try:
         pose = pose_from_xyz_rpy(end[:3], end[3:])
         if origins:
-            rows = [{"xyz_m": array(v[:3]), "rpy_rad": array(v[3:6]), "axis": array(v[6:])} for v in values]
+            rows = [{"xyz_m": v[:3], "rpy_rad": v[3:6], "axis": v[6:]} for v in values]
             chain = Chain.from_origins(values[:, :3], values[:, 3:6], values[:, 6:], pose, gravity)
         else:
-            rows = [{key: number(x) for key, x in zip(_DH_KEYS, v, strict=True)} for v in values]
+            rows = [dict(zip(_DH_KEYS, v.tolist(), strict=True)) for v in values]
             build = Chain.from_modified_dh if convention == "modified-dh" else Chain.from_standard_dh
             chain = build(values, pose, gravity)
     except ModelError as error:
         return (), flange, str(error)
-    return tuple(inline(row) for row in rows), flange, chain
+    return tuple(map(value, rows)), flange, chain

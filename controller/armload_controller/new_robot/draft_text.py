@@ -21,7 +21,7 @@ from armload_controller.new_robot.workspace_draft import WorkspaceDraft
 from armload_controller.new_robot.workspace_text import add_workspace
 from armload_core.arrays import FloatArray
 from armload_identification.model.payload import InertialParameters
-from armload_identification.storage.toml_text import array, number, text
+from armload_identification.storage.toml_text import value
 
 SLOW_RAD_S: Final = 1.0
 """Greatest speed of a joint of which none is given: a slow industrial arm's."""
@@ -70,7 +70,7 @@ def draft_file(
         _body(file, arm, whole)
     if excitations is not None:
         file.add(
-            "[excitation]", *(f"{role} = {text(name)}" for role, name in zip(_ROLES, excitations, strict=True)), ""
+            "[excitation]", *(f"{role} = {value(name)}" for role, name in zip(_ROLES, excitations, strict=True)), ""
         )
     add_bus(file, arm.name, bus, twin=twin)
     for joint in range(arm.n):
@@ -90,21 +90,21 @@ _ROLES = ("identification", "validation")
 
 
 def _robot(file: DraftedFile, arm: ArmDraft, payload_kg: float | None) -> None:
-    file.add("[robot]", f"name = {text(arm.name)}", f"description = {text(arm.description)}")
+    file.add("[robot]", f"name = {value(arm.name)}", f"description = {value(arm.description)}")
     file.value(
         "rated_payload_kg",
         np.nan if payload_kg is None else payload_kg,
         "robot",
         "maximum payload, including the tool",
     )
-    gravity = array(np.round(arm.chain.gravity_m_s2, 9) + 0.0)
+    gravity = value(np.round(arm.chain.gravity_m_s2, 9) + 0.0)
     file.add(f"gravity_m_s2 = {gravity}  # assumed: the arm is upright; change it for any other mounting", "")
     file.unchecked.append(f"gravity: {gravity} m/s2 in the base frame, for an upright arm")
 
 
 def _kinematics(file: DraftedFile, arm: ArmDraft) -> None:
     key = "origins" if arm.convention == "joint-origins" else "rows"
-    file.add("[kinematics]", f"convention = {text(arm.convention)}", f"{key} = [")
+    file.add("[kinematics]", f"convention = {value(arm.convention)}", f"{key} = [")
     file.add(*(f"    {row},  # {name}" for row, name in zip(arm.rows, arm.joint_names, strict=True)))
     file.add("]", f"flange = {arm.flange}  # in the last frame", "")
 
@@ -144,8 +144,8 @@ def _body(file: DraftedFile, arm: ArmDraft, links: Sequence[InertialParameters])
             "[[body.links]]",
             *body_lines(link),
             "reflected_rotor_inertia_kg_m2 = 0.0  # assumed: not known",
-            f"coulomb_nm = {number(coulomb)}{comment}",
-            f"viscous_nm_s_rad = {number(max(viscous, 0.0))}",
+            f"coulomb_nm = {value(coulomb)}{comment}",
+            f"viscous_nm_s_rad = {value(max(viscous, 0.0))}",
             "",
         )
     file.unchecked.append("rotor inertias: none; motions require more torque than computed from this file")
@@ -176,7 +176,7 @@ def _joint(file: DraftedFile, arm: ArmDraft, joint: int, *, has_body: bool) -> N
             "turn)"
         )
         file.add("# and torque_constant_nm_a (of the motor, N m per ampere).")
-    file.add("[[joints]]", f"name = {text(arm.joint_names[joint])}")
+    file.add("[[joints]]", f"name = {value(arm.joint_names[joint])}")
     file.value("position_min_rad", lower, where, endless)
     file.value("position_max_rad", upper, where, endless)
     if np.isnan(speed):

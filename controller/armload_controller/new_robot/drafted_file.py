@@ -7,8 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from armload_identification.storage.toml_text import number
-
 HOLE: Final = '"FILL IN"'
 """Stands for a number that only the arm's manufacturer or user knows."""
 
@@ -44,4 +42,4 @@ class DraftedFile:
         if np.isnan(value):
             self.holes.append(place)
             return HOLE
-        return number(float(f"{value:.12g}"))
+        return repr(float(f"{value:.12g}"))

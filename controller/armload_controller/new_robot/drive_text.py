@@ -8,7 +8,7 @@ from armload_controller.config.drive_profiles import profile_hint
 from armload_controller.new_robot.drafted_file import HOLE, DraftedFile
 from armload_controller.new_robot.drive_drafts import BusDraft, DriveDraft
 from armload_controller.new_robot.twin_draft import twin_bus
-from armload_identification.storage.toml_text import inline, text
+from armload_identification.storage.toml_text import inline, value
 
 CYCLE_HZ: Final = 100.0
 
@@ -22,7 +22,7 @@ def add_bus(file: DraftedFile, name: str, bus: BusDraft | None, *, twin: bool) -
         twin: Whether drives and arm are simulated.
     """
     interface, channel = ("socketcan", "can0") if bus is None else (bus.interface, bus.channel)
-    head = ["[bus]", f"interface = {text(interface)}", f"channel = {text(channel)}"]
+    head = ["[bus]", f"interface = {value(interface)}", f"channel = {value(channel)}"]
     lines = [
         *(twin_bus(name) if twin else head),
         f"bitrate = {1_000_000 if bus is None else bus.bitrate}",
@@ -62,8 +62,8 @@ def add_drive(file: DraftedFile, joint: int, drive: DriveDraft | None, bus: BusD
 
     known = drive or DriveDraft(joint + 1, None, None, None, None, None, ())
     add("node_id", str(known.node_id))
-    add("mode", None if known.mode is None else text(known.mode), '"csp" or "ip"')
-    add("feedback", None if known.feedback is None else text(known.feedback), '"torque" (6077) or "current" (6078)')
+    add("mode", None if known.mode is None else value(known.mode), '"csp" or "ip"')
+    add("feedback", None if known.feedback is None else value(known.feedback), '"torque" (6077) or "current" (6078)')
     permille = known.max_torque_permille
     add("max_torque_permille", None if permille is None else str(permille), "6072, per mille of the rated torque")
     add("following_error_rad", "0.1", "assumed: beyond this the drive stops")
@@ -72,7 +72,7 @@ def add_drive(file: DraftedFile, joint: int, drive: DriveDraft | None, bus: BusD
         add("torque_offset", "false", "no 60B2: no feed-forward")
     lines += [f"{key} = 32  # as its description states" for key in known.wide]
     if known.missing:
-        listed = ", ".join(text(name) for name in known.missing)
+        listed = ", ".join(value(name) for name in known.missing)
         lines.append(
             f"# accept_missing = [{listed}]  # the drive has no object for these: read drivers/SAFETY.md before "
             "accepting this"
@@ -87,11 +87,11 @@ def add_drive(file: DraftedFile, joint: int, drive: DriveDraft | None, bus: BusD
             f"torque_constant_nm_a = {HOLE}  # of the motor, N m per ampere as 6078 counts it",
         ]
     if bus is not None and bus.description is not None:
-        lines.append(f"description = {text(bus.description)}")
+        lines.append(f"description = {value(bus.description)}")
     if known.identity is not None:
         hint = profile_hint(known.identity.vendor_id)
         lines += [f"# {hint}"] if hint else []
         numbers = {"vendor_id": known.identity.vendor_id, "product_code": known.identity.product_code}
-        stated = {key: f"0x{value:08X}" for key, value in numbers.items() if value is not None}
+        stated = {key: f"0x{number:08X}" for key, number in numbers.items() if number is not None}
         lines.append(f"identity = {inline(stated)}")
     file.add(*(lines if drive is not None else [f"# {line}".replace("# #", "#") for line in lines]), "")

@@ -13,7 +13,7 @@ import numpy as np
 from armload_controller.new_robot.arm_draft import ArmDraft
 from armload_core.arrays import FloatArray
 from armload_identification.model.payload import TENSOR_ELEMENTS, InertialParameters, tensor_elements
-from armload_identification.storage.toml_text import array, inline, number, text
+from armload_identification.storage.toml_text import value
 
 COUNTS_PER_TURN: Final = 2**20
 PEAK_OF_RATED: Final = 3
@@ -28,7 +28,7 @@ FOLLOWING_ERROR_RAD: Final = 0.2
 
 def twin_bus(name: str) -> list[str]:
     """Lines of `[bus]` for a bus inside the process."""
-    return ["[bus]", 'interface = "virtual"  # no real bus', f"channel = {text(f'armload-{name}')}"]
+    return ["[bus]", 'interface = "virtual"  # no real bus', f"channel = {value(f'armload-{name}')}"]
 
 
 def twin_drive(arm: ArmDraft, joint: int) -> list[str]:
@@ -44,9 +44,9 @@ def twin_drive(arm: ArmDraft, joint: int) -> list[str]:
         'mode = "csp"',
         'feedback = "torque"',
         f"counts_per_axis_turn = {COUNTS_PER_TURN}",
-        f"rated_torque_nm = {number(arm.torque_max_nm[joint] / PEAK_OF_RATED)}",
+        f"rated_torque_nm = {value(arm.torque_max_nm[joint] / PEAK_OF_RATED)}",
         f"max_torque_permille = {1000 * PEAK_OF_RATED}",
-        f"following_error_rad = {number(round(window_rad, 4))}",
+        f"following_error_rad = {value(round(window_rad, 4))}",
         f"following_lag_s = {LAG_S}",
         "has_brake = true",
     ]
@@ -75,7 +75,7 @@ def twin_simulation(
         "[simulation]",
         "seed = 1",
         'payload = "cube"',
-        f"start_position_rad = {array(np.round(start_rad, 4) + 0.0)}",
+        f"start_position_rad = {value(np.round(start_rad, 4) + 0.0)}",
         "",
         "[simulation.payloads.cube]",
         *body_lines(payload),
@@ -87,10 +87,10 @@ def twin_simulation(
         lines += [
             "[[simulation.joints]]",
             f"link = {{ {', '.join(body_lines(link))} }}",
-            f"reflected_rotor_inertia_kg_m2 = {number(round(rotor, 6))}",
-            f"coulomb_nm = {number(friction_nm[joint])}",
-            f"viscous_nm_s_rad = {number(viscous)}",
-            f"stribeck_nm = {number(round(0.2 * friction_nm[joint], 6))}",
+            f"reflected_rotor_inertia_kg_m2 = {value(round(rotor, 6))}",
+            f"coulomb_nm = {value(friction_nm[joint])}",
+            f"viscous_nm_s_rad = {value(viscous)}",
+            f"stribeck_nm = {value(round(0.2 * friction_nm[joint], 6))}",
             "stribeck_velocity_rad_s = 0.02",
             f"load_friction = {LOAD_FRICTION}",
             "torque_ripple_nm = 0.0",
@@ -104,7 +104,7 @@ def body_lines(body: InertialParameters) -> list[str]:
     """Keys of a rigid body: mass, centre of mass, inertia about it."""
     inertia = np.round(tensor_elements(body.inertia_about_com), 9) + 0.0
     return [
-        f"mass_kg = {number(round(body.mass_kg, 6))}",
-        f"center_of_mass_m = {array(np.round(body.center_of_mass_m, 6) + 0.0)}",
-        f"inertia_kg_m2 = {inline({key: number(value) for key, value in zip(TENSOR_ELEMENTS, inertia, strict=True)})}",
+        f"mass_kg = {value(round(body.mass_kg, 6))}",
+        f"center_of_mass_m = {value(np.round(body.center_of_mass_m, 6) + 0.0)}",
+        f"inertia_kg_m2 = {value(dict(zip(TENSOR_ELEMENTS, inertia.tolist(), strict=True)))}",
     ]

@@ -9,7 +9,7 @@ import numpy as np
 from armload_controller.new_robot.arm_draft import ArmDraft
 from armload_controller.new_robot.drafted_file import DraftedFile
 from armload_controller.new_robot.workspace_draft import BARE_RADIUS_M, KEEP_M, WorkspaceDraft, up_of
-from armload_identification.storage.toml_text import array, inline, number, text
+from armload_identification.storage.toml_text import inline, value
 
 
 def add_workspace(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft) -> None:
@@ -24,7 +24,7 @@ def _add_table(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, name
     file.add(
         "# What the arm must not touch. Spheres in the joint frames (0: base); the tool's in the flange frame.",
         "[workspace]",
-        f"keep_m = {number(KEEP_M)}  # assumed: clearance to everything",
+        f"keep_m = {value(KEEP_M)}  # assumed: clearance to everything",
         "spheres = [",
     )
     for sphere in workspace.spheres:
@@ -37,26 +37,26 @@ def _add_table(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, name
         )
         row = {
             "link": names[sphere.link],
-            "center_m": array(np.round(sphere.center_m, 4) + 0.0),
-            "radius_m": number(round(sphere.radius_m, 4)),
+            "center_m": value(np.round(sphere.center_m, 4) + 0.0),
+            "radius_m": value(round(sphere.radius_m, 4)),
         }
         file.add(f"    {inline(row)},{why}")
     file.add("]")
     if workspace.apart:
         file.add("apart = [", *(f"    [{names[a]}, {names[b]}]," for a, b in workspace.apart), "]")
     if workspace.urdf is not None and workspace.meshes:
-        file.add(f"urdf = {text(workspace.urdf)}  # its meshes are also checked")
+        file.add(f"urdf = {value(workspace.urdf)}  # its meshes are also checked")
         if workspace.touching:
             file.add(
                 "urdf_touching = [  # neighbours whose shapes touch in nearly every pose",
-                *(f"    [{text(a)}, {text(b)}]," for a, b in workspace.touching),
+                *(f"    [{value(a)}, {value(b)}]," for a, b in workspace.touching),
                 "]",
             )
     if workspace.above_floor:
         row = {
             "name": '"floor"',
-            "normal": array(np.round(up_of(arm), 9) + 0.0),
-            "offset_m": number(round(workspace.floor_m, 4) + 0.0),
+            "normal": value(np.round(up_of(arm), 9) + 0.0),
+            "offset_m": value(round(workspace.floor_m, 4) + 0.0),
             "links": "[" + ", ".join(names[index] for index in workspace.above_floor) + "]",
         }
         file.add("half_spaces = [", f"    {inline(row)},  # assumed: at the height of the root", "]")

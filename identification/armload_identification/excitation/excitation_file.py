@@ -149,7 +149,7 @@ def _margin_lines(margins: LimitMargins) -> list[str]:
     rounded: dict[str, object] = {name: [_rounded_down(v) for v in getattr(margins, name)] for name in PER_JOINT}
     for key in ("clearance_m", "speed_m_s"):
         if room := getattr(margins, key):
-            rounded[key] = {toml_text.text(name): _rounded_down(value) for name, value in room.items()}
+            rounded[key] = {toml_text.value(name): _rounded_down(value) for name, value in room.items()}
     comment = "# minimum margins, within the part of each limit that the design may use"
     return [comment, *toml_text.table("margins", rounded)]
 

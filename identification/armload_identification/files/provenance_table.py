@@ -35,6 +35,6 @@ def provenance_lines(provenance: Provenance) -> list[str]:
         hashes = getattr(provenance, key)
         if hashes or key == "recordings_sha256":
             lines += toml_text.table(
-                f"provenance.{key}", {toml_text.text(name): sha256 for name, sha256 in hashes.items()}
+                f"provenance.{key}", {toml_text.value(name): sha256 for name, sha256 in hashes.items()}
             )
     return lines

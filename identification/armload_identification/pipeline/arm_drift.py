@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from enum import StrEnum
 from typing import Final
 
@@ -14,6 +14,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.run_health import RunHealth
 from armload_identification.pipeline.warm_up import WarmUp, warm_up
+from armload_identification.recording.run_start import stated_starts
 from armload_identification.verdict.control_limits import ControlChart, control_chart
 
 
@@ -98,13 +99,10 @@ def arm_drift(calibration: ArmCalibration, runs: Sequence[RunHealth]) -> ArmDrif
         calibration: The calibration with which the runs were compared.
         runs: One or more runs.
     """
-    began = [datetime.fromisoformat(run.recorded) for run in runs if run.recorded]
-    dated = tuple(moment if moment.tzinfo else moment.replace(tzinfo=UTC) for moment in began)
-    if len(dated) == len(runs):
+    dated = stated_starts([run.recorded for run in runs])
+    if dated:
         order = sorted(range(len(runs)), key=lambda index: dated[index])
         runs, dated = [runs[index] for index in order], tuple(dated[index] for index in order)
-    else:
-        dated = ()
     warming = warm_up(runs, dated)
     n = calibration.n
     usual = {

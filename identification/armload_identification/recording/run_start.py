@@ -5,6 +5,7 @@ Times that cannot be are ignored: clocks that count from the start of a controll
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
@@ -37,14 +38,23 @@ def run_start_text(recording: Recording) -> str:
     return "" if start is None else start[0].isoformat(timespec="seconds")
 
 
+def stated_starts(texts: Sequence[str]) -> tuple[datetime, ...]:
+    """The starts of runs, each ISO 8601 and in UTC if it names no zone; none of them if one is not known."""
+    try:
+        starts = [datetime.fromisoformat(text) for text in texts]
+    except ValueError:
+        return ()
+    return tuple(start if start.tzinfo else start.replace(tzinfo=UTC) for start in starts)
+
+
 def _created(recording: Recording) -> datetime | None:
     """The start by the metadata, which are those of the whole file."""
     source = recording.source
     try:
-        created = datetime.fromisoformat(str(source.run().get("created", "")))
-        created = created.replace(tzinfo=UTC) if created.tzinfo is None else created.astimezone(UTC)
-        return created if source.between_s is None else created + timedelta(seconds=source.between_s[0])
-    except (ValueError, OverflowError):
+        starts = stated_starts([str(source.run().get("created", ""))])
+        later = timedelta(seconds=source.between_s[0] if source.between_s else 0.0)
+        return starts[0].astimezone(UTC) + later if starts else None
+    except OverflowError:
         return None
 
 

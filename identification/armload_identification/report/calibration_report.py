@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from datetime import date
 from typing import Final
 
 import numpy as np
@@ -14,7 +13,9 @@ from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDT
 from armload_identification.identification_errors import ReportError
 from armload_identification.numerals import NO_BREAK, decimals_for, numeral
 from armload_identification.recording.reading_options import Effort
+from armload_identification.recording.run_start import stated_starts
 from armload_identification.report.figures.calibration_figures import drift_figure, gains_figure
+from armload_identification.report.figures.control_chart_axes import run_places
 from armload_identification.report.figures.joint_figures import COLORS
 from armload_identification.report.page import rendered
 
@@ -110,27 +111,13 @@ def _payload_rows(calibration: ArmCalibration) -> Iterator[tuple[str, str, str, 
 
 
 def _drift(calibration: ArmCalibration, names: Sequence[str]) -> Iterator[tuple[str, Markup]]:
-    """Name of every joint and the figure of its friction, by day if all runs state theirs, else in their order."""
+    """Name of every joint and the figure of its friction, by date if all runs state theirs, else in their order."""
     runs = calibration.runs
-    days = [_day(run.recorded) for run in runs]
-    if all(days) and len(set(days)) > 1:
-        first = min(day for day in days if day)
-        places = np.array([float((day - first).days) for day in days if day])
-        labels = [f"{day:%d %b}" for day in days if day]
-    else:
-        places, labels = np.arange(1.0, len(runs) + 1.0), [str(number) for number in range(1, len(runs) + 1)]
+    place, dated = run_places(stated_starts([run.recorded for run in runs]), len(runs))
     changes = np.array([calibration.friction_change_nm(run) for run in runs]).T
     for joint, (name, change, usual) in enumerate(zip(names, changes, calibration.usual_change_nm, strict=True)):
         title = (
             f"Change of the friction of joint {joint + 1} ({name}) over the runs: "
             f"{numeral(change.min(), 2)} to {numeral(change.max(), 2)} N m."
         )
-        yield name, Markup(drift_figure(places, labels, change, float(usual), joint, title))
-
-
-def _day(recorded: str) -> date | None:
-    """The day of a run; None if its recording does not state it."""
-    try:
-        return date.fromisoformat(recorded[:10])
-    except ValueError:
-        return None
+        yield name, Markup(drift_figure(place, change, float(usual), joint, title, dated=dated))

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.report.figures.control_chart_axes import draw_run_axis
 from armload_identification.report.figures.figure_style import (
     BLUE,
     INK,
@@ -18,8 +17,6 @@ from armload_identification.report.figures.figure_style import (
 )
 from armload_identification.report.figures.joint_figures import ticks
 from armload_identification.report.figures.svg import inline_svg
-
-_MOST_DAYS: Final = 8
 
 
 def gains_figure(change: FloatArray, half_width_95: FloatArray, determined: list[bool], title: str) -> str:
@@ -49,16 +46,16 @@ def gains_figure(change: FloatArray, half_width_95: FloatArray, determined: list
         return inline_svg(figure, "gains", title)
 
 
-def drift_figure(days: FloatArray, labels: list[str], change: FloatArray, usual: float, joint: int, title: str) -> str:
+def drift_figure(place: FloatArray, change: FloatArray, usual: float, joint: int, title: str, *, dated: bool) -> str:
     """Change of a joint's friction over the runs.
 
     Args:
-        days: (r,) position of every run on the axis: days since the first, or the run's number.
-        labels: Tick label of every run; the same for runs of one day.
+        place: (r,) position of every run on the axis, from `run_places`.
         change: (r,) change of the friction at half the greatest speed, N m.
         usual: Expected standard deviation, N m.
         joint: Joint, from 0.
         title: Description of the figure.
+        dated: Whether the positions are dates.
 
     Returns:
         An `svg` element.
@@ -67,10 +64,8 @@ def drift_figure(days: FloatArray, labels: list[str], change: FloatArray, usual:
         axes = figure.add_subplot()
         axes.axhspan(-2.0 * usual, 2.0 * usual, color=LIGHT_GREY, linewidth=0)
         axes.axhline(0.0, color=INK, linewidth=0.7)
-        axes.plot(days, change, "o", color=BLUE, markersize=3.5)
-        places, first = np.unique(days, return_index=True)
-        step = max(1, -(-len(places) // _MOST_DAYS))
-        axes.set_xticks(places[::step], [labels[index] for index in first[::step]])
+        axes.plot(place, change, "o", color=BLUE, markersize=3.5)
+        draw_run_axis(axes, place, dated=dated)
         axes.set_ylabel("friction, N m")
         axes.yaxis.set_major_locator(ticks(4))
         return inline_svg(figure, f"drift-{joint + 1}", title)

@@ -64,3 +64,22 @@ def draw_dates(axes: Axes, place: FloatArray) -> None:
     span = np.ptp(place)
     text = "{:%d %b\n%Y}" if span >= _FEW_DAYS else "{:%d %b\n%H:%M}" if span >= _FEW_MINUTES else "{:%d %b\n%H:%M:%S}"
     axes.xaxis.set_major_formatter(lambda day, _position: text.format(datetime.fromtimestamp(day * _DAY_S, UTC)))
+
+
+def run_places(began: Sequence[datetime], runs: int) -> tuple[FloatArray, bool]:
+    """Positions of runs on an axis, and whether these are dates; runs of one commissioning state the same moment.
+
+    Args:
+        began: Start of each run; empty if unknown.
+        runs: Number of runs.
+    """
+    return (days_of(began), True) if len(set(began)) > 1 else (np.arange(1.0, runs + 1.0), False)
+
+
+def draw_run_axis(axes: Axes, place: FloatArray, *, dated: bool) -> None:
+    """Label an axis of `run_places` with dates, or with the numbers of the runs."""
+    if dated:
+        draw_dates(axes, place)
+    else:
+        axes.set_xlabel("run")
+        axes.xaxis.set_major_locator(ticks(DATES))

@@ -7,13 +7,12 @@ from functools import partial
 from typing import Final
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from armload_core.arrays import FloatArray
 from armload_identification.pipeline.arm_drift import ArmDrift, Monitored
 from armload_identification.pipeline.warm_up import WARM_S, WarmUp
-from armload_identification.report.figures.control_chart_axes import DATES, days_of, draw_control_chart, draw_dates
+from armload_identification.report.figures.control_chart_axes import draw_control_chart, draw_run_axis, run_places
 from armload_identification.report.figures.figure_style import BLUE, VERMILION, WIDE_IN, styled_figure
 from armload_identification.report.figures.joint_figures import ticks
 
@@ -30,7 +29,7 @@ _HEADINGS: Final = {
 def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Figure:
     """The control charts of all joints, one row per joint."""
     quantities = tuple(Monitored)
-    place, dated = _places(drift)
+    place, dated = run_places(drift.began, len(drift.runs))
     height_in = _ROW_IN * len(names) + _ENDS_IN
     with styled_figure(WIDE_IN, height_in) as drawing:
         # Fixed: a computed layout takes longer than the rest of the report.
@@ -45,15 +44,8 @@ def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Figure:
                 if column == 0:
                     axes.set_ylabel(f"{joint + 1} {name}")
                 if joint == len(names) - 1:
-                    _time_axis(axes, place, dated)
+                    draw_run_axis(axes, place, dated=dated)
         return drawing
-
-
-def _places(drift: ArmDrift) -> tuple[FloatArray, bool]:
-    """Position of every run on the axis, and whether it is a date; runs of one commissioning state the same moment."""
-    if len(set(drift.began)) > 1:
-        return days_of(drift.began), True
-    return np.arange(1.0, len(drift.runs) + 1.0), False
 
 
 def _drawn(values: FloatArray, quantity: Monitored) -> FloatArray:
@@ -61,15 +53,6 @@ def _drawn(values: FloatArray, quantity: Monitored) -> FloatArray:
     if quantity is Monitored.RESIDUAL:
         return np.asarray(np.exp(values))
     return 100.0 * values if quantity is Monitored.GAIN else values
-
-
-def _time_axis(axes: Axes, place: FloatArray, dated: bool) -> None:
-    """Dates, or the numbers of the runs."""
-    if dated:
-        draw_dates(axes, place)
-    else:
-        axes.set_xlabel("run")
-        axes.xaxis.set_major_locator(ticks(DATES))
 
 
 def warm_up_drawing(warming: WarmUp, names: Sequence[str]) -> Figure:

@@ -21,7 +21,7 @@ def shown(monkeypatch):
     figures = []
     monkeypatch.setattr(module, "rendered", lambda template, **content: content)
     monkeypatch.setattr(module, "gains_figure", lambda *values: figures.append(values) or "")
-    monkeypatch.setattr(module, "drift_figure", lambda *values: figures.append(values) or "")
+    monkeypatch.setattr(module, "drift_figure", lambda *values, dated: figures.append((*values, dated)) or "")
 
     def shown(calibration):
         figures.clear()
@@ -83,8 +83,9 @@ def test_friction_is_drawn_by_day_if_all_runs_state_theirs(chosen, shown):
         for day, change in (("2026-03-02T10:00", 0.1), ("2026-03-05T09:00", -0.2), ("2026-03-02T11:00", 0.3))
     ]
     _, (_, first, *_) = shown(replace(chosen, runs=tuple(runs)))
-    places, labels, change, usual, joint, title = first
-    assert (list(places), labels, joint) == ([0.0, 3.0, 0.0], ["02 Mar", "05 Mar", "02 Mar"], 0)
+    places, change, usual, joint, title, dated = first
+    assert (joint, dated) == (0, True)
+    np.testing.assert_allclose(24.0 * (places - places[0]), [0.0, 71.0, 1.0], atol=1e-6)
     speed = chosen.middle_speed_rad_s[0]
     np.testing.assert_allclose(change, np.array([0.1, -0.2, 0.3]) * (1.0 + speed))
     assert usual == pytest.approx(chosen.usual_change_nm[0])
@@ -92,7 +93,7 @@ def test_friction_is_drawn_by_day_if_all_runs_state_theirs(chosen, shown):
     for recorded in (("2026-03-02", ""), ("2026-03-02", "2026-03-02"), ("yesterday", "2026-03-02")):
         runs = tuple(structs.replace(chosen.runs[0], recorded=day) for day in recorded)
         _, (_, first, *_) = shown(replace(chosen, runs=runs))
-        assert (list(first[0]), first[1]) == ([1.0, 2.0], ["1", "2"])
+        assert (list(first[0]), first[-1]) == ([1.0, 2.0], False)
 
 
 def test_a_runs_residual_is_relative_to_that_of_all(chosen, shown):

@@ -40,8 +40,8 @@ def test_every_value_is_read_back(content, read):
 
 
 def test_a_list_has_one_line_and_a_matrix_one_per_row():
-    assert toml_text.array([1.0, 2.0]) == "[1.0, 2.0]"
-    assert toml_text.array(np.eye(2)).splitlines() == ["[", "    [1.0, 0.0],", "    [0.0, 1.0],", "]"]
+    assert toml_text.value([1.0, 2.0]) == "[1.0, 2.0]"
+    assert toml_text.value(np.eye(2)).splitlines() == ["[", "    [1.0, 0.0],", "    [0.0, 1.0],", "]"]
 
 
 def test_a_table_has_its_values_in_order_and_ends_with_an_empty_line():

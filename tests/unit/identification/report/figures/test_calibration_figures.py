@@ -39,24 +39,17 @@ def test_gains_are_drawn_in_percent_and_those_not_determined_in_another_colour(d
     assert "<svg" in svg
 
 
-def test_friction_is_drawn_over_two_usual_deviations_with_a_tick_per_day(drawn):
-    days = np.array([0.0, 0.0, 3.0])
-    svg = drift_figure(days, ["1 Mar", "1 Mar", "4 Mar"], np.array([0.1, 0.2, -0.3]), 0.25, 2, "friction of c")
+def test_friction_is_drawn_over_two_usual_deviations_at_dates_or_numbers(drawn):
+    days = np.array([20000.0, 20000.0, 20003.0])
+    svg = drift_figure(days, np.array([0.1, 0.2, -0.3]), 0.25, 2, "friction of c", dated=True)
     assert drawn["axhspan"][0][:2] == (-0.5, 0.5)
     x, y, *_ = drawn["plot"][0]
     np.testing.assert_array_equal([x, y], [days, [0.1, 0.2, -0.3]])
-    places, labels, _ = drawn["set_xticks"][0]
-    assert (list(places), labels) == ([0.0, 3.0], ["1 Mar", "4 Mar"])
     assert "drift-3" in svg
-
-
-@pytest.mark.parametrize(("count", "ticks"), [(8, 8), (9, 5), (17, 6)])
-def test_of_many_days_only_some_have_a_tick(drawn, count, ticks):
-    days = np.arange(float(count))
-    drift_figure(days, [str(day) for day in range(count)], 0.0 * days, 0.1, 0, "many")
-    places, labels, _ = drawn["set_xticks"][0]
-    assert len(places) == len(labels) == ticks
-    assert [float(label) for label in labels] == list(places)
+    assert "04 Oct" in svg
+    numbered = drift_figure(np.arange(1.0, 4.0), np.array([0.1, 0.2, -0.3]), 0.25, 2, "friction of c", dated=False)
+    assert ">run<" in numbered
+    assert "Oct" not in numbered
 
 
 def test_lines_marks_and_sizes_of_both_figures(drawn, monkeypatch):
@@ -64,7 +57,7 @@ def test_lines_marks_and_sizes_of_both_figures(drawn, monkeypatch):
     figures = []
     monkeypatch.setattr(calibration_figures, "inline_svg", lambda figure, *_: figures.append(figure))
     gains_figure(np.array([0.02]), np.array([0.004]), [True], "gains")
-    drift_figure(np.arange(2.0), ["a", "b"], np.arange(2.0), 0.25, 0, "friction")
+    drift_figure(np.arange(2.0), np.arange(2.0), 0.25, 0, "friction", dated=False)
     assert [figure.get_size_inches().tolist() for figure in figures] == [[7.0, 2.1], [3.4, 1.6]]
     assert [(call[0], call[-1]["linewidth"]) for call in drawn["axhline"]] == [(0.0, 0.7)] * 2
     style = {"color": BLUE, "marker": "o", "markersize": 4, "capsize": 4, "linewidth": 1.4}
