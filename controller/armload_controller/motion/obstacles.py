@@ -10,7 +10,7 @@ from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.workspace import Workspace
 
 if TYPE_CHECKING:
-    from armload_identification.excitation.geometry.collision_meshes import Meshes
+    from armload_controller.motion.collision_meshes import Meshes
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,11 @@ from typing import Final
 import numpy as np
 
 from armload_controller.config.chain_from_urdf import UrdfArm
+from armload_controller.motion.collision_meshes import Meshes
+from armload_controller.motion.urdf_geometry import load_urdf_geometry
 from armload_controller.new_robot.arm_draft import ArmDraft
+from armload_controller.new_robot.enclosing_spheres import enclosing_spheres
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.geometry.collision_meshes import Meshes
-from armload_identification.excitation.geometry.enclosing_spheres import enclosing_spheres
-from armload_identification.excitation.geometry.urdf_geometry import load_urdf_geometry
 from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace
 from armload_identification.identification_errors import ModelError
 

@@ -15,7 +15,7 @@ from armload_identification.model.chain import Chain, pose_from_xyz_rpy
 from armload_identification.storage.strict_toml import BadValue, Table
 
 if TYPE_CHECKING:
-    from armload_identification.excitation.geometry.collision_meshes import Meshes
+    from armload_controller.motion.collision_meshes import Meshes
 
 _ANY_LINK = '0 for the base, the number of a joint for the link that it moves, or "tool"'
 Link = Annotated[int, Meta(ge=0, description=_ANY_LINK)] | Literal["tool"]
@@ -147,7 +147,7 @@ class WorkspaceTable(Table):
         """
         if self.urdf is None:
             return None
-        from armload_identification.excitation.geometry.collision_meshes import Meshes
+        from armload_controller.motion.collision_meshes import Meshes
 
         touching = tuple((a, b) for a, b in self.urdf_touching)
         return Meshes(folder / self.urdf, chain, joint_names, self.keep_m, touching)

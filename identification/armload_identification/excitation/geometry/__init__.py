@@ -1,1 +1,1 @@
-"""Workspace, collision geometry, and the speed of an arm's points."""
+"""Workspace, and the speed of an arm's points."""

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from armload_identification.excitation.geometry.urdf_geometry import load_urdf_geometry
+from armload_controller.motion.urdf_geometry import load_urdf_geometry
 from armload_identification.identification_errors import ModelError
 
 FACET = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"

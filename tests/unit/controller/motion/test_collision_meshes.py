@@ -10,13 +10,13 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
+from armload_controller.motion.collision_meshes import SURPLUS_M, Meshes
 from armload_controller.motion.obstacles import Obstacles
 from armload_controller.session.commissioning import checked_excitations
 from armload_identification.excitation.design import optimal_excitation
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.design_search import Attempt, PeriodRange, Search, SearchSettings
 from armload_identification.excitation.fourier import FourierTrajectory
-from armload_identification.excitation.geometry.collision_meshes import SURPLUS_M, Meshes
 from armload_identification.excitation.information import named_criterion
 from armload_identification.identification_errors import ExcitationError, ModelError
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from armload_controller.motion.urdf_geometry import UrdfGeometry
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.geometry.urdf_geometry import UrdfGeometry
 from armload_identification.excitation.geometry.workspace import Sphere
 
 MOST_SLICES = 3

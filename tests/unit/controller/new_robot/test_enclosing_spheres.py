@@ -8,7 +8,7 @@ import coal
 import numpy as np
 import pytest
 
-from armload_identification.excitation.geometry.enclosing_spheres import MARGIN_M, MOST_SLICES, enclosing_spheres
+from armload_controller.new_robot.enclosing_spheres import MARGIN_M, MOST_SLICES, enclosing_spheres
 
 TURN = np.array([[0.0, -1.0, 0.0], [0.8, 0.0, -0.6], [0.6, 0.0, 0.8]])
 AT = np.array([0.3, -0.2, 0.5])
