@@ -12,11 +12,11 @@ from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ReportError
 from armload_identification.numerals import NO_BREAK, decimals_for, numeral
-from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.run_start import stated_starts
 from armload_identification.report.figures.calibration_figures import drift_figure, gains_figure
 from armload_identification.report.figures.control_chart_axes import run_places
 from armload_identification.report.figures.joint_figures import COLORS
+from armload_identification.report.gain_table import gain_table
 from armload_identification.report.page import rendered
 
 _LOUD: Final = 1.5
@@ -47,15 +47,12 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
     tilt_width_deg = float(np.degrees(NORMAL_HALF_WIDTH * calibration.deviation("tilt").max()))
     width_ms = 1e3 * NORMAL_HALF_WIDTH * float(calibration.deviation("delay")[0])
     tilted = f"tilted by {numeral(tilt_deg, 2)} ± {numeral(tilt_width_deg, 2)}°"
-    current = calibration.effort is Effort.CURRENT
     noise = np.maximum(calibration.noise_nm, np.finfo(float).tiny)
     return rendered(
         "calibration.html.j2",
         calibration=calibration,
         description=description,
-        gain_unit="N m/A" if current else "N m/(N m)",
-        gain_meaning="per ampere of motor current" if current else "per newton metre that the drive reports",
-        joints=[_joint_row(calibration, joint, name) for joint, name in enumerate(names)],
+        joints=gain_table(calibration, names),
         gains=Markup(gains_figure(change, width, calibration.determined.tolist(), title)),
         payloads=list(_payload_rows(calibration)),
         runs=[(run, run.residual_rms_nm / noise) for run in calibration.runs],
@@ -66,29 +63,6 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
         tilt=tilted if tilt_deg > tilt_width_deg else f"level within {numeral(tilt_width_deg, 2)}°",
         colors=COLORS,
     )
-
-
-def _joint_row(calibration: ArmCalibration, joint: int, name: str) -> dict[str, object]:
-    """A joint's line in the table of gains and friction."""
-    gain, nominal = calibration.gain_nm_a[joint], calibration.nominal[joint]
-    width = calibration.gain_half_width_95[joint]
-    decimals = decimals_for(width, gain)
-    friction = NORMAL_HALF_WIDTH * calibration.friction_deviation_nm[joint]
-    load = NORMAL_HALF_WIDTH * calibration.deviation("load")[joint]
-    left = calibration.noise_nm[joint] / max(calibration.level_nm[joint], np.finfo(float).tiny)
-    return {
-        "number": joint + 1,
-        "name": name,
-        "nominal": numeral(nominal, decimals),
-        "gain": numeral(gain, decimals),
-        "width": f"±{NO_BREAK}{numeral(100.0 * width / gain, 2)}{NO_BREAK}%",
-        "change": f"{numeral(100.0 * (gain / nominal - 1.0), 2, signed=True)}{NO_BREAK}%",
-        "friction": _with_width(calibration.friction_nm[joint], friction),
-        "speed": numeral(calibration.middle_speed_rad_s[joint], 2),
-        "load": _with_width(calibration.body.load_friction[joint], load),
-        "unexplained": f"{numeral(100.0 * left, 1)}{NO_BREAK}%",
-        "determined": bool(calibration.determined[joint]),
-    }
 
 
 def _with_width(value: float, half_width: float) -> str:

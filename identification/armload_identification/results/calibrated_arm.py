@@ -14,6 +14,7 @@ from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDT
 from armload_identification.extras import Extra, require_extra
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.recording.reading_options import Effort
+from armload_identification.report.gain_table import gain_table
 from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.findings_document import number
 from armload_identification.results.json_document import json_document
@@ -58,29 +59,7 @@ class CalibratedArm(PrintedResult):
 
     def table(self) -> ResultTable:
         """Gain and load-dependent friction of every joint, with 95 % intervals."""
-        result = self.calibration
-        current = result.effort is Effort.CURRENT
-        title = "Torque per ampere of motor current" if current else "Torque per N m that the drive reports"
-        title = f"{title}, output side of the gear, and friction per transmitted torque (mu)"
-        nominal = "nominal N m/A" if current else "nominal"
-        headings = ("joint", nominal, "calibrated", "95 % +-", "change", "mu", "95 % +-", "unexplained")
-        load = NORMAL_HALF_WIDTH * result.deviation("load")
-        left = result.noise_nm / np.maximum(result.level_nm, np.finfo(float).tiny)
-        rows = [
-            (
-                name,
-                f"{result.nominal[j]:.4g}",
-                f"{result.gain_nm_a[j]:.4g}" if result.determined[j] else f"({result.gain_nm_a[j]:.4g})",
-                f"{100.0 * result.gain_half_width_95[j] / result.gain_nm_a[j]:.2f} %",
-                f"{100.0 * (result.gain_nm_a[j] / result.nominal[j] - 1.0):+z.2f} %",
-                f"{result.body.load_friction[j]:z.3f}",
-                f"{load[j]:z.3f}",
-                f"{100.0 * left[j]:.1f} %",
-            )
-            for j, name in enumerate(self.joint_names)
-        ]
-        doubtful = () if result.determined.all() else ("In brackets: not determined, or hardly better than assumed.",)
-        return ResultTable(title, headings, rows, (0,), doubtful)
+        return gain_table(self.calibration, self.joint_names)
 
     def runs_table(self) -> ResultTable:
         """Fit of every run, and what it carried as identified with the calibrated gains, with its 95 % interval."""

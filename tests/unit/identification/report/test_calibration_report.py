@@ -8,9 +8,9 @@ from msgspec import structs
 
 from armload_identification.identification_errors import ReportError
 from armload_identification.numerals import NO_BREAK
-from armload_identification.recording.reading_options import Effort
 from armload_identification.report import calibration_report as module
 from armload_identification.report.calibration_report import render_calibration_report
+from armload_identification.results.calibrated_arm import CalibratedArm
 
 NAMES = ("a", "b", "c", "d", "e", "f")
 
@@ -34,22 +34,9 @@ def plain(text):
     return text.replace(NO_BREAK, " ").replace("\u2212", "-")
 
 
-def test_a_joint_has_its_gain_with_change_and_interval_friction_and_what_is_unexplained(chosen, shown):
+def test_the_page_has_the_table_that_is_printed_and_a_figure_of_the_changes(chosen, shown):
     page, ((change, width, determined, title), *_) = shown(chosen)
-    joint = {key: plain(value) if isinstance(value, str) else value for key, value in page["joints"][1].items()}
-    assert (joint["number"], joint["name"], joint["determined"]) == (2, "b", True)
-    assert (joint["nominal"], joint["gain"], joint["width"], joint["change"]) == (
-        "10.00",
-        "10.20",
-        "± 1.96 %",
-        "+2.00 %",
-    )
-    assert joint["load"] == "0.030 ± 0.020"
-    assert joint["unexplained"] == "1.0 %"
-    assert float(joint["speed"]) == pytest.approx(chosen.middle_speed_rad_s[1], abs=0.01)
-    assert joint["friction"].startswith(
-        f"{chosen.friction_nm[1]:.3f} ± {1.959964 * chosen.friction_deviation_nm[1]:.3f}"
-    )
+    assert page["joints"] == CalibratedArm("an arm", NAMES, chosen).table()
     np.testing.assert_allclose(change, 0.02)
     np.testing.assert_allclose(width, 0.02 * 10.2 / 10.0, rtol=0.03)
     assert determined == [True] * 6
@@ -101,10 +88,6 @@ def test_a_runs_residual_is_relative_to_that_of_all(chosen, shown):
     page, _ = shown(replace(chosen, runs=(run,)))
     ((_, ratio),) = page["runs"]
     np.testing.assert_allclose(ratio, 1.5)
-    assert page["gain_unit"] == "N m/A"
-    torque, _ = shown(replace(chosen, effort=Effort.TORQUE))
-    assert torque["gain_unit"] == "N m/(N m)"
-    assert "newton metre" in torque["gain_meaning"]
 
 
 def test_names_fit_the_joints_and_the_page_is_whole(chosen):
@@ -113,3 +96,7 @@ def test_names_fit_the_joints_and_the_page_is_whole(chosen):
     page = render_calibration_report(chosen, "an arm <b>", NAMES)
     assert page.count("<svg") >= 7
     assert "an arm &lt;b&gt;" in page
+    text = plain(page)
+    assert '<th scope="row">2 b</th><td class="num">10</td><td class="num">10.2</td><td class="num">1.96 %</td>' in text
+    assert "Gains determined: 6 of 6" in text
+    assert "N m/A" in text

@@ -19,7 +19,10 @@ def arm(chosen):
 
 def test_a_row_says_the_change_its_interval_friction_and_what_is_unexplained(arm):
     table = arm.table()
-    assert table.rows[1] == ("b", "10", "10.2", "1.96 %", "+2.00 %", "0.030", "0.020", "1.0 %")
+    result = arm.calibration
+    wide_nm = 1.959964 * result.friction_deviation_nm[1]
+    friction = (f"{result.friction_nm[1]:.3f}", f"{wide_nm:.3f}", f"{result.middle_speed_rad_s[1]:.2f}")
+    assert table.rows[1] == ("b", "10", "10.2", "1.96 %", "+2.00 %", *friction, "0.030", "0.020", "1.0 %")
     assert "ampere" in table.title
     assert table.headings[1] == "nominal N m/A"
     assert len(table.rows) == 6
