@@ -189,14 +189,24 @@ class Chain:
         Raises:
             ModelError: q has another shape or is not finite.
         """
-        angle = finite_array("q", q, (self.n,))
-        poses = np.empty((self.n + 1, 4, 4))
-        pose = np.eye(4)
-        for i in range(self.n):
-            pose = pose @ self.placement[i] @ _rotation(self.axis[i], angle[i])
-            poses[i] = pose
-        poses[self.n] = pose @ self.flange
+        rotations, origins = self.frames(finite_array("q", q, (self.n,))[None])
+        poses = np.tile(np.eye(4), (self.n + 1, 1, 1))
+        poses[:-1, :3, :3], poses[:-1, :3, 3] = rotations[0], origins[0]
+        poses[-1] = poses[-2] @ self.flange
         return poses
+
+    def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Orientations (N, n, 3, 3) and origins (N, n, 3) of the joint frames in the base frame, at (N, n) rad."""
+        fixed = self.placement[:, :3, :3]
+        across = cross(np.eye(3), self.axis[:, None])
+        sine, cosine = np.sin(q)[:, :, None, None], np.cos(q)[:, :, None, None]
+        rotations = fixed + sine * (fixed @ across) + (1.0 - cosine) * (fixed @ across @ across)
+        origins = np.empty((*q.shape, 3))
+        origins[:, 0] = self.placement[0, :3, 3]
+        for i in range(1, self.n):
+            origins[:, i] = origins[:, i - 1] + rotations[:, i - 1] @ self.placement[i, :3, 3]
+            rotations[:, i] = rotations[:, i - 1] @ rotations[:, i]
+        return rotations, origins
 
 
 def pose_from_xyz_rpy(xyz_m: ArrayLike, rpy_rad: ArrayLike) -> FloatArray:

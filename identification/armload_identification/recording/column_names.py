@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -146,6 +146,8 @@ class _Header:
         texts = [plain_text(name).strip().lstrip("%").replace("%", " percent ") for name in names]
         brackets = [found[-1].strip() if (found := _IN_BRACKETS.findall(text)) else "" for text in texts]
         self._parts = [_name(text, unit, brackets) for text, unit in zip(texts, brackets, strict=True)]
+        meanings = ((place, _column(words, unit)) for place, (words, unit) in enumerate(self._parts))
+        self._measured = [(place, column) for place, column in meanings if column is not None]
         self._time, self._nanoseconds, self._time_factor = self._times()
         self._of_arm = self._by_joint() if arm.names else []
         self._of_others = self._by_number() or self._by_label()
@@ -302,13 +304,6 @@ class _Header:
         pair = [other[2] for other in found if other[3:] == (around, 1e-9)] if factor == 1.0 else []
         return place, pair[0] if pair else None, factor
 
-    def _measurements(self) -> Iterator[tuple[int, _Column]]:
-        """The columns of a joint's quantity, with their places."""
-        for place, (words, unit) in enumerate(self._parts):
-            column = _column(words, unit)
-            if column is not None:
-                yield place, column
-
     def _by_joint(self) -> list[_Series]:
         """The series in which every joint of the arm is named."""
         names, members = self._arm.names, []
@@ -322,7 +317,7 @@ class _Header:
     def _by_number(self) -> list[_Series]:
         """The series of numbered columns; none if numbers are only a part of the joints' names."""
         patterns: dict[tuple[str, ...], list[tuple[int, _Column, tuple[int, ...]]]] = {}
-        for place, column in self._measurements():
+        for place, column in self._measured:
             numbers = tuple(int(word[:9]) for word in column.words if word.isdecimal())
             pattern = tuple(_NUMBER if word.isdecimal() else word for word in column.words)
             patterns.setdefault((column.quantity, column.by, *pattern), []).append((place, column, numbers))
@@ -334,20 +329,19 @@ class _Header:
                 members.append(((*key, *others), numbers[slots[-1]], place, column, True))
         found = _series(members, _NEEDED, int)
         positions = [series for series in found if series.quantity == "position_rad"]
-        all_positions = sum(column.quantity == "position_rad" for _, column in self._measurements())
+        all_positions = sum(column.quantity == "position_rad" for _, column in self._measured)
         numbered = sum(len(series.places) for series in positions)
         alike = len({tuple(series.places) for series in positions}) == 1 and numbered == all_positions
         return found if alike or any(not series.words for series in positions) else []
 
     def _by_label(self) -> list[_Series]:
         """The series whose columns are told apart by any words."""
-        columns = list(self._measurements())
-        labels = [column.label for _, column in columns if column.quantity == "position_rad"]
+        labels = [column.label for _, column in self._measured if column.quantity == "position_rad"]
         same = (
             takewhile(lambda words: len(set(words)) == 1, zip(*labels, strict=False)) if len(labels) >= _NEEDED else ()
         )
         shared = min([len(list(same)), *(len(label) - 1 for label in labels)], default=0)
-        named = [(place, column, "_".join(column.label[shared:])) for place, column in columns]
+        named = [(place, column, "_".join(column.label[shared:])) for place, column in self._measured]
         return _series([((c.quantity, c.by), label, place, c, True) for place, c, label in named if label], _NEEDED)
 
 

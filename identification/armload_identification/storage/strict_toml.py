@@ -183,12 +183,10 @@ def toml_values(content: str, source: str, error: FileErrorClass) -> dict[str, A
     """
     try:
         return tomllib.loads(content)
-    except tomllib.TOMLDecodeError as problem:
-        raise error(source, "", None, f"not valid TOML: {problem}") from problem
     except RecursionError:
         raise error(source, "", None, "not valid TOML: its values are nested too deeply") from None
-    except ValueError as problem:  # an integer of more digits than Python converts
-        raise error(source, "", None, f"not valid TOML: {str(problem).partition(';')[0]}") from problem
+    except ValueError as problem:  # of an integer of more digits than Python converts, without Python's advice
+        raise error(source, "", None, f"not valid TOML: {str(problem).partition('; use ')[0]}") from problem
 
 
 def validated(

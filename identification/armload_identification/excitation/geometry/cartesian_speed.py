@@ -115,7 +115,8 @@ class ArmPoints:
 
     def moving(self, q: FloatArray, dq: FloatArray) -> MovingPoints:
         """The points in N states, of positions (N, n) in rad and velocities (N, n) in rad/s."""
-        origins, axes, rotations = _frames(self.chain, q)
+        rotations, origins = self.chain.frames(q)
+        axes = (rotations @ self.chain.axis[:, :, None])[..., 0]
         link = np.array([one.link for one in self._points]) - 1
         turning = np.cumsum(axes * dq[:, :, None], axis=1)
         drift = np.zeros_like(origins)
@@ -217,20 +218,6 @@ class SpeedLimit:
 
     points: ArmPoints
     speed_m_s: float
-
-
-def _frames(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Origins (N, n, 3), axes (N, n, 3) and orientations (N, n, 3, 3) of the joint frames."""
-    across = np.cross(np.eye(3), chain.axis[:, None])
-    fixed = chain.placement[:, :3, :3]
-    sine, cosine = np.sin(q)[:, :, None, None], np.cos(q)[:, :, None, None]
-    rotations = fixed + sine * (fixed @ across) + (1.0 - cosine) * (fixed @ across @ across)
-    origins = np.empty((*q.shape, 3))
-    origins[:, 0] = chain.placement[0, :3, 3]
-    for i in range(1, chain.n):
-        origins[:, i] = origins[:, i - 1] + rotations[:, i - 1] @ chain.placement[i, :3, 3]
-        rotations[:, i] = rotations[:, i - 1] @ rotations[:, i]
-    return origins, (rotations @ chain.axis[:, :, None])[..., 0], rotations
 
 
 def _length(vectors: FloatArray) -> FloatArray:
