@@ -80,9 +80,10 @@ class _Entries(Table, Generic[_Entry]):
     center_of_mass_m: _Center[_Entry] = _Center()
     inertia_kg_m2: _Inertia[_Entry] = _Inertia()
 
-    def entries(self) -> list[_Entry | None]:
-        """All ten, in the order of `_KEYS`."""
-        return [getattr(getattr(self, group) if group else self, key) for group, key in _KEYS]
+    def entries(self) -> dict[str, _Entry | None]:
+        """All ten by their dotted keys, in the order of `_KEYS`."""
+        within = {group: getattr(self, group) if group else self for group, _ in _KEYS}
+        return {f"{group}.{key}".removeprefix("."): getattr(within[group], key) for group, key in _KEYS}
 
 
 class _PayloadTable(_Entries[float]):
@@ -147,38 +148,32 @@ class _PayloadFile(Table):
             )
 
     def _entries_where_determined(self) -> None:
-        flags = _with_keys(self.determined.entries())
-        for key, flag in flags:
+        flags = self.determined.entries()
+        for key, flag in flags.items():
             if flag is None:
                 raise BadValue(f"determined.{key}", None, "it is required: true or false")
-        sections: dict[str, list[Any]] = {"payload": self.payload.entries(), "interval_95": self.interval_95.entries()}
-        for section, entries in sections.items():
-            for (key, determined), value in zip(flags, entries, strict=True):
-                if value is None and determined:
+        sections: dict[str, _Entries[Any]] = {"payload": self.payload, "interval_95": self.interval_95}
+        for section, table in sections.items():
+            for key, value in table.entries().items():
+                if value is None and flags[key]:
                     raise BadValue(f"{section}.{key}", None, "it is required, because it is true in [determined]")
-                if value is not None and not determined:
+                if value is not None and not flags[key]:
                     found = np.asarray(value).tolist()
                     raise BadValue(f"{section}.{key}", found, "expected no entry: it is false in [determined]")
 
     def _same_as_model(self) -> None:
-        for (key, value), expected in zip(_with_keys(self.payload.entries()), self.model.values(), strict=True):
+        for (key, value), expected in zip(self.payload.entries().items(), self.model.values(), strict=True):
             if value is not None and abs(value - expected) > _MODEL_TOLERANCE * abs(expected):
                 raise BadValue(f"payload.{key}", value, f"expected the number in [model], {expected!r}")
 
     def _intervals_from_low_to_high(self) -> None:
         sections = {"interval_95": self.interval_95, "known_range": self.known_range or _Entries[NumberList]()}
         for section, table in sections.items():
-            for key, interval in _with_keys(table.entries()):
+            for key, interval in table.entries().items():
                 if interval is not None:
                     require_shape(f"{section}.{key}", interval, (2,))
                     if interval[0] > interval[1]:
                         raise BadValue(f"{section}.{key}", interval.tolist(), "expected [low, high]")
-
-
-def _with_keys(entries: list[_Entry]) -> list[tuple[str, _Entry]]:
-    """Ten entries with their dotted keys."""
-    keys = (f"{group}.{key}" if group else key for group, key in _KEYS)
-    return list(zip(keys, entries, strict=True))
 
 
 def format_payload(result: PayloadResult) -> str:
@@ -255,7 +250,7 @@ def parse_payload(content: str, source: str = "payload") -> PayloadResult:
     return PayloadResult(
         frame=tables.payload.frame,
         model=tables.model.body(),
-        determined=np.array(tables.determined.entries(), dtype=np.bool_),
+        determined=np.array([*tables.determined.entries().values()], dtype=np.bool_),
         interval_95=_ranges(tables.interval_95, (np.nan, np.nan)),
         residual_rms_nm=tables.residual.rms_nm,
         noise_nm=tables.residual.noise_nm,
@@ -267,4 +262,4 @@ def parse_payload(content: str, source: str = "payload") -> PayloadResult:
 
 def _ranges(table: _Entries[NumberList], absent: tuple[float, float]) -> FloatArray:
     """(10, 2) ranges of a section."""
-    return np.array([absent if pair is None else pair for pair in table.entries()])
+    return np.array([absent if pair is None else pair for pair in table.entries().values()])

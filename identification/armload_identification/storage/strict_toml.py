@@ -12,7 +12,7 @@ import re
 import tomllib
 from abc import ABCMeta
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache, partial
+from functools import cache
 from os import PathLike
 from pathlib import Path
 from types import NoneType, UnionType
@@ -212,30 +212,6 @@ def validated(
         raise error(source, *_explained(values, tables, within)) from problem
 
 
-def _numbers(kind: Any, expected: str, value: object) -> FloatArray:
-    """An array of finite numbers, at least one."""
-    try:
-        numbers = np.array(msgspec.convert(value, kind), dtype=np.float64)
-    except ValueError as problem:  # of another type, or rows of several lengths
-        raise BadValue("", value, expected) from problem
-    if not (numbers.size and np.isfinite(numbers).all()):
-        raise BadValue("", value, expected)
-    return numbers
-
-
-_number_list = partial(_numbers, list[float], "expected a list of finite numbers")
-_number_rows = partial(_numbers, list[list[float]], "expected lists of finite numbers, all of the same length")
-
-
-def _symmetric_rows(value: object) -> FloatArray:
-    """A symmetric matrix: rows that end at its diagonal, or whole rows."""
-    rows = value if isinstance(value, list) else []
-    if [len(row) if isinstance(row, list) else 0 for row in rows] != list(range(1, len(rows) + 1)):
-        return _number_rows(value)
-    lower = _number_rows([[*row, *[0.0] * (len(rows) - len(row))] for row in rows])
-    return np.asarray(lower + np.tril(lower, -1).T)
-
-
 _Order = NewType("_Order", int)
 NumberList = np.ndarray[tuple[int], np.dtype[np.float64]]
 """(k,) finite numbers, k >= 1."""
@@ -243,15 +219,29 @@ NumberRows = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 """(k, m) finite numbers, k and m >= 1."""
 SymmetricRows = np.ndarray[tuple[_Order, _Order], np.dtype[np.float64]]
 """(k, k) finite numbers, written up to the diagonal."""
-_ARRAYS: dict[object, Callable[[object], FloatArray]]
-_ARRAYS = {NumberList: _number_list, NumberRows: _number_rows, SymmetricRows: _symmetric_rows}
+_ROWS = (list[list[float]], "expected lists of finite numbers, all of the same length")
+_ARRAYS: dict[object, tuple[Any, str]] = {
+    NumberList: (list[float], "expected a list of finite numbers"),
+    NumberRows: _ROWS,
+    SymmetricRows: _ROWS,
+}
+"""What an array is in TOML, and what was expected."""
 
 
 def _array(kind: Any, value: object) -> FloatArray:
-    """An array from a value of TOML; other types are msgspec's."""
+    """An array of finite numbers, at least one, from a value of TOML; other types are msgspec's."""
     if kind not in _ARRAYS:
         raise NotImplementedError(f"{kind} cannot be a key's type")
-    return _ARRAYS[kind](value)
+    listed, expected = _ARRAYS[kind]
+    try:
+        rows = msgspec.convert(value, listed)
+        lower = kind == SymmetricRows and [len(row) for row in rows] == list(range(1, len(rows) + 1))
+        numbers = np.array([[*row, *[0.0] * (len(rows) - len(row))] for row in rows] if lower else rows)
+    except ValueError as problem:  # of another type, or rows of several lengths
+        raise BadValue("", value, expected) from problem
+    if not (numbers.size and np.isfinite(numbers).all()):
+        raise BadValue("", value, expected)
+    return np.asarray(numbers + np.tril(numbers, -1).T if lower else numbers, dtype=np.float64)
 
 
 def require_shape(key: str, found: FloatArray, shape: tuple[int, ...]) -> None:
