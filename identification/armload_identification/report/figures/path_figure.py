@@ -38,8 +38,6 @@ _SAMPLES: Final = 600
 _POSTURES: Final = 8
 _NEAREST: Final = 5
 _SIZE_IN: Final = (11.7, 8.3)
-_CHARACTER_IN: Final = 0.07
-"""Width of a character of a joint's name."""
 
 
 def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[str, ...]) -> Figure:
@@ -62,15 +60,12 @@ def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[s
             f"a trajectory of {excitation.trajectory.n} joints, limits of {envelope.n}, {len(joint_names)} names"
         )
     with matplotlib.style.context(["default", FIGURE_STYLE, _LARGER]):
-        figure = Figure(figsize=_SIZE_IN)
-        rows = figure.add_gridspec(excitation.trajectory.n, 1, left=0.04, right=0.40, bottom=0.06, top=0.96, hspace=0.4)
-        _draw_joints(rows.subplots(sharex=True, squeeze=False)[:, 0], excitation.trajectory, envelope, joint_names)
-        names_in = _CHARACTER_IN * max(len(name) for name in joint_names)
-        right = figure.add_gridspec(
-            2, 2, left=0.42 + max(0.05, names_in / _SIZE_IN[0]), right=0.985, bottom=0.16, top=0.96,
-            height_ratios=(0.6, 0.4), wspace=0.3, hspace=0.18,
-        )  # fmt: skip
-        side, above, use, history = right.subplots(squeeze=False).flat
+        figure = Figure(figsize=_SIZE_IN, layout="constrained")
+        page = figure.add_gridspec(1, 2, width_ratios=(0.4, 0.6))
+        left, right = figure.add_subfigure(page[0]), figure.add_subfigure(page[1])
+        rows = left.subplots(excitation.trajectory.n, sharex=True, squeeze=False)[:, 0]
+        _draw_joints(rows, excitation.trajectory, envelope, joint_names)
+        side, above, use, history = right.subplots(2, 2, height_ratios=(0.6, 0.4)).flat
         tool = _Tool(excitation.trajectory, envelope.workspace)
         tool.draw(side, (0, 2), "from the side: x to the right, z up, m")
         tool.draw(above, (0, 1), "from above: x to the right, y up, m")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
+from matplotlib.transforms import Bbox
 
 from armload_controller.config.robot import Robot, load_robot
 from armload_identification.excitation.fourier import Excitation
@@ -104,29 +106,24 @@ def test_a_picture_of_no_format_is_refused_with_the_formats_there_are(tmp_path, 
     assert list(tmp_path.iterdir()) == []
 
 
-def places(figure, axes):
-    """Left, right, bottom and top as shares of the page."""
-    return [edge for at in (axes.get_position().intervalx, axes.get_position().intervaly) for edge in at]
-
-
-def test_joints_are_at_the_left_of_the_page_and_four_pictures_at_the_right(figure, arm):
+def test_joints_are_at_the_left_of_the_page_and_four_pictures_at_the_right_with_their_labels(figure, arm):
     np.testing.assert_allclose(figure.get_size_inches(), [11.7, 8.3])
-    rows = [axes_titled(figure, name) for name in arm.joint_names]
-    edges = np.array([places(figure, axes) for axes in rows])
-    np.testing.assert_allclose(edges[:, :2], np.tile([0.04, 0.40], (6, 1)), atol=1e-9)
-    assert (edges[0, 3], edges[-1, 2]) == pytest.approx((0.96, 0.06))
-    height = np.diff(edges[:, 2:], axis=1)
-    np.testing.assert_allclose(edges[:-1, 2] - edges[1:, 3], 0.4 * height[:-1, 0], atol=1e-9)
-    names = 0.07 * max(len(name) for name in arm.joint_names) / 11.7
-    use, history = (axes_titled(figure, words) for words in ("use of each limit", "a-optimal"))
-    left, _, bottom, _ = places(figure, use)
-    assert (left, bottom) == pytest.approx((0.42 + max(0.05, names), 0.16))
-    assert places(figure, history)[1] == pytest.approx(0.985)
-    assert places(figure, history)[0] - places(figure, use)[1] == pytest.approx(0.3 * (places(figure, use)[1] - left))
-    grid = use.get_subplotspec().get_gridspec()
-    assert grid.get_height_ratios() == (0.6, 0.4)
-    assert grid.get_subplot_params(figure).hspace == 0.18
-    assert grid.get_subplot_params(figure).top == 0.96
+    figure.draw_without_rendering()
+    page = figure.bbox
+    names = (*arm.joint_names, "from the side", "from above", "use of each limit", "a-optimal")
+    boxes = [axes_titled(figure, name).get_tightbbox() for name in names]
+    for box in boxes:
+        assert page.x0 <= box.x0 < box.x1 <= page.x1
+        assert page.y0 <= box.y0 < box.y1 <= page.y1
+    for one, other in itertools.combinations(boxes, 2):
+        shared = Bbox.intersection(one, other)
+        assert shared is None or min(shared.width, shared.height) < 1.0, "no label is covered"
+    rows, (side, above, use, history) = boxes[:-4], boxes[-4:]
+    assert max(box.x1 for box in rows) <= 0.4 * page.width <= side.x0
+    assert [box.y0 for box in rows] == sorted((box.y0 for box in rows), reverse=True)
+    for beside, lower in (((side, above), (side, use)), ((use, history), (above, history))):
+        assert beside[0].x1 <= beside[1].x0
+        assert lower[1].y1 <= lower[0].y0
 
 
 def test_the_room_beyond_a_joints_range_is_marked(figure, arm, excitation):
