@@ -27,7 +27,6 @@ from armload_controller.config.robot_runs import read_runs
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.force_watch import ForceEvent, ForceEventKind
-from armload_identification.contact.load_or_push import jacobian
 from armload_identification.contact.watched_payload import WatchedPayload
 from armload_identification.files.calibration_file import read_calibration
 from armload_identification.model.payload import InertialParameters
@@ -115,7 +114,7 @@ class Bench:
         share = np.clip(np.minimum(time_s - at_s, at_s + lasts_s - time_s) / 0.05, 0.0, 1.0)
         acting = np.flatnonzero(share)
         chain = self.calibration.level(self.robot.chain)
-        torque = np.array([force_n @ jacobian(chain, position[k])[:3] for k in acting]).reshape(-1, self.robot.n)
+        torque = force_n @ chain.jacobian(position[acting])[:, :3]
         current[acting] -= self.current_of(torque * share[acting, None])
         return (time_s, position, current), at_s
 

@@ -98,13 +98,13 @@ def assess(rows: ForceRows, known: RememberedState, noise: ResidualNoise, chain:
     means = _means(rows.since(noticed_s - BACK_S))
     count = means.size
     residual, inverse = _residual_of(means, known, noise)
-    jacobians = np.array([jacobian(chain, q) for q in means.position_rad])
     onsets = np.arange(max(int(np.searchsorted(means.time_s, noticed_s + DECISION_STEP_S, side="right")), 1))
     payloads = _payloads(means, inverse, residual, onsets, GRASPED_S)
     start, end = (each.ravel() for each in np.meshgrid(onsets, np.arange(1, count + 1), indexing="ij"))
     start, end = start[end > start], end[end > start]
     within = (np.arange(count) >= start[:, None]) & (np.arange(count) < end[:, None])
-    pushes = _fits(-np.swapaxes(jacobians, 1, 2) * _FORCE, inverse, residual, within.astype(float))
+    torque = -np.swapaxes(chain.jacobian(means.position_rad), 1, 2)
+    pushes = _fits(torque * _FORCE, inverse, residual, within.astype(float))
     first, last = int(start[pushes.best]), int(end[pushes.best])
     size = PAYLOAD_SIZES[payloads.best % len(PAYLOAD_SIZES)]
     change, spread = size * payloads.b[0], size * np.sqrt(payloads.covariance[0, 0])
@@ -161,13 +161,6 @@ def _payloads(
     shares = np.clip((middle_s - since_s) / over_s, 0.0, 1.0)
     of_sizes = (shares[:, None] * np.array(PAYLOAD_SIZES)[:, None]).reshape(-1, means.size)
     return _fits(means.columns[:, :, :PAYLOAD], inverse, residual, of_sizes)
-
-
-def jacobian(chain: Chain, position_rad: FloatArray) -> FloatArray:
-    """(6, n) velocity of the flange per joint velocity, linear part first, in the base frame."""
-    poses = chain.forward(position_rad)
-    axes = np.einsum("jab,jb->ja", poses[:-1, :3, :3], chain.axis)
-    return np.concatenate([np.cross(axes, poses[-1, :3, 3] - poses[:-1, :3, 3]), axes], axis=1).T
 
 
 def _means(rows: ForceRows) -> ForceRows:

@@ -28,8 +28,6 @@ from armload_identification.estimation.posterior import Posterior
 from armload_identification.estimation.problem import Group, Noise, Problem, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.estimation.term_kinds import Joint, Scope, Term
-from armload_identification.model.chain import Chain
-from armload_identification.model.regressor import payload_regressor
 from armload_identification.recording.reduction.phase_advance import SETTLING_S, periodic_phase
 from armload_identification.signals.motion import Motion
 from armload_identification.signals.recorded_run import Run
@@ -146,7 +144,7 @@ def events_between_periods(whole: Run, arm: PayloadProblem, edge_s: float) -> tu
         return _greatest(found, columns, acts(elapsed_s) - np.mean(acts(periods_s), axis=0), begin_s, nothing)
 
     change = most_likely(_of_payload(rows), _times(elapsed_s, edge_s, edge_s), np.inf)
-    force = _of_force(rows, arm.layout.chain)
+    force = np.moveaxis(-arm.layout.chain.jacobian(rows.position_rad)[:, :3], 1, 0)
     return change, most_likely(force, _times(elapsed_s, 0.0, PUSH_S), PUSH_S)
 
 
@@ -160,13 +158,6 @@ def _times(elapsed_s: FloatArray, before_s: float, after_s: float) -> FloatArray
 def _of_payload(rows: ArmRows) -> FloatArray:
     """(4, N, n) joint torque per unit of mass and first moments."""
     return np.asarray(np.moveaxis(rows.payload[:, :, :CHANGING], 2, 0))
-
-
-def _of_force(rows: ArmRows, chain: Chain) -> FloatArray:
-    """(3, N, n) joint torque per newton on the flange along each axis of the base: the weight of a mass there."""
-    still = np.zeros_like(rows.position_rad)
-    turned = (chain.under(along) for along in np.eye(3))
-    return np.stack([payload_regressor(arm, rows.position_rad, still, still)[:, :, 0] for arm in turned])
 
 
 def _slow_change(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:

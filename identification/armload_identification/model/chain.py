@@ -105,7 +105,8 @@ class Chain:
             Craig, Introduction to Robotics, 3rd ed. 2005, eq. (3.6).
         """
         table = finite_array("rows", rows, (None, 4))
-        placement = np.array([_rot_x(al) @ _shift(a, 0.0, d) @ _rot_z(off) for al, a, d, off in table])
+        x, _, z = np.eye(3)
+        placement = np.array([_rotation(x, al) @ _shift(a, 0.0, d) @ _rotation(z, off) for al, a, d, off in table])
         return cls(placement.reshape(-1, 4, 4), _z_axes(len(table)), np.asarray(flange), np.asarray(gravity_m_s2))
 
     @classmethod
@@ -129,7 +130,8 @@ class Chain:
             Siciliano et al., Robotics: Modelling, Planning and Control, 2009, eq. (2.52).
         """
         table = finite_array("rows", rows, (None, 4))
-        link = [_rot_z(off) @ _shift(a, 0.0, d) @ _rot_x(al) for al, a, d, off in table]
+        x, _, z = np.eye(3)
+        link = [_rotation(z, off) @ _shift(a, 0.0, d) @ _rotation(x, al) for al, a, d, off in table]
         placement = np.array([np.eye(4), *link[:-1]][: len(link)]).reshape(-1, 4, 4)
         end = finite_array("flange", flange, (4, 4))
         return cls(placement, _z_axes(len(table)), link[-1] @ end if link else end, np.asarray(gravity_m_s2))
@@ -181,32 +183,31 @@ class Chain:
         """Poses of all joint frames and of the flange.
 
         Args:
-            q: (n,) joint positions in rad.
+            q: (n,) or (N, n) joint positions in rad.
 
         Returns:
-            (n + 1, 4, 4) poses in the base frame; the last is the flange.
+            (n + 1, 4, 4) or (N, n + 1, 4, 4) poses in the base frame; the last is the flange.
 
         Raises:
             ModelError: q has another shape or is not finite.
         """
-        rotations, origins = self.frames(finite_array("q", q, (self.n,))[None])
-        poses = np.tile(np.eye(4), (self.n + 1, 1, 1))
-        poses[:-1, :3, :3], poses[:-1, :3, 3] = rotations[0], origins[0]
-        poses[-1] = poses[-2] @ self.flange
+        angle = finite_array("q", q, (*np.shape(q)[:-1], self.n))
+        flange = np.broadcast_to(self.flange, (*angle.shape[:-1], 1, 4, 4))
+        poses = np.concatenate([self.placement @ _rotation(self.axis, angle), flange], axis=-3)
+        for i in range(self.n):
+            poses[..., i + 1, :, :] = poses[..., i, :, :] @ poses[..., i + 1, :, :]
         return poses
 
-    def frames(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Orientations (N, n, 3, 3) and origins (N, n, 3) of the joint frames in the base frame, at (N, n) rad."""
-        fixed = self.placement[:, :3, :3]
-        across = cross(np.eye(3), self.axis[:, None])
-        sine, cosine = np.sin(q)[:, :, None, None], np.cos(q)[:, :, None, None]
-        rotations = fixed + sine * (fixed @ across) + (1.0 - cosine) * (fixed @ across @ across)
-        origins = np.empty((*q.shape, 3))
-        origins[:, 0] = self.placement[0, :3, 3]
-        for i in range(1, self.n):
-            origins[:, i] = origins[:, i - 1] + rotations[:, i - 1] @ self.placement[i, :3, 3]
-            rotations[:, i] = rotations[:, i - 1] @ rotations[:, i]
-        return rotations, origins
+    def axes(self, poses: FloatArray) -> FloatArray:
+        """(..., n, 3) the joints' axes in the base frame, in (..., n + 1, 4, 4) poses of `forward`."""
+        return np.asarray((poses[..., :-1, :3, :3] @ self.axis[:, :, None])[..., 0])
+
+    def jacobian(self, q: FloatArray) -> FloatArray:
+        """(..., 6, n) velocity of the flange per joint velocity, linear part first, in the base frame, at (..., n)."""
+        poses = self.forward(q)
+        place, axes = poses[..., :3, 3], self.axes(poses)
+        linear = cross(axes, place[..., -1:, :] - place[..., :-1, :])
+        return np.concatenate([linear, axes], axis=-1).swapaxes(-1, -2)
 
 
 def pose_from_xyz_rpy(xyz_m: ArrayLike, rpy_rad: ArrayLike) -> FloatArray:
@@ -224,7 +225,8 @@ def pose_from_xyz_rpy(xyz_m: ArrayLike, rpy_rad: ArrayLike) -> FloatArray:
     """
     position = finite_array("xyz_m", xyz_m, (3,))
     roll, pitch, yaw = finite_array("rpy_rad", rpy_rad, (3,))
-    pose = _rot_z(yaw) @ _rotation(np.array([0.0, 1.0, 0.0]), pitch) @ _rot_x(roll)
+    x, y, z = np.eye(3)
+    pose = _rotation(z, yaw) @ _rotation(y, pitch) @ _rotation(x, roll)
     pose[:3, 3] = position
     return pose
 
@@ -289,28 +291,14 @@ def _require_poses(poses: FloatArray) -> None:
         )
 
 
-def _rotation(axis: FloatArray, angle_rad: float) -> FloatArray:
-    """(4, 4) rotation about a unit axis (Rodrigues)."""
-    # element by element: four times as fast as by small matrices
-    x, y, z = axis.tolist()
-    c, s = float(np.cos(angle_rad)), float(np.sin(angle_rad))
-    t = 1.0 - c
-    return np.array(
-        [
-            [c + t * (x * x), t * (x * y) - s * z, t * (x * z) + s * y, 0.0],
-            [t * (x * y) + s * z, c + t * (y * y), t * (y * z) - s * x, 0.0],
-            [t * (x * z) - s * y, t * (y * z) + s * x, c + t * (z * z), 0.0],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )
-
-
-def _rot_x(angle_rad: float) -> FloatArray:
-    return _rotation(np.array([1.0, 0.0, 0.0]), angle_rad)
-
-
-def _rot_z(angle_rad: float) -> FloatArray:
-    return _rotation(np.array([0.0, 0.0, 1.0]), angle_rad)
+def _rotation(axis: FloatArray, angle_rad: ArrayLike) -> FloatArray:
+    """(..., 4, 4) rotations about (..., 3) unit axes (Rodrigues)."""
+    angle = np.asarray(angle_rad)[..., None, None]
+    outer, across = axis[..., :, None] * axis[..., None, :], cross(np.eye(3), axis[..., None, :])
+    pose = np.zeros((*np.shape(angle_rad), 4, 4))
+    pose[..., :3, :3] = np.cos(angle) * np.eye(3) + np.sin(angle) * across + (1.0 - np.cos(angle)) * outer
+    pose[..., 3, 3] = 1.0
+    return pose
 
 
 def _shift(x: float, y: float, z: float) -> FloatArray:

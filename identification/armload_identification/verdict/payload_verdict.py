@@ -107,7 +107,7 @@ def remedy_for(
     seen = found.seen(np.asarray(np.linalg.solve(slope, np.column_stack([mass, center]))))
     down = chain.gravity_m_s2 / np.linalg.norm(chain.gravity_m_s2)
     poses = position_rad[:: max(1, len(position_rad) // ArmFit.rows)]
-    along = [down @ chain.forward(q)[-1][:3, :3] @ agreement.weakest for q in poses]
+    along = down @ chain.forward(poses)[:, -1, :3, :3] @ agreement.weakest
     return Remedy(
         length=length,
         mass_joint=int(np.argmax(seen[:, 0])),

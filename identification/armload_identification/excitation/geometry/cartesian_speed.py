@@ -115,13 +115,13 @@ class ArmPoints:
 
     def moving(self, q: FloatArray, dq: FloatArray) -> MovingPoints:
         """The points in N states, of positions (N, n) in rad and velocities (N, n) in rad/s."""
-        rotations, origins = self.chain.frames(q)
-        axes = (rotations @ self.chain.axis[:, :, None])[..., 0]
+        poses = self.chain.forward(q)
+        origins, axes = poses[:, :-1, :3, 3], self.chain.axes(poses)
         link = np.array([one.link for one in self._points]) - 1
         turning = np.cumsum(axes * dq[:, :, None], axis=1)
         drift = np.zeros_like(origins)
         drift[:, 1:] = np.cumsum(cross(turning[:, :-1], np.diff(origins, axis=1)), axis=1)
-        lever = (rotations[:, link] @ np.array([one.at for one in self._points])[:, :, None])[..., 0]
+        lever = (poses[:, link, :3, :3] @ np.array([one.at for one in self._points])[:, :, None])[..., 0]
         velocity = drift[:, link] + cross(turning[:, link], lever)
         moves = np.arange(self.chain.n)[:, None] <= link
         before = turning - axes * dq[:, :, None]

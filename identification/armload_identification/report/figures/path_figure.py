@@ -99,7 +99,7 @@ class _Tool:
     def __init__(self, trajectory: FourierTrajectory, workspace: Workspace) -> None:
         positions = trajectory.evaluate(np.linspace(0.0, trajectory.period_s, _SAMPLES)).position_rad
         self.workspace = workspace
-        self.joints_m = np.array([workspace.chain.forward(q)[:, :3, 3] for q in positions])
+        self.joints_m = workspace.chain.forward(positions)[:, :, :3, 3]
         self.centres_m = [workspace.centres(q) for q in positions[:: _SAMPLES // _POSTURES]]
 
     def draw(self, axes: Axes, plane: tuple[int, int], title: str) -> None:

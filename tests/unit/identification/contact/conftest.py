@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from armload_identification.contact.load_or_push import jacobian
 from armload_identification.pipeline.estimator_constants import estimator_constants
 
 
@@ -33,7 +32,7 @@ class Moved:
         current = self.empty.copy()
         inverse = np.linalg.inv(estimator_constants(*self.watched_arm).from_effort)
         for k in np.flatnonzero((self.time_s >= self.at(begin_s)) & (self.time_s < self.at(end_s))):
-            current[k] -= force_n @ jacobian(self.arm.chain, self.position[k])[:3] @ inverse
+            current[k] -= force_n @ self.arm.chain.jacobian(self.position[k])[:3] @ inverse
         return current
 
     def grasped(self, begin_s, end_s=np.inf):

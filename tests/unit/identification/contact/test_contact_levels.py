@@ -151,10 +151,10 @@ def explanations(monkeypatch):
 
         monkeypatch.setattr(f"{ROOM}.load_or_push._payloads", payloads)
         monkeypatch.setattr(f"{ROOM}.load_or_push._fits", fits)
-        monkeypatch.setattr(f"{ROOM}.load_or_push.jacobian", lambda *_: np.ones((6, N)))
+        chain = SimpleNamespace(jacobian=lambda q: np.ones((len(q), 6, N)))
         known = RememberedState(0.0, np.r_[carried, np.zeros(M - 1)], np.eye(M))
         rows = rows_at(0.1001 * np.arange(50) + 0.001)
-        return assess(rows, known, ResidualNoise(np.ones(N), np.ones(N)), None, 4.0), seen
+        return assess(rows, known, ResidualNoise(np.ones(N), np.ones(N)), chain, 4.0), seen
 
     return explanations
 

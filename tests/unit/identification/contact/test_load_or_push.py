@@ -8,7 +8,7 @@ from armload_identification.contact.arm_memory import RememberedState
 from armload_identification.contact.contact_levels import DECISION_STEP_S, STEP_S
 from armload_identification.contact.force_rows import ForceRows
 from armload_identification.contact.load_or_push import _fits as fits
-from armload_identification.contact.load_or_push import assess, jacobian
+from armload_identification.contact.load_or_push import assess
 from armload_identification.contact.something_acts import ResidualNoise
 from armload_identification.model.regressor import payload_regressor
 
@@ -58,7 +58,7 @@ def test_very_unlikely_windows_do_not_overflow(problem):
 def test_the_jacobian_is_the_slope_of_the_flange(pinocchio_arm, seed):
     chain = pinocchio_arm.chain
     position = np.random.default_rng(seed).uniform(-2.0, 2.0, chain.n)
-    slope = jacobian(chain, position)
+    slope = chain.jacobian(position)
     for joint, step in enumerate(1e-6 * np.eye(chain.n)):
         ahead, behind = (chain.forward(position + side * step)[-1] for side in (1.0, -1.0))
         np.testing.assert_allclose(slope[:3, joint], (ahead - behind)[:3, 3] / 2e-6, atol=1e-8)
@@ -89,7 +89,7 @@ def explained(pinocchio_arm):
         elif event == "push":
             inside = (time_s >= ONSET_S) & (time_s < until_s)
             for k in np.flatnonzero(inside):
-                residual[k] -= FORCE_ON_ARM_N @ jacobian(chain, state.position_rad[k])[:3]
+                residual[k] -= FORCE_ON_ARM_N @ chain.jacobian(state.position_rad[k])[:3]
         still = np.zeros_like(residual)
         if event == "hung on":
             weight = payload_regressor(chain, state.position_rad, still, still)[:, :, 0]
