@@ -48,9 +48,9 @@ def rows_of(
         effort_nm=torque_nm,
         weight=weight,
         links=links,
-        links_moved=np.zeros((3, *links.shape)),
+        links_moved=np.stack([0.0 * links] * 3, axis=1),
         payload=payload,
-        payload_moved=np.zeros((3, *payload.shape)),
+        payload_moved=np.stack([0.0 * payload] * 3, axis=1),
     )
 
 

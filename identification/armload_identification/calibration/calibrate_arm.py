@@ -49,7 +49,7 @@ from armload_identification.recording.run_start import run_start_text
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import Motion
 from armload_identification.signals.reversals import TURN_OVER
-from armload_identification.verdict.joint_words import named_joints, numbered_joints
+from armload_identification.verdict.joint_words import numbered_joints, remarked_joints
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 HALVES: Final = 1.25
@@ -292,9 +292,7 @@ class _Calibration:
         """Joints whose torque on other motions is uncertain."""
         level = found.level(self._chain)
         share = np.max([doubtful_share(found, level, run.motion) for run in self._used], axis=0)
-        doubtful = np.flatnonzero((share > Calibrating.doubtful) & self._moves)
-        if doubtful.size:
-            joints = named_joints([f"{joint + 1} ({100.0 * share[joint]:.0f} %)" for joint in doubtful])
+        if joints := remarked_joints((share > Calibrating.doubtful) & self._moves, "{:.0f} %", 100.0 * share):
             yield (
                 f"for other motions, the error of the predicted torque of {joints} may be this large (95 %): add "
                 "runs with other motions, especially if payloads will be identified without an unloaded run."
@@ -312,8 +310,7 @@ class _Calibration:
         turn = np.ones(arm)
         turn[gains] = -1.0
         body = identified_body(fit, self._layout.base, slowest, np.zeros((CHANGES, n)))
-        elastic_nm = elastic_torque(fit, self._chain, body)
-        elastic = np.sum([fit.response(torque, index)[0] for index, torque in enumerate(elastic_nm)], axis=0)
+        elastic = fit.response(*elastic_torque(fit, self._chain, body))
         spread = fit.covariance + elastic @ elastic.T
         deviation = HALVES * np.sqrt(np.diag(spread))
         return ArmCalibration(

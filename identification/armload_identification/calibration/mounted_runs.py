@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from armload_identification.estimation.arm_terms import PAYLOAD
 from armload_identification.estimation.prior_knowledge import KnownPayload, Prior
 from armload_identification.estimation.problem import Known
 from armload_identification.model.payload import InertialParameters
@@ -53,12 +52,9 @@ class WeighedPayload:
             mounting: Its name.
         """
         if self.whole is not None:
-            prior = KnownPayload(cad=self.whole, confidence=WEIGHED_WITHIN).prior()
-        else:
-            row = np.zeros((1, PARAMETERS))
-            row[0, 0] = 1.0 / (WEIGHED_WITHIN * self.mass_kg)
-            prior = Prior(row, np.array([1.0 / WEIGHED_WITHIN]))
-        return Known(((PAYLOAD, mounting),), prior.rows.T @ prior.rows, prior.rows.T @ prior.target)
+            return KnownPayload(cad=self.whole, confidence=WEIGHED_WITHIN).prior().known(mounting)
+        mass = np.eye(1, PARAMETERS) / (WEIGHED_WITHIN * self.mass_kg)
+        return Prior(mass, np.array([1.0 / WEIGHED_WITHIN])).known(mounting)
 
 
 @dataclass(frozen=True, eq=False)

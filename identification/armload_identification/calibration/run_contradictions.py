@@ -203,7 +203,7 @@ def _scaled(arm: ArmKnowledge, run: Motion, mounting: str) -> Explained:
     for _ in range(Contradiction.scalings):
         trial = _trial(stiff, corrected, mounting)
         rows, state = trial.problem.groups[0], trial.groups[0]
-        weighted, predicted = rows.weight[0] * rows.effort_nm[0], rows.weight[0] * state.torque[0].predicted_nm
+        weighted, predicted = rows.weight * rows.effort_nm[0], rows.weight * state.torque[0].predicted_nm
         now = np.sum(weighted * predicted, axis=0) / np.maximum(np.sum(predicted**2, axis=0), _ZERO)
         share = share * np.where((trial.deviates(0) >= Contradiction.contradicts) | (share != 1.0), now, 1.0)
         share = np.where(np.abs(share) > Contradiction.least_scale, share, Contradiction.least_scale)

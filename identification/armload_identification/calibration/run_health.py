@@ -203,11 +203,11 @@ class _RunFit:
 
     def _left_nm(self) -> FloatArray:
         """(n,) RMS over the rows of what the calibration's errors leave in the residual."""
-        found, weight = self._found, self._found.row_weights[0][0]
-        unweighted = np.divide(self._rows.weight, weight, out=np.zeros_like(weight), where=weight > 0.0)
-        changes = self._errors[:, found.problem.free]
-        left = [np.sum((rows.rows @ changes[:, rows.place].T) ** 2, axis=1) for rows in found.weighted_rows[0]]
-        return np.asarray(np.sqrt(np.mean(np.transpose(left) * unweighted**2, axis=0)))
+        changes, left = self._errors[:, self._found.problem.free], np.zeros_like(self._noise_nm)
+        for rows in self._found.weighted_rows[0]:
+            unweighted = self._rows.weight[:, rows.axis] / np.where(rows.weight > 0.0, rows.weight, np.inf)
+            left[rows.axis] = np.mean(np.sum((rows.rows @ changes[:, rows.place].T) ** 2, axis=1) * unweighted**2)
+        return np.sqrt(left)
 
     def _course(self) -> FrictionOverTime | None:
         """Friction by windows of a long run, with everything else as in the entire run."""

@@ -182,9 +182,9 @@ class ArmRows:
             model is accurate: on prbt, residuals of such rows made runs contradict each other. The difference of two
             runs is no better there: the torque changes faster than it is sampled, which looks like inertia.
         links: (N, n, b) joint torque per base parameter of the links.
-        links_moved: (3, N, n, b) its change per second of delay, and per rad of each tilt of the base.
+        links_moved: (N, 3, n, b) its change per second of delay, and per rad of each tilt of the base.
         payload: (N, n, 10) joint torque per parameter of a payload.
-        payload_moved: (3, N, n, 10) likewise.
+        payload_moved: (N, 3, n, 10) likewise.
     """
 
     time_s: FloatArray
@@ -212,9 +212,7 @@ class ArmRows:
         Args:
             kept: (N,) True for these.
         """
-        moved = {part.name: getattr(self, part.name)[:, kept] for part in fields(self) if part.name.endswith("_moved")}
-        rest = [part.name for part in fields(self) if part.name not in moved]
-        return replace(self, **moved, **{name: getattr(self, name)[kept] for name in rest})
+        return ArmRows(*(getattr(self, part.name)[kept] for part in fields(self)))
 
     def weighted(self, factor: NDArray[Any]) -> ArmRows:
         """The rows with their weights times an (n,) factor."""
@@ -278,7 +276,7 @@ class ArmLayout:
         acceleration = states.acceleration_rad_s2 @ np.linalg.inv(self.coupling).T
         coarse = window.every(max(int(window.half_s / (Rows.model_parts * run.interval_s) + Rows.rounding), 1))
         links, links_moved = _columns(self.chain, coarse, states, lambda *at: body_regressor(*at)[:, :, self.base])
-        payload, payload_moved = np.zeros((*velocity.shape, 0)), np.zeros((3, *velocity.shape, 0))
+        payload, payload_moved = np.zeros((*velocity.shape, 0)), np.zeros((len(velocity), 3, self.chain.n, 0))
         if loaded:
             payload, payload_moved = _columns(self.chain, coarse, states, payload_regressor)
         return ArmRows(
@@ -301,7 +299,7 @@ class ArmLayout:
 def _columns(
     chain: Chain, window: RowWindow, states: JointStates, regressor: Callable[..., FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Means of a regressor over the rows' windows, and (3, ...) their change per second of delay and rad of tilts."""
+    """Means of a regressor over the rows' windows, and (N, 3, ...) their change by delay and tilts."""
     weights = np.stack([window.weight, window.slope_weight])
     parts = []
     for samples in np.array_split(window.samples, max(len(window.middle) // Rows.at_once, 1)):
@@ -313,7 +311,7 @@ def _columns(
     middle = states.position_rad[window.middle]
     still = np.zeros_like(middle)
     tilted = [regressor(side, middle, still, still) for side in sideways(chain)]
-    return both[:, 0], np.stack([-both[:, 1], *tilted])
+    return both[:, 0], np.stack([-both[:, 1], *tilted], axis=1)
 
 
 def weighted_sums(values: FloatArray, samples: NDArray[np.intp], weights: FloatArray) -> FloatArray:

@@ -99,15 +99,12 @@ def arm_terms(runs: Sequence[ArmRows], arm: ArmLayout) -> list[Term]:
     # A rotor that cannot be separated from a link is determined, poorly, only by the gear's friction: with a wide prior
     # link and rotor would diverge in opposite directions.
     rotors = level / np.maximum(_rms(runs, "axis_acceleration_rad_s2"), _ZERO)
+    load = np.full(n, Priors.load_friction)
     priors: dict[str, tuple[FloatArray, FloatArray, str]] = {
         GAIN: (zero, np.full(n, Priors.gain), "catalogue values of torque constants"),
         LINKS: (np.zeros(int(np.count_nonzero(base))), np.tile(_body(mass, reach), n)[base], wide),
         ROTORS: (Priors.rotor * rotors, rotors, "a rotor that alone would explain the torque"),
-        LOAD_FRICTION: (
-            np.full(n, Priors.load_friction),
-            np.full(n, Priors.load_friction),
-            "gears lose 0 to 15 % of their load",
-        ),
+        LOAD_FRICTION: (load, load, "gears lose 0 to 15 % of their load"),
         COULOMB: (zero, Priors.wide * level, wide),
         VISCOUS: (zero, Priors.wide * level / speed, wide),
         ROOT: (zero, Priors.wide * level / np.sqrt(speed), wide),

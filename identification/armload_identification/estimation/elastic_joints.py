@@ -22,10 +22,10 @@ from armload_identification.estimation.arm_rows import ArmRows
 from armload_identification.estimation.arm_terms import GAIN, PAYLOAD, effort_level
 from armload_identification.estimation.estimation_constants import Elasticity
 from armload_identification.estimation.posterior import Posterior
-from armload_identification.estimation.problem import RunRows
+from armload_identification.estimation.problem import EMPTY
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
-from armload_identification.model.regressor import payload_torque
+from armload_identification.model.regressor import PARAMETERS, payload_torque
 
 _STEP: Final = 1e-6
 """rad/(N m) of the finite difference."""
@@ -39,15 +39,11 @@ def elastic_torque(found: Posterior, chain: Chain, body: BodyModel) -> list[Floa
         body: The arm's links.
     """
     to_axis = body.coupling * np.exp(found.value(GAIN))
-
-    def lag_torque(run: RunRows) -> FloatArray:
-        theta = found.value(PAYLOAD, run.mounting) if run.mounting else None
-        return _lag_torque(run.rows, chain, body, theta) @ to_axis
-
+    theta = {EMPTY: np.zeros(PARAMETERS), **{name: found.value(PAYLOAD, name) for name in found.problem.mountings}}
     torque_nm = []
     for group in found.problem.groups:
-        first, *others = (lag_torque(run) for run in group.runs)
-        torque_nm.append(first - others[0] if others else first)
+        lags = [_lag_torque(run.rows, chain, body, theta[run.mounting]) @ to_axis for run in group.runs]
+        torque_nm.append(group.mixed(np.stack(lags))[0])
     gradient, information = found.beside(*torque_nm)
     level_nm = effort_level([group.runs[0].rows for group in found.problem.groups])
     covariance = np.linalg.inv(information + np.diag((level_nm / Elasticity.lag_rad) ** 2))
@@ -56,12 +52,11 @@ def elastic_torque(found: Posterior, chain: Chain, body: BodyModel) -> list[Floa
     return [np.tensordot(root.T, torque, axes=1) for torque in torque_nm]
 
 
-def _lag_torque(rows: ArmRows, chain: Chain, body: BodyModel, theta: FloatArray | None) -> FloatArray:
+def _lag_torque(rows: ArmRows, chain: Chain, body: BodyModel, theta: FloatArray) -> FloatArray:
     """(n, N, n) change of a run's joint torque per rad/(N m) of each joint's compliance."""
 
     def torque(*states: FloatArray) -> FloatArray:
-        links_nm = body.link_torque(chain, *states)
-        return links_nm if theta is None else links_nm + payload_torque(chain, theta, *states)
+        return body.link_torque(chain, *states) + payload_torque(chain, theta, *states)
 
     def rate(values: FloatArray) -> FloatArray:
         return np.gradient(values, rows.time_s, axis=0) if len(values) > 1 else np.zeros_like(values)

@@ -117,6 +117,7 @@ class WeightedRows:
         axis: Number of the axis.
         rows: (N, k) derivatives.
         target: (N,) residual.
+        weight: (N,) their weights.
         place: (k,) indices of the unknowns, the group's own after the shared ones.
     """
 
@@ -124,6 +125,7 @@ class WeightedRows:
     axis: int
     rows: FloatArray
     target: FloatArray
+    weight: FloatArray
     place: NDArray[np.intp]
 
 
@@ -202,7 +204,7 @@ class GroupState:
             for combination, rows in enumerate(mixed):
                 of_rows = weight[combination, :, axis]
                 target = self.residual_nm[combination, :, axis] * of_rows
-                yield WeightedRows(combination, axis, rows * of_rows[:, None], target, at[kept])
+                yield WeightedRows(combination, axis, rows * of_rows[:, None], target, of_rows, at[kept])
 
     def eliminated(self, weight: FloatArray, precision: FloatArray, pull: FloatArray) -> Eliminated:
         """Its normal equations with (g, N, n) weights, and (o,) precision and gradient of its own unknowns' priors."""
@@ -242,7 +244,7 @@ def torque_at(rows: ArmRows, terms: Placed, x: FloatArray, coupling: FloatArray)
     for term, place in terms:
         if isinstance(term.law, Load):
             level, change = of_load = term.law.columns(rows)
-            change_nm = np.moveaxis(change @ x[place], 0, 2)
+            change_nm = np.moveaxis(change @ x[place], 1, 2)
             tau += level @ x[place] + moved[0] * change_nm[:, :, 0] + change_nm[:, :, 1:] @ moved[1:]
             moved_nm += change_nm
             loads.append((place, of_load))
@@ -272,7 +274,7 @@ def torque_at(rows: ArmRows, terms: Placed, x: FloatArray, coupling: FloatArray)
 def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> Iterator[AxisColumns]:
     """Derivatives of every axis's torque by the values of the terms that act on the run."""
     whole = [
-        (sum((by * part for by, part in zip(at.moved, change, strict=True)), level), place)
+        (sum((by * part for by, part in zip(at.moved, np.moveaxis(change, 1, 0), strict=True)), level), place)
         for place, (level, change) in at.loads
     ]
     for law, of_law in _MOVED.items():

@@ -50,7 +50,7 @@ def estimate_of(
     place = posterior.problem.place(PAYLOAD, PAYLOAD)
     rows = posterior.problem.groups[0].runs[0].rows
     sampled = sampling_doubt(rows, arm.layout.chain, posterior.value(PAYLOAD, PAYLOAD), arm.interval_s)
-    shifts = posterior.response(sampled @ posterior.problem.coupling)[0][place].T
+    shifts = posterior.response(sampled @ posterior.problem.coupling)[place].T
     if prior is not None:
         shifts = np.vstack([shifts, prior.doubts @ posterior.bread[place, place]])
     uneven = np.zeros((0, len(posterior.problem.coupling)))
@@ -149,8 +149,7 @@ class PayloadEstimate:
         Args:
             torque_nm: (k, N, n) axis torque of the loaded run for one standard deviation of each, group by group.
         """
-        answers = [self.posterior.response(torque, group)[0][self._place].T for group, torque in enumerate(torque_nm)]
-        return replace(self, shifts=np.vstack([self.shifts, np.sum(answers, axis=0)]))
+        return replace(self, shifts=np.vstack([self.shifts, self.posterior.response(*torque_nm)[self._place].T]))
 
     @property
     def drifting(self) -> FloatArray:

@@ -84,8 +84,7 @@ class PayloadProblem:
         """The problem with knowledge of the payload."""
         if prior is None:
             return self.problem
-        known = Known(((PAYLOAD, PAYLOAD),), prior.rows.T @ prior.rows, prior.rows.T @ prior.target)
-        return replace(self.problem, known=(*self.problem.known, known))
+        return replace(self.problem, known=(*self.problem.known, prior.known()))
 
     def with_gains(self, covariance: FloatArray) -> PayloadProblem:
         """The problem with an (n, n) covariance of the logarithms of the gains, errors common to them included."""

@@ -5,7 +5,7 @@ The covariance is that of the residuals' local spectra (`residual_spectrum`), gr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -37,7 +37,6 @@ class Posterior:
             absorbed.
         correlation: (g, n) integrated autocorrelation in rows, by the number of the combination.
         deviation: Prior standard deviation of all unknowns, as finally adapted.
-        steps: Number of iterations.
         groups: Residual and weight of every group.
         eliminated: Contribution of every group.
     """
@@ -50,7 +49,6 @@ class Posterior:
     residual_nm: FloatArray
     correlation: FloatArray
     deviation: FloatArray
-    steps: int
     groups: tuple[GroupState, ...]
     eliminated: tuple[Eliminated, ...]
 
@@ -136,11 +134,10 @@ class Posterior:
         shared = solved(self.information, of_free.T)
         found = np.zeros(len(of_free))
         for index, (state, part) in enumerate(zip(self.groups, self.eliminated, strict=True)):
-            whole = np.vstack([shared, -part.follow @ shared])
-            weight, at = self.row_weights[index], row_places(state.group.time_s)
+            whole, at = np.vstack([shared, -part.follow @ shared]), row_places(state.group.time_s)
             for rows in self.weighted_rows[index]:
                 answer = np.zeros((at[-1] + 1, len(of_free)))
-                answer[at] = rows.rows @ whole[rows.place] * weight[rows.combination, :, rows.axis, None]
+                answer[at] = rows.rows @ whole[rows.place] * rows.weight[:, None]
                 number = state.group.first_noise + rows.combination
                 square = np.sum(answer**2, axis=0)
                 for lag, share in enumerate(faded[number][1:], 1):
@@ -175,32 +172,22 @@ class Posterior:
     def _spectrum(self, index: int) -> tuple[ResidualSpectrum, FloatArray]:
         """The spectrum of a group's residual, on the grid of its rows."""
         state, part = self.groups[index], self.eliminated[index]
-        root = part.covariance_root(self.information)
-        at = row_places(state.group.time_s)
-        weight = self.row_weights[index]
-        series = weight.shape[0] * weight.shape[2]
-        basis = np.zeros((at[-1] + 1, series, root.shape[1]))
+        root, at = part.covariance_root(self.information), row_places(state.group.time_s)
+        basis = np.zeros((at[-1] + 1, len(self.weighted_rows[index]), root.shape[1]))
         residual, weights = np.zeros((2, *basis.shape[:2]))
-        for rows in self.weighted_rows[index]:
-            one = rows.combination * weight.shape[2] + rows.axis
+        for one, rows in enumerate(self.weighted_rows[index]):
             basis[at, one] = rows.rows @ root[rows.place]
-            residual[at, one] = rows.target
-            weights[at, one] = weight[rows.combination, :, rows.axis]
+            residual[at, one], weights[at, one] = rows.target, rows.weight
         return ResidualSpectrum(basis, residual, weights), root[: self._free.size]
 
     @cached_property
     def _by_priors(self) -> FloatArray:
         """(f, f) covariance of the free shared unknowns by their priors alone."""
         known = self.known
-        for index, part in enumerate(self.eliminated):
-            known = known + (part.follow.T * self._own_precision(index)) @ part.follow
+        for state, part in zip(self.groups, self.eliminated, strict=True):
+            known = known + (part.follow.T * self.deviation[state.own] ** -2.0) @ part.follow
         inverse = self.bread[np.ix_(self._free, self._free)]
         return np.asarray(inverse @ known @ inverse)
-
-    def _own_precision(self, index: int) -> FloatArray:
-        """(o,) of the priors of a group's own unknowns."""
-        own = self.problem.own(index)
-        return np.asarray(self.deviation[own][self.problem.free[own]] ** -2.0)
 
     def joint_covariance(self, shared: FloatArray, own: FloatArray, group: int) -> FloatArray:
         """(k, k) covariance of combinations of a group's unknowns if the rows are as independent as assumed.
@@ -214,24 +201,11 @@ class Posterior:
         whole = self.eliminated[group].covariance(self.bread[np.ix_(self._free, self._free)])
         return np.asarray(contrast @ whole @ contrast.T)
 
-    def response(self, torque_nm: FloatArray, group: int = 0) -> tuple[FloatArray, FloatArray]:
-        """Change of the unknowns when torque is added to the first run of a group.
-
-        Args:
-            torque_nm: (k, N, n) additions to its torque.
-            group: Index of the group.
-
-        Returns:
-            (s, k) changes of the shared unknowns and (o, k) of its own.
-        """
-        part, shared = self.eliminated[group], self._free.size
-        pull = np.zeros((shared + part.own_step.size, len(torque_nm)))
-        for rows, added in self._with_torque(torque_nm, group):
-            pull[rows.place] += rows.rows.T @ added.T
-        of_shared = solved(self.information, pull[:shared] - part.follow.T @ pull[shared:])
-        whole = np.zeros((self.problem.shared_size, len(torque_nm)))
-        whole[self._free] = of_shared
-        return whole, part.own_covariance @ pull[shared:] - part.follow @ of_shared
+    def response(self, *torque_nm: FloatArray) -> FloatArray:
+        """(s, k) changes of the shared unknowns when (k, N, n) axis torque is added to the first run of every group."""
+        whole = np.zeros((self.problem.shared_size, len(torque_nm[0])))
+        whole[self._free] = solved(self.information, self._added(torque_nm, 0)[2])
+        return whole
 
     def considered(self, errors: FloatArray) -> FloatArray:
         """(k, s) changes of the shared unknowns for (k, p) changes of the first p of them, which are held firmly."""
@@ -248,37 +222,32 @@ class Posterior:
         Returns:
             (k,) gradient and (k, k) information: their estimate is the solution, if nothing else is known of them.
         """
+        gradient, information, across = self._added(torque_nm, first)
+        return gradient, information - across.T @ solved(self.information, across)
+
+    def _added(self, torque_nm: Sequence[FloatArray], first: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(k,) gradient and (k, k) information of `beside`, and (f, k) information across to the shared unknowns."""
         shared, unknowns = self._free.size, len(torque_nm[0])
         gradient, information = np.zeros(unknowns), np.zeros((unknowns, unknowns))
         across = np.zeros((shared, unknowns))
         for group, torque in enumerate(torque_nm, first):
-            part = self.eliminated[group]
+            part, mix = self.eliminated[group], self.groups[group].group.mix[:, 0]
             pull = np.zeros((shared + part.own_step.size, unknowns))
-            for rows, added in self._with_torque(torque, group):
+            for rows in self.weighted_rows[group]:
+                added = mix[rows.combination] * torque[:, :, rows.axis] * rows.weight
                 gradient += added @ rows.target
                 information += added @ added.T
                 pull[rows.place] += rows.rows.T @ added.T
             across += pull[:shared] - part.follow.T @ pull[shared:]
             information -= pull[shared:].T @ part.own_covariance @ pull[shared:]
-        return gradient, information - across.T @ solved(self.information, across)
-
-    def _with_torque(self, torque_nm: FloatArray, group: int) -> Iterator[tuple[WeightedRows, FloatArray]]:
-        """Weighted rows of a group, and in each (k, N) weighted torque added to the first run, of (k, N, n)."""
-        weight, mix = self.row_weights[group], self.groups[group].group.mix[:, 0]
-        for rows in self.weighted_rows[group]:
-            yield rows, mix[rows.combination] * torque_nm[:, :, rows.axis] * weight[rows.combination, :, rows.axis]
-
-    @cached_property
-    def row_weights(self) -> list[FloatArray]:
-        """(g, N, n) weight of every row of every group: root of its inverse variance."""
-        robust = self.problem.noise.robust
-        return [state.row_weights(self.noise_nm, self.correlation, robust=robust) for state in self.groups]
+        return gradient, information, across
 
     @cached_property
     def weighted_rows(self) -> list[list[WeightedRows]]:
         """Weighted rows of every group; their unknowns are those that are not known exactly."""
-        both = zip(self.groups, self.row_weights, strict=True)
-        return [list(state.weighted_rows(weight)) for state, weight in both]
+        noise = self.noise_nm, self.correlation
+        weights = (state.row_weights(*noise, robust=self.problem.noise.robust) for state in self.groups)
+        return [list(state.weighted_rows(weight)) for state, weight in zip(self.groups, weights, strict=True)]
 
     def deviates(self, group: int) -> FloatArray:
         """(n,) RMS residual of a group relative to the noise of all.

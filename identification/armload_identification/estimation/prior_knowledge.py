@@ -16,6 +16,8 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.arm_terms import PAYLOAD
+from armload_identification.estimation.problem import Known
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.payload import (
     REFERENCE_LENGTH_M,
@@ -45,6 +47,10 @@ class Prior:
     rows: FloatArray
     target: FloatArray
     doubts: FloatArray = field(default_factory=lambda: np.zeros((0, 10)))
+
+    def known(self, mounting: str = PAYLOAD) -> Known:
+        """As knowledge of a mounting's payload."""
+        return Known(((PAYLOAD, mounting),), self.rows.T @ self.rows, self.rows.T @ self.target)
 
 
 @dataclass(frozen=True)

@@ -69,8 +69,8 @@ class Group:
 
     @cached_property
     def weight(self) -> FloatArray:
-        """(c, N, n) weight of a row, the least of its runs'."""
-        return np.stack([np.min([run.rows.weight for run in self.runs], axis=0)] * len(self.mix))
+        """(N, n) weight of a row, the least of its runs'."""
+        return np.asarray(np.min([run.rows.weight for run in self.runs], axis=0))
 
     @property
     def time_s(self) -> FloatArray:

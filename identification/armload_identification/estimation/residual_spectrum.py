@@ -75,7 +75,6 @@ class ResidualSpectrum:
         gated = np.mean(square**2, axis=0) / np.maximum(np.mean(square, axis=0) ** 2, 1e-300)
         self._level = gated * self._averaged(power) / self._free
         self._of_white = self._free / np.maximum(self._averaged(of_white), 1e-12)
-        self._leverage = leverage
         self._expected = self._level * left
 
     def _averaged(self, values: FloatArray) -> FloatArray:

@@ -62,9 +62,9 @@ def solve(
         if step < Solver.weighing_steps:
             solver.weigh(rough=step < Solver.rough_steps)
         if moved < Solver.settled and (step > Solver.rough_steps or not problem.adapts):
-            return solver.posterior(step + 1)
+            return solver.posterior()
     if rough:
-        return solver.posterior(first + steps)
+        return solver.posterior()
     raise EstimationError(
         f"the fit does not converge within {steps} steps (the unknowns still change by {moved:.2g} standard "
         f"deviations); {problem.shared_size} unknowns, {len(problem.groups)} runs. Add runs with other motions."
@@ -153,15 +153,12 @@ class _Solver:
     def weigh(self, *, rough: bool) -> None:
         """Update noise, its autocorrelation, blows, and the weights of groups; with `rough`, priors as shares."""
         noise = self._problem.noise
-        weighted = [(state, state.weighted_nm) for state in self._groups]
-        for number in range(len(self._noise)):
-            parts = [
-                (state, state.group.weight[number - state.group.first_noise], part[number - state.group.first_noise])
-                for state, part in weighted
-                if state.group.first_noise <= number < state.group.noises.stop
-            ]
-            for axis in range(self._noise.shape[1]):
-                self._weigh_axis(number, axis, parts)
+        parts: list[list[tuple[GroupState, FloatArray]]] = [[] for _ in self._noise]
+        for state in self._groups:
+            for own, residual in zip(parts[state.group.noises], state.weighted_nm, strict=True):
+                own.append((state, residual))
+        for combination, axis in np.ndindex(self._noise.shape):
+            self._weigh_axis(combination, axis, parts[combination])
         if noise.robust:
             for state in self._groups:
                 state.judge(self._noise, blows=not rough)
@@ -198,13 +195,11 @@ class _Solver:
                 share = float(np.sum(information * covariance[np.ix_(place, place)]))
                 self._absorbed[state.group.first_noise + combination, axis] += share
 
-    def _weigh_axis(
-        self, combination: int, axis: int, parts: Sequence[tuple[GroupState, FloatArray, FloatArray]]
-    ) -> None:
-        """Update a noise and its autocorrelation of an axis, from groups with (N, n) weights and residuals."""
+    def _weigh_axis(self, combination: int, axis: int, parts: Sequence[tuple[GroupState, FloatArray]]) -> None:
+        """Update a noise and its autocorrelation of an axis, from groups with (N, n) residuals."""
         noise = self._problem.noise
-        values = np.concatenate([part[~state.struck, axis] for state, _, part in parts])
-        speed = np.concatenate([weight[~state.struck, axis] for state, weight, _ in parts])
+        values = np.concatenate([part[~state.struck, axis] for state, part in parts])
+        speed = np.concatenate([state.group.weight[~state.struck, axis] for state, _ in parts])
         moving = values[speed > Solver.moving]
         if moving.size < Solver.fewest_rows:
             return
@@ -214,10 +209,10 @@ class _Solver:
         found /= np.sqrt(max(1.0 - self._absorbed[combination, axis] / rows, Solver.least_left))
         self._noise[combination, axis] = np.clip(found, self._least[combination, axis], noise.greatest_nm[axis])
         if noise.correlation is None:
-            found = _integrated([part[:, axis] for _, _, part in parts], bound)
+            found = _integrated([part[:, axis] for _, part in parts], bound)
             self._correlation[combination, axis] = max(found, self._least_correlation[combination, axis])
 
-    def posterior(self, steps: int) -> Posterior:
+    def posterior(self) -> Posterior:
         """The posterior at the present unknowns."""
         known, _ = self._prior_equations()
         parts = self._eliminated()
@@ -231,7 +226,6 @@ class _Solver:
             residual_nm=self._residual,
             correlation=self._correlation,
             deviation=self._deviation,
-            steps=steps,
             groups=tuple(self._groups),
             eliminated=parts,
         )
@@ -279,7 +273,7 @@ def clipped_rms(state: GroupState, moved: NDArray[np.bool_]) -> FloatArray:
     """
     found = np.full(moved.size, np.nan)
     for axis in np.flatnonzero(moved):
-        fast = state.group.weight[0, :, axis] > Solver.moving
+        fast = state.group.weight[:, axis] > Solver.moving
         found[axis] = _clipped_rms(state.weighted_nm[0, fast, axis])[0]
     return found
 

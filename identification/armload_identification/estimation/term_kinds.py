@@ -38,7 +38,7 @@ class Load(Struct, frozen=True):
     """Torque that is linear in the values and passes the gears: links and payloads.
 
     Attributes:
-        columns: Of N rows: (N, n, k) columns, and (3, N, n, k) their change per second of delay and per rad of each
+        columns: Of N rows: (N, n, k) columns, and (N, 3, n, k) their change per second of delay and per rad of each
             tilt.
     """
 

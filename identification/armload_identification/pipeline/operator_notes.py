@@ -25,7 +25,7 @@ from armload_identification.signals.motion import ABOVE_BAND, Motion
 from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.signal_constants import SamePath, Smoothing
 from armload_identification.verdict.decision_levels import ArmFit, PayloadChangeLevels, PayloadFit, Timing
-from armload_identification.verdict.joint_words import named_joints, numbered_joints
+from armload_identification.verdict.joint_words import numbered_joints, remarked_joints
 from armload_identification.verdict.recording_checks.column_mistakes import strange_joints
 from armload_identification.verdict.recording_checks.friction_validity import friction_notes, standard_deviations
 
@@ -104,13 +104,10 @@ def _on_times(found: Identification) -> Iterator[str]:
 
 def _on_paths(signal: LoadSignal) -> Iterator[str]:
     """Joints on which the positions of the two runs differ by more than a servo sags."""
-    apart = np.flatnonzero(signal.mismatch_rad > PayloadFit.apart_rad)
-    if apart.size:
-        listed = named_joints(
-            [f"{joint + 1} ({np.degrees(signal.mismatch_rad[joint]):.1f} deg RMS)" for joint in apart]
-        )
+    apart = signal.mismatch_rad > PayloadFit.apart_rad
+    if joints := remarked_joints(apart, "{:.1f} deg RMS", np.degrees(signal.mismatch_rad)):
         yield (
-            f"The positions of the two runs differ on {listed}, more than a servo sags by: a zero was moved, or the "
+            f"The positions of the two runs differ on {joints}, more than a servo sags by: a zero was moved, or the "
             "runs were not commanded alike. Mass and centre of mass may lie outside their intervals. Check the zeros, "
             "and record both runs again."
         )
@@ -175,12 +172,9 @@ def _on_contradictions(gains: GainFit | None) -> Iterator[str]:
         )
     hidden = ~named & (gains.noticeable > PayloadFit.unjudged_gain)
     unlimited = hidden & (gains.noticeable >= np.log1p(PayloadFit.unlimited_gain))
-    limited = np.flatnonzero(hidden & ~unlimited)
-    if limited.size:
-        percent = 100.0 * np.expm1(gains.noticeable[limited])
-        listed = named_joints([f"{j + 1} (up to {most:.0f} %)" for j, most in zip(limited, percent, strict=True)])
+    if joints := remarked_joints(hidden & ~unlimited, "up to {:.0f} %", 100.0 * np.expm1(gains.noticeable)):
         yield (
-            f"An error of the drive gain may go unnoticed in these runs on {listed}; a larger one is reported with a "
+            f"An error of the drive gain may go unnoticed in these runs on {joints}; a larger one is reported with a "
             f"probability of at least 90 %. {_CHECKED_BY}"
         )
     if unlimited.any():
@@ -192,11 +186,10 @@ def _on_contradictions(gains: GainFit | None) -> Iterator[str]:
 
 def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> Iterator[str]:
     """Losses by smoothing, gaps, and a single period; (K,) struck samples are no gaps."""
-    lossy = np.flatnonzero(signal.smoothing_loss > Smoothing.loss_limit)
-    if lossy.size:
-        listed = named_joints([f"{joint + 1} ({100.0 * signal.smoothing_loss[joint]:.0f} %)" for joint in lossy])
+    loss = signal.smoothing_loss
+    if joints := remarked_joints(loss > Smoothing.loss_limit, "{:.0f} %", 100.0 * loss):
         yield (
-            f"Smoothing removed more than {100.0 * Smoothing.loss_limit:.0f} % of the signal of {listed}: it is mostly "
+            f"Smoothing removed more than {100.0 * Smoothing.loss_limit:.0f} % of the signal of {joints}: it is mostly "
             "noise, or sampled too slowly."
         )
     gaps = np.count_nonzero(~signal.valid & ~struck)
@@ -302,16 +295,15 @@ def change_notes(found: Identification, loaded: Run, unloaded: Run | None = None
         loaded: The loaded run.
         unloaded: The unloaded run, if there is one.
     """
-    signal = found.signal
-    runs = {"loaded": (loaded, signal.loaded, found.plain.theta)}
+    signal, levels = found.signal, PayloadChangeLevels
+    runs = [("loaded", loaded, signal.loaded, found.plain.theta)]
     if unloaded is not None and signal.unloaded.periods > 1:
-        runs["unloaded"] = unloaded, signal.unloaded, np.zeros_like(found.plain.theta)
-    levels = PayloadChangeLevels
-    for name, (run, motion, theta) in runs.items():
+        runs.append(("unloaded", unloaded, signal.unloaded, np.zeros_like(found.plain.theta)))
+    for name, run, motion, theta in runs:
         change, push = events_during(run, motion, found.plain.posterior, found.plain.arm, levels.edge_s)
         if push is not None and push.statistic > max(levels.push, 0.0 if change is None else change.statistic):
             _, at_s = _times(run.recording, motion, push)
-            force_n = float(np.sqrt(np.sum(push.change**2)))
+            force_n = float(np.linalg.norm(push.change))
             yield (
                 f"About {at_s:.0f} s after the start of the {name} run's recording, its torque differs for some "
                 f"seconds from that of its other periods, as by a force of {force_n:.0f} N on the flange: a push, a "

@@ -87,27 +87,24 @@ def _note_on_mass(known: KnownPayload, identified: Callable[[Prior], Identificat
     mass_kg = known.mass_kg
     if mass_kg is None or isinstance(mass_kg, tuple):
         return ""
-    refusal: NoPayloadMass | None = None
+    refusal = ""
     try:
         free = identified(replace(known, mass_kg=None).prior()).uncertainty
+        center, half_width = float(free.values[0]), float(free.half_width_95[0])
     except NoPayloadMass as problem:
         # An empty arm has an accurate mass too, of 0; with an exact mass as prior nothing else would refuse its run.
-        refusal, center, half_width = problem, problem.mass_kg, problem.half_width_kg
+        refusal, center, half_width = f". Without it: {problem}", problem.mass_kg, problem.half_width_kg
     except EstimationError:
         return ""  # Judged again with the mass, which may complete what the motion does not determine.
-    else:
-        center, half_width = float(free.values[0]), float(free.half_width_95[0])
     if abs(mass_kg - center) <= half_width:
         return ""
     without = f"{center:.4g} +- {half_width:.2g} kg (95 %)"
     if abs(mass_kg - center) > FalseAlarms.certain_half_widths * half_width:
-        if refusal is not None:
-            raise EstimationError(f"the weighed mass {mass_kg:g} kg contradicts the data. Without it: {refusal}")
-        raise EstimationError(
-            f"the weighed mass {mass_kg:g} kg contradicts the data: without it, the mass is {without}. Check the "
-            "balance, its unit (kg), whether the recordings are of this payload, and the drive gains (`armload "
-            "calibrate`); or omit the mass."
+        why = refusal or (
+            f": without it, the mass is {without}. Check the balance, its unit (kg), whether the recordings are of "
+            "this payload, and the drive gains (`armload calibrate`); or omit the mass."
         )
+        raise EstimationError(f"the weighed mass {mass_kg:g} kg contradicts the data{why}")
     return (
         f"The weighed mass {mass_kg:g} kg is outside the interval of the data: without it, the mass is {without}. "
         "Check the balance, or the drive gains: `armload calibrate`."
@@ -133,7 +130,7 @@ def within_ranges(
     """
     limits = known.limits
     interval = found.uncertainty.interval_95[:4]
-    for quantity in _which((interval[:, 1] < limits[:, 0]) | (interval[:, 0] > limits[:, 1])):
+    for quantity in np.flatnonzero((interval[:, 1] < limits[:, 0]) | (interval[:, 0] > limits[:, 1])):
         raise EstimationError(
             f"the {_NAMES[quantity]} was given as {_range(quantity, limits)}, but from the data it is "
             f"{_range(quantity, interval)} (95 %). {_REMEDY}"
@@ -142,10 +139,10 @@ def within_ranges(
     if not binds.any():
         return found
     mean, covariance = _without_ranges(found, limits)
-    ranged = np.isfinite(limits[:, 0])
+    ranged = np.flatnonzero(np.isfinite(limits[:, 0]))
     if contradicted(mean[ranged], covariance[np.ix_(ranged, ranged)], limits[ranged]):
         said = " and ".join(
-            f"the {_NAMES[i]} was given as {_range(i, limits)} and is {_range(i, interval)}" for i in _which(ranged)
+            f"the {_NAMES[i]} was given as {_range(i, limits)} and is {_range(i, interval)}" for i in ranged
         )
         raise EstimationError(
             f"the given ranges together contradict the data: {said} (95 %), and no payload within all of them explains "
@@ -159,7 +156,7 @@ def within_ranges(
     notes = [
         f"the given range of the {_NAMES[i]}, {_range(i, limits)}, is active: without it the 95 % interval is "
         f"{_range(i, interval)}, with it {_range(i, uncertainty.interval_95)}."
-        for i in _which(binds)
+        for i in np.flatnonzero(binds)
     ]
     return replace(result, uncertainty=uncertainty, notes=(*notes, *result.notes))
 
@@ -167,11 +164,6 @@ def within_ranges(
 def _beyond(interval: FloatArray, limits: FloatArray) -> NDArray[np.bool_]:
     """(4,) True for intervals that extend beyond the limits."""
     return np.asarray((interval[:, 0] < limits[:, 0]) | (interval[:, 1] > limits[:, 1]))
-
-
-def _which(there: NDArray[np.bool_]) -> list[int]:
-    """Indices of the True elements."""
-    return [int(place) for place in np.flatnonzero(there)]
 
 
 def _without_ranges(found: Identification, limits: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -182,14 +174,14 @@ def _without_ranges(found: Identification, limits: FloatArray) -> tuple[FloatArr
     blind = np.isinf(deviation)
     wider = np.where(blind, 1.0, deviation / np.sqrt(np.diag(covariance)))
     covariance = covariance * np.outer(wider, wider)
-    for quantity in _which(blind & np.isfinite(limits[:, 0])):
+    for quantity in np.flatnonzero(blind & np.isfinite(limits[:, 0])):
         mean[quantity] = limits[quantity].mean()
         covariance[quantity] = covariance[:, quantity] = 0.0
         covariance[quantity, quantity] = (_BLIND_WIDTHS * np.diff(limits[quantity])[0]) ** 2
     return mean, covariance
 
 
-def _range(quantity: int, ends: FloatArray) -> str:
+def _range(quantity: np.intp, ends: FloatArray) -> str:
     """'1 to 3 kg' for a quantity."""
     low, high = _IN_UNIT[quantity] * ends[quantity]
     return f"{low:.4g} to {high:.4g} {_UNITS[quantity]}"

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
+
 
 def named_joints(names: Sequence[str]) -> str:
     """'joint 2' or 'joints 1, 2 and 5'.
@@ -15,6 +17,12 @@ def named_joints(names: Sequence[str]) -> str:
         names: One or more joints, each as its number from 1, with a remark or not: '3 (12 %)'.
     """
     return f"joint{'' if len(names) == 1 else 's'} {listed(names)}"
+
+
+def remarked_joints(joints: NDArray[np.bool_], remark: str, values: FloatArray) -> str:
+    """'joints 2 (12 %) and 3 (9 %)': the joints that are True with their values of (n,) in a format; '' without any."""
+    names = [f"{joint + 1} ({remark.format(values[joint])})" for joint in np.flatnonzero(joints)]
+    return named_joints(names) if names else ""
 
 
 def listed(parts: Sequence[str]) -> str:

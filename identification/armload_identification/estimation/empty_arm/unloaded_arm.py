@@ -68,7 +68,12 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
     n, arm = chain.n, ArmLayout.of(runs, chain, coupling)
     rows = [arm.rows(run, loaded=False) for run in runs]
     level = effort_level(rows)
-    terms = [_as_they_are(term) for term in arm_terms(rows, arm) if term.name != FRICTION_CHANGE]
+    terms = [
+        # one run cannot show gains, a tilted base and the friction law
+        msgspec.structs.replace(term, deviation=np.zeros(term.mean.size)) if term.name in {GAIN, TILT, ROOT} else term
+        for term in arm_terms(rows, arm)
+        if term.name != FRICTION_CHANGE
+    ]
     terms.append(Term(_OFFSET, Scope.ARM, Joint(_offset), np.zeros(n), Priors.wide * level, "any"))
     found = solve(
         Problem(terms, [Group((RunRows(part),)) for part in rows], Noise.unknown(level), coupling), rough=True
@@ -86,10 +91,3 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
 
 def _offset(rows: ArmRows, carried_nm: FloatArray) -> tuple[FloatArray, None]:
     return np.ones((1, *carried_nm.shape)), None
-
-
-def _as_they_are(term: Term) -> Term:
-    """The term with gains, level base and friction law that one run cannot show known exactly."""
-    return (
-        msgspec.structs.replace(term, deviation=np.zeros(term.mean.size)) if term.name in {GAIN, TILT, ROOT} else term
-    )

@@ -19,7 +19,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.verdict.decision_levels import ColdArm
-from armload_identification.verdict.joint_words import named_joints
+from armload_identification.verdict.joint_words import remarked_joints
 
 
 def standard_deviations(change: FloatArray, covariance: FloatArray, drift: FloatArray) -> FloatArray:
@@ -39,9 +39,7 @@ def standard_deviations(change: FloatArray, covariance: FloatArray, drift: Float
 
 def friction_notes(change: FloatArray) -> Iterator[str]:
     """Notes to the operator about (n,) changes of friction from `standard_deviations`."""
-    far = np.flatnonzero(change > ColdArm.far_deviations)
-    if far.size:
-        joints = named_joints([f"{joint + 1} ({change[joint]:.0f} standard deviations)" for joint in far])
+    if joints := remarked_joints(change > ColdArm.far_deviations, "{:.0f} standard deviations", change):
         yield (
             f"The friction of {joints} is far outside its variation in the calibration: a cold arm, a different "
             "lubricant, or a changed gain. Warm the arm up, or calibrate it again with a run recorded today."

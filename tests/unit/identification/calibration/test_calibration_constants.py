@@ -212,7 +212,7 @@ def scaled(monkeypatch, reported, off=9.0):
 
     def fit(arm, run, mounting):
         fitted.append(arm.drift)
-        rows = SimpleNamespace(weight=np.ones((1, 4, 1)), effort_nm=run.raw_nm[None])
+        rows = SimpleNamespace(weight=np.ones((4, 1)), effort_nm=run.raw_nm[None])
         return trial(off, rows, 2.0 * (-1.0) ** np.arange(4)[:, None])
 
     monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", fit)
@@ -382,14 +382,13 @@ def test_a_window_with_twenty_rows_of_a_moving_joint_shows_its_friction(rows_s, 
 
 def test_what_errors_of_the_calibration_leave_is_their_torque_less_what_the_unknowns_take_up():
     """Two rows count; of 3 and 4 N m the other unknown takes up 1 N m each, and the second row weighs a half."""
-    weighted = SimpleNamespace(rows=np.array([[6.0, 2.0], [8.0, 2.0], [0.0, 0.0]]), place=np.array([0, 1]))
-    found = SimpleNamespace(
-        problem=SimpleNamespace(free=np.array([True, False, True])),
-        row_weights=[np.array([[[2.0], [2.0], [0.0]]])],
-        weighted_rows=[[weighted]],
-    )
+    columns, weight = np.array([[6.0, 2.0], [8.0, 2.0], [0.0, 0.0]]), np.array([2.0, 2.0, 0.0])
+    weighted = SimpleNamespace(axis=0, rows=columns, weight=weight, place=np.array([0, 1]))
+    problem = SimpleNamespace(free=np.array([True, False, True]))
+    found = SimpleNamespace(problem=problem, weighted_rows=[[weighted]])
     rows = SimpleNamespace(weight=np.array([[1.0], [0.5], [1.0]]))
-    left = _RunFit._left_nm(SimpleNamespace(_found=found, _rows=rows, _errors=np.array([[1.0, 99.0, -1.0]])))
+    fit = SimpleNamespace(_found=found, _rows=rows, _errors=np.array([[1.0, 99.0, -1.0]]), _noise_nm=np.ones(1))
+    left = _RunFit._left_nm(fit)
     assert left == pytest.approx([np.sqrt((2.0**2 + 1.5**2) / 3.0)])
 
 

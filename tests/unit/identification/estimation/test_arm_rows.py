@@ -49,7 +49,7 @@ def rows_of(arm, run):
 def left_of(arm, rows, links, delay_s=0.0):
     """(n,) RMS of what the arm's own parameters leave, as a share of each axis' effort."""
     torque = rows.links @ links + rows.payload @ arm.payload.theta
-    torque += delay_s * (rows.links_moved[0] @ links + rows.payload_moved[0] @ arm.payload.theta)
+    torque += delay_s * (rows.links_moved[:, 0] @ links + rows.payload_moved[:, 0] @ arm.payload.theta)
     torque += COULOMB_NM * rows.direction + VISCOUS_NM_S_RAD * rows.velocity_rad_s
     left = np.where(rows.weight > COUNTS, rows.effort_nm - torque @ arm.transmission.coupling, 0.0)
     return np.sqrt(np.mean(left**2, axis=0) / np.mean(rows.effort_nm**2, axis=0))
@@ -108,7 +108,7 @@ def test_a_run_with_gaps_throughout_has_no_rows(pinocchio_arm, fast):
     assert not row_window(motion_of(gaps, pinocchio_arm)).middle.size
     rows = rows_of(pinocchio_arm, gaps)
     assert rows.links.shape == (0, 6, 60)
-    assert rows.payload_moved.shape == (3, 0, 6, 10)
+    assert rows.payload_moved.shape == (0, 3, 6, 10)
 
 
 def test_noise_of_a_fast_recording_is_averaged_and_not_aliased(pinocchio_arm):

@@ -42,7 +42,7 @@ def payloads(problems, known):
     for problem in (each.problem for each in problems):
         posterior = solve(problem)
         (torque_nm,) = elastic_torque(posterior, chain, arm.body)
-        errors = posterior.response(torque_nm)[0][problem.place(PAYLOAD, PAYLOAD)]
+        errors = posterior.response(torque_nm)[problem.place(PAYLOAD, PAYLOAD)]
         found.append((posterior.value(PAYLOAD, PAYLOAD), np.sqrt(np.sum(errors**2, axis=1))))
     return found
 
