@@ -158,7 +158,7 @@ class ArmCalibration:
     @property
     def gain_deviation(self) -> FloatArray:
         """(n,) relative standard deviations of the gains."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)[: self.n]))
+        return self.deviation(GAIN)
 
     @property
     def gain_half_width_95(self) -> FloatArray:
@@ -195,16 +195,10 @@ class ArmCalibration:
         Args:
             name: One of "log_h", "links", "rotors", "load", "coulomb", "viscous", "root", "delay", "tilt".
         """
-        return np.asarray(np.sqrt(np.diag(self.covariance)[self._place(name)]))
+        return np.asarray(np.sqrt(np.diag(self.covariance)[self.place(name)]))
 
-    @property
-    def links_covariance(self) -> FloatArray:
-        """(b, b) of the base parameters of the links, in the order of `body.base`."""
-        at = self._place("links")
-        return self.covariance[at, at]
-
-    def _place(self, name: str) -> slice:
-        """Indices of a part of the unknowns in the covariance."""
+    def place(self, name: str) -> slice:
+        """Indices of a part of the unknowns in the covariance; the links' are in the order of `body.base`."""
         return places_of(self.n, int(np.count_nonzero(self.body.base)))[name]
 
     @property
@@ -222,7 +216,7 @@ class ArmCalibration:
     @property
     def friction_deviation_nm(self) -> FloatArray:
         """(n,) standard deviations of `friction_nm`."""
-        speed, at = self.middle_speed_rad_s, slice(self._place(COULOMB).start, self._place(ROOT).stop)
+        speed, at = self.middle_speed_rad_s, slice(self.place(COULOMB).start, self.place(ROOT).stop)
         slope = np.hstack([np.eye(self.n), np.diag(speed), np.diag(np.sqrt(speed))])
         return np.asarray(np.sqrt(np.diag(slope @ self.covariance[at, at] @ slope.T)))
 
@@ -298,7 +292,7 @@ class ArmCalibration:
             TILT: np.zeros(2),
         }
         turn = np.ones(len(self.covariance))
-        turn[self._place(GAIN)] = -1.0
+        turn[self.place(GAIN)] = -1.0
         size = turn * np.sqrt(np.maximum(np.diag(self.covariance), np.finfo(float).tiny))
         power, axes = np.linalg.eigh(self.covariance / np.outer(size, size))
         whitened = (axes / np.sqrt(np.maximum(power, _LEAST_POWER * power[-1]))) / size[:, None]

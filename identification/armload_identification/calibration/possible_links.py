@@ -29,6 +29,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
+from armload_identification.estimation.arm_terms import LINKS
 from armload_identification.estimation.physical_consistency import inside_barrier
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
@@ -81,7 +82,8 @@ def possible_links(chain: Chain, calibration: ArmCalibration) -> PossibleLinks:
     torque = body_regressor(chain, q, dq, ddq).reshape(_STATES * n, PARAMETERS * n)
     _, size, right = np.linalg.svd(torque, full_matrices=False)
     right = right[: int(np.count_nonzero(size > _INDEPENDENT * size[0]))]
-    whitened = _whitening(calibration.links_covariance)
+    at = calibration.place(LINKS)
+    whitened = _whitening(calibration.covariance[at, at])
     rows = whitened @ np.linalg.lstsq(torque[:, base], torque)[0]
     target = whitened @ identified[base]
     theta = _rods(chain, torque, torque @ identified)

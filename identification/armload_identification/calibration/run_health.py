@@ -8,8 +8,8 @@ calibration's errors on the run's motion, which all runs with the same motion ha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 from msgspec import structs
@@ -55,8 +55,7 @@ class FrictionOverTime:
     noise_nm: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Compared:
+class Compared(NamedTuple):
     """A quantity of n joints compared with the calibration; NaN for a joint that hardly moves.
 
     Attributes:
@@ -185,7 +184,7 @@ class _RunFit:
             recorded=recorded,
             length_s=len(self._motion.time_s) * self._motion.interval_s,
             carried=carried,
-            gain=self._where_moved(replace(gain, value=np.expm1(gain.value))),
+            gain=self._where_moved(gain._replace(value=np.expm1(gain.value))),
             friction=self._where_moved(self._compared(SESSION_FRICTION, self._middle)),
             residual=self._where_moved(residual),
             course=self._course(),
@@ -194,7 +193,7 @@ class _RunFit:
     def _where_moved(self, found: Compared) -> Compared:
         """NaN for the other joints."""
         missing = np.where(self._moved, 0.0, np.nan)
-        return Compared(found.value + missing, found.noise + missing, found.doubt + missing)
+        return Compared(*(part + missing for part in found))
 
     def _compared(self, name: str, slope: FloatArray, mounting: str = EMPTY) -> Compared:
         """(k, m) combinations of the values of a term."""

@@ -16,7 +16,6 @@ References:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -47,22 +46,7 @@ _NEAR: Final = 0.06
 from settling further: it increases the gap by less than a fiftieth. In 262 of 847 cases they do, at 6e-4 or less."""
 
 
-@dataclass(frozen=True, eq=False)
-class PhysicalEstimate:
-    """The physically consistent estimate.
-
-    Attributes:
-        parameters: The ten parameters; their margin is at least `WRITTEN_MARGIN`.
-        changed: True if the plain estimate had less margin or undetermined directions.
-        plain_margin: Margin of the plain estimate; negative if it is impossible.
-    """
-
-    parameters: InertialParameters
-    changed: bool
-    plain_margin: float
-
-
-def make_physical(found: PayloadEstimate) -> PhysicalEstimate:
+def make_physical(found: PayloadEstimate) -> InertialParameters:
     """Physically consistent parameters from an estimate.
 
     Args:
@@ -75,37 +59,25 @@ def make_physical(found: PayloadEstimate) -> PhysicalEstimate:
         EstimationError: the mass is not positive, or the search did not settle.
     """
     plain = InertialParameters(found.theta)
-    complete = found.rank == found.theta.size
     if plain.mass_kg <= 0.0:
         raise EstimationError(
             f"the estimated mass is {plain.mass_kg:.3g} kg, which is physically impossible. Check that the loaded and "
             "the unloaded recording are not exchanged, and the sign of the currents."
         )
-    if plain.margin >= WRITTEN_MARGIN and complete:
-        return PhysicalEstimate(plain, changed=False, plain_margin=plain.margin)
-    root = found.root
-    rows, target = [root], [root @ plain.theta]
-    if not complete:
-        compact = _ball(plain)
-        size = compact.mass_kg * np.array([1.0] + [_COMPACT_RADIUS_M] * 3 + [_COMPACT_RADIUS_M**2] * 6)
-        pull = _PULL * np.diag(1.0 / size)
-        rows.append(pull)
-        target.append(pull @ compact.theta)
+    if found.rank == found.theta.size:
+        return nearest_possible(plain, found.root)
+    compact = _ball(plain)
+    size = compact.mass_kg * np.array([1.0] + [_COMPACT_RADIUS_M] * 3 + [_COMPACT_RADIUS_M**2] * 6)
+    pull = _PULL * np.diag(1.0 / size)
+    target = np.concatenate([found.root @ plain.theta, pull @ compact.theta])
     try:
-        theta = project(np.vstack(rows), np.concatenate(target), _interior(plain))
+        return InertialParameters(project(np.vstack([found.root, pull]), target, _interior(plain)))
     except EstimationError as error:
-        if complete:
-            raise
         raise EstimationError(
             f"the motion determines only {found.rank} of {found.theta.size} parameter directions, and no physically "
             "possible payload agrees with them: it moves too few joints, or the columns or their order do not belong "
             "to this arm. Record a longer motion of all joints."
         ) from error
-    return PhysicalEstimate(
-        parameters=InertialParameters(theta),
-        changed=True,
-        plain_margin=plain.margin,
-    )
 
 
 def nearest_possible(plain: InertialParameters, root: FloatArray) -> InertialParameters:

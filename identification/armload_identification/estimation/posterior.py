@@ -37,6 +37,7 @@ class Posterior:
             absorbed.
         correlation: (g, n) integrated autocorrelation in rows, by the number of the combination.
         deviation: Prior standard deviation of all unknowns, as finally adapted.
+        steps: Number of iterations.
         groups: Residual and weight of every group.
         eliminated: Contribution of every group.
     """
@@ -49,6 +50,7 @@ class Posterior:
     residual_nm: FloatArray
     correlation: FloatArray
     deviation: FloatArray
+    steps: int
     groups: tuple[GroupState, ...]
     eliminated: tuple[Eliminated, ...]
 

@@ -62,9 +62,9 @@ def solve(
         if step < Solver.weighing_steps:
             solver.weigh(rough=step < Solver.rough_steps)
         if moved < Solver.settled and (step > Solver.rough_steps or not problem.adapts):
-            return solver.posterior()
+            return solver.posterior(step + 1)
     if rough:
-        return solver.posterior()
+        return solver.posterior(first + steps)
     raise EstimationError(
         f"the fit does not converge within {steps} steps (the unknowns still change by {moved:.2g} standard "
         f"deviations); {problem.shared_size} unknowns, {len(problem.groups)} runs. Add runs with other motions."
@@ -212,7 +212,7 @@ class _Solver:
             found = _integrated([part[:, axis] for _, part in parts], bound)
             self._correlation[combination, axis] = max(found, self._least_correlation[combination, axis])
 
-    def posterior(self) -> Posterior:
+    def posterior(self, steps: int) -> Posterior:
         """The posterior at the present unknowns."""
         known, _ = self._prior_equations()
         parts = self._eliminated()
@@ -226,6 +226,7 @@ class _Solver:
             residual_nm=self._residual,
             correlation=self._correlation,
             deviation=self._deviation,
+            steps=steps,
             groups=tuple(self._groups),
             eliminated=parts,
         )

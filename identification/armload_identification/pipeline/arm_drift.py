@@ -112,8 +112,7 @@ def arm_drift(calibration: ArmCalibration, runs: Sequence[RunHealth]) -> ArmDrif
     }
     charts = {}
     for quantity, spread in usual.items():
-        found = [getattr(run, quantity) for run in runs]
-        value, noise, doubt = (np.stack([getattr(one, part) for one in found]) for part in ("value", "noise", "doubt"))
+        value, noise, doubt = map(np.stack, zip(*(getattr(run, quantity) for run in runs), strict=True))
         if warming is not None and quantity is Monitored.FRICTION:
             value = value - warming.of_runs_nm
         parts = zip(value.T, noise.T, doubt.T, spread.tolist(), strict=True)
@@ -129,14 +128,12 @@ def _findings(drift: ArmDrift) -> Iterator[DriftFinding]:
         for joint, chart in enumerate(charts):
             for change in chart.changes:
                 said = _said(drift, quantity, joint, change.after - change.before)
-                where = f"since {drift.when(change.index)}"
-                if change.index == 0 or not np.isfinite(chart.values[: change.index]).any():
-                    where = "in all runs than in the calibration"
+                known = np.isfinite(chart.values[: change.index]).any()
+                where = f"since {drift.when(change.index)}" if known else "in all runs than in the calibration"
                 text = f"joint {joint + 1}: {said} {where}"
                 yield DriftFinding(joint, quantity, change.index, False, change.before, change.after, text)
             for run in np.flatnonzero(chart.alone):
-                level = float(chart.level[run]) if np.isfinite(chart.level[run]) else 0.0
-                off = float(chart.values[run])
+                level, off = float(np.nan_to_num(chart.level[run])), float(chart.values[run])
                 said = _said(drift, quantity, joint, off - level)
                 text = f"joint {joint + 1}: {said} than in the neighbouring runs, in {drift.when(int(run))} alone"
                 yield DriftFinding(joint, quantity, int(run), True, level, off, text)

@@ -14,7 +14,7 @@ from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.gain_errors import GainFit
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate
 from armload_identification.estimation.payload_intervals import Uncertainty, quantify
-from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
+from armload_identification.estimation.physical_consistency import make_physical
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import FLANGE, InertialParameters, PayloadResult, Provenance, derived
 from armload_identification.model.regressor import payload_regressor
@@ -34,7 +34,7 @@ class Identification:
 
     Attributes:
         plain: The estimate, physically possible or not, with everything that was estimated with it.
-        physical: The physically possible estimate, which is reported and written.
+        parameters: The physically possible estimate, which is reported and written.
         gains: The nominal gains as fitted; None if gains were not fitted.
         uncertainty: Values, 95 % intervals and determined values, about the physical estimate.
         mass_center: Covariance of mass and centre of mass, for comparison with another identification.
@@ -54,7 +54,7 @@ class Identification:
 
     plain: PayloadEstimate
     gains: GainFit | None
-    physical: PhysicalEstimate
+    parameters: InertialParameters
     uncertainty: Uncertainty
     mass_center: MassCenterCovariance
     signal: LoadSignal
@@ -74,9 +74,9 @@ class Identification:
         return InertialParameters(self.plain.theta)
 
     @property
-    def parameters(self) -> InertialParameters:
-        """The physically possible parameters."""
-        return self.physical.parameters
+    def changed(self) -> bool:
+        """Whether the plain estimate had less margin than is written, or undetermined directions."""
+        return bool((self.parameters.theta != self.plain.theta).any())
 
     def with_notes(self, *notes: str) -> Identification:
         """The same result with further notes, before the others."""
@@ -110,19 +110,19 @@ def completed(
         used: The gains that the runs' torques were computed with.
         runs: The loaded and, if there is one, the unloaded run.
     """
-    physical = make_physical(plain)
+    parameters = make_physical(plain)
     regressor = payload_regressor(plain.arm.layout.chain, *signal.states)
     payload_nm = regressor @ plain.theta
-    predicted_nm = regressor @ physical.parameters.theta + friction_nm
+    predicted_nm = regressor @ parameters.theta + friction_nm
     value = used.value if gains is None else used.value * np.exp(gains.log_gain)
-    slope = derived(physical.parameters)[1][:4]
+    slope = derived(parameters)[1][:4]
     velocity = signal.unloaded.states.velocity_rad_s
     return Identification(
         plain=plain,
         gains=gains,
-        physical=physical,
-        uncertainty=quantify(plain, physical.parameters),
-        mass_center=plain.mass_center(slope, physical.parameters.mass_kg, value),
+        parameters=parameters,
+        uncertainty=quantify(plain, parameters),
+        mass_center=plain.mass_center(slope, parameters.mass_kg, value),
         signal=signal,
         friction_nm=friction_nm,
         predicted_nm=predicted_nm,

@@ -205,13 +205,13 @@ def _on_signal(signal: LoadSignal, struck: NDArray[np.bool_]) -> Iterator[str]:
 
 def _on_result(found: Identification) -> Iterator[str]:
     """Friction that was compensated, directions and values that are not determined, and impossible estimates."""
-    plain, physical, uncertainty = found.plain, found.physical, found.uncertainty
+    plain, uncertainty = found.plain, found.uncertainty
     if plain.rank < plain.theta.size:
         yield (
             f"The motion determines {plain.rank} of {plain.theta.size} parameter directions; the rest was chosen as "
             "for a compact body and is marked as not determined."
         )
-    if physical.changed and physical.plain_margin <= 0.0:
+    if found.changed and found.plain_parameters.margin <= 0.0:
         yield "The best fit is physically impossible; the nearest possible body is reported."
     if not uncertainty.determined[:4].any():
         yield (

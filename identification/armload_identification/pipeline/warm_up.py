@@ -74,20 +74,14 @@ def warm_up(runs: Sequence[RunHealth], began: Sequence[datetime]) -> WarmUp | No
         for elapsed_s, value, noise in _points(run)
     ]
     time_s, where, values, spread = (np.array(part) for part in zip(*points, strict=True))
-    n = values.shape[1]
-    slope, deviation = np.zeros(n), np.zeros(n)
-    for joint in range(n):
-        slope[joint], deviation[joint] = _slope(_log(time_s), where, values[:, joint], spread[:, joint])
+    slopes = [_slope(_log(time_s), where, *of_joint) for of_joint in zip(values.T, spread.T, strict=True)]
+    slope, deviation = np.transpose(slopes)
     slope = np.where(np.abs(slope) > _BEYOND_CHANCE * deviation, slope, 0.0)
     if not slope.any():
         return None
     part = (_log(time_s) - _log(WARM_S))[:, None] * slope
-    levels = np.zeros_like(values)
-    for which in np.unique(where):
-        rows = where == which
-        known = np.isfinite(values[rows])
-        count = np.maximum(known.sum(axis=0), 1)
-        levels[rows] = np.where(known, values[rows] - part[rows], 0.0).sum(axis=0) / count
+    of_session, known = (where == where[:, None]).astype(float), np.isfinite(values)
+    levels = of_session @ np.where(known, values - part, 0.0) / np.maximum(of_session @ known, 1.0)
     middle_s = starts + 0.5 * np.array([run.length_s for run in runs])
     cold = (_log(middle_s) - _log(WARM_S))[:, None] * slope
     return WarmUp(time_s, where, values - levels, slope, cold)

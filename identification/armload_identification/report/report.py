@@ -76,7 +76,7 @@ def render_report(subject: ReportedPayload, created: str) -> str:
         truth_sentence="" if subject.truth is None else truth_sentence(payload, subject.truth),
         notes=tuple(_notes(payload, fit)),
         parameters=parameter_rows(payload, half_width_95, subject.truth),
-        compared=() if fit is None or not fit.physical.changed else compared_rows(fit, payload),
+        compared=() if fit is None or not fit.changed else compared_rows(fit, payload),
         motion=() if motion is None else tuple(_motion_panels(motion[0], names)),
         excitation=None if planned is None else parse_excitation(planned),
         runs=tuple(_runs(subject, names)),

@@ -120,8 +120,8 @@ def _identification_fields(identification: Identification) -> dict[str, Any]:
     plain = identification.plain_parameters
     return {
         "plain_mass_kg": plain.mass_kg,
-        "plain_is_possible": not identification.physical.changed,
-        "plain_margin": number(identification.physical.plain_margin),
+        "plain_is_possible": not identification.changed,
+        "plain_margin": number(identification.plain_parameters.margin),
         "condition_number": number(identification.plain.condition_number),
         "scale_verified": identification.scale_verified,
         "notes": list(identification.notes),

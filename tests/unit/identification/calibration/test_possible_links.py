@@ -9,6 +9,7 @@ import pytest
 
 from armload_identification.calibration import possible_links as module
 from armload_identification.calibration.possible_links import possible_links
+from armload_identification.estimation.arm_terms import LINKS
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.payload import InertialParameters
@@ -33,7 +34,8 @@ def identified(calibration, chain, links):
     theta[base] = np.linalg.lstsq(columns[:, base], columns @ links.ravel())[0]
     body = replace(calibration.body, links=theta.reshape(N, 10), base=base.reshape(N, 10))
     arm = replace(calibration, body=body, covariance=np.zeros((6 * N + int(base.sum()) + 3,) * 2))
-    arm.links_covariance[:] = np.diag(np.linspace(0.01, 0.09, base.sum()) ** 2)
+    at = arm.place(LINKS)
+    arm.covariance[at, at] = np.diag(np.linspace(0.01, 0.09, base.sum()) ** 2)
     return arm
 
 
@@ -78,7 +80,7 @@ def test_links_that_cannot_exist_become_the_nearest_that_can(calibration, pinocc
     base = arm.body.base.ravel()
     columns = body_regressor(chain, *states(seed=1)).reshape(-1, 10 * N)
     moved = np.linalg.lstsq(columns[:, base], columns @ found.links.ravel())[0] - arm.body.links.ravel()[base]
-    z = moved / np.sqrt(np.diag(arm.links_covariance))
+    z = moved / arm.deviation(LINKS)
     assert found.off == pytest.approx(np.sqrt(np.mean(z**2)), rel=1e-3)
     left = (columns @ (found.links - arm.body.links).ravel()).reshape(-1, N)
     np.testing.assert_allclose(found.left_nm, np.sqrt(np.mean(left**2, axis=0)), rtol=0.3)

@@ -254,17 +254,16 @@ def iterated(monkeypatch):
 
         class Fake:
             def __init__(self, problem):
-                self.steps = 0
+                pass
 
             def step(self):
-                self.steps += 1
                 return moved
 
             def weigh(self, *, rough):
                 weighed.append(rough)
 
-            def posterior(self):
-                return self.steps
+            def posterior(self, steps):
+                return steps
 
             def start_from(self, other):
                 weighed.append(other)
@@ -278,7 +277,7 @@ def iterated(monkeypatch):
 def test_a_fit_settles_at_a_twentieth_of_a_deviation_once_its_priors_have(iterated):
     assert iterated(0.049) == (7, [True] * 5 + [False] * 2)
     assert iterated(0.049, adapts=False) == (1, [True])
-    assert iterated(0.049, start="other") == (1, ["other", False])
+    assert iterated(0.049, start="other") == (8, ["other", False])
     assert iterated(0.051, rough=True) == (100, [True] * 5 + [False] * 5)
     with pytest.raises(EstimationError, match=r"within 100 steps .*still change by 0\.051 .*; 3 unknowns, 1 runs"):
         iterated(0.051)
@@ -593,15 +592,14 @@ def test_a_possible_body_with_room_is_its_own_nearest_one():
     assert found.theta[6] < flat.theta[6]
 
 
-@pytest.mark.parametrize(("rank", "plain", "changed"), [(10, True, False), (10, False, True), (9, True, True)])
-def test_an_estimate_is_reported_as_it_is_if_it_is_possible_and_determined(rank, plain, changed):
+@pytest.mark.parametrize(("rank", "plain"), [(10, True), (10, False), (9, True)])
+def test_an_estimate_is_reported_as_it_is_if_it_is_possible_and_determined(rank, plain):
     inertia = 0.03 * np.eye(3) if plain else np.diag([0.01, 0.01, 0.03])
     body = InertialParameters.from_center_of_mass(3.0, [0.0, 0.1, 0.2], inertia)
     root = np.diag([1e3] * 9 + [0.0 if rank == 9 else 1e3])
     found = make_physical(SimpleNamespace(theta=body.theta, rank=rank, root=root))
-    assert found.changed is changed
-    assert found.plain_margin == pytest.approx(body.margin)
-    assert found.parameters.margin >= WRITTEN_MARGIN * (1.0 - 1e-9)
-    assert (found.parameters.theta is body.theta or np.allclose(found.parameters.theta, body.theta)) is (plain)
+    assert bool((found.theta == body.theta).all()) is (rank == 10 and plain)
+    assert found.margin >= WRITTEN_MARGIN * (1.0 - 1e-9)
+    assert np.allclose(found.theta, body.theta) is plain
     with pytest.raises(EstimationError, match=r"the estimated mass is -3 kg, which is physically impossible"):
         make_physical(SimpleNamespace(theta=-body.theta, rank=10, root=root))

@@ -233,7 +233,7 @@ def test_a_fit_that_does_not_settle_is_an_error_unless_a_rough_one_suffices(prob
     monkeypatch.setattr(Solver, "settled", -1.0)
     with pytest.raises(EstimationError, match=r"does not converge within 3 steps .* Add runs with other motions"):
         solve(problem, steps=3)
-    assert np.isfinite(solve(problem, rough=True, steps=3).x).all()
+    assert solve(problem, rough=True, steps=3).steps == 3
 
 
 def test_a_blow_counts_for_nothing(problem, found):

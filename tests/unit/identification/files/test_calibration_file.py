@@ -80,7 +80,7 @@ def test_deviations_are_found_where_the_layout_puts_them(calibration):
     for name in parts:
         np.testing.assert_array_equal(numbered.deviation(name), np.arange(of[TILT].stop)[of[name]])
     np.testing.assert_array_equal(numbered.gain_deviation, numbered.deviation("log_h"))
-    np.testing.assert_array_equal(numbered.links_covariance, numbered.covariance[of["links"], of["links"]])
+    assert numbered.place("links") == of["links"]
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):

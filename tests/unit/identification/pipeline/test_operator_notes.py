@@ -74,7 +74,8 @@ def found_of(share=0.01, **changes):
         "sources": (source(), source()),
         "residual_nm": signal().torque_nm * np.asarray(share),
         "struck": np.zeros(SAMPLES, dtype=bool),
-        "physical": SimpleNamespace(changed=False, plain_margin=1.0),
+        "changed": False,
+        "plain_parameters": SimpleNamespace(margin=1.0),
         "uncertainty": SimpleNamespace(
             determined=np.ones(10, dtype=bool), undetermined_names=[], half_width_95=np.full(10, 0.1)
         ),
@@ -260,7 +261,7 @@ def test_what_the_motion_does_not_determine_is_told():
     ("changed", "margin", "told"), [(True, -0.1, True), (True, 0.0, True), (True, 0.1, False), (False, -0.1, False)]
 )
 def test_an_impossible_estimate_is_told_where_it_was_replaced(changed, margin, told):
-    assert len(notes(physical=SimpleNamespace(changed=changed, plain_margin=margin))) == told
+    assert len(notes(changed=changed, plain_parameters=SimpleNamespace(margin=margin))) == told
 
 
 def body(**changes):
