@@ -15,6 +15,7 @@ from armload_identification.numerals import counted
 from armload_identification.pipeline.arm_drift import Monitored
 from armload_identification.report.compared_runs import ComparedRuns
 from armload_identification.result_table import PrintedResult, ResultTable
+from armload_identification.results.findings_document import numbers
 from armload_identification.results.json_document import json_document
 
 _COLD_S: Final = 60.0
@@ -78,8 +79,8 @@ class ArmHistory(PrintedResult, ComparedRuns):
                         "figure": found.quantity.value,
                         "run": drift.runs[found.run].name,
                         "alone": found.alone,
-                        "before": _linear(found.quantity, found.before),
-                        "after": _linear(found.quantity, found.after),
+                        "before": float(_linear(found.quantity, found.before)),
+                        "after": float(_linear(found.quantity, found.after)),
                         "text": found.text,
                     }
                     for found in drift.findings
@@ -91,17 +92,9 @@ class ArmHistory(PrintedResult, ComparedRuns):
     def _chart(self, quantity: Monitored, joint: int) -> dict[str, Any]:
         """A chart; None for unknown values."""
         chart = self.drift.charts[quantity][joint]
-
-        def listed(values: FloatArray) -> list[float | None]:
-            return [_linear(quantity, float(value)) if np.isfinite(value) else None for value in values]
-
-        return {
-            "values": listed(chart.values),
-            "lower_limit": listed(-chart.limit),
-            "upper_limit": listed(chart.limit),
-            "level": listed(chart.level),
-            "outside": chart.outside.tolist(),
-        }
+        lines = {"values": chart.values, "lower_limit": -chart.limit, "upper_limit": chart.limit, "level": chart.level}
+        drawn = {name: numbers(_linear(quantity, line)) for name, line in lines.items()}
+        return {**drawn, "outside": chart.outside.tolist()}
 
     def picture(self, path: str | PathLike[str]) -> None:
         """Draw the control charts, .png, .svg or .pdf; an existing file is replaced.
@@ -144,6 +137,6 @@ def _present(level: FloatArray) -> float | None:
     return float(known[-1]) if known.size else None
 
 
-def _linear(quantity: Monitored, value: float) -> float:
-    """The residual as a ratio, other values unchanged."""
-    return float(np.exp(value)) if quantity is Monitored.RESIDUAL else value
+def _linear(quantity: Monitored, values: FloatArray | float) -> FloatArray:
+    """Residuals as ratios, other values unchanged."""
+    return np.asarray(np.exp(values) if quantity is Monitored.RESIDUAL else values)
