@@ -21,7 +21,7 @@ from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.limit_margins import PER_JOINT, LimitMargins
 from armload_identification.excitation.torque_limits import TorqueLimits
 from armload_identification.identification_errors import ExcitationError
-from armload_identification.model.finite_array import finite_array
+from armload_identification.model.finite_array import finite_array, set_fields
 
 CLEARANCE_SCALE_M = 0.2
 """A sphere this deep inside an obstacle has the same excess as a speed of twice its limit."""
@@ -100,9 +100,8 @@ class Envelope:
         centre[0] = 0.5 * (joints.position_max_rad + joints.position_min_rad)
         half = 0.5 * (joints.position_max_rad - joints.position_min_rad)
         room = np.stack([half, joints.velocity_max_rad_s, joints.acceleration_max_rad_s2, joints.jerk_max_rad_s3])
-        object.__setattr__(self, "_centre", centre)
-        object.__setattr__(self, "_room", room[:, None, :])
-        object.__setattr__(self, "_available", np.tile(self.torque.available_nm, self.torque.cases))
+        available = np.tile(self.torque.available_nm, self.torque.cases)
+        set_fields(self, {"_centre": centre, "_room": room[:, None, :], "_available": available})
 
     @property
     def n(self) -> int:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.finite_array import finite_array, set_arrays
+from armload_identification.model.finite_array import finite_array, set_fields
 
 if TYPE_CHECKING:
     from armload_identification.excitation.limit_margins import LimitMargins
@@ -95,7 +95,7 @@ class FourierTrajectory:
         # q = Im((a + i b) exp(i k w_f t)), and each derivative has i k w_f times the factor of the one before
         rates = accumulate([1j * omega] * 3, np.multiply, initial=sine + 1j * cosine)
         orders = np.hstack([np.hstack([rate.real, rate.imag]).T for rate in rates])
-        set_arrays(self, {"offset_rad": offset, "sin_rad": sine, "cos_rad": cosine, "_all_orders": orders})
+        set_fields(self, {"offset_rad": offset, "sin_rad": sine, "cos_rad": cosine, "_all_orders": orders})
 
     @property
     def n(self) -> int:

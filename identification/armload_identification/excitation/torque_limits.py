@@ -31,7 +31,7 @@ from armload_identification.excitation.derivative_bounds import rate_bounds, tor
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
-from armload_identification.model.finite_array import finite_array
+from armload_identification.model.finite_array import finite_array, set_fields
 from armload_identification.model.payload import InertialParameters
 
 SURPLUS_SHARE = 0.002
@@ -66,11 +66,11 @@ class TorqueLimits:
 
     def __post_init__(self) -> None:
         available = finite_array("torque for arm and payload, in N m,", self.available_nm, (self.chain.n,), above=0.0)
-        object.__setattr__(self, "available_nm", available)
-        object.__setattr__(self, "_mixing", np.eye(self.chain.n) if self.coupling is None else self.coupling)
+        mixing = np.eye(self.chain.n) if self.coupling is None else self.coupling.copy()
         loaded = ArmDynamics(self.chain, self.body.carrying(self.chain, self.payload))
         empty = ArmDynamics(self.chain, self.body)
-        object.__setattr__(self, "_models", (loaded, empty) if np.any(self.body.links) else (loaded,))
+        models = (loaded, empty) if np.any(self.body.links) else (loaded,)
+        set_fields(self, {"available_nm": available, "_mixing": mixing, "_models": models})
 
     @classmethod
     def from_share(

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.finite_array import finite_array, set_arrays
+from armload_identification.model.finite_array import finite_array, set_fields
 
 _GIMBAL_LOCK = 1e-9
 _ROTATION_TOLERANCE = 1e-6
@@ -62,7 +62,7 @@ class Chain:
                 )
         axis /= length[:, None]
         arrays = {"placement": placement, "axis": axis, "flange": flange, "gravity_m_s2": gravity}
-        set_arrays(self, arrays | {"packed": _pack(placement, axis, flange, gravity)})
+        set_fields(self, arrays | {"packed": _pack(placement, axis, flange, gravity)})
 
     @property
     def n(self) -> int:

@@ -15,7 +15,7 @@ from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
-from armload_identification.model.finite_array import finite_array
+from armload_identification.model.finite_array import finite_array, set_fields
 from armload_identification.model.links_and_drives import DRIVE_FIELDS, LinksAndDrives
 from armload_identification.model.payload import InertialParameters, symmetric_tensor, tensor_elements
 
@@ -71,7 +71,7 @@ class ArmDynamics:
     def __post_init__(self) -> None:
         if self.chain.n != self.body.n:
             raise ModelError(f"a body of {self.body.n} links for a chain of {self.chain.n} joints")
-        object.__setattr__(self, "turned_links", _turned(self.chain, self.body.links))
+        set_fields(self, {"turned_links": _turned(self.chain, self.body.links)})
 
     def link_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """Joint torque of the links.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,12 +64,13 @@ def _shown(array: FloatArray, good: NDArray[np.bool_]) -> str:
     return f"{array[tuple(wrong[0])]:g} at {wrong[0].tolist()} ({len(wrong)} of {array.size} numbers are wrong)"
 
 
-def set_arrays(holder: object, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Set fields of a frozen dataclass to arrays that cannot be changed.
+def set_fields(holder: object, values: Mapping[str, object]) -> None:
+    """Set fields of a frozen dataclass.
 
     Args:
-        arrays: By name of the field; they become read-only.
+        values: By name of the field; arrays become read-only.
     """
-    for name, array in arrays.items():
-        array.flags.writeable = False
-        object.__setattr__(holder, name, array)
+    for name, value in values.items():
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+        object.__setattr__(holder, name, value)

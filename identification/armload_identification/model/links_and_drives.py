@@ -9,7 +9,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.finite_array import finite_array, set_arrays
+from armload_identification.model.finite_array import finite_array, set_fields
 from armload_identification.model.regressor import PARAMETERS
 
 DRIVE_FIELDS: Final = ("rotor_inertia_kg_m2", "viscous_nm_s_rad", "coulomb_nm")
@@ -51,7 +51,7 @@ class LinksAndDrives:
             raise ModelError(f"the body's coupling {coupling.tolist()} has no inverse; expected q_joint = C q_axis")
         to_axis = np.linalg.inv(coupling)
         rotors = to_axis.T * drives["rotor_inertia_kg_m2"] @ to_axis
-        set_arrays(self, {"links": links, **drives, "coupling": coupling, "rotor_mass_kg_m2": rotors})
+        set_fields(self, {"links": links, **drives, "coupling": coupling, "rotor_mass_kg_m2": rotors})
 
     @property
     def n(self) -> int:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.finite_array import finite_array, set_arrays
+from armload_identification.model.finite_array import finite_array, set_fields
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.numerals import decimals_for
 from armload_identification.result_table import PrintedResult, ResultTable
@@ -64,7 +64,7 @@ class InertialParameters:
     theta: FloatArray
 
     def __post_init__(self) -> None:
-        set_arrays(self, {"theta": finite_array("theta", self.theta, (10,))})
+        set_fields(self, {"theta": finite_array("theta", self.theta, (10,))})
 
     @classmethod
     def from_center_of_mass(

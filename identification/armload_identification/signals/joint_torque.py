@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError, RecordingError
-from armload_identification.model.finite_array import finite_array, set_arrays
+from armload_identification.model.finite_array import finite_array, set_fields
 from armload_identification.signals.signal_constants import NominalGain, ReportedTorque
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class Transmission:
             "torque_gain": finite_array("torque_gain", torque_gain, (n,), above=0.0),
             "_from_current": gain[:, None] * np.linalg.inv(coupling),
         }
-        set_arrays(self, arrays)
+        set_fields(self, arrays)
 
     def gains(self, *, from_torque: bool) -> Gains:
         """The gains that a recording's torque is computed with.

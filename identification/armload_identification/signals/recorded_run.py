@@ -16,7 +16,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.phase_advance import phases_per_period, whole_periods
+from armload_identification.recording.reduction.phase_advance import periodic_phase, phases_of, whole_periods
 from armload_identification.recording.reduction.repeated_values import RepeatedValues, repeated_values
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, joint_torque, reported_effort, sample_scatter
@@ -95,7 +95,7 @@ class Run:
     @cached_property
     def phases(self) -> int:
         """Number of samples in a period, of a run that contains whole ones."""
-        return phases_per_period(self.recording)
+        return phases_of(*periodic_phase(self.recording))
 
     @cached_property
     def motion(self) -> Motion:

@@ -36,6 +36,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.derivative_bounds import point_rates, rate_bounds
 from armload_identification.excitation.fourier import FourierState, FourierTrajectory
 from armload_identification.model.chain import Chain, cross
+from armload_identification.model.finite_array import set_fields
 
 _SAMPLES = 4096
 """Number of intervals of a period for the bound of the greatest speed."""
@@ -98,8 +99,7 @@ class ArmPoints:
             if all(one.link != other.link or np.abs(one.at - other.at).max() >= _APART_M for other in points[number:])
         ]
         kept += [_Point(ball.name, last, turn @ ball.center_m + shift, ball.radius_m) for ball in self.carried]
-        object.__setattr__(self, "names", tuple(one.name for one in kept))
-        object.__setattr__(self, "_points", tuple(kept))
+        set_fields(self, {"names": tuple(one.name for one in kept), "_points": tuple(kept)})
 
     def speeds(self, q: FloatArray, dq: FloatArray) -> FloatArray:
         """Speed of every point.

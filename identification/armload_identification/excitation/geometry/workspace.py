@@ -28,6 +28,7 @@ from armload_identification.excitation.derivative_bounds import point_rates, rat
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
+from armload_identification.model.finite_array import set_fields
 
 IntArray = NDArray[np.int64]
 
@@ -151,9 +152,7 @@ class Workspace:
             np.array(on_box, dtype=np.int64).reshape(-1, 2),
             np.array(pairs, dtype=np.int64).reshape(-1, 2),
         )
-        object.__setattr__(self, "names", tuple(names))
-        object.__setattr__(self, "between", tuple(between))
-        object.__setattr__(self, "_packed", packed)
+        set_fields(self, {"names": tuple(names), "between": tuple(between), "_packed": packed})
 
     def centres(self, q: FloatArray) -> FloatArray:
         """Positions of the spheres.

@@ -263,12 +263,6 @@ def phase_and_time(recording: Recording) -> tuple[FloatArray, FloatArray]:
     return phase[rows], recording.time_s[rows]
 
 
-def phases_per_period(recording: Recording) -> int:
-    """Number of samples in one period of a recording that contains whole periods."""
-    phase, trajectory = periodic_phase(recording)
-    return phases_of(phase, trajectory)
-
-
 def periodic_phase(recording: Recording) -> tuple[FloatArray, FourierTrajectory]:
     """Phases within the whole periods, and the trajectory to which they refer.
 

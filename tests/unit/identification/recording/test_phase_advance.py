@@ -17,7 +17,6 @@ from armload_identification.recording.reduction.phase_advance import (
     periodic_phase,
     phase_and_time,
     phases_of,
-    phases_per_period,
     shortest_period,
     whole_periods,
 )
@@ -189,7 +188,7 @@ def test_periods_of_a_recording_are_those_of_its_phase_or_of_its_average():
 def test_a_recording_of_whole_periods_has_phases_and_the_series_repeats_itself_in_half_the_period():
     phase, series = periodic_phase(recording())
     assert (phase[0], phase.size, series.period_s) == (0.01, 1499, 2.5)
-    assert phases_per_period(recording()) == 250
+    assert phases_of(*periodic_phase(recording())) == 250
     assert phases_of(0.5 * np.arange(9), recording().excitation.trajectory) == 10
     assert phases_of(1.0 * np.arange(9), recording().excitation.trajectory) == 8, "at least"
     for wrong in (recording(499), recording(excitation=None)):

@@ -10,7 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.reduction.phase_advance import phases_per_period, whole_periods
+from armload_identification.recording.reduction.phase_advance import periodic_phase, phases_of, whole_periods
 from armload_identification.signals import periods as folding
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, gain_shares, joint_torque
@@ -140,7 +140,7 @@ def test_folding_measures_the_period_and_the_scatter(pinocchio_arm):
     trajectory = pinocchio_arm.trajectory()
     run = pinocchio_arm.run(trajectory, True, seed=4, periods=6, rate=1.1)
     torque = joint_torque(run, pinocchio_arm.transmission)
-    folded = fold(run, torque, phases_per_period(run))
+    folded = fold(run, torque, phases_of(*periodic_phase(run)))
     assert folded.periods == whole_periods(run) == 6
     assert folded.interval_s * len(folded.time_s) == pytest.approx(5.5, rel=1e-9)
     np.testing.assert_allclose(folded.noise_nm, pinocchio_arm.noise_nm, rtol=0.06)
@@ -197,7 +197,7 @@ def test_phases_off_any_grid_are_interpolated(pinocchio_arm):
     )
     position = np.asarray(trajectory.evaluate(phase).position_rad)
     odd = replace(run, time_s=phase / 0.7313, position_rad=position, phase_s=phase, current_a=torque)
-    folded = fold(odd, torque, phases_per_period(odd))
+    folded = fold(odd, torque, phases_of(*periodic_phase(odd)))
     assert folded.periods == 3
     assert folded.interval_s * len(folded.time_s) == pytest.approx(5.0 / 0.7313, rel=1e-9)
     exact = fold(run, joint_torque(run, pinocchio_arm.transmission), folded.raw_nm.shape[0])
@@ -423,7 +423,7 @@ def test_the_start_of_a_run_is_not_in_its_average_period(pinocchio_arm):
 
 def test_a_phase_without_samples_is_filled_between_its_neighbours_and_not_valid(pair, pinocchio_arm):
     run = pair[0]
-    phases = phases_per_period(run)
+    phases = phases_of(*periodic_phase(run))
     kept = run.rows(np.arange(run.size) % phases != 40)
     folded = fold(kept, joint_torque(kept, pinocchio_arm.transmission), phases)
     (hole,) = np.flatnonzero(~folded.valid)
