@@ -24,11 +24,6 @@ def struck_samples(size: FloatArray, time_s: FloatArray) -> NDArray[np.bool_]:
     """
     ranked = np.sort(np.abs(size), axis=1)
     hit = time_s[(ranked[:, -1] > Blows.struck) & (ranked[:, -2:].min(axis=1) > 0.5 * Blows.struck)]
-    if not hit.size:
-        return np.zeros(len(time_s), dtype=bool)
-    after = np.searchsorted(hit, time_s)
-    away = np.minimum(
-        np.abs(time_s - hit[np.minimum(after, hit.size - 1)]), np.abs(time_s - hit[np.maximum(after - 1, 0)])
-    )
-    near = away <= Blows.around_s + Blows.rounding_s
+    reach_s = Blows.around_s + Blows.rounding_s
+    near = np.searchsorted(hit, time_s + reach_s, side="right") > np.searchsorted(hit, time_s - reach_s)
     return near if near.mean() <= Blows.most else np.zeros_like(near)

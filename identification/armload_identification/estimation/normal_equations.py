@@ -40,8 +40,8 @@ class TorqueAt:
         moved_nm: (N, n, 3) carried torque per unit of them.
         motor_rate_nm: (N, n) torque on the motors' side per second of delay.
         loads: Place and columns of each term that passes the gears.
-        joints: Place and (m, N, n) columns of each term of the joints.
-        motors: Place and (N, n) column of each term of the motors.
+        joints: Place and columns of each term of the joints.
+        motors: Place and columns of each term of the motors.
     """
 
     predicted_nm: FloatArray
@@ -51,8 +51,8 @@ class TorqueAt:
     moved_nm: FloatArray
     motor_rate_nm: FloatArray
     loads: list[tuple[slice, LoadColumns]]
-    joints: list[tuple[slice, FloatArray]]
-    motors: list[tuple[slice, FloatArray]]
+    joints: list[tuple[slice, FloatArray, FloatArray | None]]
+    motors: list[tuple[slice, FloatArray, FloatArray]]
 
 
 AxisInformation = Mapping[tuple[int, int], tuple[NDArray[np.intp], FloatArray]]
@@ -238,34 +238,23 @@ def torque_at(rows: ArmRows, terms: Placed, x: FloatArray, coupling: FloatArray)
         for _, place in _acting(terms, law):
             moved[of_law] += x[place]
     tau, moved_nm = np.zeros(shape), np.zeros((*shape, 3))
-    loads: list[tuple[slice, LoadColumns]] = []
-    joints: list[tuple[slice, FloatArray]] = []
-    motors: list[tuple[slice, FloatArray]] = []
-    for term, place in terms:
-        if isinstance(term.law, Load):
-            level, change = of_load = term.law.columns(rows)
-            change_nm = np.moveaxis(change @ x[place], 1, 2)
-            tau += level @ x[place] + moved[0] * change_nm[:, :, 0] + change_nm[:, :, 1:] @ moved[1:]
-            moved_nm += change_nm
-            loads.append((place, of_load))
+    loads = [(place, term.law.columns(rows)) for term, place in terms if isinstance(term.law, Load)]
+    for place, (level, change) in loads:
+        change_nm = np.moveaxis(change @ x[place], 1, 2)
+        tau += level @ x[place] + moved[0] * change_nm[:, :, 0] + change_nm[:, :, 1:] @ moved[1:]
+        moved_nm += change_nm
     friction, factor = np.zeros(shape), np.ones(shape)
-    for term, place in terms:
-        if isinstance(term.law, Joint):
-            columns, slopes = term.law.columns(rows, tau)
-            values = x[place].reshape(len(columns), 1, rows.n)
-            friction += np.sum(columns * values, axis=0)
-            if slopes is not None:
-                factor += np.sum(slopes * values, axis=0)
-            joints.append((place, columns))
-    axis_nm = (tau + friction) @ coupling
-    motor_rate_nm = np.zeros(shape)
-    for term, place in terms:
-        if isinstance(term.law, Motor):
-            level, rate = term.law.columns(rows)
-            delayed = level + moved[0] * rate
-            axis_nm += delayed * x[place]
-            motor_rate_nm += rate * x[place]
-            motors.append((place, delayed))
+    joints = [(place, *term.law.columns(rows, tau)) for term, place in terms if isinstance(term.law, Joint)]
+    for place, columns, slopes in joints:
+        values = x[place].reshape(len(columns), 1, rows.n)
+        friction += np.sum(columns * values, axis=0)
+        if slopes is not None:
+            factor += np.sum(slopes * values, axis=0)
+    axis_nm, motor_rate_nm = (tau + friction) @ coupling, np.zeros(shape)
+    motors = [(place, *term.law.columns(rows)) for term, place in terms if isinstance(term.law, Motor)]
+    for place, level, rate in motors:
+        axis_nm += (level + moved[0] * rate) * x[place]
+        motor_rate_nm += rate * x[place]
     gain = np.exp(sum((x[place] for _, place in _acting(terms, Shared.GAIN)), np.zeros(rows.n)))
     predicted = np.asarray(gain * axis_nm)
     return TorqueAt(predicted, gain, factor, moved, moved_nm, motor_rate_nm, loads, joints, motors)
@@ -284,8 +273,8 @@ def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> Ite
     through = np.concatenate([nothing, *(columns for columns, _ in whole)], axis=2) * at.factor[:, :, None]
     place_through = _indices(place for _, place in whole)
     delayed = (place_through[:, None] == _indices(place for _, place in _acting(terms, Shared.DELAY))).any(axis=1)
-    own = np.concatenate([np.zeros((0, *at.predicted_nm.shape)), *(columns for _, columns in at.joints)])
-    starts = _indices(slice(place.start, place.start + n * len(columns), n) for place, columns in at.joints)
+    own = np.concatenate([np.zeros((0, *at.predicted_nm.shape)), *(columns for _, columns, _ in at.joints)])
+    starts = _indices(slice(place.start, place.start + n * len(columns), n) for place, columns, _ in at.joints)
     for axis, column in enumerate(coupling.T):
         joints = np.flatnonzero(column)
         share = column[joints] * at.gain[axis]
@@ -295,9 +284,11 @@ def torque_derivatives(at: TorqueAt, terms: Placed, coupling: FloatArray) -> Ite
             (ahead, place_through),
             *((own[:, :, j].T * c, starts + j) for j, c in zip(joints, share, strict=True)),
         ]
-        gains = [(place, at.predicted_nm) for _, place in _acting(terms, Shared.GAIN)]
-        for place, columns in (*gains, *((place, at.gain[axis] * columns) for place, columns in at.motors)):
-            parts.append((columns[:, axis, None], np.array([place.start + axis])))
+        for place, level, rate in at.motors:
+            of_motor = at.gain[axis] * (level + at.moved[0] * rate)[:, axis, None]
+            parts.append((of_motor, np.array([place.start + axis])))
+        gains = [place.start + axis for _, place in _acting(terms, Shared.GAIN)]
+        parts += [(at.predicted_nm[:, axis, None], np.array([place])) for place in gains]
         yield np.hstack([columns for columns, _ in parts]), np.concatenate([place for _, place in parts])
 
 

@@ -98,7 +98,7 @@ class RunDrift:
 def _friction_nm(state: GroupState, x: FloatArray) -> FloatArray:
     """(N, n) axis torque by all friction of the loaded run, at the unknowns x."""
     torque = state.torque[0]
-    of_joints = [np.einsum("mj,mtj->tj", x[place].reshape(len(term), -1), term) for place, term in torque.joints]
+    of_joints = [np.einsum("mj,mtj->tj", x[place].reshape(len(term), -1), term) for place, term, _ in torque.joints]
     return np.asarray(torque.gain * (np.sum(of_joints, axis=0) @ state.coupling))
 
 

@@ -87,10 +87,14 @@ def payload_signal(plain: PayloadEstimate, of: LoadSignal | Motion, transmission
     """The signal of a pair on the loaded run's motion, or of a run minus the arm, with estimated gains and delay."""
     body, chain = plain.body(plain.runs - 1), plain.arm.layout.chain
     times = transmission.changed_by(-plain.posterior.value(GAIN))
-    moved = of.with_torque_times(times).with_delay(body.torque_delay_s)
-    if isinstance(moved, LoadSignal):
-        return moved.on_one_motion(chain, body)
-    return without_body(moved, body.torque(chain, *moved.states))
+
+    def moved(run: Motion) -> Motion:
+        return run.with_torque_times(times).with_delay(body.torque_delay_s)
+
+    if isinstance(of, LoadSignal):
+        return of.of_both(moved).on_one_motion(chain, body)
+    run = moved(of)
+    return without_body(run, body.torque(chain, *run.states))
 
 
 def completed(

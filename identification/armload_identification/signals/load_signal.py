@@ -9,6 +9,7 @@ The two motions always differ slightly. Their difference is reported; runs of di
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -119,14 +120,9 @@ class LoadSignal:
         averaged = np.mean((self.raw_nm - predicted_nm)[self.valid] ** 2, axis=0)
         return np.asarray(np.sqrt(averaged + self.noise_nm**2 - self.averaged_noise_nm**2))
 
-    def with_torque_times(self, matrix: FloatArray) -> LoadSignal:
-        """The same motion with every torque tau replaced by tau M, M (n, n); the noise is not changed."""
-        loaded, unloaded = (run.with_torque_times(matrix) for run in (self.loaded, self.unloaded))
-        return replace(self, loaded=loaded, unloaded=unloaded)
-
-    def with_delay(self, delay_s: float) -> LoadSignal:
-        """The same torque with the motion to which it belongs, for torques reported `delay_s` after the positions."""
-        return replace(self, loaded=self.loaded.with_delay(delay_s), unloaded=self.unloaded.with_delay(delay_s))
+    def of_both(self, change: Callable[[Motion], Motion]) -> LoadSignal:
+        """The same with both runs changed."""
+        return replace(self, loaded=change(self.loaded), unloaded=change(self.unloaded))
 
     def on_one_motion(self, chain: Chain, body: BodyModel) -> LoadSignal:
         """The pair as if the unloaded run had followed the loaded one's motion, with links and rotors of a body.

@@ -124,7 +124,9 @@ def compare_known(judged: KnownMassCenter, measured: KnownMassCenter, tolerance:
     difference = measured.values - judged.values
     gains = _held(judged.covariance, measured.covariance)
     covariance, freedom = _difference_covariance(judged.covariance, measured.covariance, gains)
-    statistic = _f_statistic(difference, covariance, freedom)
+    free = _denominator_freedom(freedom)
+    square = float(difference @ np.linalg.solve(covariance, difference))
+    statistic = square / _SIZE * free / (free + _SIZE - 1.0)
     critical = _critical_and_detectable(freedom)[0]
     noticeable_kg, noticeable_m, weakest = _noticeable_errors(covariance, freedom)
     tolerance_kg = tolerance.mass_share * judged.parameters.mass_kg
@@ -192,13 +194,6 @@ def _difference_covariance(
         scatter += float(np.trace(share @ share) + np.trace(share) ** 2) / freedom
     freedom = (_SIZE + _SIZE**2) / max(scatter, AgreementLevels.least_scatter)
     return total, freedom
-
-
-def _f_statistic(difference: FloatArray, covariance: FloatArray, freedom: float) -> float:
-    """F of a difference."""
-    square = float(difference @ np.linalg.solve(covariance, difference))
-    free = _denominator_freedom(freedom)
-    return square / _SIZE * free / (free + _SIZE - 1.0)
 
 
 def _denominator_freedom(freedom: float) -> float:

@@ -54,7 +54,11 @@ def sentences(verdict: PayloadVerdict, joint_names: Sequence[str]) -> list[str]:
 
 def agreement_sentences(agreement: Agreement, source: str) -> list[str]:
     """Result of a comparison in sentences, the outcome first; `source` is such as "CAD gives"."""
-    found = f"{source} {_difference_text(agreement)}; {_tolerance_text(agreement)}."
+    share = agreement.tolerance_kg / agreement.judged_kg
+    found = (
+        f"{source} {_difference_text(agreement)}; the tolerance is {100.0 * share:.3g} % of the mass "
+        f"({agreement.tolerance_kg:.3f} kg) and {1e3 * agreement.tolerance_m:.3g} mm."
+    )
     match agreement.outcome:
         case Outcome.RIGHT:
             if agreement.differs:
@@ -123,15 +127,6 @@ def _difference_text(agreement: Agreement) -> str:
     return (
         f"a mass {abs(mass):.3f} kg {higher} ({100.0 * share:.1f} %) +- {width[0]:.3f} kg and a centre of mass "
         f"{1e3 * float(np.linalg.norm(agreement.difference[1:])):.1f} mm away ({moved} mm)"
-    )
-
-
-def _tolerance_text(agreement: Agreement) -> str:
-    """The tolerance of mass and centre of mass."""
-    share = agreement.tolerance_kg / agreement.judged_kg
-    return (
-        f"the tolerance is {100.0 * share:.3g} % of the mass ({agreement.tolerance_kg:.3f} kg) and "
-        f"{1e3 * agreement.tolerance_m:.3g} mm"
     )
 
 

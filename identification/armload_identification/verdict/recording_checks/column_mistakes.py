@@ -112,11 +112,9 @@ class RunColumns:
     def look_right(self) -> bool:
         """Whether there is no cause to search for mistakes."""
         signal = self._signal
-        moves = signal.unloaded.moves
-        if (moves & (_loaded_over_unloaded(signal) < ArmFit.loaded_over_unloaded)).any():
-            return False
-        if self._known is not None:
-            return True
+        opposed = signal.unloaded.moves & (_loaded_over_unloaded(signal) < ArmFit.loaded_over_unloaded)
+        if opposed.any() or self._known is not None:
+            return not opposed.any()
         return not strange_joints(signal, self.arm, 1.0, ArmFit.driven_share).any()
 
     def require_right(self) -> None:

@@ -123,8 +123,8 @@ def test_the_torque_of_links_and_rotors_between_two_paths_is_added_to_the_unload
 def test_torque_that_is_late_belongs_to_an_earlier_motion_and_gains_turn_it():
     ramp = JointStates(*(np.full((4, 1), v) for v in (1.0, 2.0, 4.0)))
     pair = LoadSignal(motion(7.0, states=ramp), motion(2.0, states=ramp), np.zeros(1), 0.0)
-    late = pair.with_delay(0.1)
+    late = pair.of_both(lambda run: run.with_delay(0.1))
     for run in (late.loaded, late.unloaded):
         np.testing.assert_allclose(run.states.position_rad, 1.0 - 0.1 * 2.0 + 0.5 * 0.01 * 4.0)
         np.testing.assert_allclose(run.states.velocity_rad_s, 2.0 - 0.1 * 4.0)
-    np.testing.assert_allclose(pair.with_torque_times(np.array([[3.0]])).raw_nm, 15.0)
+    np.testing.assert_allclose(pair.of_both(lambda run: run.with_torque_times(np.array([[3.0]]))).raw_nm, 15.0)

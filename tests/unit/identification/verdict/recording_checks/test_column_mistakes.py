@@ -143,7 +143,7 @@ def test_the_file_of_a_flipped_sign_is_named(pair, pinocchio_arm, spoilt, said):
 def test_a_sign_that_only_the_payload_reveals_is_found(signal, pinocchio_arm):
     """As on a last joint without friction, whose unloaded torque does not determine its sign."""
     sign = np.where(np.arange(6) == 5, -1.0, 1.0)
-    spoiled = signal.with_torque_times(np.diag(sign))
+    spoiled = signal.of_both(lambda run: run.with_torque_times(np.diag(sign)))
     with pytest.raises(RecordingError, match=r"joint 6 .*payload torque that the other joints imply.* flipped"):
         require_consistent(solved(spoiled, pinocchio_arm), as_assumed(6), spoiled, np.ones(6))
 
