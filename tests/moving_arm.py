@@ -20,6 +20,7 @@ from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, read_pair, record_half, recording_path
 from armload_controller.session.run_session import no_operator
 from armload_controller.session.session_load import SessionLoad
+from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_identification import identify
 from tests.short_commissioning import write_short_robot
@@ -42,7 +43,7 @@ def main(name: str | None = None) -> None:
             for run in (unloaded, loaded):
                 print(hashlib.sha256(run.position_rad.tobytes()).hexdigest(), len(run.time_s))
             found = identify(loaded, unloaded, robot.chain, robot.drives.transmission)
-            print(f"{payload_result(found, 'test', robot.sha256).model.mass_kg:.2f} kg")
+            print(f"{payload_result(found, Provenance('test', robot.sha256, {})).model.mass_kg:.2f} kg")
     print(f"{platform.machine()}: {time.process_time():.0f} s of CPU", file=sys.stderr)
 
 

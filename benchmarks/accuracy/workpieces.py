@@ -26,7 +26,7 @@ from armload_identification.calibration.calibration_result import COLD
 from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.estimation.arm_terms import WITHIN_HOURS
 from armload_identification.estimation.payload_from_posterior import gear_asymmetry
-from armload_identification.model.payload import InertialParameters, PayloadResult
+from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.pipeline.workpiece import Workpiece
@@ -213,7 +213,8 @@ def _one(setups: Sequence[Setup], gears: Gears, seed: int) -> FloatArray:
         gains = setup.transmission
         if results and calibration is None:
             gains = gains_to_compare_by(results[0].mass_center, gains)
-        results.append(payload_result(identified_with(calibration, loaded, unloaded, setup.chain, gains), "0", "0"))
+        found = identified_with(calibration, loaded, unloaded, setup.chain, gains)
+        results.append(payload_result(found, Provenance("0", "0", {})))
     gripper, whole = results
     part = Workpiece.of(whole, gripper)
     low, high = gripper.interval_95[:4].T

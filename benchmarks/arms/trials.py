@@ -24,7 +24,7 @@ from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.files.payload_file import format_payload, parse_payload
 from armload_identification.identification_errors import IdentificationError, PayloadFileError
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.pipeline.identification_result import Identification, payload_result
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
@@ -205,7 +205,7 @@ def run_trials(pool: Executor, setup: Setup, seeds: int, progress: Callable[[int
 def _margin_in_file(result: Identification) -> float:
     """Margin of the payload after a round trip through its file."""
     try:
-        return parse_payload(format_payload(payload_result(result, "benchmark", "0" * 64))).model.margin
+        return parse_payload(format_payload(payload_result(result, Provenance("benchmark", "0" * 64, {})))).model.margin
     except PayloadFileError:
         return -np.inf
 

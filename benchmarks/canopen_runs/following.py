@@ -36,7 +36,7 @@ from armload_identification.excitation.design_search import PeriodRange, SearchS
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.information import named_criterion
 from armload_identification.model.body_model import BodyModel
-from armload_identification.model.payload import PayloadResult
+from armload_identification.model.payload import PayloadResult, Provenance
 from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_identification import identify
 from benchmarks.arms.calibrated import calibrated
@@ -68,7 +68,7 @@ def _identify(robot: Robot) -> tuple[PayloadResult, BodyModel]:
         (loaded, unloaded), (_, other) = (read_pair(robot, Path(folder), role) for role in ROLES)
         found = identify(loaded, unloaded, robot.chain, robot.drives.transmission)
         arm = calibrated([MountedRun(unloaded, ""), MountedRun(other, "")], {}, robot.chain, robot.drives.transmission)
-        return payload_result(found, "benchmark", robot.sha256), arm.body
+        return payload_result(found, Provenance("benchmark", robot.sha256, {})), arm.body
 
 
 def _sweep(robot: Robot) -> Excitation:

@@ -10,6 +10,7 @@ import pytest
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.files.payload_file import format_payload
 from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_identification import identify
 
@@ -28,7 +29,7 @@ def test_pair_a_is_weighed_and_its_inertia_is_not_printed(ur10e_identified):
     assert not result.plain_parameters.is_physical
     assert result.parameters.is_physical
     assert (result.signal.mismatch_rad < 2e-4).all()
-    text = format_payload(payload_result(result, "0.1.0", "")).split("[model]")[0]
+    text = format_payload(payload_result(result, Provenance("0.1.0", "", {}))).split("[model]")[0]
     assert "mass_kg = 2." in text
     assert "inertia_kg_m2 = { ixx = false" in text
     assert "inertia_kg_m2 = { ixx = 0" not in text

@@ -34,7 +34,7 @@ from armload_identification.identification_errors import (
     PayloadFileError,
     RecordingError,
 )
-from armload_identification.model.payload import FLANGE, PayloadResult
+from armload_identification.model.payload import FLANGE, PayloadResult, Provenance
 from armload_identification.pipeline import payload_identification, payload_validation
 from armload_identification.pipeline.any_motion import SHORTEST_WINDOW_S, identify_windows
 from armload_identification.pipeline.identification_result import payload_result
@@ -182,8 +182,8 @@ def identify(
     unnamed = _taken_in_order(arm, run)
     with _explained(unnamed, session):
         identification = payload_identification.identify(run, empty, used.chain, gains, known=known, arm=empty_arm)
-    origin = {"robot": arm.name, "kinematics_sha256": arm.chain.kinematics_sha256}
-    payload = payload_result(identification, version("armload"), arm.sha256, used.calibration_sha256, **origin)
+    known_arm = used.calibration_sha256, arm.name, arm.chain.kinematics_sha256
+    payload = payload_result(identification, Provenance(version("armload"), arm.sha256, {}, *known_arm))
     if arm.rated_payload_kg is not None:
         require_possible_mass(payload.model.mass_kg, payload.interval_95[0], arm.rated_payload_kg, arm.name)
     notes = [*run.source.remarks, *([] if unnamed is None else [unnamed])]

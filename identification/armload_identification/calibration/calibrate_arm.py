@@ -115,9 +115,12 @@ class _Calibration:
             motion = self._read(name, run.recording)
             readable += [] if motion is None else [(name, run, motion)]
             self._advance()
-        torque = [run.recording.torque_nm is not None for _, run, _ in readable]
-        self._from_torque = 2 * sum(torque) > len(torque)
-        alike = [run for run, own in zip(readable, torque, strict=True) if self._is_of_usual_effort(run[0], own)]
+        of_torque = {name for name, run, _ in readable if run.recording.torque_nm is not None}
+        self._from_torque = 2 * len(of_torque) > len(readable)
+        kept, other = ("torque", "current") if self._from_torque else ("current", "torque")
+        reason = f"it contains {other}, most runs contain {kept}; calibrate the two separately"
+        self._left_out += [(name, reason) for name, *_ in readable if (name in of_torque) is not self._from_torque]
+        alike = [run for run in readable if (run[0] in of_torque) is self._from_torque]
         if not alike:
             reasons = "; ".join(f"{name}: {reason}" for name, reason in self._left_out) or "no recording was given"
             raise EstimationError(f"no recording can be used ({reasons.rstrip('.')}).")
@@ -170,15 +173,6 @@ class _Calibration:
             self._left_out.append((name, str(problem).removeprefix(f"{path}: ")))
             return None
         return motion
-
-    def _is_of_usual_effort(self, name: str, from_torque: bool) -> bool:
-        """Whether a run is not of the rarer of current and torque, which cannot be mixed; else it is excluded."""
-        if from_torque is self._from_torque:
-            return True
-        kept, other = ("torque", "current") if self._from_torque else ("current", "torque")
-        reason = f"it contains {other}, most runs contain {kept}; calibrate the two separately"
-        self._left_out.append((name, reason))
-        return False
 
     def _fitted(self, runs: Sequence[_UsedRun]) -> Posterior:
         """Fit some of the runs."""

@@ -12,7 +12,6 @@ still cold look the same (on the UR10e, 0.8 % on 31 January, where there was no 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -23,9 +22,9 @@ from armload_identification.calibration.calibration_result import FEWEST_SESSION
 from armload_identification.estimation.arm_terms import GAIN
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH, ONE_SIDED
-from armload_identification.estimation.payload_problem import PayloadProblem, single_problem
+from armload_identification.estimation.payload_problem import single_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.estimation.problem import Group, Problem, RunRows
+from armload_identification.estimation.problem import Group, RunRows
 from armload_identification.estimation.solve import solve
 from armload_identification.model.chain import Chain
 from armload_identification.recording.recording import Recording
@@ -89,9 +88,8 @@ class SessionGains:
         Raises:
             RecordingError: a recording that does not fit the arm, or is invalid.
         """
-        tool = KnownPayload(mass_kg=mass_kg).prior()
-        carried = _nothing if mass_kg is None else lambda arm: arm.knowing(tool)
-        found, deviation = self._found(reference, calibration, chain, transmission, carried)
+        tool = None if mass_kg is None else KnownPayload(mass_kg=mass_kg)
+        found, deviation = self._found(reference, calibration, chain, transmission, tool)
         whole = float(np.hypot(deviation, min(OF_REFERENCE, self.deviation)))
         return SessionGains(found, whole, f"measured by {reference.source.path.name}")
 
@@ -107,7 +105,7 @@ class SessionGains:
             transmission: Nominal gains, and coupling.
             loaded: Whether it carried the payload; else nothing.
         """
-        carried = (lambda arm: arm.problem) if loaded else _nothing
+        carried = KnownPayload() if loaded else None
         found, deviation = self._found(run, calibration, chain, transmission, carried)
         beyond = max(abs(found - self.log_factor) - NORMAL_HALF_WIDTH * deviation, 0.0)
         return self._left(found, float(np.hypot(deviation, beyond)), beyond > deviation)
@@ -140,9 +138,9 @@ class SessionGains:
         calibration: ArmCalibration,
         chain: Chain,
         transmission: Transmission,
-        carried: Callable[[PayloadProblem], Problem],
+        carried: KnownPayload | None,
     ) -> tuple[float, float]:
-        """The logarithm of the factor from a run and the prior, and its standard deviation.
+        """The logarithm of the factor from a run with a payload, or without, and the prior, and its standard deviation.
 
         The prior is combined with what the run says where the solve has ended with the factor free: held by the prior,
         5 % would remain as residual, count as noise, and hide themselves.
@@ -153,8 +151,11 @@ class SessionGains:
         found, information, free = self.log_factor, 0.0, LARGEST**-2.0
         for _ in range(_STEPS):
             now = motion.with_torque_times(np.exp(found) * np.eye(chain.n))
-            problem = single_problem(now, level, gains.coupling, known)
-            posterior = solve(carried(problem), rough=True)
+            problem = single_problem(now, level, gains.coupling, known).knowing(carried.prior() if carried else None)
+            if carried is None:
+                (group,) = problem.groups
+                problem = replace(problem, groups=[Group((RunRows(group.runs[0].rows),))])
+            posterior = solve(problem, rough=True)
             pull, left = posterior.beside(posterior.groups[0].torque[0].predicted_nm[None])
             information = float(left[0, 0])
             found -= (float(pull[0]) + free * (found - self.log_factor)) / (information + free)
@@ -188,9 +189,3 @@ class SessionGains:
         gains = next(term.mean.size for term in known.terms if term.name == GAIN)
         error: FloatArray = np.where(np.arange(size) < gains, self.deviation, 0.0)
         return replace(known, errors=np.vstack([known.errors, error]))
-
-
-def _nothing(arm: PayloadProblem) -> Problem:
-    """The problem of a run without a payload."""
-    (group,) = arm.problem.groups
-    return replace(arm.problem, groups=[Group((RunRows(group.runs[0].rows),))])

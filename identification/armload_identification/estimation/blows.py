@@ -26,4 +26,4 @@ def struck_samples(size: FloatArray, time_s: FloatArray) -> NDArray[np.bool_]:
     hit = time_s[(ranked[:, -1] > Blows.struck) & (ranked[:, -2:].min(axis=1) > 0.5 * Blows.struck)]
     reach_s = Blows.around_s + Blows.rounding_s
     near = np.searchsorted(hit, time_s + reach_s, side="right") > np.searchsorted(hit, time_s - reach_s)
-    return near if near.mean() <= Blows.most else np.zeros_like(near)
+    return near if np.count_nonzero(near) <= Blows.most * near.size else np.zeros_like(near)

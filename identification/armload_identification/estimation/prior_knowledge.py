@@ -138,21 +138,21 @@ class KnownPayload:
         A centre of mass c is known by m c - s = 0, linear in theta; the model's inertia about its centre of
         mass is taken at the model's centre of mass.
         """
-        size_kg, rows, target = self.reference_mass_kg or 1.0, [np.zeros((0, 10))], [np.zeros(0)]
+        size_kg, mass = self.reference_mass_kg or 1.0, np.eye(1, 10)
+        equations = [(np.zeros((0, 10)), np.zeros(0))]
         if self.mass_kg is not None and not isinstance(self.mass_kg, tuple):
-            rows.append(np.eye(1, 10) / (EXACT * self.mass_kg))
-            target.append(np.array([1.0 / EXACT]))
+            equations.append((mass / (EXACT * self.mass_kg), np.array([1.0 / EXACT])))
         for axis, coordinate in enumerate(() if self.center_of_mass_m is None else self.center_of_mass_m):
             if np.ndim(coordinate) == 0:
-                rows.append((np.eye(1, 10, 1 + axis) - float(coordinate) * np.eye(1, 10)) / (EXACT * size_kg))
-                target.append(np.zeros(1))
+                row = (np.eye(1, 10, 1 + axis) - float(coordinate) * mass) / (EXACT * size_kg)
+                equations.append((row, np.zeros(1)))
         if self.symmetric:
-            rows.append(_symmetry_rows(size_kg))
-            target.append(np.zeros(len(rows[-1])))
+            equations.append((_symmetry_rows(size_kg), np.zeros(6)))
         if self.cad is not None:
-            rows.append(_model_rows(self.cad, self.confidence))
-            target.append(rows[-1] @ self.cad.theta)
-        return Prior(np.vstack(rows), np.concatenate(target))
+            # derivatives of mass, centre of mass and inertia about it, divided by their standard deviations
+            rows = derived(self.cad)[1] / (self.confidence * value_scale(self.cad.mass_kg))[:, None]
+            equations.append((rows, rows @ self.cad.theta))
+        return Prior(*map(np.concatenate, zip(*equations, strict=True)))
 
 
 def _require_known(name: str, unit: str, value: float | tuple[float, float]) -> None:
@@ -167,12 +167,6 @@ def _require_known(name: str, unit: str, value: float | tuple[float, float]) -> 
 def _plain(center: Sequence[float | tuple[float, float]] | FloatArray) -> list[float | list[float]]:
     """A centre of mass for messages."""
     return [np.asarray(coordinate, dtype=np.float64).tolist() for coordinate in center]
-
-
-def _model_rows(cad: InertialParameters, confidence: float) -> FloatArray:
-    """(10, 10) rows: derivatives of mass, centre of mass and inertia about it, divided by their standard deviations."""
-    _, slope = derived(cad)
-    return np.asarray(slope / (confidence * value_scale(cad.mass_kg))[:, None])
 
 
 def _symmetry_rows(mass_kg: float) -> FloatArray:

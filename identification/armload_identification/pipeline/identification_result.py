@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -138,25 +137,11 @@ def completed(
     )
 
 
-def payload_result(
-    result: Identification,
-    armload_version: str,
-    configuration_sha256: str,
-    calibration_sha256: Mapping[str, str] | None = None,
-    robot: str = "",
-    kinematics_sha256: str = "",
-) -> PayloadResult:
-    """The content of a payload file.
+def payload_result(result: Identification, made: Provenance) -> PayloadResult:
+    """The content of a payload file; undetermined values have no interval, and no number except in the model.
 
     Args:
-        armload_version: Version of the program.
-        configuration_sha256: Hash of the robot's configuration.
-        calibration_sha256: File name and hash of the arm's calibration, if there is one.
-        robot: Name of the arm, if known.
-        kinematics_sha256: Hash of its kinematics, if known.
-
-    Returns:
-        The content; undetermined values have no interval, and no number except in the model.
+        made: By which program, for which robot and with which calibration; the recordings are added.
     """
     known = result.uncertainty.determined
     return PayloadResult(
@@ -168,14 +153,7 @@ def payload_result(
         noise_nm=result.signal.noise_nm,
         mass_center=result.mass_center,
         known_range=result.uncertainty.limits,
-        provenance=Provenance(
-            armload_version=armload_version,
-            configuration_sha256=configuration_sha256,
-            recordings_sha256=hashes_by_name(result.sources),
-            calibration_sha256=dict(calibration_sha256 or {}),
-            robot=robot,
-            kinematics_sha256=kinematics_sha256,
-        ),
+        provenance=replace(made, recordings_sha256=hashes_by_name(result.sources)),
     )
 
 

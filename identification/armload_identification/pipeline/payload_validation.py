@@ -132,19 +132,13 @@ def judge(measured: Identification, chain: Chain, judged: KnownMassCenter, toler
     load = regressor @ judged.parameters.theta
     friction = measured.friction_nm
     predicted = load + friction
+    length = length_needed(judged, again, tolerance)
     return Validation(
         verdict=PayloadVerdict(
             agreement=agreement,
             of_payload=joint_scales(signal, load, friction),
             of_measured=joint_scales(signal, regressor @ measured.parameters.theta, friction),
-            remedy=remedy_for(
-                agreement,
-                length_needed(judged, again, tolerance),
-                measured.plain,
-                measured.parameters,
-                chain,
-                signal.states.position_rad,
-            ),
+            remedy=remedy_for(agreement, length, measured.plain, measured.parameters, signal.states.position_rad),
         ),
         measured=measured,
         predicted_nm=predicted,

@@ -70,7 +70,10 @@ class Workpiece:
         covariance = parts[0].minus(parts[1])
         covariance = replace(covariance, measured=covariance.measured + drifted.T @ drifted)
         total = covariance.total
-        half_width = student_half_width(_freedom(parts, total)) * np.sqrt(np.diag(total))
+        # after Satterthwaite; the gains' share is taken as known
+        scatter = sum(np.diag(part.measured) ** 2 / part.freedom for part in parts)
+        freedom = np.diag(total) ** 2 / np.maximum(scatter, np.finfo(np.float64).tiny)
+        half_width = student_half_width(freedom) * np.sqrt(np.diag(total))
         return Workpiece(_possible(theta, center), covariance, half_width)
 
     def result(self, whole: PayloadResult) -> PayloadResult:
@@ -98,12 +101,6 @@ def _expressed(result: PayloadResult, back: FloatArray) -> MassCenterCovariance:
         gain_slope=turn @ known.gain_slope,
         calibration_slope=turn @ known.calibration_slope,
     )
-
-
-def _freedom(parts: list[MassCenterCovariance], total: FloatArray) -> FloatArray:
-    """(4,) degrees of freedom of each quantity's variance, after Satterthwaite; the gains' share is taken as known."""
-    scatter = sum(np.diag(part.measured) ** 2 / part.freedom for part in parts)
-    return np.asarray(np.diag(total) ** 2 / np.maximum(scatter, np.finfo(np.float64).tiny))
 
 
 def _possible(theta: FloatArray, center_m: FloatArray) -> InertialParameters:

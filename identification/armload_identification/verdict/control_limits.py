@@ -102,11 +102,10 @@ def control_chart(values: FloatArray, noise: FloatArray, doubt: FloatArray, usua
         before, before_variance = mean, variance
     limit = ChartLevels.limit_deviations * np.hypot(deviation, known)
 
-    full = np.full((3, values.size), np.nan)
-    full[:, shown] = deviation, limit, level
-    marked = np.zeros((2, values.size), dtype=bool)
-    marked[:, shown] = np.abs(v) > limit, alone
-    return ControlChart(values, full[0], full[1], marked[0], marked[1], full[2], tuple(changes))
+    full = np.full((4, values.size), np.nan)
+    full[:, shown] = deviation, limit, level, alone
+    outside = np.abs(values) > full[1]
+    return ControlChart(values, full[0], full[1], outside, full[3] == 1.0, full[2], tuple(changes))
 
 
 def _deviation_between_runs(values: FloatArray, noise: FloatArray, usual: float) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.payload_from_posterior import PayloadEstimate
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, PayloadResult, derived
 from armload_identification.verdict.agreement import Agreement, KnownMassCenter, LengthNeeded, Outcome
@@ -96,7 +95,6 @@ def remedy_for(
     length: LengthNeeded,
     found: PayloadEstimate,
     parameters: InertialParameters,
-    chain: Chain,
     position_rad: FloatArray,
 ) -> Remedy:
     """How an error equal to the tolerance could be detected; fit and (K, n) motion are the validation's."""
@@ -105,6 +103,7 @@ def remedy_for(
     mass[0], center[1:4] = 1.0, agreement.weakest
     # Changes of theta for an error of only the mass, and of only the centre of mass.
     seen = found.seen(np.asarray(np.linalg.solve(slope, np.column_stack([mass, center]))))
+    chain = found.arm.layout.chain
     down = chain.gravity_m_s2 / np.linalg.norm(chain.gravity_m_s2)
     poses = position_rad[:: max(1, len(position_rad) // ArmFit.rows)]
     along = down @ chain.forward(poses)[:, -1, :3, :3] @ agreement.weakest

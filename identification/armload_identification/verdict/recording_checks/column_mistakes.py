@@ -141,7 +141,12 @@ class RunColumns:
             ((found[1] - both) & opposed, self._paths[1]),
         ):
             if joints:
-                return f"{files}: {_flipped_text(sorted(joints))}"
+                names = named_joints([str(joint + 1) for joint in sorted(joints)])
+                verb, whose = ("measures", "its") if len(joints) == 1 else ("measure", "their")
+                return (
+                    f"{files}: {names} {verb} the opposite of the torque that the arm's links and friction require. "
+                    f"The sign of {whose} current or torque is flipped: correct it in the configuration or the log."
+                )
         one, other = (exchanged_columns(run, self._chain, self._coupling) for run in runs)
         exchange = one or other
         if exchange is None:
@@ -168,16 +173,6 @@ def strange_joints(signal: LoadSignal, arm: BodyFit, loud: float, driven: float)
     unexplained = arm.residual_rms_nm > ArmFit.residual_share * arm.torque_rms_nm
     evident = signal.unloaded.moves & (arm.torque_rms_nm > loud * signal.averaged_noise_nm)
     return np.asarray(evident & (unexplained | (friction < -driven * arm.torque_rms_nm)))
-
-
-def _flipped_text(joints: list[int]) -> str:
-    """What is wrong with the signs of joints, and the remedy."""
-    names = named_joints([str(joint + 1) for joint in joints])
-    verb, whose = ("measures", "its") if len(joints) == 1 else ("measure", "their")
-    return (
-        f"{names} {verb} the opposite of the torque that the arm's links and friction require. "
-        f"The sign of {whose} current or torque is flipped: correct it in the configuration or the log."
-    )
 
 
 def _loaded_over_unloaded(signal: LoadSignal) -> FloatArray:

@@ -26,6 +26,7 @@ from armload_identification.calibration.run_contradictions import (
 from armload_identification.calibration.run_health import _RunFit
 from armload_identification.calibration.session_gains import SessionGains
 from armload_identification.estimation.base_tilt import tilt_axes
+from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
@@ -305,7 +306,7 @@ def test_the_factor_is_found_in_three_linearisations_from_the_rows_and_the_prior
 
     run = SimpleNamespace(motion=SimpleNamespace(with_torque_times=times_matrix))
     monkeypatch.setattr(f"{ROOM}.session_gains.usable_runs", lambda *_: [run])
-    monkeypatch.setattr(f"{ROOM}.session_gains.single_problem", lambda now, *_: now)
+    monkeypatch.setattr(f"{ROOM}.session_gains.single_problem", lambda now, *_: SimpleNamespace(knowing=lambda _: now))
 
     def solve(now, *, rough):
         torque = SimpleNamespace(predicted_nm=np.zeros((1, 1)))
@@ -319,7 +320,7 @@ def test_the_factor_is_found_in_three_linearisations_from_the_rows_and_the_prior
         transmission=lambda _: SimpleNamespace(coupling=None),
     )
     gains = SessionGains(0.01, prior, "")
-    found, deviation = gains._found(None, calibration, SimpleNamespace(n=1), None, lambda problem: problem)
+    found, deviation = gains._found(None, calibration, SimpleNamespace(n=1), None, KnownPayload())
     free = 0.01 + (0.02 - 0.01) * information / (information + 0.2**-2.0)
     whole = information + prior**-2.0
     assert found == pytest.approx((free * information + 0.01 * prior**-2.0) / whole)

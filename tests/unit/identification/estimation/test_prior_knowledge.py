@@ -120,7 +120,7 @@ def test_the_papers_own_table_comes_out():
 
 def test_a_payload_that_is_not_determined_is_not_compared(pinocchio_arm, noisy, exact):
     result = found(pinocchio_arm, noisy, exact)
-    file = parse_payload(format_payload(payload_result(result, "0.1.0", "c" * 64)))
+    file = parse_payload(format_payload(payload_result(result, Provenance("0.1.0", "c" * 64, {}))))
     comparison = compare_with_cad(file, file)
     assert comparison.determined[:4].all()
     assert not comparison.determined[4:].all()
@@ -172,7 +172,7 @@ def test_a_range_that_binds_narrows_honestly_and_is_shown(pinocchio_arm, noisy, 
     variance = result.mass_center.measured[0, 0]
     assert np.sqrt(variance) == pytest.approx(0.603 * deviation, rel=0.02)
     assert "the given range of the mass" in result.notes[0]
-    written = format_payload(payload_result(result, "0.1.0", "c" * 64))
+    written = format_payload(payload_result(result, Provenance("0.1.0", "c" * 64, {})))
     assert "[known_range]" in written
     np.testing.assert_array_equal(parse_payload(written).known_range[0], [edge, 2.0 * high])
 
@@ -180,7 +180,7 @@ def test_a_range_that_binds_narrows_honestly_and_is_shown(pinocchio_arm, noisy, 
 def test_a_wide_range_changes_nothing(plain):
     known = KnownPayload(mass_kg=(0.5, 50.0), center_of_mass_m=[(-1, 1), (-1, 1), (-1, 1)])
     assert within_ranges(plain, known, not_identified_again) is plain
-    assert payload_result(plain, "0.1.0", "c" * 64).known_range is None
+    assert payload_result(plain, Provenance("0.1.0", "c" * 64, {})).known_range is None
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from armload_identification.identification_errors import (
     NothingMounted,
     RecordingError,
 )
-from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
+from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters, Provenance
 from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.joint_torque import Transmission, joint_torque
@@ -190,7 +190,7 @@ def test_a_noisy_result_is_possible_and_prints_only_what_is_determined(pinocchio
     known = result.uncertainty.determined
     assert known.any()
     assert not known.all()
-    file = parse_payload(format_payload(payload_result(result, "0.1.0", "c" * 64)))
+    file = parse_payload(format_payload(payload_result(result, Provenance("0.1.0", "c" * 64, {}))))
     assert file.model.margin >= SMALLEST_MARGIN
     np.testing.assert_array_equal(file.determined, known)
     assert np.isnan(file.interval_95[~known]).all()
@@ -245,7 +245,7 @@ def test_files_of_one_name_keep_both_hashes(pair, pinocchio_arm):
         for run, folder in zip(pair, ("with", "without"), strict=True)
     ]
     result = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
-    hashes = payload_result(result, "0.1.0", "").provenance.recordings_sha256
+    hashes = payload_result(result, Provenance("0.1.0", "", {})).provenance.recordings_sha256
     assert set(hashes) == {"with/run.mcap", "without/run.mcap"}
 
 

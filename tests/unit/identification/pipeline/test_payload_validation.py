@@ -11,7 +11,7 @@ import pytest
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.files.payload_file import format_payload, parse_payload
 from armload_identification.identification_errors import PayloadFileError, RecordingError
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.pipeline.payload_validation import judge, validate
@@ -25,6 +25,8 @@ from armload_identification.verdict.verdict_text import sentences
 pytestmark = pytest.mark.pure
 
 NAMES = tuple(f"axis {number}" for number in range(1, 7))
+
+MADE = Provenance("0", "0" * 64, {})
 
 
 def exact(transmission):
@@ -43,7 +45,7 @@ def payload(pinocchio_arm):
     trajectory = pinocchio_arm.trajectory(seed=3)
     pair = [pinocchio_arm.run(trajectory, load, seed=21 + load) for load in (True, False)]
     found = identify(*pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission))
-    return parse_payload(format_payload(payload_result(found, "0", "0" * 64)))
+    return parse_payload(format_payload(payload_result(found, MADE)))
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +135,7 @@ def test_nominal_gains_in_common_hardly_widen_the_comparison(second_pair, pinocc
     """An error of 2 % in every gain is in both results; only its different effect on the two counts."""
     trajectory = pinocchio_arm.trajectory(seed=3)
     pair = [pinocchio_arm.run(trajectory, load, seed=21 + load) for load in (True, False)]
-    found = payload_result(identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission), "0", "0" * 64)
+    found = payload_result(identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission), MADE)
     common = validate(second_pair, pinocchio_arm.chain, pinocchio_arm.transmission, found).verdict.agreement
     none = validate(second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload).verdict.agreement
     by_its_own = identify(*second_pair, pinocchio_arm.chain, pinocchio_arm.transmission)
@@ -153,7 +155,7 @@ def test_a_weighed_mass_leaves_no_common_error_of_the_gains(second_pair, pinocch
         common = np.sqrt(found.mass_center.gain_covariance.mean())
         common /= NominalGain.common_deviation
         assert common > 0.9 if known is None else common < 0.6
-        validation = validate(second_pair, arm.chain, arm.transmission, payload_result(found, "0", "0" * 64))
+        validation = validate(second_pair, arm.chain, arm.transmission, payload_result(found, MADE))
         assert validation.outcome is Outcome.RIGHT
         noticeable.append(validation.verdict.agreement.noticeable_kg)
     assert noticeable[1] < noticeable[0]

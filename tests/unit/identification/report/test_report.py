@@ -18,7 +18,7 @@ from markupsafe import escape
 
 from armload_identification.identification_errors import IdentificationError, ReportError
 from armload_identification.model.mass_center import MassCenterCovariance
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.numerals import align, decimals_for, numeral, scientific
 from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_identification import identify
@@ -81,7 +81,7 @@ class Page(HTMLParser):
 
 def subject(identification, truth=None, **changes):
     arm = SimpleNamespace(**({"name": "test arm", "description": "six joints", "joint_names": NAMES} | changes))
-    payload = payload_result(identification, "0.1.0", "c" * 64)
+    payload = payload_result(identification, Provenance("0.1.0", "c" * 64, {}))
     return ReportedPayload(arm, payload, identification, truth=truth)
 
 

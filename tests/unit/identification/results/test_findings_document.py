@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from armload_identification.excitation.fourier import FourierTrajectory
-from armload_identification.model.payload import InertialParameters
+from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.report.report_content import ReportedPayload
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.pure
 
 def document(found):
     arm = SimpleNamespace(name="arm", joint_names=tuple(f"j{i}" for i in range(6)))
-    subject = ReportedPayload(arm, payload_result(found, "0", ""), found)
+    subject = ReportedPayload(arm, payload_result(found, Provenance("0", "", {})), found)
     made = findings_document(subject)
     return json.loads(json.dumps(made, allow_nan=False))["identification"]
 

@@ -23,6 +23,7 @@ ABOUT_Y = Chain.from_origins([np.zeros(3)], [np.zeros(3)], [(0.0, 1.0, 0.0)], np
 class Fit:
     """Joint 2 shows the mass best, joint 1 the centre of mass; notes the errors that it is asked for."""
 
+    arm = SimpleNamespace(layout=SimpleNamespace(chain=ABOUT_Y))
     errors = None
 
     def seen(self, errors):
@@ -33,7 +34,7 @@ class Fit:
 def remedy(weakest=(1.0, 0.0, 0.0), position=0.0, fit=None):
     agreement = SimpleNamespace(weakest=np.array(weakest))
     motion = np.broadcast_to(np.asarray(position, dtype=float).reshape(-1, 1), (1000, 1))
-    return remedy_for(agreement, LENGTH, fit or Fit(), BODY, ABOUT_Y, motion)
+    return remedy_for(agreement, LENGTH, fit or Fit(), BODY, motion)
 
 
 def test_the_joints_that_would_help_are_those_that_show_an_error_best():
