@@ -46,7 +46,7 @@ from armload_identification.files.run_table import read_run_table
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from tests.foreign_tables import ARMS, DIALECTS, Run, urdf_of
 from tests.recording_files import messages, write_mcap
@@ -132,7 +132,7 @@ def whole_files(folder):
     """A whole file of every kind, with its parser: (name, path, parser)."""
     run, files = small_run(), []
 
-    def add(name, path, parser=read_recording):
+    def add(name, path, parser=read_recording_file):
         files.append((name, Path(path), parser))
 
     for name in (
@@ -146,7 +146,7 @@ def whole_files(folder):
     ):
         add(name, DIALECTS[name](run, folder / f"{name}.csv"))
     arm = ReadingOptions(joint_names=run.names, position_limits_rad=np.tile([-2.8, 2.8], (6, 1)))
-    add("LeRobot", DIALECTS["lerobot"](run, folder / "lerobot.csv"), partial(read_recording, options=arm))
+    add("LeRobot", DIALECTS["lerobot"](run, folder / "lerobot.csv"), partial(read_recording_file, options=arm))
     names = {f"q{i}": run.position_rad[:, i] for i in range(6)} | {f"tau{i}": run.torque_nm[:, i] for i in range(6)}
     pq.write_table(pa.table({"t": run.time_s, **names}), folder / "run.parquet")
     add("Parquet", folder / "run.parquet")

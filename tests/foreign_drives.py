@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from armload_drivers.cia402.state_machine import POWERED, decode
+from armload_drivers.cia402.state_machine import POWERED, state_in
 
 DRIVES = Path(__file__).resolve().parents[2] / "shared" / "tools" / "canopen-drives"
 
@@ -51,7 +51,7 @@ class ForeignDrives:
 
     def powered(self) -> list[int]:
         """Nodes that carry torque."""
-        return [node for node, drive in self.stats().items() if decode(drive["statusword"]) in POWERED]
+        return [node for node, drive in self.stats().items() if state_in(drive["statusword"]) in POWERED]
 
     def close(self) -> None:
         """End them."""

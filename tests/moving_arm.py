@@ -22,7 +22,7 @@ from armload_controller.session.run_session import no_operator
 from armload_controller.session.session_load import SessionLoad
 from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.identification_result import payload_result
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from tests.short_commissioning import write_short_robot
 
 
@@ -42,7 +42,7 @@ def main(name: str | None = None) -> None:
             loaded, unloaded = read_pair(robot, folder, role)
             for run in (unloaded, loaded):
                 print(hashlib.sha256(run.position_rad.tobytes()).hexdigest(), len(run.time_s))
-            found = identify(loaded, unloaded, robot.chain, robot.drives.transmission)
+            found = identify_runs(loaded, unloaded, robot.chain, robot.drives.transmission)
             print(f"{payload_result(found, Provenance('test', robot.sha256, {})).model.mass_kg:.2f} kg")
     print(f"{platform.machine()}: {time.process_time():.0f} s of CPU", file=sys.stderr)
 

@@ -23,7 +23,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.pipeline.identification_result import Identification
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording
 from benchmarks.accuracy.real_currents import FOLDER, MASS_KG, absent
@@ -174,7 +174,7 @@ def _measured(robot: Robot) -> dict[str, MountedRun]:
     paths |= {FOLDER / f"unloaded{suffix}.csv": "" for suffix in PAIRS.values()}
     paths |= dict.fromkeys(sorted((FOLDER / "other_paths").glob("*.csv")), "")
     return {
-        path.name: MountedRun(read_recording(path, ReadingOptions(robot.csv_columns)), name)
+        path.name: MountedRun(read_recording_file(path, ReadingOptions(robot.csv_columns)), name)
         for path, name in paths.items()
     }
 

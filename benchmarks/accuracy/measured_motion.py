@@ -18,9 +18,9 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.mounted_runs import MountedRun, WeighedPayload
 from armload_identification.pipeline.any_motion import identify_windows
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.pipeline.recursive_estimator import PayloadEstimator
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.load_signal import time_shift
@@ -72,7 +72,7 @@ def _judge_windows(tally: Tally, robot: Robot, pairs: list[Pair], length_s: floa
     for pair in pairs:
         chain, known = pair.calibration.level(robot.chain), pair.calibration.known_arm
         transmission = pair.calibration.transmission(robot.drives.transmission)
-        whole = identify(pair.loaded, pair.unloaded, chain, transmission, arm=known).parameters.center_of_mass_m
+        whole = identify_runs(pair.loaded, pair.unloaded, chain, transmission, arm=known).parameters.center_of_mass_m
         begin_s = pair.loaded.time_s[0] + _first_movement(pair.loaded)
         for late_s in np.arange(0.0, length_s, OVERLAP_S):
             rows = pair.loaded.time_s >= begin_s + late_s
@@ -209,7 +209,7 @@ def _judge_updates(tally: Tally, robot: Robot, pair: Pair) -> None:
 
 def _read(robot: Robot, name: str) -> Recording:
     folder = FOLDER if "loaded" in name else FOLDER / "other_paths"
-    return read_recording(folder / name, ReadingOptions(robot.csv_columns))
+    return read_recording_file(folder / name, ReadingOptions(robot.csv_columns))
 
 
 def _pair(robot: Robot, name: str, others: list[Recording]) -> Pair:

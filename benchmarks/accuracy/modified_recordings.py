@@ -34,7 +34,7 @@ from armload_identification.calibration.mounted_runs import MountedRun, WeighedP
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.identification_result import Identification
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.row_block import QUANTITIES
@@ -242,7 +242,7 @@ def _measured() -> Case:
     robot = load_robot(MEASURED)
 
     def read(name: str) -> Recording:
-        return read_recording(FOLDER / name, ReadingOptions(robot.csv_columns))
+        return read_recording_file(FOLDER / name, ReadingOptions(robot.csv_columns))
 
     runs = [MountedRun(read("loaded.csv"), "a"), MountedRun(read("unloaded.csv"), "")]
     runs += [MountedRun(read(str(path)), "") for path in sorted((FOLDER / "other_paths").glob("*.csv"))]

@@ -26,7 +26,7 @@ from armload_drivers.simulation.plant_spec import RigidBody
 from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.agreement import Agreement, KnownMassCenter, Outcome, compare_known
@@ -132,7 +132,7 @@ def _half(pair: Pair, half: int, chain: Chain, transmission: Transmission) -> Kn
         for run in (pair.loaded, pair.unloaded)
         for middle_s in (0.5 * (run.time_s[0] + run.time_s[-1]),)
     )
-    result = identify(loaded, unloaded, chain, transmission)
+    result = identify_runs(loaded, unloaded, chain, transmission)
     return KnownMassCenter(result.parameters, result.mass_center)
 
 
@@ -182,7 +182,7 @@ def _known(setup: Setup, seed: int, arm: str, transmission: Transmission) -> Kno
     loaded, unloaded = (
         record(period, setup.scales, setup.periods, rng, gain_error) for period in (setup.loaded, setup.unloaded)
     )
-    result = identify(loaded, unloaded, setup.chain, transmission)
+    result = identify_runs(loaded, unloaded, setup.chain, transmission)
     return KnownMassCenter(result.parameters, result.mass_center)
 
 

@@ -18,8 +18,8 @@ from armload_controller.config.robot import load_robot
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.chain import Chain
-from armload_identification.pipeline.payload_identification import identify
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.pipeline.payload_identification import identify_runs
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
@@ -67,7 +67,7 @@ def measured() -> Iterator[Case]:
     robot = load_robot("ur10e")
 
     def read(name: str) -> Recording:
-        return read_recording(FOLDER / f"{name}.csv", ReadingOptions(robot.csv_columns))
+        return read_recording_file(FOLDER / f"{name}.csv", ReadingOptions(robot.csv_columns))
 
     pairs = (
         (read(f"loaded{day}"), read(f"unloaded{day}"), robot.chain, robot.drives.transmission)
@@ -106,7 +106,7 @@ def _row(case: Case, pairs: list[Pair]) -> None:
         began = time.process_time()
         try:
             with threadpool_limits(1):
-                found = identify(*one).uncertainty
+                found = identify_runs(*one).uncertainty
         except IdentificationError:
             continue
         times.append(time.process_time() - began)

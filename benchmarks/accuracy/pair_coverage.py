@@ -11,7 +11,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from armload_identification.model.payload import PARAMETER_NAMES
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from benchmarks.arms.sagging_panda import PAYLOAD, Effects, SaggingPanda, chain, nominal_transmission
 from benchmarks.arms.trials import workers
 from benchmarks.results.tally import Tally
@@ -42,10 +42,10 @@ def run(tally: Tally, pool: Executor) -> None:
         for seed in range(SEEDS):
             error = spread * np.random.default_rng([seed, 99]).uniform(-1.0, 1.0, chain().n)
             pair = panda.pair(seed, error, with_phase=True)
-            found = identify(*pair, chain(), nominal_transmission(exact=spread == 0.0)).uncertainty
+            found = identify_runs(*pair, chain(), nominal_transmission(exact=spread == 0.0)).uncertainty
             determined += found.determined
             held += found.determined & (np.abs(found.values - PAYLOAD.values) <= found.half_width_95)
-            assumed = identify(*pair, chain(), nominal_transmission(exact=False)) if spread == 0.0 else None
+            assumed = identify_runs(*pair, chain(), nominal_transmission(exact=False)) if spread == 0.0 else None
             alarms += 0 if assumed is None or assumed.gains is None else int(assumed.gains.contradicted.sum())
         print(f"  {label:21s} | " + "  ".join(f"{count:4.0f}" for count in held))
         share = held.sum() / max(determined.sum(), 1.0)
@@ -115,7 +115,7 @@ def _one_off(joint: int, noise: float) -> tuple[int, int, int]:
 def _named(panda: SaggingPanda, joint: int, off: float, seed: int) -> tuple[int, int, int]:
     """Whether a wrong gain is named, how many others are, and whether its interval holds."""
     error = np.where(np.arange(chain().n) == joint, off, 0.0)
-    gains = identify(*panda.pair(seed, error, with_phase=True), chain(), nominal_transmission(exact=False)).gains
+    gains = identify_runs(*panda.pair(seed, error, with_phase=True), chain(), nominal_transmission(exact=False)).gains
     if gains is None:
         return 0, 0, 0
     wrongly = int(np.count_nonzero(np.delete(gains.contradicted, joint)))

@@ -13,8 +13,8 @@ from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 from armload_identification.model.regressor import payload_torque
 from armload_identification.pipeline.identification_result import Identification
-from armload_identification.pipeline.payload_identification import identify
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.pipeline.payload_identification import identify_runs
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
@@ -79,7 +79,7 @@ def measured_pairs(robot: Robot) -> dict[str, Pair]:
     return {
         name: Pair(
             *(
-                read_recording(FOLDER / f"{load}{suffix}.csv", ReadingOptions(robot.csv_columns))
+                read_recording_file(FOLDER / f"{load}{suffix}.csv", ReadingOptions(robot.csv_columns))
                 for load in ("loaded", "unloaded")
             )
         )
@@ -142,7 +142,7 @@ def _agreement(
         f"margins {one.margin:.1e} and {two.margin:.1e}",
         min(one.margin, two.margin) >= SMALLEST_MARGIN,
     )
-    signal = identify(pairs["b"].loaded, pairs["b"].unloaded, robot.chain, transmission).signal
+    signal = identify_runs(pairs["b"].loaded, pairs["b"].unloaded, robot.chain, transmission).signal
     predicted = payload_torque(robot.chain, _turned(one, turn).theta, *signal.states)
     used = signal.valid
     left, raw = (
@@ -157,7 +157,7 @@ def _agreement(
 
 
 def _identify(robot: Robot, pair: Pair, transmission: Transmission, census: Census) -> Identification:
-    result = identify(pair.loaded, pair.unloaded, robot.chain, transmission)
+    result = identify_runs(pair.loaded, pair.unloaded, robot.chain, transmission)
     census.results += 1
     census.impossible += result.parameters.margin < SMALLEST_MARGIN
     return result

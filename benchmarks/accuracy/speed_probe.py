@@ -18,17 +18,17 @@ import sys  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 from armload_controller.config.robot import load_robot  # noqa: E402
-from armload_identification.pipeline.payload_identification import identify  # noqa: E402
-from armload_identification.recording.file_reading import read_recording  # noqa: E402
+from armload_identification.pipeline.payload_identification import identify_runs  # noqa: E402
+from armload_identification.recording.file_reading import read_recording_file  # noqa: E402
 from benchmarks.timing.peak_memory import peak_bytes  # noqa: E402
 
 
 def main() -> None:
     """Identify from the two files, and print the measurements."""
     robot = load_robot("er50")
-    loaded, unloaded = (read_recording(Path(name)) for name in sys.argv[1:3])
+    loaded, unloaded = (read_recording_file(Path(name)) for name in sys.argv[1:3])
     read_s = time.perf_counter()
-    result = identify(loaded, unloaded, robot.chain, robot.drives.transmission)
+    result = identify_runs(loaded, unloaded, robot.chain, robot.drives.transmission)
     used = resource.getrusage(resource.RUSAGE_SELF)
     figures = {
         "wall_s": time.perf_counter() - _BEGUN_S,

@@ -10,7 +10,7 @@ from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun,
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.identification_result import Identification
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
 
@@ -51,8 +51,8 @@ def identified_with(
         IdentificationError: the recordings were refused.
     """
     if calibration is None:
-        return identify(loaded, unloaded, chain, transmission)
-    return identify(
+        return identify_runs(loaded, unloaded, chain, transmission)
+    return identify_runs(
         loaded,
         unloaded,
         calibration.level(chain),

@@ -34,7 +34,7 @@ from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.state_machine import POWERED, decode
+from armload_drivers.cia402.state_machine import POWERED, state_in
 from armload_drivers.driver_errors import DriverError
 from armload_drivers.servos import JointServos
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
@@ -244,7 +244,7 @@ def measure(case: Case) -> Outcome:
     stop_s = servos.stopped_s
     since = [(at_s - stop_s, kind, word) for at_s, kind, word in words if at_s >= stop_s]
     asked_s = next((after_s for after_s, kind, word in since if kind == "ask" and not word & 0x2), math.inf)
-    off_s = next((after_s for after_s, kind, word in since if kind == "is" and decode(word) not in POWERED), math.inf)
+    off_s = next((after_s for after_s, kind, word in since if kind == "is" and state_in(word) not in POWERED), math.inf)
     return Outcome(
         speed,
         stop_s - breaker.at_s,

@@ -38,7 +38,7 @@ from armload_identification.excitation.information import named_criterion
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import PayloadResult, Provenance
 from armload_identification.pipeline.identification_result import payload_result
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from benchmarks.arms.calibrated import calibrated
 
 ARMS = (("er50", "paper"), ("prbt", "block"))
@@ -66,7 +66,7 @@ def _identify(robot: Robot) -> tuple[PayloadResult, BodyModel]:
                 robot, load, lambda which: simulated_arm(robot, which), no_operator(), CommissioningPlan(Path(folder))
             )
         (loaded, unloaded), (_, other) = (read_pair(robot, Path(folder), role) for role in ROLES)
-        found = identify(loaded, unloaded, robot.chain, robot.drives.transmission)
+        found = identify_runs(loaded, unloaded, robot.chain, robot.drives.transmission)
         arm = calibrated([MountedRun(unloaded, ""), MountedRun(other, "")], {}, robot.chain, robot.drives.transmission)
         return payload_result(found, Provenance("benchmark", robot.sha256, {})), arm.body
 

@@ -16,7 +16,7 @@ from armload_controller.session.run_session import no_operator
 from armload_controller.session.session_load import SessionLoad
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.pipeline.identification_result import Identification
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.signals.joint_torque import Transmission
 
 
@@ -34,7 +34,7 @@ def commissioned(pool: Executor, robot_name: str, transmission: Transmission, se
         for load in (SessionLoad.UNLOADED, SessionLoad.LOADED):
             pool.submit(_record, robot_name, load, directory, seed).result()
         robot = load_robot(robot_name)
-        return identify(*read_pair(robot, Path(directory), "identification"), robot.chain, transmission)
+        return identify_runs(*read_pair(robot, Path(directory), "identification"), robot.chain, transmission)
 
 
 def _record(robot_name: str, load: SessionLoad, directory: str, seed: int) -> None:

@@ -33,7 +33,7 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.estimator_constants import estimator_constants
 from armload_identification.pipeline.recursive_estimator import LivePayload
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from benchmarks.arms.trials import workers
 from benchmarks.live.ros2_feed import DATA
@@ -77,7 +77,7 @@ class Bench:
         files += sorted((DATA / "other_paths").glob("*.csv"))
         runs = {}
         for file in files:
-            run = read_recording(file, ReadingOptions(robot.csv_columns))
+            run = read_recording_file(file, ReadingOptions(robot.csv_columns))
             if run.current_a is not None:
                 runs[file.name] = run.time_s - run.time_s[0], run.position_rad, run.current_a
         return cls(robot, calibration, runs)

@@ -26,7 +26,7 @@ from armload_controller.session.bus_watch import BusWatch, recorder_of
 from armload_controller.session.joint_feeds import ros2_feed
 from armload_core.arrays import FloatArray
 from armload_identification.files.calibration_file import write_calibration
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "ur10e"
@@ -125,7 +125,7 @@ def watched_feed(peer: Path, duration_s: float, rate_hz: float, folder: Path, re
 
 def _lines(robot: Robot, duration_s: float, rate_hz: float) -> list[str]:
     """Lines for the publisher: names in another order than the arm's, then stamps, positions and currents."""
-    run = read_recording(DATA / "loaded.csv", ReadingOptions(robot.csv_columns))
+    run = read_recording_file(DATA / "loaded.csv", ReadingOptions(robot.csv_columns))
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
     span_s = run.time_s[-1] - run.time_s[0]
     there = run.time_s[0] + time_s % span_s

@@ -17,7 +17,7 @@ import zstandard
 from mcap.opcode import Opcode
 from mcap.stream_reader import StreamReader
 
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from benchmarks.timing.peak_memory import peak_bytes
 
 WATCHED, CALIBRATION = "er50", "arm.calibration.toml"
@@ -80,7 +80,7 @@ def watch(path: Path) -> Callable[[], object]:
 
 if __name__ == "__main__":
     way, recording = sys.argv[1], Path(sys.argv[2])
-    ways: dict[str, Callable[[Path], object]] = {"bare": bare, "library": library, "armload": read_recording}
+    ways: dict[str, Callable[[Path], object]] = {"bare": bare, "library": library, "armload": read_recording_file}
     measured = watch(recording) if way == "watch" else partial(ways[way], recording)
     begun_s = time.process_time()
     measured()

@@ -10,7 +10,7 @@ from armload_drivers.bring_up.drive_check import reset
 from armload_drivers.cia402.arm_settings import Fieldbus, OperationMode, VendorObject
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.cia402.process_data.offset_fade import OFFSET_FADE_S
-from armload_drivers.cia402.state_machine import State, decode
+from armload_drivers.cia402.state_machine import State, state_in
 from armload_drivers.driver_errors import AxisMoves, CommandError, ServoFault, StateError
 from armload_drivers.ethercat.ethercat_bring_up import EthercatBringUp
 from armload_drivers.ethercat.ethercat_servos import EthercatServos
@@ -184,7 +184,7 @@ def test_enabling_holds_the_measured_position(rig):
     assert rig.plant.position_rad == pytest.approx(START_AXIS_RAD, abs=rig.count_rad)
     assert feedback.position_rad == pytest.approx(rig.start_rad, abs=rig.count_rad)
     assert not feedback.missing.any()
-    assert [decode(int(word)) for word in feedback.statusword] == [State.OPERATION_ENABLED] * 3
+    assert [state_in(int(word)) for word in feedback.statusword] == [State.OPERATION_ENABLED] * 3
 
 
 def test_an_arm_in_order_is_not_remarked_upon(rig):

@@ -26,7 +26,7 @@ from armload_drivers.driver_errors import BusError
 from armload_drivers.simulation.plant_spec import ScheduledPayload
 from armload_identification.calibration.mounted_runs import WeighedPayload
 from armload_identification.files.calibration_file import write_calibration
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from benchmarks.canopen_runs.canopen_master import arm_under_canopen
 from benchmarks.canopen_runs.watch_picture import moments_of, overheard_shift
 
@@ -122,7 +122,7 @@ def test_a_payload_is_identified_from_what_was_heard(robot, recorded, calibratio
 
 @pytest.mark.long
 def test_recordings_of_another_master_say_what_they_are(robot, recorded):
-    recording = read_recording(recorded[SessionLoad.UNLOADED])
+    recording = read_recording_file(recorded[SessionLoad.UNLOADED])
     assert recording.joint_names == robot.joint_names
     assert recording.source.run()["overheard"] is True
     assert recording.source.run()["load"] == "unloaded"
@@ -211,7 +211,7 @@ def test_the_command_listens_and_records(robot, armload, tmp_path, monkeypatch, 
     documents = [json.loads(line) for line in run.stdout.splitlines() if line.startswith("{")]
     assert documents[-1]["bus"]["cycles"] > 0.4 * syncs
     partial = path.with_name("shift.partial.mcap")
-    assert read_recording(partial).size > 50, "what was heard is kept"
+    assert read_recording_file(partial).size > 50, "what was heard is kept"
     assert f"recorded up to the error: {partial}, " in run.stderr
     assert f"written: {page}, up to the error" in run.stderr
     assert page.stat().st_size > 5000

@@ -20,7 +20,7 @@ from armload_controller.cycle.stop_decisions import Cause, StopCategory, cause_o
 from armload_drivers.bring_up.drive_check import Verdict, check, reset
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, EffortFeedback, Fieldbus, Identity
 from armload_drivers.cia402.drive_safety import SYNC_MANAGER_WATCHDOG_US
-from armload_drivers.cia402.state_machine import POWERED, State, decode
+from armload_drivers.cia402.state_machine import POWERED, State, state_in
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import BusError, CommandError, DriverError, ForeignMaster, TorqueRemains, WrongDevice
 from armload_drivers.ethercat.ethercat_bring_up import EthercatBringUp, open_bring_up
@@ -53,7 +53,7 @@ IMPATIENT = Timeouts(sdo_s=0.2, boot_s=1.0)
 
 def powered():
     """Which drives carry torque, as they know it."""
-    return [decode(drive["statusword"]) in POWERED for drive in drive_states()]
+    return [state_in(drive["statusword"]) in POWERED for drive in drive_states()]
 
 
 class Arm:
@@ -152,7 +152,7 @@ def recover(settings):
         order(f"heal {number}")
     comes_to_be_without_torque()
     for number, drive in enumerate(drive_states()):
-        if decode(drive["statusword"]) is State.FAULT:
+        if state_in(drive["statusword"]) is State.FAULT:
             plant = PlantBehindDrives(IdealPlant(np.zeros(N), np.zeros(N)), settings, settings.cycle_s)
             with closing(LockstepLine(plant)) as line:
                 line.find()

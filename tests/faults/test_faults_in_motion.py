@@ -13,7 +13,7 @@ from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.eds_parser import parse_description
 from armload_drivers.cia402.object_dictionary import NmtState
-from armload_drivers.cia402.state_machine import State, decode
+from armload_drivers.cia402.state_machine import State, state_in
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import (
     BusError,
@@ -94,7 +94,7 @@ def test_a_fault_is_reset_by_name_and_the_arm_enabled_again(virtual_arm):
     reset(CanopenBringUp(arm.arm, arm.bus), "joint_3", lambda question: False)
     assert not any(arm.plant.powered)
     feedback = arm.servos.enable()
-    assert [decode(int(word)) for word in feedback.statusword] == [State.OPERATION_ENABLED] * 3
+    assert [state_in(int(word)) for word in feedback.statusword] == [State.OPERATION_ENABLED] * 3
     move(arm, feedback.position_rad, 5)
 
 

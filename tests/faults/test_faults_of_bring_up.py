@@ -13,7 +13,7 @@ from armload_drivers.canopen.safe_reset import reset_drives
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, OperationMode
 from armload_drivers.cia402.drive_safety import Safety
-from armload_drivers.cia402.state_machine import State, decode
+from armload_drivers.cia402.state_machine import State, state_in
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import (
     BusOverload,
@@ -548,4 +548,4 @@ def test_an_interrupt_while_enabling_leaves_no_torque_after_close(virtual_arm):
     # The drives process that SYNC before any other frame.
     servos.close()
     assert not any(arm.plant.powered)
-    assert [decode(frame[0] | frame[1] << 8) for frame in arm.frames(0x182)].count(State.OPERATION_ENABLED) >= 1
+    assert [state_in(frame[0] | frame[1] << 8) for frame in arm.frames(0x182)].count(State.OPERATION_ENABLED) >= 1

@@ -19,7 +19,7 @@ import pytest
 
 from armload_controller.cycle.run_recorder import Recorder
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reader_registry import reader_of
 from armload_identification.recording.reading_options import ReadingOptions
@@ -118,7 +118,7 @@ def test_the_motion_killed_again_and_again_loses_a_quarter_of_a_second_and_goes_
     assert before.items() <= finished(folder).items()
     assert set(finished(folder)) == RECORDINGS
     for name in RECORDINGS:
-        assert np.isfinite(read_recording(folder / name).phase_s).sum() == 50
+        assert np.isfinite(read_recording_file(folder / name).phase_s).sum() == 50
 
 
 def cpu_s(process):

@@ -7,8 +7,8 @@ from functools import cache
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_identification.pipeline.payload_identification import identify
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.pipeline.payload_identification import identify_runs
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 
 
@@ -23,7 +23,7 @@ def ur10e_run(ur10e, shared_data):
 
     @cache
     def run(path):
-        return read_recording(shared_data / "ur10e" / path, ReadingOptions(ur10e.csv_columns))
+        return read_recording_file(shared_data / "ur10e" / path, ReadingOptions(ur10e.csv_columns))
 
     return run
 
@@ -44,6 +44,6 @@ def ur10e_identified(ur10e, ur10e_pair):
 
     @cache
     def identified(suffix):
-        return identify(*ur10e_pair(suffix), ur10e.chain, ur10e.drives.transmission)
+        return identify_runs(*ur10e_pair(suffix), ur10e.chain, ur10e.drives.transmission)
 
     return identified

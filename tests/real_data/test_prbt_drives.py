@@ -14,7 +14,7 @@ from armload_controller.session.session_load import SessionLoad
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.drive_safety import Safety
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 
 SWING = np.full((6, 1), 0.05)
 
@@ -38,7 +38,7 @@ def test_a_half_is_recorded_on_the_makers_drives(robot, shared_data, tmp_path):
 
     operator = Operator(NoDisplay(), MotionControl(), Consent(lambda question: False, given=False))
     record_half(robot, SessionLoad.LOADED, open_servos, operator, CommissioningPlan(tmp_path))
-    recording = read_recording(tmp_path / "loaded_identification.mcap")
+    recording = read_recording_file(tmp_path / "loaded_identification.mcap")
     assert np.isfinite(recording.phase_s).sum() == 100
     assert np.abs(recording.torque_nm).max() > 1.0
 

@@ -12,7 +12,7 @@ from armload_identification.files.payload_file import format_payload
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.identification_result import payload_result
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 
 WEIGHED_KG = 2.805
 
@@ -77,13 +77,13 @@ def test_a_flipped_sign_is_found_in_both_runs(ur10e, ur10e_pair, suffix, joint):
     sign = np.where(np.arange(6) == joint, -1.0, 1.0)
     runs = [replace(run, current_a=run.current_a * sign) for run in ur10e_pair(suffix)]
     with pytest.raises(RecordingError, match=f"loaded.* and .*unloaded.*: joint {joint + 1} .* is flipped"):
-        identify(*runs, ur10e.chain, ur10e.drives.transmission)
+        identify_runs(*runs, ur10e.chain, ur10e.drives.transmission)
 
 
 @pytest.mark.long
 def test_a_wrong_weighed_mass_is_refused_with_both_numbers(ur10e, ur10e_pair):
     with pytest.raises(EstimationError, match=r"weighed mass 5 kg contradicts the data: without it, the mass is 2\.81"):
-        identify(*ur10e_pair(""), ur10e.chain, ur10e.drives.transmission, known=KnownPayload(mass_kg=5.0))
+        identify_runs(*ur10e_pair(""), ur10e.chain, ur10e.drives.transmission, known=KnownPayload(mass_kg=5.0))
 
 
 @pytest.mark.parametrize("joints", [(0, 1), pytest.param((4, 5), marks=pytest.mark.long)])
@@ -102,4 +102,4 @@ def test_exchanged_joints_are_named(ur10e, ur10e_pair, joints):
     with pytest.raises(
         RecordingError, match=f"all columns of joints {joints[0] + 1} and {joints[1] + 1} are exchanged"
     ):
-        identify(*runs, ur10e.chain, ur10e.drives.transmission)
+        identify_runs(*runs, ur10e.chain, ur10e.drives.transmission)

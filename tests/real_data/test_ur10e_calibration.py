@@ -12,7 +12,7 @@ from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun,
 from armload_identification.files.calibration_file import read_calibration
 from armload_identification.files.payload_file import read_payload
 from armload_identification.model.payload import Provenance
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 
 pytestmark = pytest.mark.long
 
@@ -58,7 +58,7 @@ def left_out(ur10e, runs, without):
         loaded, unloaded = (runs[key].recording for key in pair_names(name))
         level, known = calibration.level(ur10e.chain), calibration.known_arm
         transmission = calibration.transmission(ur10e.drives.transmission)
-        found[name] = [identify(loaded, run, level, transmission, arm=known) for run in (unloaded, None)]
+        found[name] = [identify_runs(loaded, run, level, transmission, arm=known) for run in (unloaded, None)]
     return found
 
 

@@ -8,7 +8,7 @@ import pytest
 from armload_identification.calibration.calibrate_arm import calibrate_arm
 from armload_identification.calibration.mounted_runs import ArmRuns, MountedRun, WeighedPayload
 from armload_identification.model.payload import Provenance
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 
 WEIGHED_KG = 2.805
 PAIRS = {"a": "", "b": "_b"}
@@ -38,7 +38,7 @@ def arms(ur10e, pairs):
 def crossed(ur10e, pairs, arms):
     """Each pair, identified with the gains from the other."""
     return {
-        name: identify(*pairs[name], ur10e.chain, arms[other].transmission(ur10e.drives.transmission))
+        name: identify_runs(*pairs[name], ur10e.chain, arms[other].transmission(ur10e.drives.transmission))
         for name, other in (("a", "b"), ("b", "a"))
     }
 

@@ -20,7 +20,7 @@ import pytest
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.cia402.state_machine import State, decode
+from armload_drivers.cia402.state_machine import State, state_in
 from armload_drivers.driver_errors import BusError, ForeignMaster
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
@@ -201,7 +201,7 @@ def test_the_kernels_period_is_measured_and_counted(arm_settings, bench):
         f"\nperiod asked 20 ms, measured {elapsed_s / (99 + skipped) * 1e3:.3f} ms; {skipped} skipped"
     )
     assert elapsed_s / (99 + skipped) == pytest.approx(CYCLE_S, rel=0.1)
-    assert [decode(int(w)) for w in feedback[-1].statusword] == [State.OPERATION_ENABLED] * 3
+    assert [state_in(int(w)) for w in feedback[-1].statusword] == [State.OPERATION_ENABLED] * 3
     assert not any(bench.plant.powered)
 
 

@@ -20,7 +20,7 @@ from armload_controller.motion.phase import Segment
 from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.servos import JointCommand
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 
 CYCLE_HZ = 50
 SECONDS = float(os.environ.get("ARMLOAD_SOAK_S", "600"))
@@ -96,7 +96,7 @@ def test_ten_minutes_lose_nothing(drives, tmp_path):
         heard, answers = syncs.frames, feedback_frames.frames
         servos.close()
     lost, _ = drives.communicate("\n", timeout=20)
-    recording = read_recording(path)
+    recording = read_recording_file(path)
     print(  # noqa: T201 - the figures of the run
         f"\n{cycles} cycles in {took_s:.1f} s: {heard} SYNCs, {answers} frames of feedback, {6 * heard - answers} "
         f"lost, {missing} late, {skipped} cycles skipped, "

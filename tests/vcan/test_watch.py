@@ -10,7 +10,7 @@ import can
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from benchmarks.canopen_runs.canopen_master import arm_under_canopen
 from tests.bounded import await_that, overheard
 
@@ -65,7 +65,7 @@ def test_the_watch_records_and_the_bus_carries_only_the_others_frames(tmp_path, 
         finally:
             watch.kill()
     assert [(m.arbitration_id, bytes(m.data)) for m in heard] == [(cob_id, data) for cob_id, data, _ in frames]
-    recording = read_recording(path)
+    recording = read_recording_file(path)
     syncs = sum(cob_id == 0x80 for cob_id, _, _ in frames)
     assert recording.size > 0.8 * syncs - 10
     assert recording.source.run()["overheard"] is True

@@ -100,7 +100,7 @@ def read_recording(
     if robot is not None:
         return read_of(arm_of(robot), source, choice)
     options = ReadingOptions(known, choice.effort, episode=episode)
-    return chosen_joints(file_reading.read_recording(source, options, between_s=between_s), choice.joints)
+    return chosen_joints(file_reading.read_recording_file(source, options, between_s=between_s), choice.joints)
 
 
 def identify(
@@ -181,7 +181,7 @@ def identify(
         empty_arm = session.arm(empty_arm)
     unnamed = _taken_in_order(arm, run)
     with _explained(unnamed, session):
-        identification = payload_identification.identify(run, empty, used.chain, gains, known=known, arm=empty_arm)
+        identification = payload_identification.identify_runs(run, empty, used.chain, gains, known=known, arm=empty_arm)
     known_arm = used.calibration_sha256, arm.name, arm.chain.kinematics_sha256
     payload = payload_result(identification, Provenance(version("armload"), arm.sha256, {}, *known_arm))
     if arm.rated_payload_kg is not None:
@@ -352,7 +352,7 @@ def findings_from_files(
     shown = None
     if fitted is not None:
         pair = recording_of(arm, fitted[0], "fitted"), recording_of(arm, fitted[1], "fitted")
-        shown = payload_validation.validate(pair, used.chain, used.transmission, result, arm=used.known)
+        shown = payload_validation.validate_runs(pair, used.chain, used.transmission, result, arm=used.known)
     findings = Findings(arm, result, shown)
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
 
@@ -363,7 +363,7 @@ def _validated(
     """The findings with the verdict of a pair of runs."""
     require_type("tolerance", tolerance, Tolerance)
     loaded, _ = runs = recording_of(arm, pair[0], "validation"), recording_of(arm, pair[1], "validation")
-    judged = payload_validation.validate(
+    judged = payload_validation.validate_runs(
         runs, used.chain, used.transmission, findings.payload, tolerance, arm=used.known
     )
     # a part of a recording that the payload was identified from may be one that was not used

@@ -15,18 +15,18 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.arm_commands.commission_command import commission
+from armload_controller.cli.arm_commands.commission_command import commission_arm
 from armload_controller.cli.arm_commands.drives_command import drives
 from armload_controller.cli.arm_commands.feedforward_command import feedforward
 from armload_controller.cli.arm_commands.simulate_command import simulate
-from armload_controller.cli.arm_commands.watch_command import watch
+from armload_controller.cli.arm_commands.watch_command import watch_payload
 from armload_controller.cli.attendance import attended
 from armload_controller.cli.command_group import CommandGroup
-from armload_controller.cli.commands.calibrate_command import calibrate
-from armload_controller.cli.commands.compare_command import compare_with_cad
+from armload_controller.cli.commands.calibrate_command import calibrate_arm_command
+from armload_controller.cli.commands.compare_command import compare_payload
 from armload_controller.cli.commands.design_command import design_motion
 from armload_controller.cli.commands.drift_command import watch_drift
-from armload_controller.cli.commands.export_command import export
+from armload_controller.cli.commands.export_command import export_payload
 from armload_controller.cli.commands.fleet_command import fleet
 from armload_controller.cli.commands.identify_command import identify_payload
 from armload_controller.cli.commands.init_command import init
@@ -47,18 +47,18 @@ app = typer.Typer(
     rich_markup_mode=None,  # its boxes cut off option names on narrow consoles
 )
 COMMANDS: dict[str, Callable[..., None]] = {
-    "commission": commission,
+    "commission": commission_arm,
     "identify": identify_payload,
     "validate": validate_payload,
     "report": report,
-    "compare": compare_with_cad,
-    "calibrate": calibrate,
+    "compare": compare_payload,
+    "calibrate": calibrate_arm_command,
     "drift": watch_drift,
     "init": init,
     "simulate": simulate,
     "design": design_motion,
-    "export": export,
-    "watch": watch,
+    "export": export_payload,
+    "watch": watch_payload,
     "schema": schema,
 }
 for name, command in COMMANDS.items():

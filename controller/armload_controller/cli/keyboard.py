@@ -38,7 +38,7 @@ _KEYS = {" ": Key.PAUSE, "-": Key.SLOWER, "+": Key.FASTER, "=": Key.FASTER}
 """"=" is the key of + without shift."""
 
 
-def decode(typed: bytes) -> list[Key]:
+def requests_in(typed: bytes) -> list[Key]:
     """The requests of typed bytes, in order; other keys are ignored."""
     return [_KEYS[letter] for letter in _ESCAPE_SEQUENCES.sub(b"", typed).decode("latin-1") if letter in _KEYS]
 
@@ -115,7 +115,7 @@ class Keyboard:
             typed = b""
             with suppress(OSError):
                 typed = os.read(self._terminal, _MOST_BYTES_PER_POLL)
-            for key in decode(typed):
+            for key in requests_in(typed):
                 press(self._control, key)
         return described(self._control.goal)
 

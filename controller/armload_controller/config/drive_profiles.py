@@ -17,7 +17,7 @@ from armload_controller.config.tables.profile_table import ProfileFile
 from armload_controller.control_errors import ConfigurationError
 from armload_identification.extensions import ExtensionGroup, extension, extension_names
 from armload_identification.storage.regular_file import require_regular
-from armload_identification.storage.strict_toml import parse, read_text
+from armload_identification.storage.strict_toml import parse_toml, read_text
 
 _SUFFIX = ".toml"
 
@@ -71,7 +71,7 @@ def read_profile(name: str, folder: Path, file: str, key: str) -> ProfileFile:
             require_regular(path)
         except OSError as problem:
             raise ConfigurationError(file, key, name, f"{expected} ({problem.strerror})") from problem
-    return parse(read_text(path, ConfigurationError), path.name, ProfileFile, ConfigurationError)
+    return parse_toml(read_text(path, ConfigurationError), path.name, ProfileFile, ConfigurationError)
 
 
 def _packaged(name: str, shipped: tuple[str, ...], file: str, key: str) -> ProfileFile:
@@ -91,7 +91,7 @@ def _packaged(name: str, shipped: tuple[str, ...], file: str, key: str) -> Profi
     except (OSError, TypeError, AttributeError, UnicodeDecodeError) as problem:
         expected = f"{package} provides no {name}{_SUFFIX} in {module!r} ({problem}); reinstall that package"
         raise ConfigurationError(file, key, name, expected) from problem
-    return parse(text, f"{name}{_SUFFIX} of {package}", ProfileFile, ConfigurationError)
+    return parse_toml(text, f"{name}{_SUFFIX} of {package}", ProfileFile, ConfigurationError)
 
 
 def with_profiles(values: Mapping[str, Any], folder: Path, file: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.formats.frame_reader import DataFrame
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.recording import Recording
@@ -60,7 +60,7 @@ def read_of(arm: MeasuredArm, source: Path | DataFrame, choice: RecordingChoice 
     options = ReadingOptions(
         choice.columns, choice.effort, names, choice.episode, arm.position_limits_rad, arm.csv_columns
     )
-    recording = read_recording(source, options, between_s=choice.between_s)
+    recording = read_recording_file(source, options, between_s=choice.between_s)
     return arm.own(chosen_joints(recording, choice.joints))
 
 

@@ -88,7 +88,7 @@ class SlowRoundRows:
             self._positions.append(position_rad)
             self._efforts.append(effort)
 
-    def fitted(self, joint_names: tuple[str, ...], chain: Chain, transmission: Transmission) -> SlowRound | None:
+    def fitted(self, joint_names: tuple[str, ...], chain: Chain, transmission: Transmission) -> SlowRoundTorque | None:
         """The fit of these rows; None if there are too few, or no joint has moved.
 
         Raises:
@@ -102,7 +102,7 @@ class SlowRoundRows:
             for rows in (self._positions, self._efforts)
         )
         torque = transmission.of_effort(effort, from_torque=self._is_torque)
-        found = SlowRound(joint_names, chain, position, torque)
+        found = SlowRoundTorque(joint_names, chain, position, torque)
         return found if len(found.moved) else None
 
 
@@ -119,7 +119,7 @@ class Mass:
         return max(0.0, self.kg) + SURE * self.error_kg
 
 
-class SlowRound:
+class SlowRoundTorque:
     """A slow round's torque, fitted.
 
     Args:
@@ -230,7 +230,7 @@ class SlowRound:
         values = self._whitened((self._torque - arm_nm)[:, :, None])[:, 0]
         return _fitted(np.vstack([columns, prior]), np.append(values, np.zeros(len(deviation)))).mass
 
-    def added_since(self, before: SlowRound) -> Mass:
+    def added_since(self, before: SlowRoundTorque) -> Mass:
         """The mass that the flange carries more than in an earlier slow round of the same arm."""
         columns, values = zip(self.rows_of_all_masses(1.0), before.rows_of_all_masses(0.0), strict=True)
         return _fitted(np.vstack(columns), np.concatenate(values)).mass

@@ -26,7 +26,7 @@ from armload_controller.config.robot import Robot
 from armload_controller.export.calibrated_urdf import arm_comment, further_friction, upright_base
 from armload_controller.export.exported_payload import identifier_of
 from armload_controller.export.mjcf import mjcf_inertial
-from armload_controller.export.text_format import exact, numbers, printable
+from armload_controller.export.text_format import ascii_line, exact, exact_numbers
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.calibration.possible_links import PossibleLinks
@@ -47,7 +47,7 @@ def arm_mjcf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
     identifier = identifier_of(robot.name)
     chain, limits, body = robot.chain, robot.limits.motion, calibration.body
     gravity_m_s2 = calibration.level(chain).gravity_m_s2
-    names = [printable(name) for name in robot.joint_names]
+    names = [ascii_line(name) for name in robot.joint_names]
     armature, tendons = _rotors(body.rotor_inertia_kg_m2, body.coupling, names)
     lines = [
         *arm_comment(robot, possible, made_from, "MJCF", further_friction(calibration)),
@@ -63,7 +63,7 @@ def arm_mjcf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
         lines += [
             f"{indent}<body name={quoteattr(f'{name}_link')} {_place(chain.placement[i])}>",
             f"{indent}  {mjcf_inertial(InertialParameters(possible.links[i]))}",
-            f'{indent}  <joint name={quoteattr(name)} axis="{numbers(chain.axis[i])}" '
+            f'{indent}  <joint name={quoteattr(name)} axis="{exact_numbers(chain.axis[i])}" '
             f'range="{exact(limits.position_min_rad[i])} {exact(limits.position_max_rad[i])}" '
             f'actuatorfrcrange="-{torque_nm} {torque_nm}" armature="{exact(armature[i])}" '
             f'damping="{exact(max(body.viscous_nm_s_rad[i], 0.0))}" '
@@ -91,4 +91,4 @@ def _rotors(inertia_kg_m2: FloatArray, coupling: FloatArray, names: list[str]) -
 
 def _place(pose: FloatArray) -> str:
     """Position and axes of a body in its parent."""
-    return f'pos="{numbers(pose[:3, 3])}" xyaxes="{numbers(pose[:3, :2].T.ravel())}"'
+    return f'pos="{exact_numbers(pose[:3, 3])}" xyaxes="{exact_numbers(pose[:3, :2].T.ravel())}"'

@@ -19,7 +19,7 @@ import numpy as np
 
 from armload_controller.config.robot import Robot
 from armload_controller.export.exported_payload import identifier_of
-from armload_controller.export.text_format import exact, numbers, printable, xml_comment
+from armload_controller.export.text_format import ascii_line, exact, exact_numbers, xml_comment
 from armload_controller.export.urdf import inertial_lines
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
@@ -40,8 +40,8 @@ def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
         Text by file name.
     """
     identifier = identifier_of(robot.name)
-    names = [quoteattr(printable(name)) for name in robot.joint_names]
-    links = [quoteattr(f"{printable(name)}_link") for name in robot.joint_names]
+    names = [quoteattr(ascii_line(name)) for name in robot.joint_names]
+    links = [quoteattr(f"{ascii_line(name)}_link") for name in robot.joint_names]
     chain, limits = robot.chain, robot.limits.motion
     rotors = {"Rotors, kg m2 at the joint (armature), row by row:": calibration.body.rotor_mass_kg_m2}
     absent = rotors | further_friction(calibration)
@@ -56,7 +56,7 @@ def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
         link = inertial_lines(InertialParameters(possible.links[i]))
         lines += [f"  <link name={child}>", *(f"    {line}" for line in link), "  </link>"]
         about = (
-            f'<axis xyz="{numbers(chain.axis[i])}"/>',
+            f'<axis xyz="{exact_numbers(chain.axis[i])}"/>',
             f'<limit lower="{exact(limits.position_min_rad[i])}" upper="{exact(limits.position_max_rad[i])}" '
             f'velocity="{exact(limits.velocity_max_rad_s[i])}" effort="{exact(robot.limits.torque_max_nm[i])}"/>',
             f'<dynamics damping="{exact(max(calibration.body.viscous_nm_s_rad[i], 0.0))}" '
@@ -88,13 +88,13 @@ def arm_comment(
         fit = (
             "No physically possible links have the identified base parameters: these are the nearest, off by "
             f"{possible.off:.2f} standard deviations (RMS), at random states by N m (RMS, joint by joint): "
-            f"{numbers(np.round(possible.left_nm, 6))}."
+            f"{exact_numbers(np.round(possible.left_nm, 6))}."
         )
     paragraphs = (
         f"{robot.name} as calibrated, without payload, written by {made_from}.",
         f"{fit} A single link's mass or inertia is not measured; the arm's torque is.",
         f"{language} has no elements for these:",
-        *(f"{what} {numbers(np.asarray(values).ravel())}" for what, values in absent.items()),
+        *(f"{what} {exact_numbers(np.asarray(values).ravel())}" for what, values in absent.items()),
     )
     return xml_comment(paragraphs)
 
@@ -117,7 +117,7 @@ def _joint(name: str, kind: str, parent: str, child: str, pose: FloatArray, abou
     inside = (
         f"<parent link={parent}/>",
         f"<child link={child}/>",
-        f'<origin xyz="{numbers(pose[:3, 3])}" rpy="{numbers(rpy_rad(pose[:3, :3]))}"/>',
+        f'<origin xyz="{exact_numbers(pose[:3, 3])}" rpy="{exact_numbers(rpy_rad(pose[:3, :3]))}"/>',
         *about,
     )
     return [f'  <joint name={name} type="{kind}">', *(f"    {line}" for line in inside), "  </joint>"]

@@ -31,7 +31,7 @@ from armload_controller.export.c99 import export_c
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
 from armload_controller.export.template import filled, written
-from armload_controller.export.text_format import exact, printable, provenance, spdx
+from armload_controller.export.text_format import ascii_line, exact, provenance, spdx
 
 LONGEST_NAME = 22
 """Greatest length of a component's name, so that its longest parameter, with .0.compute.tmax-increased, has at most 47
@@ -126,4 +126,4 @@ def _wiring(subject: ExportSubject, prefix: str, component: str) -> str:
 
 def _quotable(text: str) -> str:
     """A text for use inside the quotes of a component's declarations."""
-    return printable(text).replace("\\", "/").replace('"', "'")
+    return ascii_line(text).replace("\\", "/").replace('"', "'")

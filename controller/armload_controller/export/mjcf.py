@@ -14,7 +14,7 @@ References:
 from __future__ import annotations
 
 from armload_controller.export.exported_payload import ExportSubject
-from armload_controller.export.text_format import exact, numbers
+from armload_controller.export.text_format import exact, exact_numbers
 from armload_controller.export.urdf import payload_comment
 from armload_identification.model.payload import InertialParameters, tensor_elements
 
@@ -34,5 +34,5 @@ def export_mjcf(subject: ExportSubject) -> dict[str, str]:
 
 def mjcf_inertial(body: InertialParameters) -> str:
     """The `<inertial>` element of a body in its frame."""
-    center, full = numbers(body.center_of_mass_m), numbers(tensor_elements(body.inertia_about_com))
+    center, full = exact_numbers(body.center_of_mass_m), exact_numbers(tensor_elements(body.inertia_about_com))
     return f'<inertial pos="{center}" mass="{exact(body.mass_kg)}" fullinertia="{full}"/>'

@@ -23,7 +23,7 @@ def exact(value: float) -> str:
     return repr(float(value) + 0.0)
 
 
-def numbers(values: Iterable[float]) -> str:
+def exact_numbers(values: Iterable[float]) -> str:
     """The same of several."""
     return " ".join(map(exact, values))
 
@@ -81,7 +81,7 @@ def comment(paragraphs: Iterable[str], prefix: str) -> list[str]:
     lines = []
     for paragraph in paragraphs:
         wrapped = textwrap.wrap(
-            printable(paragraph).replace("\\", "/"), WIDTH - len(prefix) - 1, break_on_hyphens=False
+            ascii_line(paragraph).replace("\\", "/"), WIDTH - len(prefix) - 1, break_on_hyphens=False
         )
         lines += [f"{prefix} {line}" for line in wrapped]
     return lines
@@ -99,6 +99,6 @@ def xml_comment(paragraphs: Iterable[str]) -> list[str]:
     return ["<!--", *(re.sub("-(?=-)", "- ", line) for line in comment(paragraphs, " ")), "-->"]
 
 
-def printable(text: str) -> str:
+def ascii_line(text: str) -> str:
     """The text with a question mark for every character that is not printable ASCII, so that no name ends a line."""
     return "".join(c if c.isascii() and c.isprintable() else "?" for c in text)

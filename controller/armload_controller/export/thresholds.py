@@ -25,7 +25,7 @@ from scipy.stats import t as student
 from armload_controller.control_errors import ExportError
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.template import written
-from armload_controller.export.text_format import bracketed, printable, provenance
+from armload_controller.export.text_format import ascii_line, bracketed, provenance
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.calibration_result import ArmCalibration
 from armload_identification.contact.contact_levels import JERK, STOPPING
@@ -60,7 +60,7 @@ def export_thresholds(subject: ExportSubject) -> dict[str, str]:
     abrupt_nm = JERK * inertia_kg_m2 * subject.limits.acceleration_max_rad_s2
     fields = {
         "provenance": provenance(subject),
-        "joints": ", ".join(f'"{printable(name)}"' for name in subject.joint_names),
+        "joints": ", ".join(f'"{ascii_line(name)}"' for name in subject.joint_names),
         "threshold_nm": bracketed(noise_nm + friction_nm + abrupt_nm),
         "noise_nm": bracketed(noise_nm),
         "friction_nm": bracketed(friction_nm),

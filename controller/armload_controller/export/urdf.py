@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
-from armload_controller.export.text_format import exact, numbers, provenance, xml_comment
+from armload_controller.export.text_format import exact, exact_numbers, provenance, xml_comment
 from armload_identification.model.payload import InertialParameters
 
 
@@ -37,7 +37,7 @@ def inertial_lines(body: InertialParameters) -> list[str]:
     )
     return [
         "<inertial>",
-        f'  <origin xyz="{numbers(body.center_of_mass_m)}" rpy="0 0 0"/>',
+        f'  <origin xyz="{exact_numbers(body.center_of_mass_m)}" rpy="0 0 0"/>',
         f'  <mass value="{exact(body.mass_kg)}"/>',
         f'  <inertia ixx="{ixx}" ixy="{ixy}" ixz="{ixz}" iyy="{iyy}" iyz="{iyz}" izz="{izz}"/>',
         "</inertial>",

@@ -12,7 +12,7 @@ from armload_controller.fleet.fleet_rows import runs_of
 from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
 from armload_controller.fleet.row_store import RowStore
 from armload_controller.fleet.workforce import workforce
-from armload_controller.session.folder_claim import claimed
+from armload_controller.session.folder_claim import claimed_folder
 from armload_identification.argument_types import path_of
 from armload_identification.extras import Extra, require_extra
 
@@ -46,7 +46,7 @@ def fleet(jobs: FilePath, output: FilePath, *, workers: int | None = None, sched
     require_extra(Extra.FLEET, "a fleet")
     table, folder = path_of("jobs", jobs), path_of("output", output)
     folder.mkdir(parents=True, exist_ok=True)
-    with claimed(folder, "`armload fleet` run"), RowStore(folder) as store:
+    with claimed_folder(folder, "`armload fleet` run"), RowStore(folder) as store:
         listing, new = new_jobs(table, store)
         if not new:
             return FleetTally.before(listing, new)

@@ -18,7 +18,7 @@ from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_start import run_start
 from armload_identification.results.findings import Findings
-from armload_identification.results.findings_document import number, numbers
+from armload_identification.results.findings_document import json_number, json_numbers
 
 Row = dict[str, Any]
 
@@ -111,9 +111,9 @@ def findings_fields(findings: Findings) -> Row:
     for i, names in enumerate(value_columns()):
         known = bool(payload.determined[i])
         values = (payload.values[i], *payload.interval_95[i])
-        row |= {name: number(value) if known else None for name, value in zip(names, values, strict=True)}
+        row |= {name: json_number(value) if known else None for name, value in zip(names, values, strict=True)}
     row |= {"model": payload.model.values.tolist(), "feedforward_ready": bool(payload.feedforward_ready)}
-    row |= {"residual_rms_nm": numbers(payload.residual_rms_nm), "noise_nm": numbers(payload.noise_nm)}
+    row |= {"residual_rms_nm": json_numbers(payload.residual_rms_nm), "noise_nm": json_numbers(payload.noise_nm)}
     row |= {"validation_outcome": None if findings.outcome is None else findings.outcome.value}
     row |= {"verdict": findings.verdict.title, "robot_sha256": payload.provenance.configuration_sha256}
     row |= {"kinematics_sha256": payload.provenance.kinematics_sha256}
@@ -121,10 +121,10 @@ def findings_fields(findings: Findings) -> Row:
     if found is None:
         return row
     if found.gains is not None:
-        row |= {"gain_change": numbers(np.expm1(found.gains.log_gain))}
-        row |= {"gain_half_width_95": numbers(np.exp(found.gains.log_gain) * found.gains.half_width_95)}
-    row |= {"friction_nm": numbers(found.arm_friction.torque_nm)}
-    row |= {"friction_speed_rad_s": numbers(found.arm_friction.speed_rad_s)}
-    row |= {"condition_number": number(found.plain.condition_number), "notes": list(found.notes)}
+        row |= {"gain_change": json_numbers(np.expm1(found.gains.log_gain))}
+        row |= {"gain_half_width_95": json_numbers(np.exp(found.gains.log_gain) * found.gains.half_width_95)}
+    row |= {"friction_nm": json_numbers(found.arm_friction.torque_nm)}
+    row |= {"friction_speed_rad_s": json_numbers(found.arm_friction.speed_rad_s)}
+    row |= {"condition_number": json_number(found.plain.condition_number), "notes": list(found.notes)}
     unloaded = found.sources[1:]
     return row | {"unloaded_sha256": unloaded[0].sha256 if unloaded else None}

@@ -16,7 +16,7 @@ from armload_controller.config.robot_runs import masses_otherwise_recorded, runs
 from armload_controller.control_errors import CommissioningError, UnsafeBus
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import ROLES, CommissioningPlan, missing_roles, read_pair, record_half
-from armload_controller.session.folder_claim import claimed
+from armload_controller.session.folder_claim import claimed_folder
 from armload_controller.session.run_session import no_operator
 from armload_controller.session.session_load import SessionLoad
 from armload_identification.argument_types import path_of
@@ -74,7 +74,7 @@ def commission(
     directory = path_of("output", output)
     plan = CommissioningPlan(directory, mass_kg, calibration)
     directory.mkdir(parents=True, exist_ok=True)
-    with claimed(directory):
+    with claimed_folder(directory):
         if (directory / REPORT_NAME).exists():
             raise CommissioningError(f"{directory} contains a finished commissioning: choose another folder")
         for load in SessionLoad:

@@ -12,7 +12,7 @@ from armload_controller.control_errors import CommissioningError
 
 
 @contextmanager
-def claimed(directory: Path, work: str = "commissioning") -> Iterator[None]:
+def claimed_folder(directory: Path, work: str = "commissioning") -> Iterator[None]:
     """Lock a folder within a `with` block; no lock file is left behind, not even after kill -9.
 
     Some network file systems cannot lock folders; on them nothing is locked.

@@ -14,15 +14,15 @@ from contextlib import suppress
 from armload_drivers.bring_up.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
-from armload_drivers.cia402.emergency import describe
+from armload_drivers.cia402.emergency import error_text
 from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_data.process_image import setpoint_entries
-from armload_drivers.cia402.state_machine import POWERED, MasterMachine, State, decode
+from armload_drivers.cia402.state_machine import POWERED, MasterMachine, State, state_in
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import SdoRefused, ServoFault, StatuswordError, TransitionError
 
 
-def state_of(sdo: SdoChannel) -> State:
+def drive_state(sdo: SdoChannel) -> State:
     """Power state of a drive, by SDO.
 
     Raises:
@@ -30,7 +30,7 @@ def state_of(sdo: SdoChannel) -> State:
     """
     word = sdo.read(od.STATUSWORD)
     try:
-        return decode(word)
+        return state_in(word)
     except StatuswordError as error:
         raise sdo.failure(str(error), "Does this drive follow CiA 402? See its manual") from error
 
@@ -58,7 +58,7 @@ class DriveDialogue:
 
     def read_state(self) -> State:
         """As `state_of`."""
-        return state_of(self._sdo)
+        return drive_state(self._sdo)
 
     def read_powered_state(self) -> State | None:
         """Power state if the motor carries torque in it, else None. Raises as `read_state`."""
@@ -108,7 +108,7 @@ class DriveDialogue:
     def _read_cause(self) -> str:
         """Why the drive is in FAULT, as text."""
         code = self._sdo.read_if_there(od.ERROR_CODE)
-        return "603F does not give a cause" if code is None else describe(code)
+        return "603F does not give a cause" if code is None else error_text(code)
 
     def require_disabled(self) -> None:
         """Refuse to continue with a drive in FAULT, or with one that another program has enabled.

@@ -89,7 +89,7 @@ class ArmStatus:
     error_passive: bool
 
 
-def describe(
+def inspect_node(
     sdo: SdoChannel, node_id: int, device_types: Sequence[int | None], fieldbus: Fieldbus = Fieldbus.CANOPEN
 ) -> FoundNode:
     """What one node reports about itself.

@@ -9,13 +9,13 @@ import can
 
 from armload_drivers.bring_up.arm_bring_up import ArmBringUp
 from armload_drivers.bring_up.drive_bring_up import DriveSetup
-from armload_drivers.bring_up.inspection import ArmStatus, FoundNode, describe, drive_status
+from armload_drivers.bring_up.inspection import ArmStatus, FoundNode, drive_status, inspect_node
 from armload_drivers.bring_up.powered_drive import PoweredDrive
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.bus_scan import require_no_strangers, scan
 from armload_drivers.canopen.canopen_sdo import CanopenSdo
 from armload_drivers.canopen.canopen_setup import canopen_setups
-from armload_drivers.canopen.safe_reset import powered_drives, reset_drives
+from armload_drivers.canopen.safe_reset import powered_on_bus, reset_drives
 from armload_drivers.cia402.arm_settings import NODE_IDS, ArmSettings
 from armload_drivers.cia402.timeouts import USUAL, Timeouts
 
@@ -38,7 +38,7 @@ class CanopenBringUp(ArmBringUp):
 
     def powered_drives(self, setups: Sequence[DriveSetup]) -> list[PoweredDrive]:
         """As `safe_reset.powered_drives`."""
-        return powered_drives(setups, self.arm, self._link)
+        return powered_on_bus(setups, self.arm, self._link)
 
     def restart(self, setups: Sequence[DriveSetup]) -> list[DriveSetup]:
         """NMT reset; drives that sent no boot-up message are returned."""
@@ -64,6 +64,6 @@ def find_nodes(bus: can.BusABC, timeouts: Timeouts = USUAL) -> list[FoundNode]:
     """
     link = BusLink(bus)
     return [
-        describe(CanopenSdo(node_id, "unknown joint", link, timeouts.sdo_s), node_id, device_types)
+        inspect_node(CanopenSdo(node_id, "unknown joint", link, timeouts.sdo_s), node_id, device_types)
         for node_id, device_types in scan(link, sorted(NODE_IDS), timeouts.scan_s).items()
     ]

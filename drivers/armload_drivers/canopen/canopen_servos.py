@@ -21,7 +21,7 @@ from armload_drivers.canopen.bus_remarks import BusRemarks
 from armload_drivers.canopen.canopen_cycle import CanopenCycle
 from armload_drivers.canopen.canopen_setup import canopen_setups
 from armload_drivers.canopen.drive_node import DriveNode
-from armload_drivers.canopen.safe_reset import answering_drives, powered_drives, reset_drives
+from armload_drivers.canopen.safe_reset import answering_drives, powered_on_bus, reset_drives
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.bus_budget import require_room
 from armload_drivers.cia402.drive_safety import Safety
@@ -64,7 +64,7 @@ class CanopenServos(CyclicServos):
         self._link.drain()  # answers to another master's requests
         answering = answering_drives(self._can_setups, self._arm, self._link)
         require_no_strangers(self._link, self._arm, self._timeouts.scan_s)
-        powered = powered_drives(answering, self._arm, self._link)
+        powered = powered_on_bus(answering, self._arm, self._link)
         for setup in reset_drives(self.setups, powered, self._link, self._timeouts.boot_s):
             setup.require_alive()
         for node in self._can_nodes:

@@ -114,7 +114,7 @@ class DriveNode(CyclicDrive):
 
     def _take_emergency(self, data: bytearray) -> None:
         """Keep an emergency message."""
-        message = emergency.parse(bytes(data))
+        message = emergency.parse_emergency(bytes(data))
         if message is not None:
             self._emergency = message if message.code else None
 

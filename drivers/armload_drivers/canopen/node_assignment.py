@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import can
 
-from armload_drivers.bring_up.drive_dialogue import state_of
+from armload_drivers.bring_up.drive_dialogue import drive_state
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.bus_scan import scan
 from armload_drivers.canopen.canopen_sdo import CanopenSdo
@@ -18,7 +18,7 @@ from armload_drivers.cia402.timeouts import USUAL, Timeouts
 from armload_drivers.driver_errors import LssRefused
 
 
-def assign(
+def assign_node(
     bus: can.BusABC,
     node_id: int,
     bitrate: int | None,
@@ -72,6 +72,6 @@ def assign(
 def _require_no_torque(sdo: CanopenSdo, node_id: int) -> None:
     """Refuse a bus on which a drive is at work."""
     sdo.step = "looking for torque"
-    state = state_of(sdo)
+    state = drive_state(sdo)
     if state in POWERED:
         raise LssRefused(f"node {node_id} carries torque, in {state.title}: settings are changed on a bus at rest only")

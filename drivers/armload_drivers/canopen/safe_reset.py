@@ -79,7 +79,7 @@ def answering_drives(setups: Sequence[CanopenSetup], arm: ArmSettings, link: Bus
     return [setup for setup in setups if setup in answering or setup.identify_before_reset()]
 
 
-def powered_drives(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLink) -> list[PoweredDrive]:
+def powered_on_bus(setups: Sequence[DriveSetup], arm: ArmSettings, link: BusLink) -> list[PoweredDrive]:
     """Drives that carry torque. Only reads; if there are any, listens for as long as a drive waits for its master.
 
     Args:

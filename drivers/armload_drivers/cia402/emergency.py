@@ -18,7 +18,7 @@ _TABLE = files("armload_configs").joinpath("emergency_codes.txt").read_text("asc
 _CODES = {int(code, 16): meaning for code, _, meaning in (line.partition(" ") for line in _TABLE.splitlines())}
 
 
-def describe(code: int) -> str:
+def error_text(code: int) -> str:
     """Error code (603F, EMCY bytes 0 and 1) with its meaning.
 
     Codes that the standard does not list get the meaning of their class; vendor codes have none.
@@ -50,13 +50,13 @@ class Emergency(Struct, frozen=True):
     @property
     def text(self) -> str:
         """Code, meaning, and the vendor's bytes if any of them is not zero."""
-        words = describe(self.code)
+        words = error_text(self.code)
         if any(self.manufacturer):
             words += f" (vendor bytes {self.manufacturer.hex(' ')})"
         return words
 
 
-def parse(data: bytes) -> Emergency | None:
+def parse_emergency(data: bytes) -> Emergency | None:
     """Parse an EMCY frame of any length; None if it does not contain a code.
 
     Short frames are accepted, because some drives send them.

@@ -126,7 +126,7 @@ TRANSITIONS = (
 """Transitions 0 (power-on) and 13 (from every state to FAULT REACTION ACTIVE) are made by the drive and not listed."""
 
 
-def decode(statusword: int) -> State:
+def state_in(statusword: int) -> State:
     """State that a statusword encodes.
 
     Args:
@@ -224,7 +224,7 @@ class MasterMachine:
         Raises:
             StatuswordError: it encodes none; the machine is unchanged.
         """
-        state = decode(statusword)
+        state = state_in(statusword)
         if state is not self.state:
             if self.reached:
                 self.goal = None

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 from armload_drivers.bring_up.arm_bring_up import ArmBringUp
 from armload_drivers.bring_up.drive_bring_up import DriveSetup, configured_units
-from armload_drivers.bring_up.inspection import ArmStatus, FoundNode, describe, drive_status
+from armload_drivers.bring_up.inspection import ArmStatus, FoundNode, drive_status, inspect_node
 from armload_drivers.bring_up.powered_drive import PoweredDrive, powered_drives
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, Fieldbus, Identity
@@ -158,7 +158,7 @@ def find_drives(line: EthercatLine) -> list[FoundNode]:
             name, *identity = line.identity(place)
             found.append(FoundNode(place + 1, None, name, Identity(*identity), (), ()))
         else:
-            found.append(describe(sdo, place + 1, [device_type], Fieldbus.ETHERCAT))
+            found.append(inspect_node(sdo, place + 1, [device_type], Fieldbus.ETHERCAT))
     return found
 
 

@@ -25,7 +25,7 @@ from armload_drivers.cyclic.cyclic_drive import CyclicDrive
 from armload_drivers.deadline_clock import DeadlineClock
 from armload_drivers.driver_errors import BusError, DriverError, FramesLost, LinkDown, ServoTimeout, WorkingCounterWrong
 from armload_drivers.ethercat.ethercat_drive import EthercatDrive
-from armload_drivers.ethercat.ethercat_line import EthercatLine, LineState, MailboxAbort, MailboxSilence, state_of
+from armload_drivers.ethercat.ethercat_line import EthercatLine, LineState, MailboxAbort, MailboxSilence, line_state_of
 from armload_drivers.ethercat.network_interface import FrameMonitor, is_running
 from armload_drivers.servos import JointFeedback
 
@@ -127,7 +127,7 @@ class EthercatCycle(ArmCycle[EthercatDrive]):
             late.settings.joint,
             "starting the cycle",
             f"{state.name} not reached within {limit_s:g} s, the drive is in "
-            f"{state_of(statuses[late.place]).name}: {self._line.reason(late.place)}",
+            f"{line_state_of(statuses[late.place]).name}: {self._line.reason(late.place)}",
             "Does it accept the mapping, the cycle and its synchronisation (1C32)? See its manual",
         )
 

@@ -12,7 +12,7 @@ from armload_drivers.cyclic.cyclic_drive import CyclicDrive
 from armload_drivers.deadline_clock import DeadlineClock
 from armload_drivers.driver_errors import DriveHung, DriveLeftOp, LoopLost, ServoError, ServoTimeout
 from armload_drivers.ethercat.coe_sdo import CoeSdo
-from armload_drivers.ethercat.ethercat_line import STATE_ERROR, EthercatLine, LineState, state_of
+from armload_drivers.ethercat.ethercat_line import STATE_ERROR, EthercatLine, LineState, line_state_of
 
 _ENABLED = State.OPERATION_ENABLED
 _OP = LineState.OP.value
@@ -90,7 +90,7 @@ class EthercatDrive(CyclicDrive):
 
     def require_configured(self) -> None:
         """Refuse a drive that is not in PREOP, as `connect` has left it."""
-        state = state_of(self.status)
+        state = line_state_of(self.status)
         if state is not LineState.PREOP:
             raise self._error(
                 "enabling",
@@ -101,11 +101,11 @@ class EthercatDrive(CyclicDrive):
     @property
     def restarted(self) -> bool:
         """Whether it does not answer under its address."""
-        return state_of(self.status) in {LineState.NONE, LineState.INIT}
+        return line_state_of(self.status) in {LineState.NONE, LineState.INIT}
 
     def leave_cycle(self) -> None:
         """SAFEOP, in which a drive answers SDO, and outputs are no longer valid."""
-        if state_of(self.status) is LineState.OP:
+        if line_state_of(self.status) is LineState.OP:
             self._line.request(LineState.SAFEOP, self.place)
 
     def restart(self) -> None:
@@ -159,7 +159,7 @@ class EthercatDrive(CyclicDrive):
 
     def _missed(self, step: str, now_s: float) -> ServoError | None:
         """Error for a drive that does not answer, has left OP, or hangs; it is marked as lost."""
-        state = state_of(self.status)
+        state = line_state_of(self.status)
         if state is LineState.NONE:
             self.lost = True
             return self._timeout(

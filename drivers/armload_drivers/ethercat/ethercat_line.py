@@ -26,7 +26,7 @@ from typing import Any
 
 from armload_drivers.driver_errors import BusError, CommandError
 from armload_drivers.ethercat.network_interface import (
-    claimed,
+    claimed_interface,
     is_running,
     missing_rights,
     require_quiet,
@@ -59,7 +59,7 @@ STATE_ERROR = 0x10
 """Bit of a state that a drive has taken by itself, for a reason in 0134."""
 
 
-def state_of(status: int) -> LineState:
+def line_state_of(status: int) -> LineState:
     """State in an AL status; unknown ones count as no answer."""
     try:
         return LineState(status & _STATE_BITS)
@@ -293,7 +293,7 @@ class EthercatLine:
         It looks often, because a look holds the interpreter.
         """
         end_s = time.monotonic() + limit_s
-        while state_of(self._slaves[place].state_check(int(state), 0)) is not state:
+        while line_state_of(self._slaves[place].state_check(int(state), 0)) is not state:
             if time.monotonic() > end_s or not is_running(self.interface):
                 return False
             time.sleep(POLL_S)
@@ -370,7 +370,7 @@ def open_line(interface: str) -> Iterator[EthercatLine]:
     rights = missing_rights()
     if rights:
         raise BusError(rights)
-    with claimed(interface):
+    with claimed_interface(interface):
         require_quiet(interface)
         with closing(EthercatLine(interface)) as line:
             yield line

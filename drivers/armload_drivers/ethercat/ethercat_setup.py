@@ -13,7 +13,7 @@ from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import ServoTimeout
 from armload_drivers.ethercat.coe_sdo import CoeSdo
 from armload_drivers.ethercat.ethercat_line import EthercatLine
-from armload_drivers.ethercat.pdo_assignment import assign
+from armload_drivers.ethercat.pdo_assignment import assign_pdo
 
 
 class EthercatSetup(DriveSetup):
@@ -73,7 +73,7 @@ class EthercatSetup(DriveSetup):
         outputs = direction is PdoDirection.RECEIVE
         self._sdo.step = f"mapping the {'outputs' if outputs else 'inputs'}"
         entries = (setpoint_entries if outputs else feedback_entries)(self.settings)
-        part, held = assign(self._sdo, direction, entries)
+        part, held = assign_pdo(self._sdo, direction, entries)
         self.objects.held |= held
         if outputs:
             self.outputs = part

@@ -119,7 +119,7 @@ def missing_rights() -> str:
 
 
 @contextmanager
-def claimed(interface: str) -> Iterator[None]:
+def claimed_interface(interface: str) -> Iterator[None]:
     """Within the block no other armload uses an interface.
 
     Raises:

@@ -18,7 +18,7 @@ _ASSIGNMENTS = {PdoDirection.RECEIVE: 0x1C12, PdoDirection.TRANSMIT: 0x1C13}
 """Objects that assign PDOs to the sync managers of outputs and inputs."""
 
 
-def assign(sdo: SdoChannel, direction: PdoDirection, entries: list[Entry]) -> tuple[FramePart, dict[Entry, int]]:
+def assign_pdo(sdo: SdoChannel, direction: PdoDirection, entries: list[Entry]) -> tuple[FramePart, dict[Entry, int]]:
     """Map the objects of one direction.
 
     Args:

@@ -19,9 +19,9 @@ from armload_identification.storage.strict_toml import (
     NumberRows,
     Table,
     Text,
-    parse,
+    parse_toml,
     read_text,
-    require_shapes,
+    require_array_shapes,
     write_text,
 )
 
@@ -70,9 +70,9 @@ class _ExcitationFile(Table):
     def __post_init__(self) -> None:
         table = self.excitation
         n = len(table.offset_rad)
-        require_shapes("excitation", table, dict.fromkeys(("sin_rad", "cos_rad"), (n, table.harmonics)))
+        require_array_shapes("excitation", table, dict.fromkeys(("sin_rad", "cos_rad"), (n, table.harmonics)))
         if self.margins is not None:
-            require_shapes("margins", self.margins, dict.fromkeys(PER_JOINT, (n,)))
+            require_array_shapes("margins", self.margins, dict.fromkeys(PER_JOINT, (n,)))
 
 
 def read_excitation(path: Path) -> Excitation:
@@ -93,7 +93,7 @@ def parse_excitation(content: str, source: str = "excitation") -> Excitation:
     Raises:
         ExcitationFileError: naming source, key, value and what was expected.
     """
-    tables = parse(content, source, _ExcitationFile, ExcitationFileError)
+    tables = parse_toml(content, source, _ExcitationFile, ExcitationFileError)
     table, design = tables.excitation, tables.design
     return Excitation(
         FourierTrajectory(table.base_frequency_hz, table.offset_rad, table.sin_rad, table.cos_rad),

@@ -28,9 +28,9 @@ from armload_identification.storage.strict_toml import (
     SymmetricRows,
     Table,
     Text,
-    parse,
+    parse_toml,
     read_toml,
-    require_shapes,
+    require_array_shapes,
     write_text,
 )
 
@@ -125,16 +125,16 @@ class _CalibrationFile(Table):
         n = len(self.gains.gain)
         for name in ("gains", "friction", "fit"):
             table: Table = getattr(self, name)
-            require_shapes(name, table, dict.fromkeys(table.__struct_fields__, (n,)))
+            require_array_shapes(name, table, dict.fromkeys(table.__struct_fields__, (n,)))
         base, size = (n, PARAMETERS), places_of(n, int(np.count_nonzero(self.body.base)))[TILT].stop
         body = {"links": base, "base": base, "rotor_inertia_kg_m2": (n,), "coupling": (n, n), "tilt_rad": (2,)}
-        require_shapes("body", self.body, body)
-        require_shapes("uncertainty", self.uncertainty, {"covariance": (size, size)})
+        require_array_shapes("body", self.body, body)
+        require_array_shapes("uncertainty", self.uncertainty, {"covariance": (size, size)})
         for index, payload in enumerate(self.payloads, 1):
-            require_shapes(f"payloads[{index}]", payload, {"theta": (PARAMETERS,), "deviation": (PARAMETERS,)})
+            require_array_shapes(f"payloads[{index}]", payload, {"theta": (PARAMETERS,), "deviation": (PARAMETERS,)})
         for index, run in enumerate(self.runs, 1):
             shapes = {"residual_rms_nm": (n,), "influence": (n,), "friction_changes": (3, n)}
-            require_shapes(f"runs[{index}]", run, shapes)
+            require_array_shapes(f"runs[{index}]", run, shapes)
 
     def _makes_sense(self) -> None:
         if self.arm.effort not in tuple(Effort):
@@ -234,7 +234,7 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
     Raises:
         CalibrationFileError: naming source, key, value and what was expected.
     """
-    tables = parse(content, source, _CalibrationFile, CalibrationFileError)
+    tables = parse_toml(content, source, _CalibrationFile, CalibrationFileError)
     body, friction = asdict(tables.body), asdict(tables.friction)
     drift = np.stack([friction.pop(key) for key in _DRIFT])
     tilt_rad, base = body.pop("tilt_rad"), body.pop("base") > 0.5

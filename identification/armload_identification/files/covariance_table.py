@@ -15,8 +15,8 @@ from armload_identification.storage.strict_toml import (
     NumberList,
     NumberRows,
     Table,
+    require_array_shapes,
     require_shape,
-    require_shapes,
 )
 
 _ASYMMETRY: Final = 1e-9
@@ -45,7 +45,7 @@ class CovarianceTable(Table):
         require_covariance("mass_center", self.mass_center)
         if self.gains is not None:
             n = self.gains.gain_nm_a.size
-            require_shapes("gains", self.gains, {"slope": (4, n), "covariance": (n, n)})
+            require_array_shapes("gains", self.gains, {"slope": (4, n), "covariance": (n, n)})
             require_covariance("gains.covariance", self.gains.covariance)
         if self.calibration_slope is not None:
             require_shape("calibration_slope", self.calibration_slope, (4, self.calibration_slope.shape[1]))

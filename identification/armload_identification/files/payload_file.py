@@ -35,7 +35,7 @@ from armload_identification.storage.strict_toml import (
     NumberList,
     Table,
     Text,
-    parse,
+    parse_toml,
     read_toml,
     require_shape,
     write_text,
@@ -246,7 +246,7 @@ def parse_payload(content: str, source: str = "payload") -> PayloadResult:
     Raises:
         PayloadFileError: naming source, key, value and what was expected.
     """
-    tables = parse(content, source, _PayloadFile, PayloadFileError)
+    tables = parse_toml(content, source, _PayloadFile, PayloadFileError)
     return PayloadResult(
         frame=tables.payload.frame,
         model=tables.model.body(),

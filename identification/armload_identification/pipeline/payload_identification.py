@@ -40,7 +40,7 @@ from armload_identification.verdict.recording_checks.pair_contradictions import 
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
 
 
-def identify(
+def identify_runs(
     loaded: Recording,
     unloaded: Recording | None,
     chain: Chain,

@@ -14,7 +14,7 @@ from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import PayloadResult
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.identification_result import Identification
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.recording.recording import Recording, RecordingSource
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
@@ -62,7 +62,7 @@ class Validation:
         return self.measured.sources
 
 
-def validate(
+def validate_runs(
     pair: tuple[Recording, Recording],
     chain: Chain,
     transmission: Transmission,
@@ -93,7 +93,7 @@ def validate(
     """
     gains = transmission if arm is not None else gains_to_compare_by(payload.mass_center, transmission)
     try:
-        measured = identify(*pair, chain, gains, arm=arm)
+        measured = identify_runs(*pair, chain, gains, arm=arm)
     except NothingMounted as empty:
         raise NoPayloadMass(
             f"the payload cannot be judged by {pair[0].source.path}: in this run, {empty.statement}",

@@ -38,7 +38,7 @@ MOST_POSITIONS: Final = 2**27
 _NO_OPTIONS: Final = ReadingOptions()
 
 
-def read_recording(
+def read_recording_file(
     source: Path | DataFrame,
     options: ReadingOptions = _NO_OPTIONS,
     *,

@@ -15,7 +15,7 @@ from armload_identification.numerals import counted
 from armload_identification.pipeline.arm_drift import Monitored
 from armload_identification.report.compared_runs import ComparedRuns
 from armload_identification.result_table import PrintedResult, ResultTable
-from armload_identification.results.findings_document import numbers
+from armload_identification.results.findings_document import json_numbers
 from armload_identification.results.json_document import json_document
 
 _COLD_S: Final = 60.0
@@ -93,7 +93,7 @@ class ArmHistory(PrintedResult, ComparedRuns):
         """A chart; None for unknown values."""
         chart = self.drift.charts[quantity][joint]
         lines = {"values": chart.values, "lower_limit": -chart.limit, "upper_limit": chart.limit, "level": chart.level}
-        drawn = {name: numbers(_linear(quantity, line)) for name, line in lines.items()}
+        drawn = {name: json_numbers(_linear(quantity, line)) for name, line in lines.items()}
         return {**drawn, "outside": chart.outside.tolist()}
 
     def picture(self, path: str | PathLike[str]) -> None:

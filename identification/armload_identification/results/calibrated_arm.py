@@ -16,7 +16,7 @@ from armload_identification.files.calibration_file import write_calibration
 from armload_identification.recording.reading_options import Effort
 from armload_identification.report.gain_table import gain_table
 from armload_identification.result_table import PrintedResult, ResultTable
-from armload_identification.results.findings_document import number
+from armload_identification.results.findings_document import json_number
 from armload_identification.results.json_document import json_document
 
 
@@ -93,10 +93,10 @@ class CalibratedArm(PrintedResult):
         joints = [
             {
                 "name": name,
-                "nominal": number(result.nominal[j]),
-                "gain": number(result.gain_nm_a[j]) if result.determined[j] else None,
-                "half_width_95": number(result.gain_half_width_95[j]) if result.determined[j] else None,
-                "load_friction": number(result.body.load_friction[j]),
+                "nominal": json_number(result.nominal[j]),
+                "gain": json_number(result.gain_nm_a[j]) if result.determined[j] else None,
+                "half_width_95": json_number(result.gain_half_width_95[j]) if result.determined[j] else None,
+                "load_friction": json_number(result.body.load_friction[j]),
                 "determined": bool(result.determined[j]),
             }
             for j, name in enumerate(self.joint_names)

@@ -56,8 +56,8 @@ def payload_fields(payload: PayloadResult) -> dict[str, Any]:
         "determined": grouped_parameters(known),
         "interval_95": grouped_parameters(intervals),
         "model": grouped_parameters(payload.model.values.tolist()),
-        "residual_rms_nm": numbers(payload.residual_rms_nm),
-        "noise_nm": numbers(payload.noise_nm),
+        "residual_rms_nm": json_numbers(payload.residual_rms_nm),
+        "noise_nm": json_numbers(payload.noise_nm),
         "feedforward_ready": payload.feedforward_ready,
         **{key: value for key, value in asdict(payload.provenance).items() if key != "armload_version"},
     }
@@ -67,9 +67,9 @@ def validation_fields(validation: Validation, joint_names: Sequence[str]) -> dic
     """A validation: comparison of the payload with the one identified from the second pair of runs, and by joint."""
     scales = validation.verdict.of_payload
     columns = {
-        "torque_in_band_nm": numbers(validation.torque_in_band_nm),
-        "left_in_band_nm": numbers(validation.left_in_band_nm),
-        "residual_rms_nm": numbers(validation.residual_rms_nm),
+        "torque_in_band_nm": json_numbers(validation.torque_in_band_nm),
+        "left_in_band_nm": json_numbers(validation.left_in_band_nm),
+        "residual_rms_nm": json_numbers(validation.residual_rms_nm),
         "measured_over_predicted": _known_numbers(scales.scale, scales.determined),
         "measured_over_predicted_half_width_95": _known_numbers(scales.half_width_95, scales.determined),
     }
@@ -86,7 +86,7 @@ def agreement_fields(agreement: Agreement) -> dict[str, Any]:
     """Comparison of a payload with measured values, and the smallest error that would have been detected."""
 
     def four(values: FloatArray) -> dict[str, Any]:
-        mass, *center = numbers(values)
+        mass, *center = json_numbers(values)
         return {"mass_kg": mass, "center_of_mass_m": dict(zip(AXES, center, strict=True))}
 
     return {
@@ -95,25 +95,25 @@ def agreement_fields(agreement: Agreement) -> dict[str, Any]:
         "half_width_95": four(agreement.half_width_95),
         "tolerance": {"mass_kg": agreement.tolerance_kg, "center_of_mass_m": agreement.tolerance_m},
         "noticeable": {
-            "mass_kg": number(agreement.noticeable_kg),
-            "center_of_mass_m": number(agreement.noticeable_m),
+            "mass_kg": json_number(agreement.noticeable_kg),
+            "center_of_mass_m": json_number(agreement.noticeable_m),
         },
     }
 
 
-def numbers(values: FloatArray) -> list[float | None]:
+def json_numbers(values: FloatArray) -> list[float | None]:
     """Numbers of an array, None if not finite, which JSON cannot represent."""
-    return [number(value) for value in values.tolist()]
+    return [json_number(value) for value in values.tolist()]
 
 
-def number(value: float) -> float | None:
+def json_number(value: float) -> float | None:
     """A number, None if it is not finite."""
     return float(value) if math.isfinite(value) else None
 
 
 def _known_numbers(values: FloatArray, known: NDArray[np.bool_]) -> list[float | None]:
     """Numbers of an array, None for unknown ones."""
-    return [number(value) if there else None for value, there in zip(values.tolist(), known.tolist(), strict=True)]
+    return [json_number(value) if there else None for value, there in zip(values.tolist(), known.tolist(), strict=True)]
 
 
 def _identification_fields(identification: Identification) -> dict[str, Any]:
@@ -121,8 +121,8 @@ def _identification_fields(identification: Identification) -> dict[str, Any]:
     return {
         "plain_mass_kg": plain.mass_kg,
         "plain_is_possible": not identification.changed,
-        "plain_margin": number(identification.plain_parameters.margin),
-        "condition_number": number(identification.plain.condition_number),
+        "plain_margin": json_number(identification.plain_parameters.margin),
+        "condition_number": json_number(identification.plain.condition_number),
         "scale_verified": identification.scale_verified,
         "notes": list(identification.notes),
     }

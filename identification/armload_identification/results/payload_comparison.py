@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from armload_identification.model.payload import NOT_DETERMINED, PARAMETER_NAMES, UNITS
 from armload_identification.result_table import PrintedResult, ResultTable
-from armload_identification.results.findings_document import agreement_fields, numbers
+from armload_identification.results.findings_document import agreement_fields, json_numbers
 from armload_identification.results.json_document import json_document
 from armload_identification.verdict.agreement import Agreement, KnownMassCenter, Outcome
 from armload_identification.verdict.cad_comparison import RelativeErrors
@@ -58,7 +58,7 @@ class PayloadComparison(PrintedResult):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, texts, lists and dictionaries: the schema `armload/comparison/1`."""
-        values = (numbers(each) for each in (self.errors.truth, self.errors.estimate, self.errors.error))
+        values = (json_numbers(each) for each in (self.errors.truth, self.errors.estimate, self.errors.error))
         rows = zip(PARAMETER_NAMES, *values, self.errors.determined.tolist(), strict=True)
         parameters = {
             name: {"cad": cad, "estimate": estimate if known else None, "error": error if known else None}

@@ -155,7 +155,7 @@ def write_text(path: Path, text: str, error: FileErrorClass) -> None:
         raise error(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
 
 
-def parse(content: str, source: str, tables: type[_Tables], error: FileErrorClass) -> _Tables:
+def parse_toml(content: str, source: str, tables: type[_Tables], error: FileErrorClass) -> _Tables:
     """The tables of a TOML text.
 
     Args:
@@ -255,7 +255,7 @@ def require_shape(key: str, found: FloatArray, shape: tuple[int, ...]) -> None:
         raise BadValue(key, found.tolist(), f"expected {expected} finite numbers")
 
 
-def require_shapes(within: str, table: Table, shapes: Mapping[str, tuple[int, ...]]) -> None:
+def require_array_shapes(within: str, table: Table, shapes: Mapping[str, tuple[int, ...]]) -> None:
     """Raise unless arrays of a table have the expected shapes.
 
     Raises:

@@ -13,7 +13,7 @@ from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.model.regressor import payload_torque
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from benchmarks.arms.setups import Motion, Twin, setup_of, twin_spec
 from benchmarks.arms.simulated_recordings import DriveScales, record
 from benchmarks.arms.steady_state import Streaming, steady_period
@@ -84,7 +84,7 @@ def test_a_seed_agrees_with_fake_servos_within_its_interval(setup):
         position, current = streamed(spec, PERIODS)
         template = record(setup.loaded, setup.scales, PERIODS, np.random.default_rng(seed), np.zeros(6))
         runs.append(replace(template, position_rad=position, current_a=current))
-    over_servos = identify(*runs, setup.chain, setup.transmission)
+    over_servos = identify_runs(*runs, setup.chain, setup.transmission)
     seeded = identified(setup, 1)
     apart = np.abs(over_servos.parameters.values - seeded.parameters.values)
     both = np.hypot(over_servos.uncertainty.half_width_95, seeded.uncertainty.half_width_95)

@@ -22,7 +22,7 @@ from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import FROZEN
 from armload_identification.files.calibration_file import read_calibration
 from armload_identification.files.payload_file import read_payload
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.run_format import LATENESS_ATTACHMENT
 from tests.faulty_disk import FaultyDisk
 from tests.first_day import PAGE, needs_page, page_commands, write_arm
@@ -196,7 +196,7 @@ def test_the_page_is_followed_on_a_simulated_arm_whatever_happens(day):
     assert read_calibration(folder / "arm.calibration.toml").robot == load_robot("er50").name
     report = (folder / "report.html").read_text("utf-8")
     for name in RECORDINGS:
-        late = json.loads(read_recording(folder / name).source.attachments[LATENESS_ATTACHMENT])
+        late = json.loads(read_recording_file(folder / name).source.attachments[LATENESS_ATTACHMENT])
         assert late["cycles"][0] > 0 == sum(late["cycles"][1:]), "nothing is late in virtual time"
         assert f"of {late['cycles'][0]} cycles" in report
     assert (day.folder / "feedforward.svg").is_file()

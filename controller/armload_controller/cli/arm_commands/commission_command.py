@@ -46,7 +46,7 @@ class Runs(StrEnum):
     LOADED = "loaded"
 
 
-def commission(
+def commission_arm(
     context: typer.Context,
     driven: DrivenArm,
     *,
@@ -92,7 +92,7 @@ def commission(
     from armload_controller.cli.output.findings_output import show_findings
     from armload_controller.session.commissioning import CommissioningPlan, missing_roles, require_recordings
     from armload_controller.session.commissioning_results import PAYLOAD_NAME, REPORT_NAME, evaluate
-    from armload_controller.session.folder_claim import claimed
+    from armload_controller.session.folder_claim import claimed_folder
     from armload_controller.session.live.live_view import live_at
     from armload_controller.session.session_load import SessionLoad
     from armload_identification.extras import Extra, require_extra
@@ -120,7 +120,7 @@ def commission(
         require_recordings(directory, SessionLoad.UNLOADED)
     make_folder(directory)
     require_writable(directory)
-    with claimed(directory):
+    with claimed_folder(directory):
         done = not any(missing_roles(directory, load) for load in halves)
         if done and (runs is Runs.UNLOADED or all((directory / n).exists() for n in (PAYLOAD_NAME, REPORT_NAME))):
             raise CommissioningError(

@@ -132,7 +132,7 @@ def _brakes_tried(arm: Robot, screen: Screen, driven: DrivenArm) -> tuple[BrakeF
 
 
 @drives.command("show")
-def show_command(
+def show_drives(
     on_bus: ArmOnBus,
     once: Annotated[bool, typer.Option("--once", help="Print one table instead of a new one every second.")] = False,
     screen: Screen = PLAIN,
@@ -216,13 +216,13 @@ def assign_command(
     """Give a node its node id, and a bit rate, by layer setting services (LSS). Asks first."""
     from armload_controller.session.arm_access import open_bus
     from armload_drivers.canopen.lss_master import BIT_TIMINGS
-    from armload_drivers.canopen.node_assignment import assign
+    from armload_drivers.canopen.node_assignment import assign_node
 
     if new_bitrate is not None and new_bitrate not in BIT_TIMINGS:
         raise typer.BadParameter(f"{new_bitrate}: expected one of {', '.join(map(str, BIT_TIMINGS))}")
     address = None if identity is None else _address(identity)
     with open_bus(*bus_address(bus, BUS_FORM), bitrate) as opened:
-        found = assign(opened, node_id, new_bitrate, address, lambda question: yes or screen.confirm(question))
+        found = assign_node(opened, node_id, new_bitrate, address, lambda question: yes or screen.confirm(question))
     if found is None:
         raise CommissioningError("not confirmed: nothing was set")
     fields = asdict(found) | {"node_id": node_id, "bitrate": new_bitrate}

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from armload_controller.session.joint_feeds import JointFeed
 
 
-def watch(
+def watch_payload(
     context: typer.Context,
     on_bus: ArmOnBus,
     *,

@@ -13,7 +13,7 @@ from armload_controller.cli.output.output_files import require_drawable, require
 from armload_controller.cli.screen import PLAIN, Screen
 
 
-def calibrate(
+def calibrate_arm_command(
     robot: RobotArgument,
     runs: Annotated[
         list[Path],

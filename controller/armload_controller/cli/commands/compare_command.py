@@ -13,7 +13,7 @@ from armload_controller.cli.tolerance_option import TOLERANCE, ToleranceOption
 from armload_identification.verdict.tolerance import Tolerance
 
 
-def compare_with_cad(
+def compare_payload(
     payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file that was identified (TOML).")],
     cad: Annotated[Path, typer.Argument(metavar="CAD", help="Payload file with the true values (TOML).")],
     calibration: Annotated[

@@ -21,7 +21,7 @@ def _known(name: str) -> str:
     raise typer.BadParameter(f"{name!r}: expected one of {', '.join(map(repr, map(str, format_names())))}")
 
 
-def export(
+def export_payload(
     robot: RobotArgument,
     payload: Annotated[
         Path,

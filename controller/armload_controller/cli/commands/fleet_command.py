@@ -47,7 +47,7 @@ class FleetJobs:
     def claimed_store(self) -> Iterator[RowStore]:
         """The rows, for this run alone; --workers is refused with --scheduler, which has its own workers."""
         from armload_controller.fleet.row_store import RowStore
-        from armload_controller.session.folder_claim import claimed
+        from armload_controller.session.folder_claim import claimed_folder
 
         if self.scheduler is not None and self.workers is not None:
             raise typer.BadParameter(
@@ -55,7 +55,7 @@ class FleetJobs:
             )
         make_folder(self.output)
         require_writable(self.output)
-        with claimed(self.output, "`armload fleet` run"), RowStore(self.output) as store:
+        with claimed_folder(self.output, "`armload fleet` run"), RowStore(self.output) as store:
             yield store
 
 

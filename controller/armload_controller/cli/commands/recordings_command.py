@@ -21,7 +21,7 @@ def _group() -> None:
 
 
 @recordings.command("show")
-def show_command(
+def show_recording(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording: MCAP, ROS bag, CSV, Parquet, NPZ.")],
     other: Annotated[
         Path | None,
@@ -41,7 +41,7 @@ def show_command(
     from armload_controller.config.objects_or_paths import arm_of
     from armload_controller.config.robot_recordings import chosen_joints
     from armload_identification.pipeline.recording_survey import pair_mismatch, survey
-    from armload_identification.recording.file_reading import read_recording
+    from armload_identification.recording.file_reading import read_recording_file
     from armload_identification.recording.reading_options import ReadingOptions
 
     files = [path for path in (file, other) if path is not None]
@@ -52,7 +52,7 @@ def show_command(
     )
     runs = [
         chosen_joints(
-            read_recording(
+            read_recording_file(
                 path,
                 ReadingOptions(choice.columns, choice.effort, names, choice.episode, limits_rad, log),
                 between_s=choice.between_s,

@@ -12,7 +12,7 @@ from armload_drivers.bring_up.drive_bring_up import DriveSetup
 from armload_drivers.bring_up.drive_check import Check
 from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
 from armload_drivers.cia402.drive_safety import SafetyFinding
-from armload_drivers.cia402.emergency import describe
+from armload_drivers.cia402.emergency import error_text
 
 MODE_NAMES = {1: "PP", 3: "PV", 4: "PT", 6: "HM", 7: "IP", 8: "CSP", 9: "CSV", 10: "CST"}
 _SAFETY_COLOURS = {"missing": "red", "accepted": "yellow", "ok": "green"}
@@ -113,7 +113,7 @@ def status_table(status: ArmStatus) -> Table:
             continue
         position = "-" if drive.position_rad is None else f"{drive.position_rad:+z.5f}"
         effort = "-" if drive.effort is None else f"{drive.effort:+z.3f} {drive.effort_unit}"
-        error = "-" if drive.error_code is None else describe(drive.error_code)
+        error = "-" if drive.error_code is None else error_text(drive.error_code)
         celsius = "-" if drive.temperature_celsius is None else f"{drive.temperature_celsius:.0f}"
         table.add_row(drive.joint, str(drive.node_id), drive.state.title, position, effort, *[celsius] * warm, error)
     return table

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from armload_identification.results.findings_document import number
+from armload_identification.results.findings_document import json_number
 from armload_identification.results.json_document import json_document
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def feedforward_document(
                     "weight_nm": float(comparison.weight_nm[i]),
                     "carries_weight": i in comparison.gravity_loaded,
                     "without_rms_rad": float(comparison.without_rms_rad[i]),
-                    "reduction": {label: number(comparison.reduction(label)[i]) for label in comparison.with_rad},
+                    "reduction": {label: json_number(comparison.reduction(label)[i]) for label in comparison.with_rad},
                 }
                 for i, name in enumerate(comparison.joint_names)
             ],

@@ -8,7 +8,7 @@ from typing import Any
 from armload_identification.numerals import counted
 from armload_identification.pipeline.recording_survey import RecordingSurvey
 from armload_identification.result_table import ResultTable
-from armload_identification.results.findings_document import numbers
+from armload_identification.results.findings_document import json_numbers
 from armload_identification.results.json_document import json_document
 
 _RUN_KEYS = ("robot", "load", "role", "created")
@@ -86,7 +86,7 @@ def _fields(facts: RecordingSurvey) -> dict[str, Any]:
         "joints": [
             {
                 "name": names[joint],
-                "position_rad": numbers(facts.position_rad[joint]),
+                "position_rad": json_numbers(facts.position_rad[joint]),
                 "speed_rad_s": float(facts.speed_rad_s[joint]),
                 "effort": [None if value is None else float(value) for value in effort[joint]],
             }

@@ -29,7 +29,7 @@ from armload_controller.export.compiled_library import compiled_library
 from armload_controller.export.exported_payload import ExportSubject
 from armload_controller.export.inertia import TENSOR, complete_inertia
 from armload_controller.export.template import filled
-from armload_controller.export.text_format import c_heading, exact, printable, provenance
+from armload_controller.export.text_format import ascii_line, c_heading, exact, provenance
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 """Date of every file inside, fixed so that the same payload gives the same bytes."""
@@ -97,7 +97,7 @@ def element(tag: str, attributes: Mapping[str, str]) -> str:
 
 def _attribute(text: str) -> str:
     """A text for the value of an XML attribute."""
-    return escape(printable(text), quote=False).replace('"', "&quot;")
+    return escape(ascii_line(text), quote=False).replace('"', "&quot;")
 
 
 def variables(subject: ExportSubject) -> list[FmuVariable]:
@@ -117,7 +117,7 @@ def variables(subject: ExportSubject) -> list[FmuVariable]:
     for i, joint in enumerate(subject.joint_names, 1):
         text = f"torque that the payload requires of {joint}"
         found.append(FmuVariable(f"tau[{i}]", "output", "N.m", text))
-    return [replace(variable, description=printable(variable.description)) for variable in found]
+    return [replace(variable, description=ascii_line(variable.description)) for variable in found]
 
 
 def sources(subject: ExportSubject, wrapper: str) -> tuple[dict[str, str], str]:
@@ -154,7 +154,7 @@ def documentation(subject: ExportSubject) -> str:
     """A page with information beyond the variables' descriptions."""
     fields = {
         "name": model_name(subject),
-        "provenance": escape(printable(provenance(subject))),
+        "provenance": escape(ascii_line(provenance(subject))),
         "robot_sha256": subject.robot_sha256,
         "inertia": escape(complete_inertia(subject.payload, TENSOR).statement),
         "gravity": ", ".join(exact(g) for g in subject.chain.gravity_m_s2),

@@ -85,7 +85,7 @@ def pdo_count(described: DeviceDescription, direction: PdoDirection) -> int:
     return next(missing, _MOST_PDOS)
 
 
-def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int) -> None:
+def adopt_description(dictionary: Dictionary, described: DeviceDescription, node_id: int) -> None:
     """Change a drive's dictionary to that of a description.
 
     Args:

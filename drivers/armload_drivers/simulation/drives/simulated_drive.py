@@ -25,7 +25,7 @@ from armload_drivers.cia402.object_dictionary import Entry, NmtCommand, NmtState
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.simulation.drives.drive_dictionary import SILENCE, DriveTraits, build_dictionary
 from armload_drivers.simulation.drives.drive_pdos import Pdo
-from armload_drivers.simulation.drives.eds_objects import describe, pdo_count
+from armload_drivers.simulation.drives.eds_objects import adopt_description, pdo_count
 from armload_drivers.simulation.drives.power_stage import PowerStage
 from armload_drivers.simulation.drives.sdo_server import SdoServer
 from armload_drivers.simulation.plant_interface import PlantAxis
@@ -91,7 +91,7 @@ class SimulatedDrive:
         self.dictionary = dictionary = build_dictionary(self._settings, self._traits, self._cycle_s)
         described = self._traits.description
         if described is not None:
-            describe(dictionary, described, node_id)
+            adopt_description(dictionary, described, node_id)
         self._values = dictionary.values
         self.server = SdoServer(dictionary)
         self.power = PowerStage(

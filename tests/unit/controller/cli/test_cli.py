@@ -20,8 +20,8 @@ from armload_identification.excitation.excitation_file import read_excitation
 from armload_identification.excitation.fourier import CRITERIA
 from armload_identification.files.payload_file import read_payload, write_payload
 from armload_identification.model.payload import InertialParameters
-from armload_identification.pipeline.payload_validation import validate
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.pipeline.payload_validation import validate_runs
+from armload_identification.recording.file_reading import read_recording_file
 from tests.bounded import await_that
 from tests.short_commissioning import write_short_robot
 from tests.started_programs import as_started
@@ -144,7 +144,7 @@ def test_the_second_half_takes_up_the_first_and_makes_a_stopped_run_again(commis
     assert document["files"] == {key: str(path) for key, path in files.items()}
     assert all(path.exists() for path in files.values())
     assert read_payload(output / "payload.toml").model.mass_kg == pytest.approx(3.0, rel=1e-3)
-    said = [read_recording(output / f"{load}_validation.mcap").source.run() for load in ("unloaded", "loaded")]
+    said = [read_recording_file(output / f"{load}_validation.mcap").source.run() for load in ("unloaded", "loaded")]
     assert [run.get("mass_kg") for run in said] == [None, 3.0]
 
 
@@ -177,9 +177,9 @@ def test_an_excitation_beyond_the_limits_switches_nothing_on(armload, short_robo
 def test_the_verdict_is_about_the_validation_runs(commissioned, short_robot):
     output, printed = commissioned
     robot = load_robot(str(short_robot))
-    loaded, unloaded = (read_recording(output / f"{load}_validation.mcap") for load in ("loaded", "unloaded"))
+    loaded, unloaded = (read_recording_file(output / f"{load}_validation.mcap") for load in ("loaded", "unloaded"))
     payload = read_payload(output / "payload.toml")
-    judged = validate((loaded, unloaded), robot.chain, robot.drives.transmission, payload)
+    judged = validate_runs((loaded, unloaded), robot.chain, robot.drives.transmission, payload)
     for name, residual in zip(robot.joint_names, judged.left_in_band_nm, strict=True):
         row = next(line for line in printed.splitlines() if name in line)
         assert f"{residual:.3f}" in row

@@ -13,7 +13,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from armload_controller.cli.keyboard import Key, Keyboard, decode, described, press
+from armload_controller.cli.keyboard import Key, Keyboard, described, press, requests_in
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
@@ -34,7 +34,7 @@ PROGRAM = "from armload_controller.cli.entry import main; main()"
     ],
 )
 def test_keys_and_what_means_nothing(typed, keys):
-    assert decode(typed) == keys
+    assert requests_in(typed) == keys
 
 
 def test_space_pauses_and_resumes():

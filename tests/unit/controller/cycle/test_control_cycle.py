@@ -27,7 +27,7 @@ from armload_identification.excitation.fourier import Excitation, FourierTraject
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace
 from armload_identification.model.chain import Chain
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
 from armload_identification.signals.joint_torque import Transmission
 from tests.planned_leg import plan_leg
@@ -181,7 +181,7 @@ def test_a_whole_leg_is_sent_and_recorded(connected_servos, run, tmp_path):
     np.testing.assert_allclose(sent[begin + 1 : begin + len(plan)], plan.position_rad[1:], atol=1e-8)
     assert summary.cycles == len(sent)
     assert summary.duration_s == pytest.approx(len(sent) * CYCLE_S)
-    recording = read_recording(tmp_path / "run0.mcap")
+    recording = read_recording_file(tmp_path / "run0.mcap")
     # A command is reached one cycle after the SYNC that latches it, to half a count.
     np.testing.assert_allclose(recording.position_rad[1:], sent[:-1], atol=1e-8, rtol=0.0)
     periods = ~np.isnan(recording.phase_s)

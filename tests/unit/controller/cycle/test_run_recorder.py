@@ -23,7 +23,7 @@ from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.setpoints import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.run_format import MESSAGE_SCHEMA, TOPIC
 
 N = 3
@@ -52,7 +52,7 @@ def test_every_number_comes_back(tmp_path):
     with Recorder(path, {"run.json": json.dumps({"robot": "x"})}) as recorder:
         for cycle in range(300):
             recorder.write(feedback(cycle), COMMAND, Segment.APPROACH, None)
-    recording = read_recording(path)
+    recording = read_recording_file(path)
     assert recording.time_s.shape == (300,)
     np.testing.assert_array_equal(recording.position_rad[7], feedback(7).position_rad)
     np.testing.assert_array_equal(recording.current_a[299], feedback(299).current_a)
@@ -93,7 +93,7 @@ def test_foxglove_gets_the_arm_in_3d_and_identification_does_not(tmp_path):
         for cycle, q in enumerate(position):
             measured = JointFeedback(cycle, 5.0 + 0.01 * cycle, q, still, still, None, state_word, still.astype(bool))
             recorder.write(measured, JointCommand(q, still, still), Segment.PERIODS, 0.01 * cycle)
-    assert read_recording(path).size == 100
+    assert read_recording_file(path).size == 100
     with path.open("rb") as stream:
         frames = list(make_reader(stream).iter_messages(topics=[FRAMES_TOPIC]))
     assert 17 <= len(frames) <= 20
@@ -137,7 +137,7 @@ def test_cycles_without_feedback_are_distinguished_from_measured_ones(tmp_path):
         for cycle in range(60):
             missing = np.array([False, cycle in {20, 21}, False])
             recorder.write(feedback(cycle, missing=missing), COMMAND, Segment.APPROACH, None)
-    recording = read_recording(path)
+    recording = read_recording_file(path)
     assert recording.source.reasons == {"feedback missing": 2}
     assert len(recording.time_s) == 58
 
@@ -251,7 +251,7 @@ def test_a_run_that_ends_with_an_error_stays_partial_and_whole(tmp_path):
             recorder.write(feedback(cycle), COMMAND, Segment.APPROACH, None)
         raise ZeroDivisionError
     assert not path.exists()
-    recording = read_recording(tmp_path / "a.partial.mcap")
+    recording = read_recording_file(tmp_path / "a.partial.mcap")
     assert len(recording.time_s) == 30
     assert not recording.source.truncated
 
@@ -270,7 +270,7 @@ def test_the_file_is_never_more_than_a_quarter_of_a_second_behind(tmp_path, cycl
             recorder.write(feedback(cycle, time_s=cycle * cycle_s), COMMAND, Segment.APPROACH, None)
             if partial.stat().st_size != size:
                 size = partial.stat().st_size
-                held_s = read_recording(partial).time_s[-1] if cycle * cycle_s > 1.0 else np.nan
+                held_s = read_recording_file(partial).time_s[-1] if cycle * cycle_s > 1.0 else np.nan
             behind_s.append(cycle * cycle_s - held_s)
     assert np.count_nonzero(np.isfinite(behind_s)) > 20
     assert np.nanmax(behind_s) <= PROMISED_S
@@ -303,7 +303,7 @@ def test_kill_minus_nine_loses_at_most_a_quarter_of_a_second(tmp_path):
     written = [int(line), *(int(rest) for rest in writer.stdout if rest.strip())][-1]
     writer.stdout.close()
     writer.wait(timeout=10)
-    recording = read_recording(tmp_path / "killed.partial.mcap")
+    recording = read_recording_file(tmp_path / "killed.partial.mcap")
     assert recording.source.truncated
     lost_s = (feedback(written).time_s) - recording.time_s[-1]
     assert -CYCLE_S * 1.5 <= lost_s <= 0.25

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armload_controller.cycle.slow_round_torque import Mass, SlowRound, SlowRoundRows
+from armload_controller.cycle.slow_round_torque import Mass, SlowRoundRows, SlowRoundTorque
 from armload_controller.motion.phase import Segment
 from armload_identification.signals.joint_torque import joint_torque
 
@@ -42,7 +42,7 @@ def slow(pinocchio_arm):
 
 def fitted(arm, slow, factor=1.0, zero=0.0):
     position, torque = slow
-    return SlowRound(NAMES, arm.chain, position, torque * factor + zero)
+    return SlowRoundTorque(NAMES, arm.chain, position, torque * factor + zero)
 
 
 def of(joint, value, otherwise):

@@ -22,7 +22,7 @@ from armload_controller.fleet.job import Job
 from armload_controller.fleet.job_processing import run_job
 from armload_controller.fleet.row_store import RowStore, read_rows
 from armload_controller.fleet.workforce import row_of, version_problem, workforce
-from armload_controller.session.folder_claim import claimed
+from armload_controller.session.folder_claim import claimed_folder
 
 IDENTIFY = (sys.executable, "-c", "from armload_controller.cli.entry import main; main()", "fleet", "identify")
 PATIENCE_S = 120.0
@@ -81,7 +81,7 @@ def test_a_killed_worker_and_a_killed_coordinator_cost_what_they_were_doing(reco
         os.kill(worker, signal.SIGKILL)
         with (
             pytest.raises(CommissioningError, match="another `armload fleet` run is using"),
-            claimed(rows, "`armload fleet` run"),
+            claimed_folder(rows, "`armload fleet` run"),
         ):
             pass
         wait_for(lambda: kept() == 2, coordinator)
@@ -90,7 +90,7 @@ def test_a_killed_worker_and_a_killed_coordinator_cost_what_they_were_doing(reco
     finally:
         coordinator.kill()
         coordinator.communicate()
-    with claimed(rows), RowStore(rows) as store:
+    with claimed_folder(rows), RowStore(rows) as store:
         listing, jobs = new_jobs(table, store)
         assert (len(listing.jobs), len(jobs)) == (3, 1)
         do_jobs(listing, jobs, store, functools.partial(map, run_job))

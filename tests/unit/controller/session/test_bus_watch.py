@@ -22,7 +22,7 @@ from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.listening.overheard_arm import OverheardCycle
 from armload_drivers.servos import JointFeedback
 from armload_identification.files.calibration_file import write_calibration
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.run_format import EVENTS_TOPIC, TOPIC
 
@@ -107,7 +107,7 @@ def test_events_are_recorded_beside_the_rows(robot, payload, pinocchio_arm, tmp_
         event = json.loads(each.data)
         validate(event, json.loads(schema.data))
         assert each.log_time - begun_ns == pytest.approx(1e9 * (event["time_s"] - 5000.0), abs=1e3)
-    assert read_recording(path).size == len(cycles)
+    assert read_recording_file(path).size == len(cycles)
 
 
 def test_a_recording_under_another_master_says_so_and_what_the_arm_carries(monkeypatch, tmp_path):

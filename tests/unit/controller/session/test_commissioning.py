@@ -24,7 +24,7 @@ from armload_controller.session.session_load import SessionLoad
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.mass_center import MassCenterCovariance
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reduction.phase_advance import even_advance, interruptions, measured_periods
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.recorded_run import Run
@@ -126,7 +126,7 @@ def test_a_run_whose_every_period_was_interrupted_is_made_again_by_the_same_comm
     assert f"no complete period was run at full speed without a pause, so {partial} is not used" in str(error)
     assert servos.log[-1] == "disable"
     assert list(tmp_path.glob("*.mcap")) == [partial]
-    run = read_recording(partial)
+    run = read_recording_file(partial)
     inside = np.isfinite(run.phase_s)
     assert np.count_nonzero(inside) >= 1.0 / CYCLE_S
     assert even_advance(run.phase_s[inside], run.time_s[inside], run.excitation.trajectory) is None
@@ -145,7 +145,7 @@ def test_a_pause_costs_a_period_of_the_run_and_not_the_run(half, tmp_path):
     assert commissioning.missing_roles(tmp_path, SessionLoad.UNLOADED) == ()
     remain = "unloaded: identification: paused or slowed down within the periods: 2 of 3 remain"
     assert [text for text in shown if "paused" in text] == [remain]
-    first, second = (read_recording(tmp_path / f"unloaded_{role}.mcap") for role in commissioning.ROLES)
+    first, second = (read_recording_file(tmp_path / f"unloaded_{role}.mcap") for role in commissioning.ROLES)
     assert [(interruptions(run), measured_periods(run)) for run in (first, second)] == [(1, 2), (0, 3)]
 
 
@@ -188,7 +188,7 @@ def test_loaded_periods_are_repeated_until_the_mass_repeats_as_wanted(
     )
     assert error is None
     first, second, empty = (
-        read_recording(tmp_path / f"{name}.mcap")
+        read_recording_file(tmp_path / f"{name}.mcap")
         for name in ("loaded_identification", "loaded_validation", "unloaded_identification")
     )
     assert [round(np.isfinite(run.phase_s).sum() * CYCLE_S) for run in (first, second, empty)] == [periods, 2, 2]
@@ -227,7 +227,7 @@ def test_slow_rounds_alone_are_complete_recordings_without_periods(half, tmp_pat
     assert [enabled for _, enabled, _ in asked] == [0]
     assert servos.log.count("enable") == 2
     assert commissioning.missing_roles(tmp_path, SessionLoad.UNLOADED) == ()
-    run = read_recording(tmp_path / "unloaded_identification.mcap")
+    run = read_recording_file(tmp_path / "unloaded_identification.mcap")
     assert not np.isfinite(run.phase_s).any()
     moving = Run.of(run, Transmission(np.ones(6), np.eye(6))).over_time
     assert moving.time_s[-1] > 4.0
@@ -252,7 +252,7 @@ def test_a_simulated_arm_is_never_asked_about_and_rounds_slowly_all_the_same(hal
     assert not asked
     assert servos.log == ["connect", *["enable", "stop", "disable"] * 4]
     path = tmp_path / "loaded_identification.mcap"
-    phase_s = read_recording(path).phase_s
+    phase_s = read_recording_file(path).phase_s
     assert np.isnan(phase_s).sum() * CYCLE_S > 4.0
     assert np.isfinite(phase_s).sum() == round(1.0 / CYCLE_S)
 
@@ -303,7 +303,7 @@ def test_each_recording_states_when_its_own_run_began(half, tmp_path, monkeypatc
 
     monkeypatch.setattr(commissioning, "datetime", Clock)
     half(SessionLoad.UNLOADED, simulated=True)
-    said = [read_recording(tmp_path / f"unloaded_{role}.mcap").source.run() for role in commissioning.ROLES]
+    said = [read_recording_file(tmp_path / f"unloaded_{role}.mcap").source.run() for role in commissioning.ROLES]
     assert [run["created"] for run in said] == ["2026-03-01T10:00:00+00:00", "2026-03-01T10:05:00+00:00"]
     assert [run["role"] for run in said] == list(commissioning.ROLES)
     for run in said:

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from armload_controller.control_errors import CommissioningError
 from armload_controller.session.joint_feeds import rtde_feed
 from armload_drivers.driver_errors import BusError
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.run_format import TOPIC
 from tests.rtde_controller import Controller, row
 
@@ -29,7 +29,7 @@ def test_what_the_controller_sends_is_recorded_and_what_it_was_told_is_shown(arm
     with Controller(rows).listening() as address:
         run = armload("watch", "ur10e", "--rtde", address, "--record", path, "--load", "loaded", "--json")
     assert isinstance(run.exception, BusError), "the controller has closed the connection"
-    recording = read_recording(path.with_suffix(".partial.mcap"))
+    recording = read_recording_file(path.with_suffix(".partial.mcap"))
     assert recording.joint_names == JOINTS
     assert recording.source.run()["load"] == "loaded"
     assert recording.size == len(rows)

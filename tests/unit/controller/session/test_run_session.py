@@ -25,7 +25,7 @@ from armload_identification.excitation.fourier import Excitation, FourierTraject
 from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace
 from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.model.payload import InertialParameters
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.run_format import RUN_ATTACHMENT, WAY_ROUND_ATTACHMENT
 from armload_identification.report.page import rendered
 
@@ -168,7 +168,7 @@ def test_a_way_round_is_announced_before_the_arm_gets_torque_and_stands_in_recor
         assert servos.log[:2] == ["connect", "enable"]
     (said,) = [text for text in display.texts if "is blocked" in text]
     count = int(re.fullmatch(r"swing: the straight path to its start is blocked: .* via (\d) points?", said)[1])
-    run = read_recording(tmp_path / "run.partial.mcap", with_effort=False)
+    run = read_recording_file(tmp_path / "run.partial.mcap", with_effort=False)
     via_points = np.array(json.loads(run.source.attachments[WAY_ROUND_ATTACHMENT])["via_points_rad"])
     assert via_points.shape == (count, 6)
     signal = SimpleNamespace(time_s=run.time_s, interval_s=CYCLE_S)

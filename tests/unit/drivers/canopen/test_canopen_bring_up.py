@@ -47,17 +47,17 @@ def test_the_load_of_the_bus_is_that_of_the_time_that_was_listened(bus, arm_sett
 
 def test_drives_that_do_not_boot_are_returned_and_strangers_refused_by_the_arms_limits(bus, arm_settings, monkeypatch):
     given = []
-    for name in ("reset_drives", "powered_drives", "require_no_strangers"):
+    for name in ("reset_drives", "powered_on_bus", "require_no_strangers"):
         monkeypatch.setattr(canopen_bring_up, name, lambda *values, name=name: given.append((name, values)) or [name])
     limits = Timeouts(scan_s=0.7, boot_s=9.0)
     bring_up = CanopenBringUp(arm_settings(), bus, limits)
     setups, arm, link = bring_up.setups, bring_up.arm, bring_up._link
     assert bring_up.restart(setups) == ["reset_drives"]
-    assert bring_up.powered_drives(setups) == ["powered_drives"]
+    assert bring_up.powered_drives(setups) == ["powered_on_bus"]
     bring_up.require_no_strangers()
     assert given == [
         ("reset_drives", (setups, (), link, 9.0)),
-        ("powered_drives", (setups, arm, link)),
+        ("powered_on_bus", (setups, arm, link)),
         ("require_no_strangers", (link, arm, 0.7)),
     ]
 
@@ -74,7 +74,7 @@ def test_all_nodes_that_answer_are_described(bus, monkeypatch, limits, scan_s, s
 
     monkeypatch.setattr(canopen_bring_up, "scan", scan)
     monkeypatch.setattr(canopen_bring_up, "CanopenSdo", lambda node_id, joint, link, limit_s: (node_id, joint, limit_s))
-    monkeypatch.setattr(canopen_bring_up, "describe", lambda sdo, node_id, types: (sdo, node_id, types))
+    monkeypatch.setattr(canopen_bring_up, "inspect_node", lambda sdo, node_id, types: (sdo, node_id, types))
     assert find_nodes(bus, *limits) == [
         ((5, "unknown joint", sdo_s), 5, ["a"]),
         ((9, "unknown joint", sdo_s), 9, ["b", "c"]),

@@ -4,7 +4,7 @@ import can
 import pytest
 
 from armload_drivers.canopen.lss_master import BIT_TIMINGS, LssAddress
-from armload_drivers.canopen.node_assignment import assign
+from armload_drivers.canopen.node_assignment import assign_node
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import LssRefused
 from armload_drivers.servos import JointCommand
@@ -48,7 +48,7 @@ def agreed(question):
 def test_the_node_without_an_id_is_found_by_its_identity(wire, identity):
     other, slave = LssSlave((5, 6, 7, 8), node_id=9, device_type=0x191), LssSlave(identity)
     asked = []
-    found = assign(wire(other, slave), 12, 500_000, None, lambda question: not asked.append(question), LIMITS)
+    found = assign_node(wire(other, slave), 12, 500_000, None, lambda question: not asked.append(question), LIMITS)
     assert found == LssAddress(*identity)
     assert (slave.node_id, slave.stored) == (12, (12, bytes([0, BIT_TIMINGS[500_000]])))
     assert "node id 12, and 500000 bit/s" in asked[0]
@@ -57,15 +57,15 @@ def test_the_node_without_an_id_is_found_by_its_identity(wire, identity):
 
 def test_a_node_with_an_id_is_addressed_by_its_identity(wire):
     slaves = LssSlave((5, 6, 7, 8), node_id=9, device_type=0x191), LssSlave(IDENTITY, node_id=3, device_type=0x191)
-    assert assign(wire(*slaves), 4, None, LssAddress(*IDENTITY), agreed, LIMITS) == LssAddress(*IDENTITY)
+    assert assign_node(wire(*slaves), 4, None, LssAddress(*IDENTITY), agreed, LIMITS) == LssAddress(*IDENTITY)
     assert [slave.stored for slave in slaves] == [None, (4, None)]
     with pytest.raises(LssRefused, match="no node with identity 0x00000001:0x0000"):
-        assign(wire(*slaves), 8, None, LssAddress(1, 2, 3, 4), agreed, LIMITS)
+        assign_node(wire(*slaves), 8, None, LssAddress(1, 2, 3, 4), agreed, LIMITS)
 
 
 def test_without_consent_nothing_is_set(wire):
     slave = LssSlave(IDENTITY)
-    assert assign(wire(slave), 12, None, None, lambda question: False, LIMITS) is None
+    assert assign_node(wire(slave), 12, None, None, lambda question: False, LIMITS) is None
     assert (slave.node_id, slave.stored, slave.configuring) == (None, None, False)
 
 
@@ -75,7 +75,7 @@ def test_without_consent_nothing_is_set(wire):
 def test_what_a_node_refuses_is_said(wire, refuses, said):
     slave = LssSlave(IDENTITY, refuses=refuses)
     with pytest.raises(LssRefused, match=said):
-        assign(wire(slave), 12, 125_000, None, agreed, LIMITS)
+        assign_node(wire(slave), 12, 125_000, None, agreed, LIMITS)
     assert not slave.configuring, "whatever ends, it waits again"
 
 
@@ -86,20 +86,20 @@ def test_what_a_node_refuses_is_said(wire, refuses, said):
 def test_a_node_that_does_not_keep_to_the_services_is_named(wire, fault, said):
     slave = LssSlave(IDENTITY, **fault)
     with pytest.raises(LssRefused, match=said):
-        assign(wire(slave), 12, None, None, agreed, LIMITS)
+        assign_node(wire(slave), 12, None, None, agreed, LIMITS)
     assert slave.stored is None
 
 
 def test_an_id_that_is_in_use_is_refused(wire):
     slave = LssSlave(IDENTITY)
     with pytest.raises(LssRefused, match="node id 9 is in use"):
-        assign(wire(LssSlave((5, 6, 7, 8), node_id=9), slave), 9, None, None, agreed, LIMITS)
+        assign_node(wire(LssSlave((5, 6, 7, 8), node_id=9), slave), 9, None, None, agreed, LIMITS)
     assert slave.stored is None
 
 
 def test_where_every_node_has_an_id_the_other_ways_are_named(wire):
     with pytest.raises(LssRefused, match="addressed by its identity"):
-        assign(wire(LssSlave(IDENTITY, node_id=9, device_type=0x191)), 12, None, None, agreed, LIMITS)
+        assign_node(wire(LssSlave(IDENTITY, node_id=9, device_type=0x191)), 12, None, None, agreed, LIMITS)
 
 
 def test_nothing_is_set_while_a_drive_on_the_bus_carries_torque(wire, virtual_arm):
@@ -108,7 +108,7 @@ def test_nothing_is_set_while_a_drive_on_the_bus_carries_torque(wire, virtual_ar
     here = arm.servos.enable().position_rad
     arm.servos.exchange(JointCommand(here, 0.0 * here, 0.0 * here))
     with pytest.raises(LssRefused, match="node 2 carries torque"):
-        assign(wire(slave, wire=arm.wires[0]), 12, None, None, agreed, LIMITS)
+        assign_node(wire(slave, wire=arm.wires[0]), 12, None, None, agreed, LIMITS)
     assert slave.stored is None
 
 
@@ -121,7 +121,7 @@ def test_nothing_is_set_while_a_drive_on_the_bus_carries_torque(wire, virtual_ar
 def test_a_bit_rate_is_set_by_its_index_in_the_standards_table(wire, bitrate, index):
     """CiA 305, bit timing table; 5 is reserved."""
     slave = LssSlave(IDENTITY)
-    assign(wire(slave), 12, bitrate, None, agreed, LIMITS)
+    assign_node(wire(slave), 12, bitrate, None, agreed, LIMITS)
     assert slave.stored == (12, bytes([0, index]))
 
 
@@ -142,7 +142,7 @@ def test_a_refusal_is_told_by_its_code(wire, command, error, said):
             return bytes([command, error, 9]) if data[0] == command else answer
 
     with pytest.raises(LssRefused, match=said):
-        assign(wire(Refusing(IDENTITY)), 12, 500_000, None, agreed, LIMITS)
+        assign_node(wire(Refusing(IDENTITY)), 12, 500_000, None, agreed, LIMITS)
 
 
 def test_the_services_have_the_identifiers_of_the_standard(wire):
@@ -154,6 +154,6 @@ def test_the_services_have_the_identifiers_of_the_standard(wire):
         return whole(data)
 
     slave._service = service
-    assign(wire(slave), 12, 500_000, None, agreed, LIMITS)
+    assign_node(wire(slave), 12, 500_000, None, agreed, LIMITS)
     assert [command for command in heard if command != 0x51] == [0x04, 0x11, 0x13, 0x17, 0x04]
     assert heard.count(0x51) == 1 + 4 * 33, "one for whether there is one, then 32 bits and a word's end, four times"

@@ -6,7 +6,7 @@ import pytest
 
 from armload_drivers.bring_up.powered_drive import judged
 from armload_drivers.bus.bus_link import BusLink
-from armload_drivers.canopen.safe_reset import answering_drives, powered_drives, reset_drives
+from armload_drivers.canopen.safe_reset import answering_drives, powered_on_bus, reset_drives
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.driver_errors import ServoError
@@ -140,7 +140,7 @@ def test_nothing_is_sent_to_a_silent_node_while_another_drive_is_enabled(line):
 def test_without_torque_nobody_is_listened_to(line):
     arm, bus, link, setups = line
     bus.add(0x080, b"")
-    assert powered_drives(setups, arm, link) == []
+    assert powered_on_bus(setups, arm, link) == []
     assert len(bus.received) == 1
 
 
@@ -151,7 +151,7 @@ def test_the_speed_is_the_way_over_the_time_of_listening(line, share, abandoned)
     setups[1].state = QUICK_STOP
     way = round(share * STANDSTILL_RAD_S * COUNTS_PER_RAD * listened_s)
     setups[1].counts = [-1000, -1000 - way]
-    (drive,) = powered_drives(setups, arm, link)
+    (drive,) = powered_on_bus(setups, arm, link)
     assert drive.setup is setups[1]
     assert drive.abandoned is abandoned
 
@@ -160,7 +160,7 @@ def test_a_master_that_is_heard_is_what_is_wrong(line):
     arm, bus, link, setups = line
     setups[1].state = QUICK_STOP
     bus.add(0x000, bytes([NmtCommand.START.value, 3]))
-    (drive,) = powered_drives(setups, arm, link)
+    (drive,) = powered_on_bus(setups, arm, link)
     assert not drive.abandoned
     assert "NMT" in drive.what
 

@@ -31,17 +31,17 @@ pytestmark = pytest.mark.pure
     ],
 )
 def test_codes_are_reported_with_number_and_meaning(code, words):
-    text = emergency.describe(code)
+    text = emergency.error_text(code)
     assert text.startswith(f"0x{code:04X}")
     assert words in text
 
 
 def test_every_code_has_a_text():
-    assert all(emergency.describe(code) for code in range(1 << 16))
+    assert all(emergency.error_text(code) for code in range(1 << 16))
 
 
 def test_a_full_frame():
-    message = emergency.parse(bytes.fromhex("1186210102030405"))
+    message = emergency.parse_emergency(bytes.fromhex("1186210102030405"))
     assert (message.code, message.register) == (0x8611, 0x21)
     assert message.manufacturer == bytes([1, 2, 3, 4, 5])
     assert "01 02 03 04 05" in message.text
@@ -49,18 +49,18 @@ def test_a_full_frame():
 
 @pytest.mark.parametrize(("data", "register"), [("1186", None), ("118621", 0x21), ("11862101", 0x21)])
 def test_short_frames_are_kept(data, register):
-    message = emergency.parse(bytes.fromhex(data))
+    message = emergency.parse_emergency(bytes.fromhex(data))
     assert message.code == 0x8611
     assert message.register == register
 
 
 @pytest.mark.parametrize("data", [b"", b"\x11"])
 def test_less_than_a_code_is_nothing(data):
-    assert emergency.parse(data) is None
+    assert emergency.parse_emergency(data) is None
 
 
 def test_what_a_drive_packs_is_what_a_master_parses():
     frame = emergency.pack(0x8611, 0x21)
     assert len(frame) == 8
-    message = emergency.parse(frame)
-    assert (message.code, message.register, message.text) == (0x8611, 0x21, emergency.describe(0x8611))
+    message = emergency.parse_emergency(frame)
+    assert (message.code, message.register, message.text) == (0x8611, 0x21, emergency.error_text(0x8611))

@@ -15,7 +15,7 @@ from armload_drivers.cia402.state_machine import (
     DriveMachine,
     MasterMachine,
     State,
-    decode,
+    state_in,
 )
 from armload_drivers.driver_errors import StatuswordError, TransitionError
 
@@ -104,7 +104,7 @@ def test_without_a_goal_every_state_is_kept_by_its_word():
 
 def decoded(word):
     try:
-        return decode(word)
+        return state_in(word)
     except StatuswordError:
         return None
 
@@ -317,7 +317,7 @@ def test_since_is_when_the_present_state_began():
 def test_a_drives_status_bits_encode_its_state(state):
     drive = DriveMachine()
     drive.state = state
-    assert decode(drive.status_bits) is state
+    assert state_in(drive.status_bits) is state
 
 
 def test_a_quick_stop_may_end_without_torque():
@@ -367,7 +367,7 @@ def test_power_comes_back_only_after_a_request(events):
             now_s += 0.01
             if not powered and drive.state is State.OPERATION_ENABLED:
                 assert wanted
-        assert master.state is None or decode(master.statusword) is master.state
+        assert master.state is None or state_in(master.statusword) is master.state
 
 
 def test_a_machine_that_knows_nothing_has_reached_nothing():

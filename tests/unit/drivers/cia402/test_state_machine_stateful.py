@@ -11,7 +11,7 @@ from armload_drivers.cia402.state_machine import (
     DriveMachine,
     MasterMachine,
     State,
-    decode,
+    state_in,
 )
 from armload_drivers.driver_errors import StatuswordError, TransitionError
 
@@ -98,7 +98,7 @@ class Conversation(RuleBasedStateMachine):
     def garbage(self, word):
         """A statusword that matches no state changes nothing."""
         try:
-            decode(word)
+            state_in(word)
         except StatuswordError:
             before = (self.master.state, self.master.statusword, self.master.goal)
             with pytest.raises(StatuswordError):
@@ -153,7 +153,7 @@ class Conversation(RuleBasedStateMachine):
 
     @invariant()
     def both_sides_know_the_states(self):
-        assert decode(self.drive.status_bits) is self.drive.state
+        assert state_in(self.drive.status_bits) is self.drive.state
         assert self.drive.state in POWERED or self.drive.state not in {State.OPERATION_ENABLED}
         assert all(step.source is not step.target for step in TRANSITIONS)
 

@@ -7,7 +7,7 @@ import pytest
 
 from armload_drivers.driver_errors import BusError, CommandError
 from armload_drivers.ethercat import ethercat_line
-from armload_drivers.ethercat.ethercat_line import EthercatLine, LineState, MailboxAbort, MailboxSilence, state_of
+from armload_drivers.ethercat.ethercat_line import EthercatLine, LineState, MailboxAbort, MailboxSilence, line_state_of
 
 BRIEF_S, LIMIT_S = 1e-3, 1.0
 VALUES = {(0x1000, 0): b"\x92\x01", (0x1018, 0): b"\x04", (0x60C2, 1): b"\x04", (0x60C2, 2): b"\xfd"}
@@ -225,7 +225,7 @@ def made(master, monkeypatch):
 )
 def test_a_state_is_in_the_low_four_bits_of_the_al_status(status, state):
     """ETG.1000.6, register 0130."""
-    assert state_of(status) is LineState[state]
+    assert line_state_of(status) is LineState[state]
 
 
 def test_drives_are_found_in_preop_and_left_in_init(master, made):
@@ -359,7 +359,9 @@ def test_a_line_is_opened_only_if_nothing_else_uses_its_interface_and_it_may_be(
     asked = []
     for name in ("require_unused", "require_quiet"):
         monkeypatch.setattr(ethercat_line, name, lambda interface, name=name: asked.append((name, interface)))
-    monkeypatch.setattr(ethercat_line, "claimed", lambda interface: closing(SimpleNamespace(close=lambda: None)))
+    monkeypatch.setattr(
+        ethercat_line, "claimed_interface", lambda interface: closing(SimpleNamespace(close=lambda: None))
+    )
     monkeypatch.setattr(ethercat_line, "missing_rights", lambda: "")
     with ethercat_line.open_line("eth7") as line:
         assert line.interface == "eth7"

@@ -10,7 +10,7 @@ import pytest
 
 from armload_drivers.driver_errors import BusError, ForeignMaster
 from armload_drivers.ethercat import network_interface
-from armload_drivers.ethercat.network_interface import FrameMonitor, claimed, is_running, require_unused
+from armload_drivers.ethercat.network_interface import FrameMonitor, claimed_interface, is_running, require_unused
 
 
 def test_an_interface_that_is_not_there_is_named_with_those_that_are():
@@ -30,9 +30,9 @@ def test_an_interface_that_carries_an_address_is_refused():
 
 def test_two_masters_of_one_interface_are_told_apart_from_two_interfaces():
     refused = pytest.raises(ForeignMaster, match="another armload uses interface eth1")
-    with claimed("eth1"), claimed("eth2"), refused, claimed("eth1"):
+    with claimed_interface("eth1"), claimed_interface("eth2"), refused, claimed_interface("eth1"):
         pass
-    with claimed("eth1"):
+    with claimed_interface("eth1"):
         pass
 
 

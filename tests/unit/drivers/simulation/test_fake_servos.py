@@ -12,7 +12,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
-from armload_drivers.cia402.state_machine import State, decode
+from armload_drivers.cia402.state_machine import State, state_in
 from armload_drivers.driver_errors import CommandError, ServoFault, ServoTimeout, SimulationError, StateError
 from armload_drivers.servos import JointCommand, JointFeedback, JointServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
@@ -72,7 +72,7 @@ def sweep(servos: FakeServos, start: FloatArray, speed_rad_s: float, cycles: int
 
 
 def states(feedback: JointFeedback) -> set[State]:
-    return {decode(int(word)) for word in feedback.statusword}
+    return {state_in(int(word)) for word in feedback.statusword}
 
 
 class TestLife:

@@ -18,7 +18,7 @@ from armload_identification.estimation.base_tilt import tilt_axes
 from armload_identification.estimation.estimation_constants import Solver
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import InertialParameters
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.recorded_run import Run
 from tests.mounted_runs import LOAD_FRICTION, WRONG, calibrated, named
@@ -106,11 +106,11 @@ def test_a_third_payload_is_identified_better_with_it(result, pinocchio_arm, nom
     loaded, unloaded = (
         arm.run(trajectory, load, seed=70 + load, load_friction=LOAD_FRICTION) for load in (True, False)
     )
-    before = identify(loaded, unloaded, arm.chain, nominal)
+    before = identify_runs(loaded, unloaded, arm.chain, nominal)
     level, transmission = result.level(arm.chain), result.transmission(nominal)
     known = result.known_arm
-    pair = identify(loaded, unloaded, level, transmission, arm=known)
-    alone = identify(loaded, None, level, transmission, arm=known)
+    pair = identify_runs(loaded, unloaded, level, transmission, arm=known)
+    alone = identify_runs(loaded, None, level, transmission, arm=known)
     assert pair.uncertainty.half_width_95[0] < 0.4 * before.uncertainty.half_width_95[0]
     for found in (pair, alone):
         assert found.parameters.mass_kg == pytest.approx(3.3, rel=0.01)
@@ -119,12 +119,12 @@ def test_a_third_payload_is_identified_better_with_it(result, pinocchio_arm, nom
         assert not any("nominal" in note or "far outside" in note for note in found.notes)
     # Both with what they leave of a drift of the gains, which a pair's intervals contain.
     session = SessionGains.assumed(result).within(loaded, result, arm.chain, nominal, loaded=True)
-    drifting = identify(loaded, None, level, transmission, arm=session.arm(known))
+    drifting = identify_runs(loaded, None, level, transmission, arm=session.arm(known))
     assert drifting.uncertainty.half_width_95[0] > pair.uncertainty.half_width_95[0]
     # A cold gear: two thirds more friction on joint 3 than calibrated.
     cold = [colder(run, 2, arm) for run in (loaded, unloaded)]
     for warm, empty in ((alone, None), (pair, cold[1])):
-        found = identify(cold[0], empty, level, transmission, arm=known)
+        found = identify_runs(cold[0], empty, level, transmission, arm=known)
         (note,) = [note for note in found.notes if "far outside" in note]
         assert re.match(r"The friction of joint 3 \(\d+ standard deviations\) is far outside", note)
         change = found.arm_friction.torque_nm - warm.arm_friction.torque_nm
@@ -174,7 +174,7 @@ def test_whole_periods_and_reported_torque_are_calibrated_too(pinocchio_arm, nom
     transmission = found.transmission(nominal)
     loaded, unloaded = made[1].recording, made[0].recording
     known = found.known_arm
-    payload = identify(loaded, unloaded, found.level(pinocchio_arm.chain), transmission, arm=known)
+    payload = identify_runs(loaded, unloaded, found.level(pinocchio_arm.chain), transmission, arm=known)
     assert payload.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
 
 

@@ -12,7 +12,7 @@ from msgspec import structs
 from armload_identification.calibration.calibration_result import FEWEST_SESSIONS
 from armload_identification.calibration.session_gains import ASSUMED, LEAST, SessionGains
 from armload_identification.files.calibration_file import format_calibration, parse_calibration
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 
 pytestmark = pytest.mark.pure
 DRIFT = 1.03
@@ -27,7 +27,7 @@ def drifted(arm, loaded, seed):
 def identified(calibration, arm, session):
     level, gains = calibration.level(arm.chain), session.corrected(calibration).transmission(arm.transmission)
     known = session.arm(calibration.known_arm)
-    return identify(drifted(arm, True, 81), None, level, gains, arm=known)
+    return identify_runs(drifted(arm, True, 81), None, level, gains, arm=known)
 
 
 def off(found, arm):
@@ -54,7 +54,7 @@ def test_the_run_itself_says_how_large_it_can_be(calibration, pinocchio_arm, fac
     assert session.log_factor == 0.0
     assert (session.deviation < 0.006) == (factor == 1.0)
     level, gains = calibration.level(arm.chain), calibration.transmission(arm.transmission)
-    found = identify(run, None, level, gains, arm=session.arm(calibration.known_arm))
+    found = identify_runs(run, None, level, gains, arm=session.arm(calibration.known_arm))
     error, half_width = off(found, arm)
     assert error < half_width
     assert bool(re.search(r"by itself, the run says -[23]\.", session.note(1.0, 0.0))) == (factor == DRIFT)

@@ -12,7 +12,7 @@ import pytest
 from armload_identification.estimation.gain_errors import fit_gains
 from armload_identification.estimation.payload_problem import pair_problem
 from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import load_signal
@@ -40,12 +40,12 @@ def found(panda):
 
     @cache
     def by_nominal(seed, off, joint):
-        return identify(*pair(seed, off, joint), chain(), nominal_transmission(exact=False))
+        return identify_runs(*pair(seed, off, joint), chain(), nominal_transmission(exact=False))
 
     def found(seed, off=0.0, transmission=None, joint=WRONG):
         if transmission is None:
             return by_nominal(seed, off, joint)
-        return identify(*pair(seed, off, joint), chain(), transmission)
+        return identify_runs(*pair(seed, off, joint), chain(), transmission)
 
     return found
 
@@ -83,7 +83,7 @@ def test_the_next_suspect_is_tried_where_one_is_as_assumed(panda):
     """12 % on joint 2, and on joint 4 3.8 %, which the assumed 2 % allow for."""
     log_gain = np.array([0.0, np.log(1.12), 0.0, np.log(1.038), 0.0, 0.0, 0.0])
     pair = panda.pair(1, np.expm1(log_gain), with_phase=True)
-    gains = identify(*pair, chain(), nominal_transmission(exact=False)).gains
+    gains = identify_runs(*pair, chain(), nominal_transmission(exact=False)).gains
     assert np.flatnonzero(gains.contradicted).tolist() == [1]
     assert not gains.disagree
     assert (np.abs(gains.log_gain - log_gain) < gains.half_width_95).all()
@@ -92,7 +92,7 @@ def test_the_next_suspect_is_tried_where_one_is_as_assumed(panda):
 @pytest.mark.parametrize("off", [(0.0, -0.1, 0.0, 0.1, 0.0, 0.0, 0.0), (0.0, -0.12, 0.12, 0.12, 0.0, 0.0, 0.0)])
 def test_gains_that_contradict_each_other_are_told_and_none_is_named(panda, off):
     """Two of opposite sign, or three of seven: no single wrong gain explains the runs."""
-    result = identify(*panda.pair(1, np.array(off), with_phase=True), chain(), nominal_transmission(exact=False))
+    result = identify_runs(*panda.pair(1, np.array(off), with_phase=True), chain(), nominal_transmission(exact=False))
     assert result.gains.disagree
     assert not result.gains.contradicted.any()
     (note,) = [note for note in result.notes if "contradict each other" in note]
@@ -102,7 +102,7 @@ def test_gains_that_contradict_each_other_are_told_and_none_is_named(panda, off)
 def test_a_second_wrong_gain_is_not_blamed_on_the_first(panda):
     """The gains of joints 2 and 4, each with the other held as it is, explain nothing."""
     off = np.array([0.0, -0.1, 0.0, 0.1, 0.0, 0.0, 0.0])
-    gains = identify(*panda.pair(1, off, with_phase=True), chain(), nominal_transmission(exact=False)).gains
+    gains = identify_runs(*panda.pair(1, off, with_phase=True), chain(), nominal_transmission(exact=False)).gains
     assert not gains.possible.any()
     np.testing.assert_allclose(gains.log_gain[[1, 3]], np.log1p(off[[1, 3]]), atol=0.02)
 
@@ -110,7 +110,7 @@ def test_a_second_wrong_gain_is_not_blamed_on_the_first(panda):
 def test_errors_within_the_assumed_ones_are_not_named(panda):
     """2 % on five gains of alternating sign."""
     off = np.array([0.0, 0.02, -0.02, 0.02, -0.02, 0.02, 0.0])
-    result = identify(*panda.pair(1, off, with_phase=True), chain(), nominal_transmission(exact=False))
+    result = identify_runs(*panda.pair(1, off, with_phase=True), chain(), nominal_transmission(exact=False))
     assert not (result.gains.contradicted | result.gains.possible).any()
     assert not result.gains.disagree
     assert (np.abs(result.gains.log_gain - np.log1p(off)) < result.gains.half_width_95).all()
@@ -151,7 +151,7 @@ def test_two_gains_of_which_either_explains_the_runs_are_both_listed(pinocchio_a
 
 def test_gains_that_a_pair_cannot_judge_are_named():
     """With three times the noise, joint 1, whose axis is vertical, and joint 7 hardly show the payload."""
-    result = identify(
+    result = identify_runs(
         *SaggingPanda(Effects(noise=3.0)).pair(0, with_phase=True), chain(), nominal_transmission(exact=False)
     )
     assert (result.gains.noticeable[1:6] < 0.1).all()
@@ -166,7 +166,7 @@ def test_an_error_that_is_not_noticeable_is_not_named():
 
     def gains(off):
         pair = panda.pair(0, np.where(np.arange(7) == 0, off, 0.0), with_phase=True)
-        return identify(*pair, chain(), nominal_transmission(exact=False)).gains
+        return identify_runs(*pair, chain(), nominal_transmission(exact=False)).gains
 
     small = gains(0.1)
     assert np.log(1.1) < small.noticeable[0] < np.log(1.3)
@@ -190,7 +190,7 @@ def test_a_known_mass_shows_the_error_that_all_gains_have_in_common(found, panda
     pair = panda.pair(1, with_phase=True)
     mass_kg = 1.005 * found(1).plain.theta[0]
     known = KnownPayload(mass_kg=mass_kg)
-    weighed = identify(*pair, chain(), nominal_transmission(exact=False), known=known)
+    weighed = identify_runs(*pair, chain(), nominal_transmission(exact=False), known=known)
     np.testing.assert_allclose(weighed.gains.log_gain - found(1).gains.log_gain, np.log(1.005), atol=1e-3)
     assert (weighed.gains.half_width_95 < found(1).gains.half_width_95).all()
     assert not weighed.gains.contradicted.any()

@@ -13,7 +13,7 @@ from armload_identification.files.payload_file import format_payload, parse_payl
 from armload_identification.identification_errors import EstimationError, ModelError, PayloadFileError
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.pipeline.identification_result import payload_result
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.pipeline.prior_contradictions import within_ranges
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.cad_comparison import compare_with_cad, in_papers_convention
@@ -34,7 +34,7 @@ def exact(pinocchio_arm):
 
 
 def found(arm, pair, transmission, **known):
-    return identify(*pair, arm.chain, transmission, known=KnownPayload(**known) if known else None)
+    return identify_runs(*pair, arm.chain, transmission, known=KnownPayload(**known) if known else None)
 
 
 @pytest.fixture(scope="module")

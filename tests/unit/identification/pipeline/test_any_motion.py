@@ -22,7 +22,7 @@ from armload_identification.identification_errors import (
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.pipeline.any_motion import FLOOR_KG, identify_windows
 from armload_identification.pipeline.mass_prospect import MassProspect
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.pipeline.wiggle import WiggleSearch
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording
@@ -66,7 +66,7 @@ def test_jerky_motion_goes_through_one_window_with_the_torque(pinocchio_arm, kno
     chain, transmission, arm = known
     time_s, position, current = jerky
     run = Recording.from_arrays(time_s, position, current_a=current)
-    found = identify(run, None, chain, transmission, arm=arm)
+    found = identify_runs(run, None, chain, transmission, arm=arm)
     assert (found.plain.noise_nm / arm.noise_nm).mean() < 2.0
     assert found.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
 
@@ -81,7 +81,7 @@ def test_what_the_model_leaves_of_a_joint_widens_the_interval(pinocchio_arm, cal
     wrong = 10.0 * arm.noise_nm * np.sign(np.sin(2.1 * loaded.time_s[:, None] + np.arange(chain.n)))
     added = wrong @ np.linalg.inv(transmission.joint_torque(np.eye(chain.n)))
     usual, off = (
-        identify(replace(loaded, current_a=current), None, chain, transmission, arm=arm).uncertainty
+        identify_runs(replace(loaded, current_a=current), None, chain, transmission, arm=arm).uncertainty
         for current in (loaded.current_a, loaded.current_a + added)
     )
     assert 5.0 < off.half_width_95[0] / usual.half_width_95[0] < 10.0
@@ -96,7 +96,7 @@ def test_the_noise_of_an_average_period_is_no_error_of_the_model(pinocchio_arm, 
     chain, transmission, arm = known
     run = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), True, seed=8)
     by_period, by_row = (
-        identify(each, None, chain, transmission, arm=arm).uncertainty.half_width_95[0] for each in (run, loaded)
+        identify_runs(each, None, chain, transmission, arm=arm).uncertainty.half_width_95[0] for each in (run, loaded)
     )
     assert by_period < 1.2 * by_row
 
@@ -109,7 +109,7 @@ def test_friction_that_changed_since_is_found_beside_the_payload(pinocchio_arm, 
     run = replace(
         loaded, current_a=loaded.current_a + colder @ np.linalg.inv(transmission.joint_torque(np.eye(chain.n)))
     )
-    found = identify(run, None, chain, transmission, arm=arm)
+    found = identify_runs(run, None, chain, transmission, arm=arm)
     assert found.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.015)
     assert abs(found.parameters.mass_kg - pinocchio_arm.payload.mass_kg) < found.uncertainty.half_width_95[0]
     coulomb, viscous, _ = found.plain.friction()
@@ -140,7 +140,7 @@ def test_another_coulomb_friction_of_a_joint_is_noted_by_one_run_and_by_a_pair(p
         return replace(run, current_a=run.current_a + added @ np.linalg.inv(transmission.joint_torque(np.eye(chain.n))))
 
     def noted(run, empty=None):
-        found = identify(run, empty, chain, transmission, arm=arm)
+        found = identify_runs(run, empty, chain, transmission, arm=arm)
         return [note[:24] for note in found.notes if "far outside" in note]
 
     assert noted(loaded) == noted(loaded, unloaded) == []
@@ -162,17 +162,17 @@ def test_a_run_of_parts_too_short_for_a_row_is_refused(pinocchio_arm, known, loa
     text = "no third of a second is without a gap of more than 0.1 s: record it at 20 Hz or more"
     for unloaded, calibrated in ((None, arm), (empty, arm), (empty, None)):
         with pytest.raises(EstimationError, match=f"mcap: {text}"):
-            identify(alone, unloaded, chain, transmission, arm=calibrated)
+            identify_runs(alone, unloaded, chain, transmission, arm=calibrated)
     assert {window.refusal for window in identify_windows(alone, *known, 10.0)} == {f"{text}."}
 
 
 def test_what_the_motion_does_not_show_is_refused_with_what_is_missing(known, loaded):
     chain, transmission, arm = known
     with pytest.raises(EstimationError, match=r"only joint 3 moves.*move joints 1, 2, 4, 5 and 6 at 0\.\d+ rad/s"):
-        identify(only(loaded, np.arange(chain.n) == 2), None, chain, transmission, arm=arm)
+        identify_runs(only(loaded, np.arange(chain.n) == 2), None, chain, transmission, arm=arm)
     slow = replace(loaded, time_s=30.0 * loaded.time_s, velocity_rad_s=None)
     with pytest.raises(EstimationError, match=r"is at rest, or nearly so.*move joints 1 to 6 at"):
-        identify(slow, None, chain, transmission, arm=arm)
+        identify_runs(slow, None, chain, transmission, arm=arm)
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_what_the_motion_does_not_show_is_refused_with_what_is_missing(known, lo
 )
 def test_what_some_joints_alone_show_is_reported_and_nothing_else(pinocchio_arm, known, joints, determined):
     """The other joints are held, at constant current."""
-    found = identify(moved(pinocchio_arm, joints), None, known[0], known[1], arm=known[2])
+    found = identify_runs(moved(pinocchio_arm, joints), None, known[0], known[1], arm=known[2])
     sure = found.uncertainty.determined
     # c_y by joints 1 to 3 is within 20 mm, the limit, or just not.
     limit = {"cy"} if joints == (1, 2, 3) else set()
@@ -196,7 +196,7 @@ def test_what_some_joints_alone_show_is_reported_and_nothing_else(pinocchio_arm,
 def test_joints_that_cannot_show_a_mass_together_are_refused(pinocchio_arm, known, joints, missing):
     """From joints 5 and 6 only, a mass was once 130 half widths off: almost no signal was taken for low noise."""
     with pytest.raises(EstimationError, match=f"the mass is not determined.*move {missing} at"):
-        identify(moved(pinocchio_arm, joints), None, known[0], known[1], arm=known[2])
+        identify_runs(moved(pinocchio_arm, joints), None, known[0], known[1], arm=known[2])
 
 
 def moved(arm, joints):
@@ -211,7 +211,7 @@ def test_an_empty_arm_has_no_mass(pinocchio_arm, known):
     chain, transmission, arm = known
     empty = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), False, seed=9, with_phase=False)
     with pytest.raises(NothingMounted):
-        identify(empty, None, chain, transmission, arm=arm)
+        identify_runs(empty, None, chain, transmission, arm=arm)
     assert all(window.found is None for window in identify_windows(empty, chain, transmission, arm, 5.0))
 
 
@@ -221,12 +221,12 @@ def test_a_weighed_mass_does_not_make_a_payload_of_an_empty_arm(pinocchio_arm, k
     empty = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), False, seed=9, with_phase=False)
 
     def weighed(mass_kg, run=empty):
-        return identify(run, None, chain, transmission, arm=arm, known=KnownPayload(mass_kg=mass_kg))
+        return identify_runs(run, None, chain, transmission, arm=arm, known=KnownPayload(mass_kg=mass_kg))
 
     with pytest.raises(EstimationError, match=r"mass 3 kg contradicts the data\. Without it: .*nothing mounted"):
         weighed(3.0)
     with pytest.raises(NoPayloadMass) as nothing:
-        identify(empty, None, chain, transmission, arm=arm)
+        identify_runs(empty, None, chain, transmission, arm=arm)
     assert 1.9 * FLOOR_KG < nothing.value.half_width_kg < 3.0 * FLOOR_KG
     light_kg = nothing.value.mass_kg + 1.5 * nothing.value.half_width_kg
     assert any("is outside the interval of the data" in note for note in weighed(light_kg).notes)
@@ -241,7 +241,7 @@ def test_a_negative_mass_is_not_taken_for_insufficient_motion(pinocchio_arm, kno
     empty = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), False, seed=9, with_phase=False)
     lighter = replace(empty, current_a=2.0 * empty.current_a - run.current_a)
     with pytest.raises(EstimationError, match=r"the mass is negative, -\d.* Check the joint order"):
-        identify(lighter, None, chain, transmission, arm=arm)
+        identify_runs(lighter, None, chain, transmission, arm=arm)
 
 
 def test_wrong_use_is_named(known, loaded):
@@ -260,13 +260,13 @@ def test_the_gains_of_currents_are_not_applied_to_torques(pinocchio_arm, known, 
     ):
         refusal = f"loaded.mcap: it contains {content}, but the arm was calibrated with motor current"
         with pytest.raises(RecordingError, match=refusal):
-            identify(run, None, chain, transmission, arm=arm)
+            identify_runs(run, None, chain, transmission, arm=arm)
         with pytest.raises(RecordingError, match=refusal):
-            identify(run, run, chain, transmission, arm=arm)
+            identify_runs(run, run, chain, transmission, arm=arm)
         with pytest.raises(RecordingError, match=refusal):
             identify_windows(run, chain, transmission, arm, 5.0)
     with pytest.raises(RecordingError, match="contains motor current, but the arm was calibrated with joint torque"):
-        identify(loaded, None, chain, transmission, arm=replace(arm, effort=Effort.TORQUE))
+        identify_runs(loaded, None, chain, transmission, arm=replace(arm, effort=Effort.TORQUE))
 
 
 def test_a_table_a_document_and_a_picture(known, loaded, tmp_path):
@@ -312,7 +312,7 @@ def test_a_wiggle_of_some_degrees_shows_the_mass_as_well_as_promised(pinocchio_a
     assert wiggle.half_width_kg <= 0.03 * pinocchio_arm.payload.mass_kg
     assert wiggle.lasts_s <= 10.0
     run = pinocchio_arm.run(wiggle.trajectory, True, seed=3, periods=wiggle.periods + 1, with_phase=False)
-    found = identify(run, None, known[0], known[1], arm=known[2])
+    found = identify_runs(run, None, known[0], known[1], arm=known[2])
     width = found.uncertainty.half_width_95[0]
     assert 0.5 * wiggle.half_width_kg < width < 2.0 * wiggle.half_width_kg
     assert abs(found.parameters.mass_kg - pinocchio_arm.payload.mass_kg) < 1.5 * width

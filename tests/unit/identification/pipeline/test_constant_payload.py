@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armload_identification.model.payload import InertialParameters
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from benchmarks.arms.modifications import MODIFICATIONS, ModifiedRun
 
 PERIODS = 4
@@ -24,7 +24,7 @@ def modified(arm, run, name):
 
 
 def notes_of(arm, loaded, unloaded):
-    found = identify(loaded, unloaded, arm.chain, arm.transmission)
+    found = identify_runs(loaded, unloaded, arm.chain, arm.transmission)
     return [note for note in found.notes if note.startswith("The payload changed")]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armload_identification.identification_errors import NothingMounted
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from benchmarks.arms.sagging_panda import Effects, SaggingPanda, chain, nominal_transmission
 
 
@@ -23,4 +23,4 @@ def test_a_hose_on_an_empty_arm_is_not_taken_for_a_mistake_in_the_columns(joint)
     dragged = first.current_a + drag[:, None] * (np.arange(7) == joint)
     dragged = unlabelled(replace(first, current_a=dragged), sha256="dragged")
     with pytest.raises(NothingMounted):
-        identify(dragged, unlabelled(second), chain(), nominal_transmission(exact=False))
+        identify_runs(dragged, unlabelled(second), chain(), nominal_transmission(exact=False))

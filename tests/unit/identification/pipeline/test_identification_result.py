@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armload_identification.pipeline.identification_result import Identification
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 
 pytestmark = pytest.mark.pure
 
@@ -22,7 +22,7 @@ def torque_difference(arm, result):
 
 @pytest.fixture(scope="module")
 def found(pair, pinocchio_arm):
-    return identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    return identify_runs(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
 def relative(found, true):
@@ -50,7 +50,7 @@ def test_what_is_left_is_noise(found):
 def test_friction_grows_with_the_load_of_a_gear(pinocchio_arm):
     trajectory = pinocchio_arm.trajectory()
     runs = [pinocchio_arm.run(trajectory, load, seed=21 + load, load_friction=LOAD_FRICTION) for load in (True, False)]
-    found = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+    found = identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
     states = found.signal.states
     of = (states.position_rad, states.velocity_rad_s, states.acceleration_rad_s2)
     whole = pinocchio_arm.torque(*of, pinocchio_arm.payload, LOAD_FRICTION) - pinocchio_arm.torque(

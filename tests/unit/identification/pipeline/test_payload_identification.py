@@ -21,7 +21,7 @@ from armload_identification.identification_errors import (
 )
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters, Provenance
 from armload_identification.pipeline.identification_result import payload_result
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 
 pytestmark = pytest.mark.pure
@@ -43,7 +43,7 @@ def run_pair(arm, **options):
 @pytest.mark.parametrize("options", [{}, {"periods": 1}, {"periods": 2, "with_phase": False}, {"rate": 1.25}], ids=str)
 def test_the_payload_is_found_and_its_intervals_hold_it(pinocchio_arm, options):
     pair = run_pair(pinocchio_arm, **options)
-    result = identify(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
+    result = identify_runs(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
     truth = pinocchio_arm.payload
     assert result.parameters.mass_kg == pytest.approx(truth.mass_kg, rel=0.005)
     np.testing.assert_allclose(result.parameters.center_of_mass_m, truth.center_of_mass_m, atol=0.002)
@@ -63,18 +63,18 @@ def test_the_payload_is_found_and_its_intervals_hold_it(pinocchio_arm, options):
 
 @pytest.fixture(scope="module")
 def nominal(pair, pinocchio_arm):
-    return identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    return identify_runs(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
 def test_nominal_gains_are_reported_and_widen_the_intervals(pair, pinocchio_arm, nominal):
-    exact = identify(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
+    exact = identify_runs(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
     assert any("gains are nominal" in note for note in nominal.notes)
     moved = np.abs(nominal.uncertainty.values - exact.uncertainty.values)
     assert (moved < nominal.uncertainty.half_width_95).all()
     assert (nominal.uncertainty.half_width_95[:4] > exact.uncertainty.half_width_95[:4]).all()
     # All gains off by one factor: theta, and so the mass, is off by that factor.
     scaled = Transmission(1.02 * pinocchio_arm.transmission.gain_nm_a, pinocchio_arm.transmission.coupling)
-    wrong = identify(*pair, pinocchio_arm.chain, scaled)
+    wrong = identify_runs(*pair, pinocchio_arm.chain, scaled)
     assert wrong.plain.theta[0] == pytest.approx(1.02 * nominal.plain.theta[0], rel=1e-3)
     off = np.abs(wrong.uncertainty.values - nominal.uncertainty.values)[:4]
     assert (off < nominal.uncertainty.half_width_95[:4]).all()
@@ -89,7 +89,7 @@ def test_a_run_cut_in_its_first_period_is_still_used(pinocchio_arm):
         current_a=loaded.current_a[:400],
         phase_s=loaded.phase_s[:400],
     )
-    result = identify(loaded, unloaded, pinocchio_arm.chain, pinocchio_arm.transmission)
+    result = identify_runs(loaded, unloaded, pinocchio_arm.chain, pinocchio_arm.transmission)
     assert not result.signal.periodic
     assert result.signal.time_s[-1] < 4.0
     assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
@@ -103,7 +103,7 @@ def by_seed(pinocchio_arm):
     @cache
     def by_seed(seed):
         pair = [pinocchio_arm.run(trajectory, load, seed=200 - 100 * load + seed) for load in (True, False)]
-        return identify(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
+        return identify_runs(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
 
     return by_seed
 
@@ -121,7 +121,7 @@ def test_noise_goes_through_as_its_bound_says(by_seed, pinocchio_arm):
 def test_load_dependent_friction_is_found_and_taken_out(pinocchio_arm):
     pair = run_pair(pinocchio_arm, load_friction=0.085, noise=0.3)
     truth = pinocchio_arm.payload
-    result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    result = identify_runs(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
     load = result.plain.posterior.value(LOAD_FRICTION)
     np.testing.assert_allclose(load[:3], 0.085, atol=0.02)
     assert result.parameters.mass_kg == pytest.approx(truth.mass_kg, rel=0.002)
@@ -146,14 +146,14 @@ def test_gears_that_lose_more_in_one_direction_lie_within_the_intervals_of_nomin
     true = pinocchio_arm.transmission.gain_nm_a
     # the part of the losses that does not change with the direction of the power is a gain
     uneven = Transmission(0.963 * true, pinocchio_arm.transmission.coupling)
-    found = identify(*pair, pinocchio_arm.chain, uneven)
+    found = identify_runs(*pair, pinocchio_arm.chain, uneven)
     truth = pinocchio_arm.payload.mass_kg
     assert found.parameters.mass_kg == pytest.approx(0.963 * truth, rel=0.005)
     assert abs(found.parameters.mass_kg - truth) < found.uncertainty.half_width_95[0] < 0.08 * truth
     assert any("not equally in both directions" in note for note in found.notes)
     # An error of the gains, which another payload on the same arm has in common with this one.
     assert np.sqrt(np.diag(found.mass_center.gain_covariance)).min() > 1.3 * 0.6 * 0.2**2
-    even = identify(*run_pair(pinocchio_arm, noise=0.3), pinocchio_arm.chain, pinocchio_arm.transmission)
+    even = identify_runs(*run_pair(pinocchio_arm, noise=0.3), pinocchio_arm.chain, pinocchio_arm.transmission)
     assert not any("both directions" in note for note in even.notes)
     assert even.uncertainty.half_width_95[0] < 0.7 * found.uncertainty.half_width_95[0]
 
@@ -178,13 +178,13 @@ def test_torque_recordings_need_no_gains(pinocchio_arm):
         for run in run_pair(pinocchio_arm)
     )
     nonsense = Transmission(np.full(6, 777.0), np.eye(6))
-    result = identify(loaded, unloaded, pinocchio_arm.chain, nonsense)
+    result = identify_runs(loaded, unloaded, pinocchio_arm.chain, nonsense)
     assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
     assert not any("gains" in note for note in result.notes)
 
 
 def test_a_noisy_result_is_possible_and_prints_only_what_is_determined(pinocchio_arm):
-    result = identify(*run_pair(pinocchio_arm, noise=60.0), pinocchio_arm.chain, pinocchio_arm.transmission)
+    result = identify_runs(*run_pair(pinocchio_arm, noise=60.0), pinocchio_arm.chain, pinocchio_arm.transmission)
     assert not result.plain_parameters.is_physical
     assert result.changed
     known = result.uncertainty.determined
@@ -222,7 +222,7 @@ def test_only_three_joints(pinocchio_arm):
         for run in pair
     ]
     transmission = Transmission(np.ones(3), np.eye(3))
-    result = identify(*still, pinocchio_arm.chain.head(3), transmission)
+    result = identify_runs(*still, pinocchio_arm.chain.head(3), transmission)
     full = pinocchio_arm.chain
     poses = full.forward(np.zeros(6))
     in_third = pinocchio_arm.payload.transformed(np.linalg.inv(poses[2]) @ poses[6])
@@ -234,7 +234,7 @@ def test_dropped_rows_and_cut_files_are_reported(pair, pinocchio_arm):
     loaded, unloaded = pair
     loaded = with_source(loaded, rows_read=1510, rows_dropped=10, reasons={"not finite": 4, "truncated last row": 6})
     unloaded = with_source(unloaded, truncated=True)
-    notes = " ".join(identify(loaded, unloaded, pinocchio_arm.chain, pinocchio_arm.transmission).notes)
+    notes = " ".join(identify_runs(loaded, unloaded, pinocchio_arm.chain, pinocchio_arm.transmission).notes)
     assert "loaded recording: 10 of 1510 rows dropped (4 not finite, 6 truncated last row)." in notes
     assert "unloaded recording: the file is truncated" in notes
 
@@ -244,14 +244,14 @@ def test_files_of_one_name_keep_both_hashes(pair, pinocchio_arm):
         with_source(run, path=run.source.path.parent / folder / "run.mcap")
         for run, folder in zip(pair, ("with", "without"), strict=True)
     ]
-    result = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+    result = identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
     hashes = payload_result(result, Provenance("0.1.0", "", {})).provenance.recordings_sha256
     assert set(hashes) == {"with/run.mcap", "without/run.mcap"}
 
 
 def test_without_an_unloaded_run_it_is_refused_with_the_remedy(pair, pinocchio_arm):
     with pytest.raises(EstimationError, match=r"no unloaded recording .* Record the same excitation without"):
-        identify(pair[0], None, pinocchio_arm.chain, pinocchio_arm.transmission)
+        identify_runs(pair[0], None, pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
 def flipped(run, joint=None):
@@ -281,7 +281,7 @@ def flipped(run, joint=None):
 )
 def test_mixed_up_recordings_are_explained(pair, pinocchio_arm, spoil, said):
     with pytest.raises((RecordingError, EstimationError), match=said):
-        identify(*spoil(*pair), pinocchio_arm.chain, pinocchio_arm.transmission)
+        identify_runs(*spoil(*pair), pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
 def test_two_empty_runs_prove_that_nothing_is_mounted(pinocchio_arm):
@@ -290,7 +290,7 @@ def test_two_empty_runs_prove_that_nothing_is_mounted(pinocchio_arm):
     light = [pinocchio_arm.run(trajectory, False, seed=seed) for seed in (300, 301)]
     for runs in (light, light[::-1]):
         with pytest.raises(NothingMounted, match=r"nothing mounted: -?0\.\d+ \+- 0\.0\d+ kg") as empty:
-            identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+            identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
         assert abs(empty.value.mass_kg) < 2.0 * empty.value.half_width_kg < 0.05
 
 
@@ -301,7 +301,7 @@ def test_a_payload_is_not_called_nothing_because_its_interval_is_wide(pinocchio_
     outcomes = set()
     for runs in (noisy, noisy[::-1]):
         try:
-            found = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+            found = identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
             outcomes.add(bool(found.uncertainty.determined[0]))
         except EstimationError as refused:
             outcomes.add(type(refused))
@@ -310,12 +310,12 @@ def test_a_payload_is_not_called_nothing_because_its_interval_is_wide(pinocchio_
 
 def test_gains_must_fit_the_arm(pair, pinocchio_arm):
     with pytest.raises(ModelError, match="5 gains for 6 joints"):
-        identify(*pair, pinocchio_arm.chain, Transmission(np.ones(5), np.eye(5)))
+        identify_runs(*pair, pinocchio_arm.chain, Transmission(np.ones(5), np.eye(5)))
 
 
 def test_a_weighed_mass_is_compared_with_the_data(pair, pinocchio_arm, nominal):
     def with_mass(mass_kg):
-        return identify(
+        return identify_runs(
             *pair, pinocchio_arm.chain, pinocchio_arm.transmission, known=KnownPayload(mass_kg=float(mass_kg))
         )
 
@@ -335,11 +335,11 @@ def test_a_weighed_mass_does_not_hide_runs_that_are_exchanged_or_both_empty(pair
     again = pinocchio_arm.run(pinocchio_arm.trajectory(), False, seed=11)
     for runs, reason in (((unloaded, loaded), "are exchanged"), ((again, unloaded), "nothing mounted")):
         with pytest.raises(EstimationError, match=f"mass 4 kg contradicts the data. Without it: .*{reason}"):
-            identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission, known=KnownPayload(mass_kg=4.0))
+            identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission, known=KnownPayload(mass_kg=4.0))
 
 
 def test_the_result_is_the_same_twice(pair, pinocchio_arm, nominal):
-    again = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    again = identify_runs(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
     np.testing.assert_array_equal(again.parameters.theta, nominal.parameters.theta)
     assert isinstance(again.plain_parameters, InertialParameters)
 
@@ -356,7 +356,7 @@ def test_static_friction_of_joints_at_rest_is_not_taken_for_a_payload(pinocchio_
         held = torque[:, :3].mean(axis=0) + rng.uniform(-4.0, 4.0, 3)
         torque[:, :3] = held + pinocchio_arm.noise_nm[:3] * rng.normal(size=(run.size, 3))
         runs.append(replace(run, current_a=None, torque_nm=torque))
-    found = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission).uncertainty
+    found = identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission).uncertainty
     error = np.abs(found.values - pinocchio_arm.payload.values)
     assert (~found.determined | (error <= 1.5 * found.half_width_95)).all()
     assert found.half_width_95[0] < 0.25  # of 4.2 kg; 4 % are the scale of a reported torque

@@ -13,8 +13,8 @@ from armload_identification.files.payload_file import format_payload, parse_payl
 from armload_identification.identification_errors import PayloadFileError, RecordingError
 from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.pipeline.identification_result import payload_result
-from armload_identification.pipeline.payload_identification import identify
-from armload_identification.pipeline.payload_validation import judge, validate
+from armload_identification.pipeline.payload_identification import identify_runs
+from armload_identification.pipeline.payload_validation import judge, validate_runs
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.signal_constants import NominalGain
 from armload_identification.verdict.agreement import Outcome
@@ -44,7 +44,7 @@ def payload(pinocchio_arm):
     """Identified from a first pair of runs, and read back from its file."""
     trajectory = pinocchio_arm.trajectory(seed=3)
     pair = [pinocchio_arm.run(trajectory, load, seed=21 + load) for load in (True, False)]
-    found = identify(*pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission))
+    found = identify_runs(*pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission))
     return parse_payload(format_payload(payload_result(found, MADE)))
 
 
@@ -56,11 +56,11 @@ def second_pair(pinocchio_arm):
 
 @pytest.fixture(scope="module")
 def measured(second_pair, pinocchio_arm):
-    return identify(*second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission))
+    return identify_runs(*second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission))
 
 
 def test_the_right_payload_is_right(second_pair, pinocchio_arm, payload):
-    result = validate(second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
+    result = validate_runs(second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
     assert result.outcome is Outcome.RIGHT
     agreement = result.verdict.agreement
     np.testing.assert_allclose(agreement.difference[0], result.measured.parameters.mass_kg - payload.model.mass_kg)
@@ -124,7 +124,7 @@ def test_a_joint_whose_gain_is_off_is_named(pinocchio_arm, payload):
     factor = np.array([1.0, 1.0, 0.92, 1.0, 1.0, 1.0])
     pair = [pinocchio_arm.run(trajectory, load, seed=31 + load) for load in (True, False)]
     pair = [replace(run, current_a=run.current_a * factor) for run in pair]
-    result = validate(pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
+    result = validate_runs(pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
     odd = result.verdict.of_measured
     assert odd.disagree[2]
     assert np.nanargmin(np.where(odd.determined, odd.scale, np.nan)) == 2
@@ -135,10 +135,10 @@ def test_nominal_gains_in_common_hardly_widen_the_comparison(second_pair, pinocc
     """An error of 2 % in every gain is in both results; only its different effect on the two counts."""
     trajectory = pinocchio_arm.trajectory(seed=3)
     pair = [pinocchio_arm.run(trajectory, load, seed=21 + load) for load in (True, False)]
-    found = payload_result(identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission), MADE)
-    common = validate(second_pair, pinocchio_arm.chain, pinocchio_arm.transmission, found).verdict.agreement
-    none = validate(second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload).verdict.agreement
-    by_its_own = identify(*second_pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    found = payload_result(identify_runs(*pair, pinocchio_arm.chain, pinocchio_arm.transmission), MADE)
+    common = validate_runs(second_pair, pinocchio_arm.chain, pinocchio_arm.transmission, found).verdict.agreement
+    none = validate_runs(second_pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload).verdict.agreement
+    by_its_own = identify_runs(*second_pair, pinocchio_arm.chain, pinocchio_arm.transmission)
     apart = judge(by_its_own, pinocchio_arm.chain, known_payload(found), Tolerance()).verdict.agreement
     deviation = [agreement.half_width_95[0] for agreement in (none, common, apart)]
     assert deviation[0] < deviation[1] < 0.5 * deviation[2]
@@ -151,11 +151,11 @@ def test_a_weighed_mass_leaves_no_common_error_of_the_gains(second_pair, pinocch
     pair = [arm.run(trajectory, load, seed=21 + load) for load in (True, False)]
     noticeable = []
     for known in (None, KnownPayload(mass_kg=arm.payload.mass_kg)):
-        found = identify(*pair, arm.chain, arm.transmission, known=known)
+        found = identify_runs(*pair, arm.chain, arm.transmission, known=known)
         common = np.sqrt(found.mass_center.gain_covariance.mean())
         common /= NominalGain.common_deviation
         assert common > 0.9 if known is None else common < 0.6
-        validation = validate(second_pair, arm.chain, arm.transmission, payload_result(found, MADE))
+        validation = validate_runs(second_pair, arm.chain, arm.transmission, payload_result(found, MADE))
         assert validation.outcome is Outcome.RIGHT
         noticeable.append(validation.verdict.agreement.noticeable_kg)
     assert noticeable[1] < noticeable[0]
@@ -222,7 +222,7 @@ def test_intervals_and_covariance_agree(payload):
 def test_recordings_of_another_arm_are_refused(second_pair, pinocchio_arm, payload):
     head = Transmission(np.ones(3), np.eye(3))
     with pytest.raises(RecordingError, match="has 6 joints, the robot 3"):
-        validate(second_pair, pinocchio_arm.chain.head(3), head, payload)
+        validate_runs(second_pair, pinocchio_arm.chain.head(3), head, payload)
 
 
 def test_the_residual_is_that_of_single_samples(second_pair, measured, pinocchio_arm, payload):
@@ -238,6 +238,6 @@ def test_one_period_is_enough_for_a_verdict(pinocchio_arm, payload):
     """Its noise is measured above the motion's band."""
     trajectory = pinocchio_arm.trajectory(seed=8)
     pair = [pinocchio_arm.run(trajectory, load, seed=41 + load, periods=1) for load in (True, False)]
-    result = validate(pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
+    result = validate_runs(pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
     np.testing.assert_allclose(result.signal.noise_nm, np.sqrt(2.0) * pinocchio_arm.noise_nm, rtol=0.15)
     assert result.outcome is Outcome.RIGHT

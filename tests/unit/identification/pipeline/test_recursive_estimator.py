@@ -12,7 +12,7 @@ from armload_identification.calibration.session_gains import SessionGains
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.pipeline.recursive_estimator import COLOUR, LOAD_LAW, PayloadEstimator
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording
@@ -71,7 +71,7 @@ def test_without_forgetting_it_is_the_batch_solve_of_the_same_run(calibration, s
     found = estimator.estimate()
     run = Recording.from_arrays(time_s, position, current_a=current)
     gains = calibration.transmission(pinocchio_arm.transmission)
-    batch = identify(run, None, calibration.level(chain), gains, arm=calibration.known_arm)
+    batch = identify_runs(run, None, calibration.level(chain), gains, arm=calibration.known_arm)
     half_width = batch.uncertainty.half_width_95[:4]
     assert (np.abs(batch.plain_parameters.values[:4] - found.values) < 0.15 * half_width).all()
     np.testing.assert_allclose(found.half_width_95, half_width, rtol=0.25)

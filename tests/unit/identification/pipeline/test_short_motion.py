@@ -7,7 +7,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_identification.excitation.fourier import FourierTrajectory
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from benchmarks.arms.setups import Motion, Twin, setup_of
 from benchmarks.arms.steady_state import Streaming
 from benchmarks.arms.trials import pair
@@ -23,6 +23,6 @@ def test_no_joint_of_a_short_motion_is_said_to_contradict_the_others():
     setup = setup_of("two periods of 2 s", robot, Twin.NORMATIVE, Motion(trajectory, streaming, 6, 2), payload)
     for seed in range(8):
         loaded, unloaded, _ = pair(setup, seed)
-        found = identify(loaded, unloaded, setup.chain, setup.transmission)
+        found = identify_runs(loaded, unloaded, setup.chain, setup.transmission)
         error = abs(found.parameters.mass_kg - payload.mass_kg)
         assert error < 1.5 * found.uncertainty.half_width_95[0] < 0.15 * payload.mass_kg

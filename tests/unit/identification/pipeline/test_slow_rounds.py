@@ -9,7 +9,7 @@ import pytest
 
 from armload_identification.estimation.estimation_constants import Drift
 from armload_identification.estimation.run_drift import RunDrift
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.signals.joint_torque import Transmission
 
 pytestmark = pytest.mark.pure
@@ -44,7 +44,7 @@ def identified(pinocchio_arm):
     exact = Transmission(
         pinocchio_arm.transmission.gain_nm_a, pinocchio_arm.transmission.coupling, np.ones(pinocchio_arm.n, dtype=bool)
     )
-    return lambda loaded, unloaded: identify(loaded, unloaded, pinocchio_arm.chain, exact)
+    return lambda loaded, unloaded: identify_runs(loaded, unloaded, pinocchio_arm.chain, exact)
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def test_gains_that_drift_between_the_runs_are_allowed_for(runs, calibration, pi
     loaded = replace(loaded, current_a=factor * loaded.current_a)
     level, gains = calibration.level(pinocchio_arm.chain), calibration.transmission(pinocchio_arm.transmission)
     known = calibration.known_arm
-    found = identify(loaded, unloaded, level, gains, arm=known)
+    found = identify_runs(loaded, unloaded, level, gains, arm=known)
     error_kg = abs(found.parameters.mass_kg - pinocchio_arm.payload.mass_kg)
     assert error_kg < found.uncertainty.half_width_95[0]
     drift = RunDrift.of(found.plain.posterior, known)

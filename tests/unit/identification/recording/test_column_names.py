@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.column_names import arrays_by_name, columns_by_name
 from armload_identification.recording.csv_columns import CsvColumns, parse_columns
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 
 pytestmark = pytest.mark.pure
 
@@ -186,7 +186,7 @@ def test_a_table_is_read_in_si_units(tmp_path):
     position = np.column_stack([np.sin(time_s), np.cos(time_s)])
     rows = np.column_stack([1e3 * time_s, position / DEGREE, 1e3 * position])
     np.savetxt(path, rows, delimiter=",", header="time_ms,q1_deg,q2_deg,i1_mA,i2_mA", comments="")
-    recording = read_recording(path)
+    recording = read_recording_file(path)
     np.testing.assert_allclose(recording.time_s, time_s, atol=1e-12)
     np.testing.assert_allclose(recording.position_rad, position, atol=1e-12)
     np.testing.assert_allclose(recording.current_a, position, atol=1e-12)

@@ -17,7 +17,7 @@ from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.identification_errors import RecordingError
 from armload_identification.pipeline.recording_survey import survey
 from armload_identification.recording.csv_columns import CsvColumns
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording, RecordingSource
@@ -42,7 +42,7 @@ def test_a_file_of_more_rows_than_any_recording_is_refused(tmp_path, monkeypatch
     position = np.sin(0.001 * np.arange(10_001)[:, None] + np.arange(3))
     np.savez_compressed(tmp_path / "a.npz", time_s=0.01 * np.arange(10_001), position_rad=position, torque_nm=position)
     with pytest.raises(RecordingError, match=r"a\.npz: more than 10,000 rows of 3 joints"):
-        read_recording(tmp_path / "a.npz")
+        read_recording_file(tmp_path / "a.npz")
 
 
 EVERYTHING, NOTHING = 10**9, 100
@@ -103,7 +103,7 @@ def assert_same(reduced, whole, motion_atol=1e-9):
 
 def test_the_average_period_of_a_long_run_is_that_of_all_its_rows(runs, pinocchio_arm, tmp_path):
     paths = [write_mcap(tmp_path / f"{number}.mcap", run) for number, run in enumerate(runs)]
-    pairs = [[read_recording(path, short_rows=rows) for path in paths] for rows in (EVERYTHING, NOTHING)]
+    pairs = [[read_recording_file(path, short_rows=rows) for path in paths] for rows in (EVERYTHING, NOTHING)]
     (whole, _), (reduced, _) = pairs
     assert whole.average is None
     assert reduced.average.periods == 6
@@ -129,7 +129,7 @@ def test_phases_off_any_grid_are_interpolated_after_a_long_run_was_read_too(pino
     odd = replace(run, time_s=phase / 0.7313, position_rad=position, phase_s=phase, current_a=current)
     path = write_mcap(tmp_path / "odd.mcap", odd)
     whole, reduced = (
-        Run.of(read_recording(path, short_rows=rows), pinocchio_arm.transmission).motion
+        Run.of(read_recording_file(path, short_rows=rows), pinocchio_arm.transmission).motion
         for rows in (EVERYTHING, NOTHING)
     )
     assert reduced.periods == whole.periods == 3
@@ -155,7 +155,7 @@ def test_pauses_cost_a_long_run_what_they_cost_a_short_one(runs, pinocchio_arm, 
     run = replace(runs[0], phase_s=runs[0].phase_s + shift, time_s=runs[0].time_s + shift)
     for rows, periods in (((1799,), 5), ((460, 1700), 5), ((99, 600, 1101), 3)):
         path = write_mcap(tmp_path / f"{len(rows)}.mcap", paused(run, *rows))
-        whole, reduced = (read_recording(path, short_rows=limit) for limit in (EVERYTHING, NOTHING))
+        whole, reduced = (read_recording_file(path, short_rows=limit) for limit in (EVERYTHING, NOTHING))
         assert measured_periods(reduced) == periods
         assert (reduced.average is None) == (odd != 0.0)
         assert (interruptions(whole), interruptions(reduced)) == (len(rows), len(rows))
@@ -166,8 +166,8 @@ def test_pauses_cost_a_long_run_what_they_cost_a_short_one(runs, pinocchio_arm, 
 def test_a_long_run_is_refused_whose_every_period_was_interrupted_at_the_same_phase(runs, tmp_path):
     path = write_mcap(tmp_path / "paused.mcap", paused(runs[0], *range(200, 3000, 500)))
     with pytest.raises(RecordingError, match="a part of the period was never measured at full speed"):
-        read_recording(path, short_rows=NOTHING)
-    found = survey(read_recording(path, short_rows=EVERYTHING))
+        read_recording_file(path, short_rows=NOTHING)
+    found = survey(read_recording_file(path, short_rows=EVERYTHING))
     assert found.periods == 0
     assert any("a part of the period at full speed" in reason for reason in found.missing)
 
@@ -176,7 +176,7 @@ def test_a_change_of_speed_is_refused_in_a_long_run_too(runs, tmp_path):
     run = runs[0]
     slower = replace(run, time_s=run.time_s + 0.2 * np.maximum(run.phase_s - 18.0, 0.0))
     with pytest.raises(RecordingError, match="paused or changed its speed"):
-        read_recording(write_mcap(tmp_path / "slower.mcap", slower), short_rows=NOTHING)
+        read_recording_file(write_mcap(tmp_path / "slower.mcap", slower), short_rows=NOTHING)
 
 
 @pytest.mark.parametrize("rate", [2, 5])
@@ -191,7 +191,7 @@ def test_means_over_10_ms_give_the_difference_of_two_long_runs(pinocchio_arm, tm
         load_signal(
             *(
                 Run.of(run, pinocchio_arm.transmission)
-                for run in (read_recording(path, COLUMNS, short_rows=short_rows) for path in paths)
+                for run in (read_recording_file(path, COLUMNS, short_rows=short_rows) for path in paths)
             )
         )
         for short_rows in (EVERYTHING, NOTHING)
@@ -284,9 +284,11 @@ def test_a_saturated_joint_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_p
     path = write_mcap(tmp_path / "clipped.mcap", replace(run, current_a=current))
     for short_rows in (EVERYTHING, NOTHING):
         with pytest.raises(RecordingError, match="joint 2 stays at its maximum"):
-            usable_runs([read_recording(path, short_rows=short_rows)], 6, pinocchio_arm.transmission)
+            usable_runs([read_recording_file(path, short_rows=short_rows)], 6, pinocchio_arm.transmission)
     usable_runs(
-        [read_recording(write_mcap(tmp_path / "clean.mcap", run), short_rows=NOTHING)], 6, pinocchio_arm.transmission
+        [read_recording_file(write_mcap(tmp_path / "clean.mcap", run), short_rows=NOTHING)],
+        6,
+        pinocchio_arm.transmission,
     )
 
 
@@ -299,7 +301,7 @@ def test_a_stuck_current_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_pat
     path = write_mcap(tmp_path / "stuck.mcap", replace(run, current_a=current))
     for short_rows in (EVERYTHING, NOTHING):
         with pytest.raises(RecordingError, match=rf"stuck.mcap: joint 5 moves back and forth .* for {half} samples"):
-            usable_runs([read_recording(path, short_rows=short_rows)], 6, pinocchio_arm.transmission)
+            usable_runs([read_recording_file(path, short_rows=short_rows)], 6, pinocchio_arm.transmission)
 
 
 def test_repetitions_are_counted_across_blocks():
@@ -359,7 +361,7 @@ def test_a_csv_log_reads_the_same_in_many_blocks(pinocchio_arm, tmp_path):
     lines[16_384] = "1,2,3"
     lines[18_000] = lines[18_000].replace(",", ",x", 1)
     path.write_text("\r\n".join([*lines, "9999.0,0.1"]))
-    recording = read_recording(path, COLUMNS)
+    recording = read_recording_file(path, COLUMNS)
     assert recording.source.rows_read == 20_001
     assert dict(recording.source.reasons) == {"truncated last row": 1, "wrong number of columns": 1, "not a number": 1}
     np.testing.assert_allclose(recording.current_a[:1000], run.current_a[:1000], rtol=1e-8)
@@ -371,7 +373,7 @@ def test_a_damaged_file_is_refused(runs, tmp_path):
     path = tmp_path / "bad.mcap"
     path.write_bytes(data)
     with pytest.raises(RecordingError, match="damaged"):
-        read_recording(path)
+        read_recording_file(path)
 
 
 PEAK = """

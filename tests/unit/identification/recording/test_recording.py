@@ -11,7 +11,7 @@ from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
 from armload_identification.recording.run_format import (
@@ -27,19 +27,19 @@ COLUMNS = ReadingOptions(CsvColumns(time=0, position=[1, 2], velocity=[3, 4], cu
 
 def test_files_that_are_no_recording(tmp_path):
     with pytest.raises(RecordingError, match="cannot be read"):
-        read_recording(tmp_path / "absent.mcap")
+        read_recording_file(tmp_path / "absent.mcap")
     empty = tmp_path / "empty.mcap"
     empty.write_bytes(b"")
     with pytest.raises(RecordingError, match="empty"):
-        read_recording(empty)
+        read_recording_file(empty)
     with pytest.raises(RecordingError, match="the table has no header line, so its 7 columns are unknown"):
-        read_recording(write_csv(tmp_path / "a.csv", csv_rows()))
+        read_recording_file(write_csv(tmp_path / "a.csv", csv_rows()))
     with pytest.raises(RecordingError, match="nothing was recorded"):
-        read_recording(write_mcap(tmp_path / "none.mcap", []))
+        read_recording_file(write_mcap(tmp_path / "none.mcap", []))
 
 
 def test_another_arms_recording_is_refused(tmp_path):
-    recording = read_recording(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
+    recording = read_recording_file(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
     check_joints(recording, 2)
     with pytest.raises(RecordingError, match=r"has 2 joints, the robot 6"):
         check_joints(recording, 6)
@@ -49,7 +49,7 @@ def test_joints_are_known_by_name_and_chosen_by_it(tmp_path):
     run = json.dumps({"robot": "er50", "joints": ["shoulder", "elbow", "wrist"]})
     excitation = Excitation(FourierTrajectory(0.5, np.zeros(3), np.eye(3), np.zeros((3, 3))), 4)
     attachments = [(RUN_ATTACHMENT, run), (EXCITATION_ATTACHMENT, format_excitation(excitation))]
-    recording = read_recording(write_mcap(tmp_path / "a.mcap", messages(joints=3), attachments))
+    recording = read_recording_file(write_mcap(tmp_path / "a.mcap", messages(joints=3), attachments))
     assert recording.joint_names == ("shoulder", "elbow", "wrist")
     chosen = recording.named_joints(["wrist", "shoulder"])
     assert chosen.joint_names == ("wrist", "shoulder")
@@ -58,7 +58,7 @@ def test_joints_are_known_by_name_and_chosen_by_it(tmp_path):
     np.testing.assert_array_equal(chosen.excitation.trajectory.sin_rad, np.eye(3)[[2, 0]])
     with pytest.raises(RecordingError, match="no joint named gripper; the recording has shoulder, elbow, wrist"):
         recording.named_joints(["shoulder", "gripper"])
-    nameless = read_recording(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
+    nameless = read_recording_file(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
     assert nameless.joint_names == ()
     with pytest.raises(RecordingError, match="does not name its joints"):
         nameless.named_joints(["shoulder"])
@@ -71,7 +71,7 @@ def test_a_long_runs_joints_are_chosen_with_all_that_was_kept_of_it(tmp_path):
     for k, message in enumerate(content):
         message |= {"phase_s": 0.01 * k, "current_a": rng.normal(size=3).round(3).tolist()}
     path = write_mcap(tmp_path / "a.mcap", content, [(EXCITATION_ATTACHMENT, format_excitation(excitation))])
-    recording = read_recording(path, short_rows=50)
+    recording = read_recording_file(path, short_rows=50)
     chosen = recording.joints([2, 0])
     assert f"{recording.size} rows (average of {recording.average.periods} periods) of time_s, " in str(recording)
     order = np.ix_([2, 0], [2, 0])

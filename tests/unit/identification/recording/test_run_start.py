@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_format import RUN_ATTACHMENT
 from armload_identification.recording.run_start import run_start_text
@@ -49,5 +49,5 @@ def test_a_selected_part_begins_later_than_its_file(tmp_path):
     np.savetxt(
         path, np.column_stack([time_s, position, position]), delimiter=",", header="t,q1,q2,tau1,tau2", comments=""
     )
-    part = read_recording(path, between_s=(90.0, 120.0))
+    part = read_recording_file(path, between_s=(90.0, 120.0))
     assert run_start_text(part) == "2026-03-01T10:01:30+00:00"

@@ -21,8 +21,8 @@ from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.numerals import align, decimals_for, numeral, scientific
 from armload_identification.pipeline.identification_result import payload_result
-from armload_identification.pipeline.payload_identification import identify
-from armload_identification.pipeline.payload_validation import judge, validate
+from armload_identification.pipeline.payload_identification import identify_runs
+from armload_identification.pipeline.payload_validation import judge, validate_runs
 from armload_identification.recording.run_format import LATENESS_ATTACHMENT, RUN_ATTACHMENT
 from armload_identification.report.figures import joint_figures
 from armload_identification.report.figures.center_figure import center_views
@@ -96,7 +96,7 @@ def number(text):
 @pytest.fixture(scope="module")
 def clear(pair, pinocchio_arm):
     """Everything is determined."""
-    return identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    return identify_runs(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
 @pytest.fixture(scope="module")
@@ -104,12 +104,12 @@ def noisy(pinocchio_arm):
     """Not everything is determined, and the plain estimate is impossible."""
     trajectory = pinocchio_arm.trajectory()
     runs = [pinocchio_arm.run(trajectory, load, seed=seed, noise=60.0) for load, seed in ((True, 51), (False, 52))]
-    return identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+    return identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
 @pytest.fixture(scope="module")
 def validation(pair, clear, pinocchio_arm):
-    return validate(pair, pinocchio_arm.chain, pinocchio_arm.transmission, subject(clear).payload)
+    return validate_runs(pair, pinocchio_arm.chain, pinocchio_arm.transmission, subject(clear).payload)
 
 
 @pytest.fixture

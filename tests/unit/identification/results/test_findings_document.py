@@ -9,7 +9,7 @@ import pytest
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.pipeline.identification_result import payload_result
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.report.report_content import ReportedPayload
 from armload_identification.results.findings_document import findings_document
 
@@ -31,7 +31,7 @@ def two_joints(pinocchio_arm):
     sine[[0, 1, 2, 3]], cosine[[0, 1, 2, 3]] = 0.0, 0.0
     held = FourierTrajectory(trajectory.base_frequency_hz, trajectory.offset_rad, sine, cosine)
     pair = [pinocchio_arm.run(held, load, seed=61 + load) for load in (True, False)]
-    return identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    return identify_runs(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
 def test_a_motion_that_leaves_directions_undetermined_has_no_condition_number(two_joints):
@@ -43,7 +43,7 @@ def test_a_motion_that_leaves_directions_undetermined_has_no_condition_number(tw
 
 def test_whether_the_plain_estimate_is_possible_is_seen_from_its_margin(pair, pinocchio_arm, two_joints):
     """It is reported unchanged only if its margin is more than rounding and every direction is determined."""
-    whole = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    whole = identify_runs(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
     found = document(whole)
     assert found["plain_is_possible"] is True
     assert found["plain_margin"] == pytest.approx(InertialParameters(whole.plain.theta[:10]).margin)

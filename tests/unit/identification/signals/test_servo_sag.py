@@ -10,7 +10,7 @@ import pytest
 
 from armload_identification.estimation.empty_arm.unloaded_arm import fit_body
 from armload_identification.model.joint_states import JointStates
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.signals.filters import low_pass, low_pass_cutoff
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.recorded_run import Run
@@ -33,7 +33,7 @@ def test_the_runs_are_as_far_apart_as_a_servo_lets_them(sagging):
 
 def test_what_the_arm_does_elsewhere_is_not_taken_for_payload(sagging):
     """Without the correction the mass is 0.06 to 0.08 % off, four times its interval here."""
-    result = identify(*sagging, chain(), nominal_transmission(exact=True))
+    result = identify_runs(*sagging, chain(), nominal_transmission(exact=True))
     assert result.parameters.mass_kg == pytest.approx(PAYLOAD.mass_kg, rel=2e-4)
     assert (np.abs(result.uncertainty.values - PAYLOAD.values) <= 1.5 * result.uncertainty.half_width_95).all()
 

@@ -14,11 +14,11 @@ from armload_identification.storage.strict_toml import (
     SymmetricRows,
     Table,
     Text,
-    parse,
+    parse_toml,
     read_text,
     read_toml,
+    require_array_shapes,
     require_shape,
-    require_shapes,
     validated,
     write_text,
 )
@@ -64,12 +64,12 @@ rated_current_a = 1.0
 
 def refused(content: str) -> FileError:
     with pytest.raises(FileError) as caught:
-        parse(content, "arm.toml", Arm, FileError)
+        parse_toml(content, "arm.toml", Arm, FileError)
     return caught.value
 
 
 def test_what_is_right_is_read():
-    arm = parse(GOOD + "[tools.saw]\nnode_id = 3\nrated_current_a = 2.0\n", "arm.toml", Arm, FileError)
+    arm = parse_toml(GOOD + "[tools.saw]\nnode_id = 3\nrated_current_a = 2.0\n", "arm.toml", Arm, FileError)
     assert [joint.velocity_max_rad_s for joint in arm.joints] == [2.0, 3.0]
     assert arm.tools["saw"].node_id == 3
 
@@ -233,13 +233,13 @@ class Matrix(Table):
     ],
 )
 def test_a_symmetric_matrix_may_end_at_its_diagonal(text, rows):
-    assert parse(f"rows = {text}", "a.toml", Matrix, FileError).rows.tolist() == rows
+    assert parse_toml(f"rows = {text}", "a.toml", Matrix, FileError).rows.tolist() == rows
 
 
 @pytest.mark.parametrize("text", ["[[1, 2], [3]]", "[]", "5", "[1, 2]", '[["a"]]', "[[nan]]"])
 def test_any_other_shape_is_no_matrix(text):
     with pytest.raises(FileError, match=r"a\.toml: rows"):
-        parse(f"rows = {text}", "a.toml", Matrix, FileError)
+        parse_toml(f"rows = {text}", "a.toml", Matrix, FileError)
 
 
 @pytest.mark.parametrize(
@@ -254,7 +254,7 @@ def test_any_other_shape_is_no_matrix(text):
 )
 def test_what_was_expected_is_in_the_terms_of_toml(line, words):
     with pytest.raises(FileError) as caught:
-        parse(f"rows = [[1]]\n{line}", "a.toml", Matrix, FileError)
+        parse_toml(f"rows = [[1]]\n{line}", "a.toml", Matrix, FileError)
     assert words in str(caught.value)
 
 
@@ -292,7 +292,7 @@ class Bounds(Table):
 )
 def test_a_bound_is_said_with_its_number_or_as_its_key_says(line, expected):
     with pytest.raises(FileError) as caught:
-        parse(line, "a.toml", Bounds, FileError)
+        parse_toml(line, "a.toml", Bounds, FileError)
     assert caught.value.expected == expected
     assert caught.value.key == ("any.b" if "b = 2.5" in line else line.split()[0])
 
@@ -317,13 +317,13 @@ def test_a_key_is_a_misspelling_from_six_tenths_of_similarity_on():
     """Of 9 letters each, 5 or 6 in common."""
     for key, close in (("describxxx", True), ("descrxxxxx", False)):
         with pytest.raises(FileError) as caught:
-            parse(f"{key} = 3", "a.toml", Bounds, FileError)
+            parse_toml(f"{key} = 3", "a.toml", Bounds, FileError)
         assert ("did you mean described?" in str(caught.value)) is close
 
 
 def test_problems_are_counted():
     with pytest.raises(FileError, match=r"\(and 2 more problems in this file\)"):
-        parse("above = 0\nmost = 4\nleast = 0", "a.toml", Bounds, FileError)
+        parse_toml("above = 0\nmost = 4\nleast = 0", "a.toml", Bounds, FileError)
 
 
 def test_an_array_has_the_shape_that_is_required():
@@ -331,9 +331,9 @@ def test_an_array_has_the_shape_that_is_required():
     with pytest.raises(BadValue, match=r"rows: expected 2 lists of 3 finite numbers"):
         require_shape("rows", np.zeros((2, 2)), (2, 3))
     table = Arm(joints=[], offset=np.zeros(4))
-    require_shapes("arm", table, {"offset": (4,)})
+    require_array_shapes("arm", table, {"offset": (4,)})
     with pytest.raises(BadValue, match=r"arm\.offset: expected 3 finite numbers"):
-        require_shapes("arm", table, {"offset": (3,)})
+        require_array_shapes("arm", table, {"offset": (3,)})
 
 
 def test_a_recording_is_no_file_in_toml_and_a_text_is_written(tmp_path):

@@ -100,7 +100,7 @@ def assigned(monkeypatch):
         return LssAddress(1, 2, 3, 4) if confirm("?") else None
 
     monkeypatch.setattr(arm_access, "open_bus", lambda interface, channel, bitrate: nullcontext())
-    monkeypatch.setattr(node_assignment, "assign", assign)
+    monkeypatch.setattr(node_assignment, "assign_node", assign)
     return given
 
 

@@ -10,13 +10,13 @@ import typer
 from armload_controller.cli.commands.identify_command import PriorKnowledge, _number_or_range
 from armload_identification.files.payload_file import read_payload
 from armload_identification.identification_errors import EstimationError, NoPayloadMass
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 
 
 @pytest.fixture(scope="module")
 def halves(recorded_er50, tmp_path_factory):
     """Two runs of an empty arm in tables: the halves of a recording, whose periods are alike."""
-    run = read_recording(recorded_er50 / "runs" / "today" / "unloaded_identification.mcap")
+    run = read_recording_file(recorded_er50 / "runs" / "today" / "unloaded_identification.mcap")
     folder = tmp_path_factory.mktemp("empty")
     middle = len(run.time_s) // 2
     files = []

@@ -12,7 +12,7 @@ import pytest
 
 from armload_controller.config.objects_or_paths import arm_of
 from armload_identification.recording import file_reading
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 
 DEGREE = np.pi / 180.0
 NAMES = [f"q{j}" for j in range(1, 4)]
@@ -81,9 +81,9 @@ def test_the_limits_of_the_arm_tell_degrees_from_radians(armload, bare_table, tm
 
     def read(path, options, **how):
         given.append(options)
-        return read_recording(path, options, **how)
+        return read_recording_file(path, options, **how)
 
-    monkeypatch.setattr(file_reading, "read_recording", read)
+    monkeypatch.setattr(file_reading, "read_recording_file", read)
     shown(armload, write_log(tmp_path / "named.csv"))
     shown(armload, "--robot", "ur10e", bare_table)
     assert given[0].position_limits_rad is None
@@ -172,12 +172,12 @@ def test_joints_that_are_not_there_are_named(armload, tmp_path):
 
 def test_identify_and_validate_use_the_part_and_the_joints_that_are_given(armload, recorded_er50, tmp_path):
     """The runs of er50 as tables, with a gripper's column among them and garbage before; and as two episodes."""
-    from armload_identification.recording.file_reading import read_recording
+    from armload_identification.recording.file_reading import read_recording_file
 
     today = recorded_er50 / "runs" / "today"
     paths, episodes = [], []
     for load in ("loaded", "unloaded"):
-        run = read_recording(today / f"{load}_identification.mcap")
+        run = read_recording_file(today / f"{load}_identification.mcap")
         inside = np.isfinite(run.phase_s)
         finger = np.zeros((np.count_nonzero(inside), 1))
         q, i = (np.hstack([finger, values[inside]]) for values in (run.position_rad, run.current_a))

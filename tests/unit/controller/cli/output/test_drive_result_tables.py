@@ -20,7 +20,7 @@ from armload_drivers.bring_up.drive_check import Check, Verdict
 from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.drive_safety import Safety, SafetyFinding
-from armload_drivers.cia402.emergency import describe
+from armload_drivers.cia402.emergency import error_text
 from armload_drivers.cia402.state_machine import State
 
 
@@ -109,7 +109,7 @@ def status(**changes):
         ({}, [State.SWITCH_ON_DISABLED.title, "+0.00000", "+1.500 A", "-"]),
         ({"position_rad": None, "effort": None}, [State.SWITCH_ON_DISABLED.title, "-", "-", "-"]),
         ({"state": None, "trouble": "no answer"}, ["?", "", "", "no answer"]),
-        ({"error_code": 0x2310}, [State.SWITCH_ON_DISABLED.title, "+0.00000", "+1.500 A", describe(0x2310)]),
+        ({"error_code": 0x2310}, [State.SWITCH_ON_DISABLED.title, "+0.00000", "+1.500 A", error_text(0x2310)]),
     ],
 )
 @pytest.mark.parametrize("celsius", [None, 41.6])

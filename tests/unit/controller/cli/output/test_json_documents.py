@@ -127,7 +127,7 @@ def document(armload, recorded_er50, tmp_path_factory):
         patch.setenv("XDG_DATA_HOME", str(names["out"]))
         patch.setattr(arm_bring_up, "LISTEN_S", 0.01)
         patch.setattr(drive_check, "reset", lambda *_: State.SWITCH_ON_DISABLED)  # no drive is in FAULT
-        patch.setattr(node_assignment, "assign", lambda *_: LssAddress(1, 2, 3, 4))  # no node is on this bus
+        patch.setattr(node_assignment, "assign_node", lambda *_: LssAddress(1, 2, 3, 4))  # no node is on this bus
         yield printed
 
 

@@ -13,7 +13,7 @@ from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
 from armload_drivers.cia402.eds_parser import parse_description
 from armload_drivers.driver_errors import DescriptionError, DriverError
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
-from armload_drivers.simulation.drives.eds_objects import describe, pdo_count
+from armload_drivers.simulation.drives.eds_objects import adopt_description, pdo_count
 from armload_drivers.simulation.drives.sdo_server import Dictionary
 from tests.drive_descriptions import eds, maker_drive
 
@@ -135,7 +135,7 @@ def described_dictionary(known=(), **options):
     dictionary = Dictionary()
     for entry, value in known:
         dictionary.add(entry, value)
-    describe(dictionary, parse_description(eds(maker_drive(**options)).encode(), "maker.eds"), NODE)
+    adopt_description(dictionary, parse_description(eds(maker_drive(**options)).encode(), "maker.eds"), NODE)
     return dictionary
 
 
@@ -215,7 +215,7 @@ def test_limits_that_the_drive_already_has_are_narrowed_and_senseless_ones_set_n
     dictionary.add(*known[0])
     dictionary.allowed[od.QUICK_STOP_OPTION.key] = {0, 2, 6, 7}
     changes = {"605A": {"LowLimit": "1", "HighLimit": "6"}, "6085": {"LowLimit": "9", "HighLimit": "9"}}
-    describe(dictionary, parse_description(eds(maker_drive(changes=changes)).encode(), "maker.eds"), NODE)
+    adopt_description(dictionary, parse_description(eds(maker_drive(changes=changes)).encode(), "maker.eds"), NODE)
     assert dictionary.allowed[od.QUICK_STOP_OPTION.key] == {2, 6}
     assert od.QUICK_STOP_DECELERATION.key not in dictionary.allowed
 

@@ -20,7 +20,7 @@ from mcap.writer import CompressionType, Writer
 
 from armload_identification.identification_errors import IdentificationError, RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_format import RUN_ATTACHMENT, SCHEMA_NAME, TOPIC
@@ -66,7 +66,7 @@ def whole(request, tmp_path_factory):
 def read_or_refuse(path):
     """The rows that were read; None if the file was rejected in one sentence."""
     try:
-        recording = read_recording(path)
+        recording = read_recording_file(path)
         recording.source.run()
     except IdentificationError as error:
         text = str(error)
@@ -163,7 +163,7 @@ def test_chunks_that_are_no_chunks_take_no_memory(tmp_path, compression, data, s
     path.write_bytes(mcap_of((6, chunk_of(compression, bomb(data) if isinstance(data, str) else data, size))))
     tracemalloc.start()
     with pytest.raises(RecordingError, match=r"bomb\.mcap: damaged, .*Copy the file again"):
-        read_recording(path)
+        read_recording_file(path)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 20e6
@@ -194,7 +194,7 @@ def test_what_is_wrong_is_said(tmp_path, content, said):
     path = tmp_path / "bad.mcap"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match=said):
-        read_recording(path)
+        read_recording_file(path)
 
 
 def test_messages_with_many_joints_take_no_memory(tmp_path):
@@ -207,7 +207,7 @@ def test_messages_with_many_joints_take_no_memory(tmp_path):
         path.write_bytes(mcap_of(channel_record(TOPIC.encode()), record))
         tracemalloc.start()
         with pytest.raises(RecordingError, match=said):
-            read_recording(path)
+            read_recording_file(path)
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
         assert peak < 50e6
@@ -217,7 +217,7 @@ def test_messages_with_many_joints_take_no_memory(tmp_path):
 def test_a_run_that_is_described_by_nonsense_is_refused(tmp_path, run):
     path = tmp_path / "a.mcap"
     write_mcap(path, CompressionType.NONE, attachments=[(RUN_ATTACHMENT, run.encode("latin-1"))])
-    recording = read_recording(path)
+    recording = read_recording_file(path)
     assert recording.joint_names == ()
     with pytest.raises(RecordingError, match=r"run\.json is damaged"):
         recording.source.run()
@@ -237,22 +237,22 @@ def timed_csv(path, unit_s, interval_s=0.002, velocity=False):
 def test_times_in_another_unit_are_recognised(tmp_path, unit_s, name, interval_s):
     path = tmp_path / "log.csv"
     with pytest.raises(RecordingError, match=f"expected seconds.* They look like {name}"):
-        read_recording(path, timed_csv(path, unit_s, interval_s))
+        read_recording_file(path, timed_csv(path, unit_s, interval_s))
 
 
 @pytest.mark.parametrize(("unit_s", "name"), [(1e-3, "milliseconds"), (1e-6, "microseconds")])
 def test_velocities_show_the_unit_of_a_fast_log(tmp_path, unit_s, name):
     path = tmp_path / "log.csv"
     with pytest.raises(RecordingError, match=f"time stamps look like {name}"):
-        read_recording(path, timed_csv(path, unit_s, 0.3 * unit_s, velocity=True))
+        read_recording_file(path, timed_csv(path, unit_s, 0.3 * unit_s, velocity=True))
 
 
 def test_joints_that_creep_show_the_milliseconds_of_a_fast_log(tmp_path):
     """3.3 kHz: in ms, an interval that could be that of a slow log in s."""
     path = tmp_path / "log.csv"
     with pytest.raises(RecordingError, match=r"log.csv: .* is 0.3, .* 0.001 rad/s. The time stamps look like milli"):
-        read_recording(path, timed_csv(path, 1e-3, 3e-4))
-    assert read_recording(path, timed_csv(path, 1.0, 0.3)).size == 400
+        read_recording_file(path, timed_csv(path, 1e-3, 3e-4))
+    assert read_recording_file(path, timed_csv(path, 1.0, 0.3)).size == 400
 
 
 def test_a_log_with_hardly_any_rows_in_its_time_asks_for_no_memory():
@@ -275,4 +275,4 @@ def test_any_table_is_read_or_refused(tmp_path_factory, text):
     path = tmp_path_factory.mktemp("csv") / "a.csv"
     path.write_text(text)
     with contextlib.suppress(RecordingError):
-        read_recording(path, ReadingOptions(CsvColumns(0, [1], torque=[2])))
+        read_recording_file(path, ReadingOptions(CsvColumns(0, [1], torque=[2])))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from tests.three_joints import NAMES, POSITION, TIME, TORQUE, assert_read
 
 
@@ -14,9 +14,9 @@ from tests.three_joints import NAMES, POSITION, TIME, TORQUE, assert_read
 def test_an_archive_of_arrays(tmp_path, save):
     path = tmp_path / "run.npz"
     save(path, time_s=TIME, position_rad=POSITION, torque_nm=TORQUE, joint_names=NAMES, other=np.zeros(3))
-    assert_read(read_recording(path), NAMES)
+    assert_read(read_recording_file(path), NAMES)
     save(path, t=TIME.astype(np.float32), q=POSITION.astype(np.float32), tau=TORQUE)
-    assert_read(read_recording(path))
+    assert_read(read_recording_file(path))
 
 
 @pytest.mark.parametrize(
@@ -35,14 +35,14 @@ def test_arrays_that_are_no_recording_are_refused(tmp_path, arrays, said):
     path = tmp_path / "run.npz"
     np.savez(path, **arrays)
     with pytest.raises(RecordingError, match=said):
-        read_recording(path)
+        read_recording_file(path)
 
 
 def test_objects_are_not_unpickled_and_damage_is_named(tmp_path):
     path = tmp_path / "run.npz"
     np.savez(path, time_s=np.array([{"a": 1}], dtype=object), position_rad=POSITION)
     with pytest.raises(RecordingError, match=r"run\.npz: damaged, "):
-        read_recording(path)
+        read_recording_file(path)
     np.savez_compressed(path, time_s=TIME, position_rad=POSITION, torque_nm=TORQUE)
     whole = path.read_bytes()
     for place in range(0, len(whole), 61):
@@ -50,11 +50,11 @@ def test_objects_are_not_unpickled_and_damage_is_named(tmp_path):
         damaged[place] ^= 0x41
         path.write_bytes(damaged)
         try:
-            assert_read(read_recording(path))
+            assert_read(read_recording_file(path))
         except RecordingError as error:
             assert "run.npz" in str(error)  # noqa: PT017
         except AssertionError:
             pass
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(RecordingError, match="damaged, "):
-        read_recording(path)
+        read_recording_file(path)

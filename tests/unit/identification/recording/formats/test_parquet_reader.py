@@ -12,7 +12,7 @@ import pytest
 
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.formats.parquet_reader import ParquetReader, _numbered, _numbers
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import ReadingOptions
@@ -30,13 +30,13 @@ def columns(position="q{}", torque="tau{}"):
 def test_a_parquet_table_with_a_column_for_each_joint(tmp_path):
     path = tmp_path / "run.parquet"
     pq.write_table(pa.table(columns()), path)
-    assert_read(read_recording(path))
-    assert_read(read_recording(path, ReadingOptions(CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau3"]))))
+    assert_read(read_recording_file(path))
+    assert_read(read_recording_file(path, ReadingOptions(CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau3"]))))
     with pytest.raises(RecordingError, match="no column 'tau9' for torque_nm; there are t, q1"):
-        read_recording(path, ReadingOptions(CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau9"])))
+        read_recording_file(path, ReadingOptions(CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau9"])))
     pq.write_table(pa.table({"a": TIME}), path)
     with pytest.raises(RecordingError, match="no time column"):
-        read_recording(path)
+        read_recording_file(path)
 
 
 @pytest.mark.parametrize("unit", ["ms", "us", "ns"])
@@ -46,11 +46,11 @@ def test_times_of_a_parquet_table_may_be_dates_and_durations(tmp_path, kind, uni
     ticks = np.round(TIME * {"ms": 1e3, "us": 1e6, "ns": 1e9}[unit]).astype(np.int64)
     path, since_1970 = tmp_path / "run.parquet", 1_700_000_000 * {"ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
     pq.write_table(pa.table({**columns(), "t": pa.array(ticks).cast(kind(unit))}), path)
-    assert_read(read_recording(path))
+    assert_read(read_recording_file(path))
     found = columns()
     del found["t"]
     pq.write_table(pa.table({**found, "__index_level_0__": pa.array(ticks + since_1970).cast(kind(unit))}), path)
-    np.testing.assert_allclose(np.diff(read_recording(path).time_s), np.diff(TIME), atol=1e-6)
+    np.testing.assert_allclose(np.diff(read_recording_file(path).time_s), np.diff(TIME), atol=1e-6)
 
 
 def lerobot(folder, episodes=1, names=tuple(f"{name}.pos" for name in NAMES), position=POSITION):
@@ -73,10 +73,10 @@ def lerobot(folder, episodes=1, names=tuple(f"{name}.pos" for name in NAMES), po
 
 
 def test_a_lerobot_data_set(tmp_path):
-    assert_read(read_recording(lerobot(tmp_path / "set")), NAMES)
+    assert_read(read_recording_file(lerobot(tmp_path / "set")), NAMES)
     (tmp_path / "set" / "meta" / "info.json").write_text("[" * 100_000)
     with pytest.raises(RecordingError, match=r"info\.json: cannot be read"):
-        read_recording(tmp_path / "set")
+        read_recording_file(tmp_path / "set")
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_a_lerobot_data_set(tmp_path):
     ],
 )
 def test_joints_are_named_as_far_as_the_description_names_them(tmp_path, names, found):
-    assert read_recording(lerobot(tmp_path / "set", names=names)).joint_names == found
+    assert read_recording_file(lerobot(tmp_path / "set", names=names)).joint_names == found
 
 
 @pytest.mark.parametrize("emptied", ["info.json", "file-000.parquet"])
@@ -180,28 +180,28 @@ def test_of_a_data_set_of_several_episodes_one_is_chosen(tmp_path):
     """Each episode is a separate recording with its own rows, name and hash."""
     folder = lerobot(tmp_path / "three", episodes=3)
     with pytest.raises(RecordingError, match=r"3 episodes \(0 to 2\).*`episode=`, such as 3"):
-        read_recording(folder)
+        read_recording_file(folder)
     with pytest.raises(RecordingError, match=r"no episode 3, there are 0 to 2\. Correct `episode=`"):
-        read_recording(folder, ReadingOptions(episode=3))
-    parts = [read_recording(folder, ReadingOptions(episode=number)) for number in range(3)]
+        read_recording_file(folder, ReadingOptions(episode=3))
+    parts = [read_recording_file(folder, ReadingOptions(episode=number)) for number in range(3)]
     np.testing.assert_array_equal(np.vstack([part.position_rad for part in parts]), POSITION)
     assert [part.source.path for part in parts] == [tmp_path / f"three episode {number}" for number in range(3)]
     assert len({part.source.sha256 for part in parts}) == 3
     one = lerobot(tmp_path / "one")
-    assert_read(read_recording(one, ReadingOptions(episode=0)), NAMES)
+    assert_read(read_recording_file(one, ReadingOptions(episode=0)), NAMES)
     with pytest.raises(RecordingError, match=r"no episode 1, there are 0 to 0"):
-        read_recording(one, ReadingOptions(episode=1))
+        read_recording_file(one, ReadingOptions(episode=1))
 
 
 def test_a_file_without_episodes_has_none_to_choose(tmp_path):
     path = tmp_path / "run.parquet"
     pq.write_table(pa.table(columns()), path)
     with pytest.raises(RecordingError, match=r"no episode 0, no column episode_index"):
-        read_recording(path, ReadingOptions(episode=0))
+        read_recording_file(path, ReadingOptions(episode=0))
     log = tmp_path / "run.csv"
     log.write_text("t,q1\n0,0\n")
     with pytest.raises(RecordingError, match=r"run\.csv: has no episodes.*Omit `episode=`"):
-        read_recording(log, ReadingOptions(episode=0))
+        read_recording_file(log, ReadingOptions(episode=0))
 
 
 def test_damaged_tables_are_named(tmp_path):
@@ -211,11 +211,11 @@ def test_damaged_tables_are_named(tmp_path):
     for damaged in (whole[:500], whole[:200] + b"\xff" * 300 + whole[500:], whole[:-30] + b"\xff" * 30):
         path.write_bytes(damaged)
         with pytest.raises(RecordingError, match=r"run\.parquet: damaged, "):
-            read_recording(path)
+            read_recording_file(path)
     uneven = pa.table({"t": TIME, "position": pa.array([[1.0] * (1 + k % 2) for k in range(TIME.size)])})
     pq.write_table(uneven, path)
     with pytest.raises(RecordingError, match="damaged, "):
-        read_recording(path)
+        read_recording_file(path)
 
 
 @pytest.mark.parametrize(

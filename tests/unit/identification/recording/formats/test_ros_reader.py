@@ -16,7 +16,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from armload_identification.identification_errors import ExtraMissing, RecordingError
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.formats.ros_reader import _DEFINITIONS, RosReader, _bag_of
 from armload_identification.recording.read_boundary import MOST_BYTES
 from armload_identification.recording.reader import ReadingAccount
@@ -104,10 +104,10 @@ def assert_read(recording, names=tuple(NAMES)):
 def test_messages_that_are_alike_are_read_at_once_with_the_same_numbers(bag, state):
     """One message of another frame, or of another order, is enough for all around it to be read singly."""
     names = [NAMES[1], NAMES[2], NAMES[0]]
-    alike = read_recording(bag(states(state, names=names), name="alike"), ReadingOptions(joint_names=NAMES))
+    alike = read_recording_file(bag(states(state, names=names), name="alike"), ReadingOptions(joint_names=NAMES))
     others = states(state, names=names)
     others[7][3].header.frame_id, others[9] = "base", states(state)[9]
-    singly = read_recording(bag(others, name="singly"), ReadingOptions(joint_names=NAMES))
+    singly = read_recording_file(bag(others, name="singly"), ReadingOptions(joint_names=NAMES))
     assert_read(alike)
     for name in ("time_s", "position_rad", "velocity_rad_s", "torque_nm"):
         np.testing.assert_array_equal(getattr(alike, name), getattr(singly, name))
@@ -117,16 +117,16 @@ def test_messages_that_are_alike_are_read_at_once_with_the_same_numbers(bag, sta
 @pytest.mark.parametrize("compression", [None, CompressionMode.FILE, CompressionMode.MESSAGE], ids=str)
 def test_every_storage_gives_the_same(bag, state, plugin, compression):
     path = bag(states(state), plugin, compression)
-    recording = read_recording(path)
+    recording = read_recording_file(path)
     assert_read(recording)
     np.testing.assert_array_equal(recording.velocity_rad_s, VELOCITY)
     assert recording.source.kind == "ros2"
     assert len(recording.source.sha256) == 64
     if compression is None:
         (file,) = [file for file in path.iterdir() if file.suffix in {".db3", ".mcap"}]
-        assert_read(read_recording(file))
+        assert_read(read_recording_file(file))
         (path / "metadata.yaml").unlink()
-        assert_read(read_recording(path))
+        assert_read(read_recording_file(path))
 
 
 def bomb(compress):
@@ -185,7 +185,7 @@ def test_what_unpacks_to_more_than_the_budget_is_refused_before(bag, state, tmp_
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
     tracemalloc.start()
     with pytest.raises(RecordingError, match=f"{path.name}: damaged, a compressed part has more than {MOST_BYTES}"):
-        read_recording(path)
+        read_recording_file(path)
     assert tracemalloc.get_traced_memory()[1] < 20e6
     tracemalloc.stop()
     assert not list((tmp_path / "temporary").iterdir())
@@ -198,7 +198,7 @@ def test_a_message_that_is_larger_than_the_budget_is_refused(bag, state):
         database.execute("UPDATE messages SET data = zeroblob(?) WHERE id = 50", (MOST_BYTES + 1,))
         database.commit()
     with pytest.raises(RecordingError, match=f"a message of {MOST_BYTES + 1} bytes, at most"):
-        read_recording(path)
+        read_recording_file(path)
 
 
 def test_the_order_of_the_joints_may_change_from_message_to_message(bag, state):
@@ -208,9 +208,10 @@ def test_the_order_of_the_joints_may_change_from_message_to_message(bag, state):
         for row, (topic, kind, when, _) in list(enumerate(messages))[1::2]
     ]
     path = bag(messages)
-    assert_read(read_recording(path))
+    assert_read(read_recording_file(path))
     assert_read(
-        read_recording(path, ReadingOptions(joint_names=["elbow", "wrist", "shoulder"])), ("elbow", "wrist", "shoulder")
+        read_recording_file(path, ReadingOptions(joint_names=["elbow", "wrist", "shoulder"])),
+        ("elbow", "wrist", "shoulder"),
     )
 
 
@@ -223,7 +224,7 @@ def test_of_two_publishers_on_one_topic_the_arm_is_read(bag, state, store, heade
         for row in range(ROWS)
     ]  # fmt: skip
     both = sorted([*states(state), *gripper], key=lambda message: message[2])
-    recording = read_recording(bag(both))
+    recording = read_recording_file(bag(both))
     assert_read(recording)
     assert recording.source.rows_read == ROWS
 
@@ -236,8 +237,8 @@ def test_the_joints_that_are_wanted_decide_between_two_arms(bag, state, store, h
         for row in range(ROWS)
     ]  # fmt: skip
     path = bag([*states(state), *other])
-    assert_read(read_recording(path, ReadingOptions(joint_names=NAMES)))
-    assert read_recording(path).joint_names == ("a", "b", "c", "d")
+    assert_read(read_recording_file(path, ReadingOptions(joint_names=NAMES)))
+    assert read_recording_file(path).joint_names == ("a", "b", "c", "d")
 
 
 @pytest.mark.parametrize(
@@ -259,24 +260,24 @@ def test_header_stamps_count_where_they_make_sense(bag, state, stamp, by_header)
     ]
     stamps = [stamp(row) if by_header else when for row, (_, _, when, _) in enumerate(messages)]
     elapsed = (np.array(stamps) - stamps[0]) * 1e-9
-    recording = read_recording(bag(messages))
+    recording = read_recording_file(bag(messages))
     np.testing.assert_allclose(recording.time_s - recording.time_s[0], elapsed, atol=1e-6)
 
 
 def test_an_effort_may_be_a_current(bag, state):
-    recording = read_recording(bag(states(state)), ReadingOptions(effort=Effort.CURRENT))
+    recording = read_recording_file(bag(states(state)), ReadingOptions(effort=Effort.CURRENT))
     np.testing.assert_array_equal(recording.current_a, EFFORT)
     assert recording.torque_nm is None
 
 
 def test_messages_without_velocity_or_effort(bag, state):
-    assert read_recording(bag(states(state, velocity=False))).velocity_rad_s is None
+    assert read_recording_file(bag(states(state, velocity=False))).velocity_rad_s is None
     messages = states(state)
     messages[7] = (*messages[7][:3], state(7, effort=False))
-    recording = read_recording(bag(messages, name="one"))
+    recording = read_recording_file(bag(messages, name="one"))
     assert recording.source.reasons == {"not finite": 1}
     with pytest.raises(RecordingError, match="neither motor current nor joint torque"):
-        read_recording(bag(states(state, effort=False), name="none"))
+        read_recording_file(bag(states(state, effort=False), name="none"))
 
 
 @pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP], ids=str)
@@ -320,47 +321,47 @@ def test_messages_of_ros2_control(bag, store, header, plugin):
         ),
     ):
         messages = [("/state", name, START_NS + STEP_NS * row, message(row)) for row in range(ROWS)]
-        assert_read(read_recording(bag(messages, plugin, name=name.split("/")[-1])))
+        assert_read(read_recording_file(bag(messages, plugin, name=name.split("/")[-1])))
 
 
 def test_bags_that_cannot_be_read_are_refused_in_a_sentence(bag, state, store, tmp_path):
     text = "std_msgs/msg/String"
     talk = [("/chatter", text, START_NS + k, store.types[text]("hello")) for k in range(5)]
     with pytest.raises(RecordingError, match="no joint positions; it has std_msgs/msg/String"):
-        read_recording(bag(talk, name="talk"))
+        read_recording_file(bag(talk, name="talk"))
     path = bag(states(state), StoragePlugin.SQLITE3)
     (file,) = path.glob("*.db3")
     whole = file.read_bytes()
     for damaged in (whole[:5000], whole[:100] + b"\xff" * 3000 + whole[3100:]):
         file.write_bytes(damaged)
         with pytest.raises(RecordingError, match=r"damaged, |no joint positions|usable rows"):
-            read_recording(path)
+            read_recording_file(path)
     (path / "metadata.yaml").write_text("nonsense: [")
     with pytest.raises(RecordingError, match=r"damaged, .*Copy"):
-        read_recording(path)
+        read_recording_file(path)
     sqlite3.connect(tmp_path / "no.db3").execute("create table a (b)").connection.close()
     with pytest.raises(RecordingError, match=r"no\.db3: damaged, "):
-        read_recording(tmp_path / "no.db3")
+        read_recording_file(tmp_path / "no.db3")
     (tmp_path / "two").mkdir()
     for name in ("a.db3", "b.db3"):
         (tmp_path / "two" / name).write_bytes(whole)
     with pytest.raises(RecordingError, match=r"no metadata.yaml and 2 storage files"):
-        read_recording(tmp_path / "two")
+        read_recording_file(tmp_path / "two")
     (tmp_path / "empty").mkdir()
     with pytest.raises(RecordingError, match=r"a folder of unknown format.*ROS bag"):
-        read_recording(tmp_path / "empty")
+        read_recording_file(tmp_path / "empty")
 
 
 def test_without_the_library_its_command_is_named(bag, state, monkeypatch):
     path = bag(states(state))
     monkeypatch.setitem(sys.modules, "rosbags", None)
     with pytest.raises(ExtraMissing, match=r"needs rosbags, which a plain installation .*pip install 'armload\[ros\]'"):
-        read_recording(path)
+        read_recording_file(path)
 
 
 def test_a_real_bag(shared_data):
     path = shared_data / "ros2" / "panda_exciting"
-    recording = read_recording(path)
+    recording = read_recording_file(path)
     assert recording.joint_names == tuple(f"fer_joint{k}" for k in range(1, 8))
     assert recording.size == 727
     assert recording.time_s[-1] - recording.time_s[0] == pytest.approx(24.2, abs=0.1)
@@ -381,7 +382,7 @@ def test_a_bag_of_ros_1(tmp_path):
             values = (POSITION[k, ::-1], VELOCITY[k, ::-1], EFFORT[k, ::-1])
             message = types[STATE](types["std_msgs/msg/Header"](k, stamp, ""), names, *(np.array(v) for v in values))
             writer.write(connection, stamp_ns, old.serialize_ros1(message, STATE))
-    recording = read_recording(path, ReadingOptions(joint_names=NAMES)).named_joints(NAMES)
+    recording = read_recording_file(path, ReadingOptions(joint_names=NAMES)).named_joints(NAMES)
     np.testing.assert_allclose(recording.position_rad, POSITION)
     np.testing.assert_allclose(recording.torque_nm, EFFORT)
     assert recording.joint_names == tuple(NAMES)

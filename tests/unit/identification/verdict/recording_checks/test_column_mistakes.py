@@ -13,7 +13,7 @@ from armload_identification.estimation.payload_problem import pair_problem
 from armload_identification.estimation.solve import solve
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.joint_states import JointStates
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.recorded_run import Run
 from armload_identification.verdict.recording_checks.column_mistakes import (
@@ -137,7 +137,7 @@ def test_good_runs_are_not_searched(signal, pair, pinocchio_arm):
 def test_the_file_of_a_flipped_sign_is_named(pair, pinocchio_arm, spoilt, said):
     runs = [flipped(run, [2]) if spoil else run for run, spoil in zip(pair, spoilt, strict=True)]
     with pytest.raises(RecordingError, match=said):
-        identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+        identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
 def test_a_sign_that_only_the_payload_reveals_is_found(signal, pinocchio_arm):
@@ -160,7 +160,7 @@ def test_a_sign_that_only_the_payload_reveals_is_found(signal, pinocchio_arm):
 def test_a_gain_beyond_all_plausible_ones_is_an_error_and_no_percentage(pair, pinocchio_arm, joint, factor):
     runs = [scaled(run, [joint], factor) for run in pair]
     with pytest.raises(EstimationError, match=rf"joint {joint + 1} contradicts .*factor of 3: the sign .* gear ratio"):
-        identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+        identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
 @pytest.mark.long
@@ -169,9 +169,9 @@ def test_a_gain_wrong_by_orders_of_magnitude_is_refused_or_named_beside_the_righ
     small = [scaled(run, [4], 1e-3) for run in pair]
     said = "joint 5 contradicts|or another joint reports a small part of its torque"
     with pytest.raises(EstimationError, match=said):
-        identify(*small, pinocchio_arm.chain, pinocchio_arm.transmission)
+        identify_runs(*small, pinocchio_arm.chain, pinocchio_arm.transmission)
     great = [scaled(run, [1], 1e3) for run in pair]
-    found = identify(*great, pinocchio_arm.chain, pinocchio_arm.transmission)
+    found = identify_runs(*great, pinocchio_arm.chain, pinocchio_arm.transmission)
     low, high = found.uncertainty.interval_95[:4].T
     true = np.array([pinocchio_arm.payload.mass_kg, *pinocchio_arm.payload.center_of_mass_m])
     assert (low < true).all()
@@ -185,7 +185,7 @@ def test_a_share_of_a_reported_torque_is_fitted_as_a_gain_and_named(pair, pinocc
     share = np.where(np.arange(6) == joint, factor, 1.0)
     torque = [pinocchio_arm.transmission.joint_torque(run.current_a) for run in pair]
     runs = [replace(run, current_a=None, torque_nm=share * nm) for run, nm in zip(pair, torque, strict=True)]
-    found = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+    found = identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
     assert found.uncertainty.determined[0]
     assert np.flatnonzero(found.gains.contradicted).tolist() == ([] if factor == 1.0 else [joint])
 

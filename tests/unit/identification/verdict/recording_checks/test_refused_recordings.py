@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from armload_identification.identification_errors import EstimationError, RecordingError
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from armload_identification.pipeline.recording_survey import pair_mismatch
 from armload_identification.recording.csv_columns import CsvColumns
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.file_reading import read_recording_file
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.reduction.repeated_values import repeated_values
 from armload_identification.verdict.recording_checks.usable_runs import usable_runs
@@ -42,8 +42,8 @@ def outcome(pinocchio_arm, tmp_path):
         for name, table in (("loaded", loaded), ("unloaded", unloaded)):
             path = tmp_path / f"{name}.csv"
             np.savetxt(path, table, delimiter=",", fmt="%.9g")
-            runs.append(read_recording(path, COLUMNS))
-        return identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+            runs.append(read_recording_file(path, COLUMNS))
+        return identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
 
     return outcome
 
@@ -202,7 +202,7 @@ def test_runs_of_different_trajectories_are_refused(tables, outcome, pinocchio_a
 def test_one_period_only_is_used_and_reported(pinocchio_arm):
     trajectory = pinocchio_arm.trajectory()
     pair = [pinocchio_arm.run(trajectory, load, seed=35 + load, periods=1) for load in (True, False)]
-    result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    result = identify_runs(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
     assert any("contains only one period" in note for note in result.notes)
     assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
 
@@ -213,7 +213,7 @@ def test_a_motion_too_slow_and_small_says_so(pinocchio_arm):
     small = replace(full, sin_rad=0.02 * full.sin_rad, cos_rad=0.02 * full.cos_rad)
     pair = [pinocchio_arm.run(small, load, seed=37 + load, noise=10.0) for load in (True, False)]
     try:
-        result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+        result = identify_runs(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
     except EstimationError as error:
         assert "payload" in str(error)  # noqa: PT017
         return
@@ -224,7 +224,7 @@ def test_a_motion_too_slow_and_small_says_so(pinocchio_arm):
 def test_an_empty_file_is_named(tmp_path):
     (tmp_path / "empty.csv").write_text("\n")
     with pytest.raises(RecordingError, match="the file is empty"):
-        read_recording(tmp_path / "empty.csv", COLUMNS)
+        read_recording_file(tmp_path / "empty.csv", COLUMNS)
 
 
 def test_friction_is_asked_of_all_joints_together(pinocchio_arm):
@@ -251,7 +251,7 @@ def test_a_run_that_was_cut_short_is_used_as_far_as_it_goes(pinocchio_arm, cut_r
     runs = [pinocchio_arm.run(trajectory, load, seed=61 + load, periods=2) for load in (True, False)]
     short = runs[cut_run].rows(slice(0, 700))
     runs[cut_run] = replace(short, source=replace(short.source, truncated=True))
-    result = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+    result = identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
     assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.02)
     for rows, said in (
         (60, "share 0.59 s of their excitation, because .* ends there: the file is truncated"),
@@ -262,7 +262,7 @@ def test_a_run_that_was_cut_short_is_used_as_far_as_it_goes(pinocchio_arm, cut_r
         )
         runs[cut_run].phase_s[rows:] = np.nan
         with pytest.raises(RecordingError, match=said):
-            identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+            identify_runs(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
 
 
 def test_what_only_one_run_did_before_and_after_is_left_out(outcome, pinocchio_arm):
