@@ -60,8 +60,19 @@ def refuse_other_mounting(shares: ResidualShares, chain: Chain, coupling: FloatA
         found[how] = float(shares(hung, lambda run: run).mean())
     best = min(found, key=lambda how: found[how])
     if found[best] >= np.log(OtherMounting.little) and as_configured.max() > np.log(OtherMounting.much):
-        most = min(entered - OtherMounting.better, found[best])
-        _refuse_turned_joint(partial(shares, chain), coupling, moves, entered, most)
+        turned = _turned_joints(partial(shares, chain), coupling, moves)
+        joint, what = min(turned, key=lambda which: turned[which])
+        if turned[joint, what] < min(entered - OtherMounting.better, found[best]):
+            remedy = (
+                "Invert its axis in the robot's configuration"
+                if what == _WHOLE
+                else "Set the drive's polarity (607E) so that position and effort have the same direction"
+            )
+            raise EstimationError(
+                f"joint {joint + 1} is inverted relative to its configuration: the residual of the runs is "
+                f"{np.exp(entered - turned[joint, what]):.1f} times smaller with its {what} inverted. {remedy}; the "
+                "polarity of a drive that armload only listens to cannot be read."
+            )
     if found[best] < entered - OtherMounting.better:
         raise EstimationError(
             f"the arm is not mounted as in its configuration: the residual is {np.exp(entered - found[best]):.1f} "
@@ -69,38 +80,14 @@ def refuse_other_mounting(shares: ResidualShares, chain: Chain, coupling: FloatA
         )
 
 
-def _refuse_turned_joint(
-    shares: Callable[[Turn], FloatArray],
-    coupling: FloatArray,
-    moves: NDArray[np.bool_],
-    entered: float,
-    most: float,
-) -> None:
-    """Raise if the residual is smaller with one joint inverted.
-
-    Args:
-        shares: Fits the runs of the arm as configured.
-        coupling: (n, n) C of its motors.
-        moves: (n,) False for joints that stand in all runs.
-        entered: Mean logarithm of the residual shares of the runs as they are.
-        most: Greatest mean with which an inverted joint is accepted.
-    """
+def _turned_joints(
+    shares: Callable[[Turn], FloatArray], coupling: FloatArray, moves: NDArray[np.bool_]
+) -> dict[tuple[int, str], float]:
+    """Mean logarithm of the residual shares with each moving axis and what of it inverted."""
     turned = {}
     for axis, (what, (position, effort)) in product(np.flatnonzero(moves).tolist(), _TURNED.items()):
         turn = np.diag(np.where(np.arange(len(coupling)) == axis, -1.0, 1.0))
         by_axis, same = at_axes(turn, coupling), np.eye(len(coupling))
         joints, torques = by_axis.T if position else same, by_axis if effort else same
         turned[axis, what] = float(shares(partial(Motion.turned, joints=joints, torques=torques)).mean())
-    joint, what = min(turned, key=lambda which: turned[which])
-    if turned[joint, what] >= most:
-        return
-    remedy = (
-        "Invert its axis in the robot's configuration"
-        if what == _WHOLE
-        else "Set the drive's polarity (607E) so that position and effort have the same direction"
-    )
-    raise EstimationError(
-        f"joint {joint + 1} is inverted relative to its configuration: the residual of the runs is "
-        f"{np.exp(entered - turned[joint, what]):.1f} times smaller with its {what} inverted. {remedy}; the "
-        "polarity of a drive that armload only listens to cannot be read."
-    )
+    return turned

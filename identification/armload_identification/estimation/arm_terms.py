@@ -50,6 +50,7 @@ WITHIN_HOURS: Final = np.array([0.007, 0.02, 0.0015])
 """The same between runs that follow each other: estimated from the UR10e's runs of February, days apart from each other
 by session; a prior for other arms."""
 _ZERO: Final = 1e-9
+_WIDE: Final = "ten times what alone would explain the torque"
 
 
 def places_of(n: int, base: int) -> dict[str, slice]:
@@ -94,7 +95,6 @@ def arm_terms(runs: Sequence[ArmRows], arm: ArmLayout) -> list[Term]:
     n, level, base = arm.chain.n, effort_level(runs), arm.base
     speed = np.maximum(_rms(runs, "velocity_rad_s"), _ZERO)
     reach, mass = _greatest_body(level, arm.chain)
-    wide = "ten times what alone would explain the torque"
     zero = np.zeros(n)
     # A rotor that cannot be separated from a link is determined, poorly, only by the gear's friction: with a wide prior
     # link and rotor would diverge in opposite directions.
@@ -102,12 +102,12 @@ def arm_terms(runs: Sequence[ArmRows], arm: ArmLayout) -> list[Term]:
     load = np.full(n, Priors.load_friction)
     priors: dict[str, tuple[FloatArray, FloatArray, str]] = {
         GAIN: (zero, np.full(n, Priors.gain), "catalogue values of torque constants"),
-        LINKS: (np.zeros(int(np.count_nonzero(base))), np.tile(_body(mass, reach), n)[base], wide),
+        LINKS: (np.zeros(int(np.count_nonzero(base))), np.tile(_body(mass, reach), n)[base], _WIDE),
         ROTORS: (Priors.rotor * rotors, rotors, "a rotor that alone would explain the torque"),
         LOAD_FRICTION: (load, load, "gears lose 0 to 15 % of their load"),
-        COULOMB: (zero, Priors.wide * level, wide),
-        VISCOUS: (zero, Priors.wide * level / speed, wide),
-        ROOT: (zero, Priors.wide * level / np.sqrt(speed), wide),
+        COULOMB: (zero, Priors.wide * level, _WIDE),
+        VISCOUS: (zero, Priors.wide * level / speed, _WIDE),
+        ROOT: (zero, Priors.wide * level / np.sqrt(speed), _WIDE),
         DELAY: (np.zeros(1), np.array([Priors.delay_s]), "some cycles of a drive"),
         TILT: (np.zeros(2), np.full(2, TILT_DEVIATION_RAD), "a base set up with a spirit level"),
     }
@@ -118,9 +118,7 @@ def arm_terms(runs: Sequence[ArmRows], arm: ArmLayout) -> list[Term]:
 def wide_payload(runs: Sequence[ArmRows], chain: Chain) -> Term:
     """A payload of which nothing is known, of runs on an arm."""
     _, mass = _greatest_body(effort_level(runs), chain)
-    return payload_term(
-        np.zeros(PARAMETERS), _body(mass, Priors.tool_m), "ten times what alone would explain the torque"
-    )
+    return payload_term(np.zeros(PARAMETERS), _body(mass, Priors.tool_m), _WIDE)
 
 
 def friction_change(

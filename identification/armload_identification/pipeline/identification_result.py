@@ -120,6 +120,8 @@ def completed(
     value = used.value if gains is None else used.value * np.exp(gains.log_gain)
     slope = derived(parameters)[1][:4]
     velocity = signal.unloaded.states.velocity_rad_s
+    state = plain.posterior.groups[0]
+    row = np.minimum(np.searchsorted(state.group.time_s, signal.time_s), state.struck.size - 1)
     return Identification(
         plain=plain,
         gains=gains,
@@ -130,7 +132,7 @@ def completed(
         friction_nm=friction_nm,
         predicted_nm=predicted_nm,
         residual_nm=signal.torque_nm - payload_nm - friction_nm,
-        struck=_struck(plain, signal),
+        struck=state.struck[row],
         residual_rms_nm=signal.raw_residual_rms(predicted_nm),
         arm_friction=ArmFriction.of(plain.body(plain.runs - 1), velocity),
         sources=tuple(run.recording.source for run in runs),
@@ -165,10 +167,3 @@ def added_friction(plain: PayloadEstimate, signal: LoadSignal) -> FloatArray:
     of_load = body.added_friction(body.link_torque(chain, *signal.states), payload_nm, velocity)
     coulomb, viscous, offset = plain.friction(0) - plain.friction(plain.runs - 1)
     return np.asarray(of_load + direction * coulomb + velocity * viscous + offset)
-
-
-def _struck(plain: PayloadEstimate, signal: LoadSignal) -> NDArray[np.bool_]:
-    """(K,) True for samples whose row was excluded as a blow."""
-    state = plain.posterior.groups[0]
-    row = np.searchsorted(state.group.time_s, signal.time_s)
-    return np.asarray(state.struck[np.minimum(row, state.struck.size - 1)])

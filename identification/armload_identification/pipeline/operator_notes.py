@@ -261,7 +261,7 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> Iterator[str]:
         )
 
 
-def misfit_notes(found: Identification) -> list[str]:
+def misfit_notes(found: Identification) -> Iterator[str]:
     """Joints whose torque difference is not explained by a payload, or all of them together."""
     # At rest and at reversals static friction can take any value.
     signal, noise_nm = found.signal, found.plain.noise_nm
@@ -270,18 +270,18 @@ def misfit_notes(found: Identification) -> list[str]:
     measured = np.mean((torque / noise_nm) ** 2)
     misfit = np.mean((left / noise_nm) ** 2)
     if misfit > PayloadFit.poor_share * measured:
-        return [
+        yield (
             f"A payload explains only {100.0 * (1.0 - misfit / measured):.0f} % of the torque difference: it is very "
             "light, or columns, joint order or configuration do not belong to this arm."
-        ]
+        )
+        return
     size, rest = np.sqrt(np.mean(torque**2, axis=0)), np.sqrt(np.mean(left**2, axis=0))
     strange = (size > PayloadFit.loud * signal.averaged_noise_nm) & (rest > PayloadFit.poor_share * size)
-    if not strange.any():
-        return []
-    return [
-        f"A payload does not explain the torque difference of {numbered_joints(strange)}: check the joint order of "
-        "positions and currents, and that the configuration belongs to this arm."
-    ]
+    if strange.any():
+        yield (
+            f"A payload does not explain the torque difference of {numbered_joints(strange)}: check the joint order of "
+            "positions and currents, and that the configuration belongs to this arm."
+        )
 
 
 def change_notes(found: Identification, loaded: Run, unloaded: Run | None = None) -> Iterator[str]:

@@ -123,7 +123,7 @@ def _by_difference(
         if arm is not None:
             plain = plain.doubting(model_doubts(posterior, arm)).doubting(*elastic_torque(posterior, chain, arm.body))
         result = completed(plain, fitted, adjusted, added_nm, gains, loaded, unloaded)
-        if misfit_notes(result):
+        if any(misfit_notes(result)):
             columns.require_right()
         return result.with_notes(*drift.notes(), *notes_on(result, gains, arm, columns.arm if arm is None else None))
 

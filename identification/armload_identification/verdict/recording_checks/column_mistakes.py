@@ -83,37 +83,40 @@ class _Exchange:
     """Which of their columns: positions, currents or torques, or all."""
 
 
+@dataclass(frozen=True, eq=False)
 class RunColumns:
-    """The columns of a pair of runs, on the arm that the unloaded one shows; what they contain is searched once."""
+    """The columns of a pair of runs, on the arm that the unloaded one shows; what they contain is searched once.
 
-    def __init__(
-        self,
-        signal: LoadSignal,
-        runs: tuple[Run, Run],
-        chain: Chain,
-        coupling: FloatArray,
-        known: KnownArm | None,
-    ) -> None:
-        """Take the torque difference of a loaded and an unloaded run; `coupling` is (n, n) C of the motors."""
-        self._signal, self._chain, self._coupling, self._known = signal, chain, coupling, known
-        self._paths = tuple(str(run.recording.source.path) for run in runs)
+    Attributes:
+        signal: The torque difference of the loaded and the unloaded run.
+        runs: Both.
+        chain: The arm.
+        coupling: (n, n) C of its motors.
+        known: The calibrated arm; None if it was not calibrated.
+    """
+
+    signal: LoadSignal
+    runs: tuple[Run, Run]
+    chain: Chain
+    coupling: FloatArray
+    known: KnownArm | None
 
     @cached_property
     def arm(self) -> BodyFit:
         """The arm as the unloaded run shows it."""
-        return fit_body([self._signal.empty_arm], self._chain, self._coupling)
+        return fit_body([self.signal.empty_arm], self.chain, self.coupling)
 
     @property
     def body(self) -> BodyModel:
         """Its body, or the calibration's."""
-        return self.arm.model if self._known is None else self._known.body
+        return self.arm.model if self.known is None else self.known.body
 
     @property
     def look_right(self) -> bool:
         """Whether there is no cause to search for mistakes."""
-        signal = self._signal
+        signal = self.signal
         opposed = signal.unloaded.moves & (_loaded_over_unloaded(signal) < ArmFit.loaded_over_unloaded)
-        if opposed.any() or self._known is not None:
+        if opposed.any() or self.known is not None:
             return not opposed.any()
         return not strange_joints(signal, self.arm, 1.0, ArmFit.driven_share).any()
 
@@ -129,16 +132,17 @@ class RunColumns:
     @cached_property
     def _mistake(self) -> str:
         """What is wrong, and its remedy; empty if nothing is."""
-        both_files = " and ".join(self._paths)
-        runs = self._signal.loaded, self._signal.unloaded
-        found = [set(flipped_signs(run, self._chain, self._coupling)) for run in runs]
+        paths = [str(run.recording.source.path) for run in self.runs]
+        both_files = " and ".join(paths)
+        runs = self.signal.loaded, self.signal.unloaded
+        found = [set(flipped_signs(run, self.chain, self.coupling)) for run in runs]
         both = found[0] & found[1]
         # The sign of one run only, against the other run's evidence, shows in their comparison.
-        opposed = set(map(int, np.flatnonzero(_loaded_over_unloaded(self._signal) < 0.0)))
+        opposed = set(map(int, np.flatnonzero(_loaded_over_unloaded(self.signal) < 0.0)))
         for joints, files in (
             (both, both_files),
-            ((found[0] - both) & opposed, self._paths[0]),
-            ((found[1] - both) & opposed, self._paths[1]),
+            ((found[0] - both) & opposed, paths[0]),
+            ((found[1] - both) & opposed, paths[1]),
         ):
             if joints:
                 names = named_joints([str(joint + 1) for joint in sorted(joints)])
@@ -147,13 +151,13 @@ class RunColumns:
                     f"{files}: {names} {verb} the opposite of the torque that the arm's links and friction require. "
                     f"The sign of {whose} current or torque is flipped: correct it in the configuration or the log."
                 )
-        one, other = (exchanged_columns(run, self._chain, self._coupling) for run in runs)
+        one, other = (exchanged_columns(run, self.chain, self.coupling) for run in runs)
         exchange = one or other
         if exchange is None:
             return ""
         # Both runs are of the same motion, so that positions are exchanged in both or in none.
         only_one = one != other and exchange.what == _TORQUES
-        files = self._paths[0 if one else 1] if only_one else both_files
+        files = paths[0 if one else 1] if only_one else both_files
         names = named_joints([str(joint + 1) for joint in exchange.joints])
         return (
             f"{files}: {exchange.what} of {names} are exchanged: links and friction of the arm explain the "

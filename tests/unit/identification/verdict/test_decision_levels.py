@@ -589,7 +589,7 @@ def explained(left_nm, others_nm=0.1, noise_nm=0.1):
         torque_nm=torque,
         averaged_noise_nm=np.full(3, noise_nm),
     )
-    return misfit_notes(SimpleNamespace(signal=signal, plain=SimpleNamespace(noise_nm=np.ones(3)), residual_nm=left))
+    return [*misfit_notes(SimpleNamespace(signal=signal, plain=SimpleNamespace(noise_nm=np.ones(3)), residual_nm=left))]
 
 
 def test_half_of_the_torque_of_a_loud_joint_or_of_all_is_a_misfit():
@@ -872,7 +872,7 @@ def test_columns_look_right_if_links_and_friction_explain_the_arm_and_both_runs_
 )
 def test_a_sign_of_one_run_must_show_in_the_comparison_of_both(monkeypatch, first, second, slope, said):
     columns = pair_of(slope=slope)
-    signs = {id(columns._signal.loaded): first, id(columns._signal.unloaded): second}
+    signs = {id(columns.signal.loaded): first, id(columns.signal.unloaded): second}
     monkeypatch.setattr(f"{CHECKS}.column_mistakes.flipped_signs", lambda run, *_: signs[id(run)])
     monkeypatch.setattr(f"{CHECKS}.column_mistakes.exchanged_columns", lambda *_: None)
     assert re.match(said, refusal(columns.require_right)) if said else refusal(columns.require_right) == ""
@@ -890,7 +890,7 @@ def test_a_sign_of_one_run_must_show_in_the_comparison_of_both(monkeypatch, firs
 )
 def test_exchanged_positions_are_those_of_both_runs(monkeypatch, first, second, said):
     columns = pair_of()
-    found = {id(columns._signal.loaded): first, id(columns._signal.unloaded): second}
+    found = {id(columns.signal.loaded): first, id(columns.signal.unloaded): second}
     exchange = {key: value and _Exchange(value[1], value[0]) for key, value in found.items()}
     monkeypatch.setattr(f"{CHECKS}.column_mistakes.flipped_signs", lambda *_: ())
     monkeypatch.setattr(f"{CHECKS}.column_mistakes.exchanged_columns", lambda run, *_: exchange[id(run)])
