@@ -273,7 +273,7 @@ class _Calibration:
     def _friction_warnings(self, fit: Posterior) -> Iterator[str]:
         """Runs whose friction differs greatly from that of the others."""
         for index, used in enumerate(self._used):
-            change = np.abs(fit.own_value(FRICTION_CHANGE, index) / fit.change_deviation)
+            change = np.abs(fit.value(FRICTION_CHANGE, (index, 0)) / fit.change_deviation)
             far = change.reshape(CHANGES, -1)[:2].max(axis=0)
             joint = int(np.argmax(far))
             if far[joint] > Calibrating.far:
@@ -336,7 +336,7 @@ class _Calibration:
                     recorded=used.given.recorded or run_start_text(used.given.recording),
                     residual_rms_nm=fit.deviates(index) * fit.noise_nm[0],
                     off=float(np.sqrt(np.mean((fit.deviates(index) * fit.noise_nm[0] / fit.residual_nm[0]) ** 2))),
-                    friction_changes=fit.own_value(FRICTION_CHANGE, index).reshape(CHANGES, n),
+                    friction_changes=fit.value(FRICTION_CHANGE, (index, 0)).reshape(CHANGES, n),
                     influence=np.abs(fit.change_without(index)[gains]) / deviation[gains],
                     rows=len(used.rows.rows.time_s),
                     struck=int(np.count_nonzero(fit.groups[index].struck)),

@@ -141,14 +141,12 @@ class WatchedPayload:
             self._go_back(event.since_s)
             self._estimator.exchange(event.since_s)
             self._replay(event.since_s + SETTLED_S)
-            self._held = None
-        elif event.kind is ForceEventKind.NOTHING:
-            self._held = None
         elif event.kind is ForceEventKind.PUSH:
             self._onset_s = min(self._onset_s, event.since_s - OVER_S)
         elif event.kind is ForceEventKind.OVER:
             self._go_back(self._onset_s)
             self._replay(event.time_s)
+        if event.kind not in (ForceEventKind.ACTING, ForceEventKind.PUSH):
             self._held = None
 
     def _before(self, time_s: float) -> tuple[float, PayloadEstimator] | None:

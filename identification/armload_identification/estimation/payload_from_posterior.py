@@ -280,7 +280,7 @@ class PayloadEstimate:
 
     def friction(self, run: int = 0) -> FloatArray:
         """(3, n) Coulomb, viscous and offset changes of a run."""
-        own = self.posterior.own_value(FRICTION_CHANGE, 0, run)
+        own = self.posterior.value(FRICTION_CHANGE, (0, run))
         if self._session:
             own = own + self.posterior.value(SESSION_FRICTION)
         return own.reshape(3, -1)
@@ -290,7 +290,7 @@ class PayloadEstimate:
         found, n = self.posterior, self.arm.layout.chain.n
         problem, group = found.problem, found.problem.own(0)
         own = np.eye(group.stop - group.start)
-        place = problem.own_place(FRICTION_CHANGE, 0, run)
+        place = problem.place(FRICTION_CHANGE, (0, run))
         own = own[place.start - group.start : place.stop - group.start]
         shared = np.zeros((len(own), problem.shared_size))
         if self._session:

@@ -19,7 +19,7 @@ from armload_identification.estimation.normal_equations import (
     WeightedRows,
     solved,
 )
-from armload_identification.estimation.problem import EMPTY, Problem
+from armload_identification.estimation.problem import EMPTY, Owner, Problem
 from armload_identification.estimation.residual_spectrum import FREEST, ResidualSpectrum
 
 
@@ -54,23 +54,13 @@ class Posterior:
     groups: tuple[GroupState, ...]
     eliminated: tuple[Eliminated, ...]
 
-    def value(self, name: str, mounting: str = EMPTY) -> FloatArray:
-        """Values of a shared term.
+    def value(self, name: str, owner: Owner = EMPTY) -> FloatArray:
+        """Values of a term.
 
         Args:
-            name: Its name.
-            mounting: The mounting it refers to; empty for a term of the arm.
+            owner: What has them: the arm, a mounting, or a run by its group's index and its own.
         """
-        return np.asarray(self.x[self.problem.place(name, mounting)])
-
-    def own_value(self, name: str, group: int = 0, run: int = 0) -> FloatArray:
-        """Values of a run's own term.
-
-        Args:
-            group: Index of the run's group.
-            run: Index of the run in it.
-        """
-        return np.asarray(self.x[self.problem.own_place(name, group, run)])
+        return np.asarray(self.x[self.problem.place(name, owner)])
 
     @property
     def delay_s(self) -> float:

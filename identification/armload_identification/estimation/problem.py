@@ -206,22 +206,13 @@ class Problem:
         """Number of all unknowns."""
         return max((place.stop for place in self._places.values()), default=0)
 
-    def place(self, name: str, mounting: str = EMPTY) -> slice:
-        """Place of a shared term.
+    def place(self, name: str, owner: Owner = EMPTY) -> slice:
+        """Place of a term's values.
 
         Args:
-            mounting: The mounting it refers to; empty for a term of the arm.
+            owner: What has them: the arm, a mounting, or a run by its group's index and its own.
         """
-        return self._places[name, mounting]
-
-    def own_place(self, name: str, group: int = 0, run: int = 0) -> slice:
-        """Place of a run's own term.
-
-        Args:
-            group: Index of the run's group.
-            run: Index of the run in it.
-        """
-        return self._places[name, (group, run)]
+        return self._places[name, owner]
 
     def acting(self, group: int) -> tuple[Placed, ...]:
         """The terms that act on each run of a group.

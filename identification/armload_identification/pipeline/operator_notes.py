@@ -18,10 +18,10 @@ from armload_identification.estimation.payload_from_posterior import PayloadEsti
 from armload_identification.estimation.payload_intervals import NORMAL_HALF_WIDTH
 from armload_identification.model.payload import DETERMINED_SHARE
 from armload_identification.pipeline.identification_result import Identification
-from armload_identification.recording.recording import Recording, RecordingSource
+from armload_identification.recording.recording import RecordingSource
 from armload_identification.signals.joint_torque import Gains
 from armload_identification.signals.load_signal import LoadSignal
-from armload_identification.signals.motion import ABOVE_BAND, Motion
+from armload_identification.signals.motion import ABOVE_BAND
 from armload_identification.signals.recorded_run import Run
 from armload_identification.signals.signal_constants import SamePath, Smoothing
 from armload_identification.verdict.decision_levels import ArmFit, PayloadChangeLevels, PayloadFit, Timing
@@ -301,35 +301,28 @@ def change_notes(found: Identification, loaded: Run, unloaded: Run | None = None
         runs.append(("unloaded", unloaded, signal.unloaded, np.zeros_like(found.plain.theta)))
     for name, run, motion, theta in runs:
         change, push = events_during(run, motion, found.plain.posterior, found.plain.arm, levels.edge_s)
-        if push is not None and push.statistic > max(levels.push, 0.0 if change is None else change.statistic):
-            _, at_s = _times(run.recording, motion, push)
-            force_n = float(np.linalg.norm(push.change))
+        pushed = push is not None and push.statistic > max(levels.push, 0.0 if change is None else change.statistic)
+        event = push if pushed else change
+        if event is None:
+            continue
+        rows = run.recording
+        start_s = 0.0 if rows.source.between_s is None else rows.source.between_s[0]
+        at_s = start_s + motion.began_s - rows.time_s[0] + event.at_s
+        if pushed:
             yield (
                 f"About {at_s:.0f} s after the start of the {name} run's recording, its torque differs for some "
-                f"seconds from that of its other periods, as by a force of {force_n:.0f} N on the flange: a push, a "
-                "cable that catches, or a signal that fails. Mass and centre of mass may lie outside their intervals. "
-                "Record the run again, without contact."
+                f"seconds from that of its other periods, as by a force of {np.linalg.norm(event.change):.0f} N on the "
+                "flange: a push, a cable that catches, or a signal that fails. Mass and centre of mass may lie outside "
+                "their intervals. Record the run again, without contact."
             )
-        elif change is not None and change.statistic > levels.statistic:
-            yield _on_change(name, run.recording, motion, theta, change)
-
-
-def _times(run: Recording, motion: Motion, event: Event) -> tuple[float, float]:
-    """Start of a run, and when something happened, since the start of its recording."""
-    start_s = 0.0 if run.source.between_s is None else run.source.between_s[0]
-    return start_s, start_s + motion.began_s - run.time_s[0] + event.at_s
-
-
-def _on_change(name: str, run: Recording, motion: Motion, theta: FloatArray, found: Event) -> str:
-    """When the payload changed, by how much, and how to identify what was carried before and after that."""
-    start_s, at_s = _times(run, motion, found)
-    end_s = start_s + run.time_s[-1] - run.time_s[0]
-    apart_s = PayloadChangeLevels.apart_s
-    return (
-        f"The payload changed during the {name} run, about {at_s:.0f} s after the start of its recording, "
-        f"{_by_how_much(theta, found)}. The result is a mean over the run. To identify the parts, use "
-        f"`--between {start_s:.0f}s {at_s - apart_s:.0f}s` and `--between {at_s + apart_s:.0f}s {end_s:.0f}s`."
-    )
+        elif event.statistic > levels.statistic:
+            before_s, after_s = at_s - levels.apart_s, at_s + levels.apart_s
+            yield (
+                f"The payload changed during the {name} run, about {at_s:.0f} s after the start of its recording, "
+                f"{_by_how_much(theta, event)}. The result is a mean over the run. To identify the parts, use "
+                f"`--between {start_s:.0f}s {before_s:.0f}s` and "
+                f"`--between {after_s:.0f}s {start_s + rows.time_s[-1] - rows.time_s[0]:.0f}s`."
+            )
 
 
 def _by_how_much(theta: FloatArray, found: Event) -> str:

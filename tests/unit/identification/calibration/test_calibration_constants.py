@@ -463,7 +463,7 @@ def test_a_mass_that_no_joint_can_hold_a_tenth_of_a_metre_away_is_in_grams(effor
 @pytest.mark.parametrize(("deviations", "warned"), [(4.9, False), (5.1, True)])
 def test_friction_five_deviations_off_is_a_cold_gear(deviations, warned):
     change = np.array([0.1, 0.2, 0.1, 0.1 * deviations, 9.0, 9.0])
-    fit = SimpleNamespace(own_value=lambda *_: change, change_deviation=np.full(6, 0.1))
+    fit = SimpleNamespace(value=lambda *_: change, change_deviation=np.full(6, 0.1))
     found = list(_Calibration._friction_warnings(calibrating(used()), fit))
     assert bool(found) is warned
     assert not warned or found[0].startswith("a.mcap: the friction of joint 2 is 5 standard deviations")

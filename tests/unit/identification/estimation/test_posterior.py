@@ -170,8 +170,8 @@ def test_without_a_group_the_others_and_the_priors_remain(found):
 
 def test_values_are_by_name_mounting_and_run(found, pinocchio_arm):
     assert found.value(PAYLOAD, "tool")[0] == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.02)
-    own = found.problem.own_place(FRICTION_CHANGE, 1)
-    np.testing.assert_array_equal(found.own_value(FRICTION_CHANGE, 1), found.x[own])
+    own = found.problem.place(FRICTION_CHANGE, (1, 0))
+    np.testing.assert_array_equal(found.value(FRICTION_CHANGE, (1, 0)), found.x[own])
     assert own.start >= found.problem.own(1).start
     assert found.delay_s == pytest.approx(found.value(DELAY)[0])
 

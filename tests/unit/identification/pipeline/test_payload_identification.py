@@ -165,7 +165,7 @@ def test_no_friction_is_found_where_none_is(by_seed):
         found = by_seed(seed).plain.posterior
         place = found.problem.place(LOAD_FRICTION)
         size.append(found.value(LOAD_FRICTION) / np.sqrt(np.diag(found.covariance)[place]))
-        own = found.own_value(FRICTION_CHANGE, 0, 0) - found.own_value(FRICTION_CHANGE, 0, 1)
+        own = found.value(FRICTION_CHANGE, (0, 0)) - found.value(FRICTION_CHANGE, (0, 1))
         assert (np.abs(own.reshape(3, 6)[0]) < 0.05 * 4.0).all(), "of 4 N m of Coulomb friction"
     # 54 of 60; of a normal distribution 57 +- 1.6
     assert np.mean(np.abs(size) < 2.0) > 0.88
