@@ -7,6 +7,7 @@ the file is read again with the next one.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -122,9 +123,9 @@ class _Reading:
                 f"rows from 0 to {self.last_s:.1f} s."
             )
         account = self.account
-        outside = {"outside `between_s=`": self.outside} if self.outside else {}
-        self.garbage.require_enough(size, account.rows_read, {**account.reasons, **outside})
-        reasons = {**account.reasons, **self.garbage.reasons}
+        outside = Counter({"outside `between_s=`": self.outside})
+        self.garbage.require_enough(size, account.rows_read, account.reasons + outside)
+        reasons = dict(account.reasons + self.garbage.reasons)
         found = ("sha256", "rows_read", "truncated", "joint_names", "remarks")
         source = RecordingSource(
             **{name: getattr(account, name) for name in found},

@@ -127,7 +127,7 @@ class GarbageFilter:
         """
         if kept >= _SHORTEST_ROWS:
             return
-        reasons = {**others, **self.reasons}
+        reasons = Counter(others) + self.reasons
         listed = ", ".join(f"{count} {reason}" for reason, count in reasons.items()) or "no row dropped"
         raise RecordingError(
             f"{self.path}: {kept} usable rows of {rows_read} ({listed}), expected {_SHORTEST_ROWS} or more. "
@@ -157,9 +157,7 @@ class GarbageFilter:
         if self._before is not None:
             late = rows.time_s[:settled] <= self._before.time_s[-1]
             verdict[late & (verdict == _KEPT)] = _REASONS.index("time not increasing")
-        for code, reason in enumerate(_REASONS):
-            if count := int(np.count_nonzero(verdict == code)):
-                self.reasons[reason] += count
+        self.reasons += Counter({reason: int(np.sum(verdict == code)) for code, reason in enumerate(_REASONS)})
         good = verdict == _KEPT
         kept = rows.rows(slice(0, settled)) if good.all() else rows.rows(np.flatnonzero(good))
         self._waiting = [rows.rows(slice(settled, None))] if left else []

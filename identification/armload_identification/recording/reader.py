@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -27,16 +28,11 @@ class ReadingAccount:
 
     sha256: str = ""
     rows_read: int = 0
-    reasons: dict[str, int] = field(default_factory=dict)
+    reasons: Counter[str] = field(default_factory=Counter)
     truncated: bool = False
     joint_names: tuple[str, ...] = ()
     columns: tuple[CsvColumns, Sequence[str]] | None = None
     remarks: tuple[str, ...] = ()
-
-    def leave_out(self, rows: int, reason: str) -> None:
-        """Count dropped rows."""
-        if rows:
-            self.reasons[reason] = self.reasons.get(reason, 0) + rows
 
 
 class RecordingReader(Protocol):

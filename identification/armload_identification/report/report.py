@@ -36,7 +36,7 @@ from armload_identification.report.payload_in_words import (
     parameter_rows,
     truth_sentence,
 )
-from armload_identification.report.report_content import ReportedPayload
+from armload_identification.report.reported_payload import ReportedPayload
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.signal_constants import Smoothing
 from armload_identification.verdict.joint_words import listed

@@ -12,7 +12,7 @@ from typing import Any
 from armload_identification.extras import Extra, require_extra
 from armload_identification.identification_errors import NothingMounted
 from armload_identification.recording.recording import RecordingSource
-from armload_identification.report.report_content import ArmDescription
+from armload_identification.report.reported_payload import ArmDescription
 from armload_identification.results.json_document import json_document
 
 

@@ -12,7 +12,7 @@ from armload_identification.extras import Extra, require_extra
 from armload_identification.files.payload_file import write_payload
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.recording import hashes_by_name
-from armload_identification.report.report_content import ReportedPayload
+from armload_identification.report.reported_payload import ReportedPayload
 from armload_identification.result_table import PrintedResult, ResultTable
 from armload_identification.results.findings_document import findings_document
 from armload_identification.results.json_document import json_document

@@ -19,7 +19,7 @@ from armload_identification.model.payload import AXES, PayloadResult
 from armload_identification.pipeline.identification_result import Identification
 from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.recording.recording import RecordingSource
-from armload_identification.report.report_content import ReportedPayload
+from armload_identification.report.reported_payload import ReportedPayload
 from armload_identification.verdict.agreement import Agreement
 
 

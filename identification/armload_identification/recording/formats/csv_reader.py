@@ -6,6 +6,7 @@ own reason), or text instead of a number. Nothing is filled in.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import chain, islice, pairwise
@@ -25,6 +26,7 @@ from armload_identification.storage.regular_file import hash_of_files
 
 _LONGEST_LINE_BYTES: Final = 2**20
 _BLOCK_LINES: Final = 2**12
+_REASONS: Final = ("truncated last row", "wrong number of columns", "not a number")
 
 
 class CsvReader(RecordingReader):
@@ -73,11 +75,10 @@ class CsvReader(RecordingReader):
         """The numbers of the readable lines."""
         separators = np.array([line.count(",") for line in lines], dtype=np.int64)
         whole = separators == layout.expected - 1
-        cut = bool(last and lines and separators[-1] < layout.expected - 1)
-        account.leave_out(int(cut), "truncated last row")
-        account.leave_out(int(np.count_nonzero(~whole)) - int(cut), "wrong number of columns")
+        cut = int(bool(last and lines and separators[-1] < layout.expected - 1))
         table, unreadable = layout.numbers([line for line, good in zip(lines, whole, strict=True) if good])
-        account.leave_out(unreadable, "not a number")
+        counts = (cut, int(np.count_nonzero(~whole)) - cut, unreadable)
+        account.reasons += Counter(dict(zip(_REASONS, counts, strict=True)))
         return layout.block(table)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
@@ -182,7 +183,7 @@ class _MessageTable:
         rows, missing, at = kernels.joint_rows_into(records, at, channels, arrays, self.n, room)
         self._filled += rows
         self._account.rows_read += rows + missing
-        self._account.leave_out(missing, "feedback missing")
+        self._account.reasons += Counter({"feedback missing": missing})
         return at
 
     def _read_one(self, records: bytes, at: int) -> int:
@@ -194,10 +195,10 @@ class _MessageTable:
         try:
             row = self._row(message)
         except _SCHEMA_ERRORS:
-            self._account.leave_out(1, "malformed message")
+            self._account.reasons["malformed message"] += 1
             return at
         if row is None:
-            self._account.leave_out(1, "feedback missing")
+            self._account.reasons["feedback missing"] += 1
         else:
             self._table[self._filled] = row
             self._filled += 1

@@ -137,7 +137,7 @@ class RosReader(RecordingReader):
                 continue
             account.rows_read += 1
             if sample is None or sample.columns[0].size != len(sample.names):
-                account.leave_out(1, "malformed message")
+                account.reasons["malformed message"] += 1
                 continue
             order = [sample.names.index(name) for name in self._choice.names]
             row = [(sample.stamp_ns if self._choice.by_header else when_ns) * 1e-9]

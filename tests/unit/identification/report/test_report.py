@@ -30,7 +30,7 @@ from armload_identification.report.figures.joint_figures import thin_out, torque
 from armload_identification.report.page import _typeset, rendered, write_page
 from armload_identification.report.payload_in_words import headline, parameter_rows
 from armload_identification.report.report import render_report
-from armload_identification.report.report_content import ReportedPayload
+from armload_identification.report.reported_payload import ReportedPayload
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.verdict.payload_verdict import known_payload
 from armload_identification.verdict.tolerance import Tolerance

@@ -10,7 +10,7 @@ from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.pipeline.identification_result import payload_result
 from armload_identification.pipeline.payload_identification import identify_runs
-from armload_identification.report.report_content import ReportedPayload
+from armload_identification.report.reported_payload import ReportedPayload
 from armload_identification.results.findings_document import findings_document
 
 pytestmark = pytest.mark.pure

@@ -1,4 +1,4 @@
-"""Content of a report, without its layout: the payload and its arm, and the available runs and validation."""
+"""A payload with everything that is reported of it, without layout: its arm, runs and validation."""
 
 from __future__ import annotations
 
