@@ -99,7 +99,7 @@ class FileProblem(Exception):
 
     def __init__(self, file: str, key: str, found: object, expected: str) -> None:
         state = "missing" if found is None else "refused" if isinstance(found, dict) else _shortened(found)
-        place = f"{file}: {_SHORT.repr(key)[1:-1]} is {state}" if key else file
+        place = f"{file}: {_SHORT_REPR.repr(key)[1:-1]} is {state}" if key else file
         super().__init__(f"{place}: {expected}")
         self.file = file
         self.key = key
@@ -135,13 +135,19 @@ class ExtraMissing(IdentificationError):
     """A library that a plain installation does not include; the message names the extra that provides it."""
 
 
-_SHORT = reprlib.Repr()
-_SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxstring, _SHORT.maxother, _SHORT.maxlong = 3, 12, 300, 100, 40
+_SHORT_REPR = reprlib.Repr()
+_SHORT_REPR.maxlevel, _SHORT_REPR.maxlist, _SHORT_REPR.maxstring, _SHORT_REPR.maxother, _SHORT_REPR.maxlong = (
+    3,
+    12,
+    300,
+    100,
+    40,
+)
 
 
 def _shortened(value: object) -> str:
     """A value for a message, abbreviated if it is long."""
     try:
-        return _SHORT.repr(value)
+        return _SHORT_REPR.repr(value)
     except ValueError:  # an integer of more digits than Python converts
         return "a number of very many digits"

@@ -195,7 +195,7 @@ class DesignSearch:
     criterion: str = "a-optimal"
 
 
-_USUAL: Final = DesignSearch()
+_DEFAULT_SEARCH: Final = DesignSearch()
 
 
 def design(
@@ -204,7 +204,7 @@ def design(
     harmonics: int = 5,
     period_s: float | Literal["auto"] = 5.0,
     periods: int | None = None,
-    search: DesignSearch = _USUAL,
+    search: DesignSearch = _DEFAULT_SEARCH,
     progress: Callable[[int], None] | None = None,
 ) -> DesignedExcitation:
     """Design an excitation for a robot's expected payload, within all limits and clear of all obstacles at any time.

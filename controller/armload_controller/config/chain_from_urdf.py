@@ -253,7 +253,7 @@ def _other_starts(tree: UrdfTree) -> str:
     return f"{said}; prismatic joints are not supported: {', '.join(sliding)}" if sliding else said
 
 
-def _way(tree: UrdfTree, base: str, link: str) -> list[UrdfJoint] | None:
+def _joints_down_to(tree: UrdfTree, base: str, link: str) -> list[UrdfJoint] | None:
     """All joints from the base to a link; None if the link is not below the base."""
     way: list[UrdfJoint] = []
     for joint in tree.upwards(link):
@@ -266,14 +266,14 @@ def _way(tree: UrdfTree, base: str, link: str) -> list[UrdfJoint] | None:
 
 def _turning_names(tree: UrdfTree, link: str, base: str) -> tuple[str, ...] | None:
     """Names of the joints from the base to a link; None if one is not revolute or the link is not below the base."""
-    way = _way(tree, base, link)
+    way = _joints_down_to(tree, base, link)
     moving = [joint for joint in way or () if joint.kind != "fixed"]
     return None if way is None or not all(joint.turns for joint in moving) else tuple(joint.name for joint in moving)
 
 
 def _joints_between(tree: UrdfTree, base: str, flange: str) -> list[UrdfJoint]:
     """All joints from the base to the flange."""
-    way = _way(tree, base, flange)
+    way = _joints_down_to(tree, base, flange)
     if way is None:
         above = ", ".join(joint.parent for joint in tree.upwards(flange))
         expected = f"a link below {base!r}; above it are {above or 'none'}; {_other_starts(tree)}"

@@ -53,7 +53,7 @@ ROWS_PER_MOMENT = 1.5
 before they are named."""
 _FIRST_MOMENTS = 4
 """Mass and first moments: the parameters that gravity torque depends on."""
-_CUT = 1e-9
+_UNDETERMINED_SHARE = 1e-9
 """Directions with a smaller share of the greatest singular value are not determined."""
 
 
@@ -292,7 +292,7 @@ def _weight_columns(chain: Chain, position: FloatArray) -> FloatArray:
 def _fitted(columns: FloatArray, values: FloatArray) -> _Fit:
     """Least squares by singular values."""
     basis, sizes, turned = np.linalg.svd(columns, full_matrices=False)
-    kept = sizes > _CUT * sizes[0]
+    kept = sizes > _UNDETERMINED_SHARE * sizes[0]
     inverse = turned[kept].T / sizes[kept]
     x = inverse @ (basis[:, kept].T @ values)
     residual = values - columns @ x

@@ -55,13 +55,13 @@ def arm_mjcf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
         '  <compiler angle="radian" autolimits="true"/>',
         f'  <option gravity="0 0 {exact(-float(np.sqrt(np.sum(gravity_m_s2**2))))}"/>',
         "  <worldbody>",
-        f'    <body name="base" {_place(upright_base(gravity_m_s2))}>',
+        f'    <body name="base" {_pose_attributes(upright_base(gravity_m_s2))}>',
     ]
     for i, name in enumerate(names):
         indent = "  " * (i + 3)
         torque_nm = exact(robot.limits.torque_max_nm[i])
         lines += [
-            f"{indent}<body name={quoteattr(f'{name}_link')} {_place(chain.placement[i])}>",
+            f"{indent}<body name={quoteattr(f'{name}_link')} {_pose_attributes(chain.placement[i])}>",
             f"{indent}  {mjcf_inertial(InertialParameters(possible.links[i]))}",
             f'{indent}  <joint name={quoteattr(name)} axis="{exact_numbers(chain.axis[i])}" '
             f'range="{exact(limits.position_min_rad[i])} {exact(limits.position_max_rad[i])}" '
@@ -69,7 +69,7 @@ def arm_mjcf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
             f'damping="{exact(max(body.viscous_nm_s_rad[i], 0.0))}" '
             f'frictionloss="{exact(max(body.coulomb_nm[i], 0.0))}"/>',
         ]
-    lines.append(f'{"  " * (len(names) + 3)}<site name="flange" {_place(chain.flange)}/>')
+    lines.append(f'{"  " * (len(names) + 3)}<site name="flange" {_pose_attributes(chain.flange)}/>')
     lines += [f"{'  ' * (i + 3)}</body>" for i in reversed(range(len(names)))]
     lines += ["    </body>", "  </worldbody>", *tendons, "</mujoco>"]
     return {f"{identifier}_calibrated.xml": "\n".join(lines) + "\n"}
@@ -89,6 +89,6 @@ def _rotors(inertia_kg_m2: FloatArray, coupling: FloatArray, names: list[str]) -
     return armature, ["  <tendon>", *tendons, "  </tendon>"] if tendons else []
 
 
-def _place(pose: FloatArray) -> str:
+def _pose_attributes(pose: FloatArray) -> str:
     """Position and axes of a body in its parent."""
     return f'pos="{exact_numbers(pose[:3, 3])}" xyaxes="{exact_numbers(pose[:3, :2].T.ravel())}"'

@@ -242,13 +242,13 @@ class PayloadAdaptation:
             self._follow(time_s, look)
         elif self._pending is not None and self._fed is not None and time_s - self._last_take_s > STALE_S:
             self._candidate = None
-            self._drop(time_s, self._fed.found, f"no estimate has been made for {STALE_S:g} s")
+            self._remove_torque(time_s, self._fed.found, f"no estimate has been made for {STALE_S:g} s")
         if self._pending is None and time_s - self._last_take_s >= TAKE_S - 1e-9:
             self._last_take_s = time_s
             estimated = time_s - self._last_look_s >= LOOK_S
             self._last_look_s = time_s if estimated else self._last_look_s
             kept, self._kept = self._kept, []
-            self._pending = self._run_beside(partial(self._look, kept, estimated=estimated))
+            self._pending = self._run_beside(partial(self._processed, kept, estimated=estimated))
         return self._feedforward.on_cycle(step)
 
     def _follow(self, time_s: float, look: Look) -> None:
@@ -264,11 +264,11 @@ class PayloadAdaptation:
             self._change_count = look.changes
             self._candidate = None
             if self._fed is not None:
-                self._drop(time_s, self._fed.found, "the payload has changed")
+                self._remove_torque(time_s, self._fed.found, "the payload has changed")
         if look.estimated:
             self._decide(time_s, look)
 
-    def _look(self, kept: Sequence[tuple[float, FloatArray, FloatArray]], *, estimated: bool) -> Look:
+    def _processed(self, kept: Sequence[tuple[float, FloatArray, FloatArray]], *, estimated: bool) -> Look:
         """Process feedback, and compute an estimate and the body that would be fed; runs outside the cycle."""
         watched = self._watched
         if kept:
@@ -298,7 +298,7 @@ class PayloadAdaptation:
         if look.found is None or look.body is None:
             self._candidate = None
             if self._fed is not None:
-                self._drop(time_s, look.found, look.doubt)
+                self._remove_torque(time_s, look.found, look.doubt)
             elif look.doubt != self._last_refusal:
                 self._last_refusal = look.doubt
                 self._report_decision(time_s, DecisionKind.REFUSED, look.found, look.doubt)
@@ -317,7 +317,7 @@ class PayloadAdaptation:
         self._fed, self._last_refusal = candidate, ""
         self._report_decision(time_s, kind, candidate.found, "")
 
-    def _drop(self, time_s: float, found: LivePayload | None, why: str) -> None:
+    def _remove_torque(self, time_s: float, found: LivePayload | None, why: str) -> None:
         """Remove all torque."""
         self._feedforward.drop_payload(DROP_S)
         self._fed, self._last_refusal = None, why

@@ -94,14 +94,14 @@ class OffsetVerdict:
         """
         wrong = np.flatnonzero(self.wrong)
         if wrong.size or not self.usable.any():
-            found = [self._account(int(i)) for i in wrong] or ["no joint's response exceeds the noise"]
+            found = [self._response_in_words(int(i)) for i in wrong] or ["no joint's response exceeds the noise"]
             raise OffsetRefused(
                 tuple(self.joint_names[i] for i in wrong),
                 "torque offset at standstill: " + "; ".join(found) + ". No torque is added",
             )
         return self.usable
 
-    def _account(self, joint: int) -> str:
+    def _response_in_words(self, joint: int) -> str:
         """Description of one joint's wrong response, and what to check."""
         gain = self.gain[joint]
         if abs(gain) <= TOLERANCE:

@@ -235,7 +235,7 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
     found = {arm: _silence(of_arm) for arm, of_arm in by_arm.items()}
     for (arm, quantity), one in series.items():
         twins, strange = compared.get((arm, quantity), (None, []))
-        figure = _figure(quantity, one, len(series), twins)
+        figure = _reviewed_figure(quantity, one, len(series), twins)
         figures[arm][quantity] = figure
         found[arm] += [*_changes_and_outliers(figure), *strange]
     arms = [_review(arm, of_arm, figures[arm], found[arm]) for arm, of_arm in by_arm.items()]
@@ -307,7 +307,7 @@ def _usual_spread(
     return usual
 
 
-def _figure(quantity: Quantity, one: _Series, charts: int, twins: float | None) -> FigureReview:
+def _reviewed_figure(quantity: Quantity, one: _Series, charts: int, twins: float | None) -> FigureReview:
     """The chart of a quantity."""
     center, width, count = one.level(slice(0, FIRST_RUNS))
     doubt = np.full(one.values.size, width / np.sqrt(count))
@@ -321,7 +321,7 @@ def _changes_and_outliers(figure: FigureReview) -> list[Suspicion]:
     changes = [change for change in chart.changes if change.index > 0]
     if changes:
         change = changes[-1]
-        before, after = _amounts(figure.quantity, figure.center + change.before, figure.center + change.after)
+        before, after = _two_values(figure.quantity, figure.center + change.before, figure.center + change.after)
         size = abs(change.after - change.before) / change.deviation
         text = f"{figure.quantity} is {after} since {figure.recorded[change.index]:%Y-%m-%d}, {before} before"
         found.append(Suspicion(Anomaly.CHANGE, figure.quantity, min(size, _MOST_DEVIATIONS), text))
@@ -331,7 +331,7 @@ def _changes_and_outliers(figure: FigureReview) -> list[Suspicion]:
         others = np.delete(chart.values, run)
         usual = float(np.median(others[max(run - 2, 0) : run + 2]))
         size = float(abs(chart.values[run] - usual) / chart.deviation[run])
-        off, level = _amounts(figure.quantity, figure.center + float(chart.values[run]), figure.center + usual)
+        off, level = _two_values(figure.quantity, figure.center + float(chart.values[run]), figure.center + usual)
         text = f"{figure.quantity} was {off} on {figure.recorded[run]:%Y-%m-%d}, {level} in the neighbouring runs"
         found.append(Suspicion(Anomaly.OUTLIER, figure.quantity, min(size, _MOST_DEVIATIONS), text))
     return found
@@ -361,7 +361,7 @@ def _against_twins(
             log_chance = float(t.logsf(abs(levels[i] - middle) / expected, freedom)) + np.log(2.0)
             found[(name, model), quantity] = middle, []
             if log_chance < np.log(FalseAlarms.probability / tests):
-                mine, theirs = _amounts(quantity, levels[i], middle)
+                mine, theirs = _two_values(quantity, levels[i], middle)
                 text = f"{quantity} is {mine}, that of {others.size} twins {theirs}"
                 size = min(float(-norm.ppf(np.exp(log_chance) / 2.0)), _MOST_DEVIATIONS)
                 found[(name, model), quantity][1].append(Suspicion(Anomaly.STRANGER, quantity, size, text))
@@ -378,7 +378,7 @@ def _silence(runs: Sequence[ArmRun]) -> list[Suspicion]:
     return [Suspicion(Anomaly.SILENCE, None, min(SILENT * silent, _MOST_DEVIATIONS), text)]
 
 
-def _amounts(quantity: Quantity, first: float, second: float) -> tuple[str, str]:
+def _two_values(quantity: Quantity, first: float, second: float) -> tuple[str, str]:
     """Two values of a quantity in its unit, with enough decimals to show the distance between them."""
     unit, scale = UNITS[quantity.kind]
     distance = scale * abs(first - second)

@@ -95,7 +95,7 @@ def torque_objection(
     for torque, owner in ((constraints.torque, ""), (constraints.axis_torque, "the motor of ")):
         if torque is None:
             continue
-        needed = _needed(path, phase, torque)
+        needed = _torque_needed(path, phase, torque)
         share = needed / torque.available_nm
         weakest = int(np.argmax(share))
         if not share[weakest] <= 1.0:
@@ -106,7 +106,7 @@ def torque_objection(
     return None
 
 
-def _needed(path: FourierTrajectory | LinePath, phase: PhaseLimits, torque: TorqueLimits) -> FloatArray:
+def _torque_needed(path: FourierTrajectory | LinePath, phase: PhaseLimits, torque: TorqueLimits) -> FloatArray:
     """(n,) greatest torque on a path, including its ramps."""
     alpha = phase.acceleration_1_s
     if isinstance(path, LinePath):

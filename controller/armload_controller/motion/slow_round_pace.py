@@ -42,7 +42,7 @@ _SHARE = 0.5
 """Share of the phase's acceleration and jerk that a varying pace may use; the rest is for ramps, pauses and stops."""
 _ROUNDS = 50
 """Greatest number of times that coefficients are raised; four are usual."""
-_OVER = 1.0 + 1e-6
+_RAISED_FURTHER = 1.0 + 1e-6
 _MOST_STEPS = 60
 """Three or four are usual; halving alone would need 47 for `_SETTLED`."""
 _SETTLED = 1e-14
@@ -208,7 +208,7 @@ def reduced_pace(path: FourierTrajectory, bounds: PhaseLimits, speed: SpeedLimit
     needed = np.maximum(1.0 / SLOW_RATE, fastest / (PLANNED_SHARE * speed.speed_m_s))
     knots = _MOST_KNOTS
     while knots >= _FEWEST_KNOTS:
-        pace = _above(needed, path.period_s, knots)
+        pace = _pace_above(needed, path.period_s, knots)
         phase = None if pace is None else pace.within(bounds)
         if pace is not None and phase is not None:
             return PacedPath(path, pace), phase
@@ -218,7 +218,7 @@ def reduced_pace(path: FourierTrajectory, bounds: PhaseLimits, speed: SpeedLimit
     return PacedPath(path, constant), PhaseLimits(bounds.acceleration_1_s / g, bounds.jerk_1_s2 / g)
 
 
-def _above(needed: FloatArray, period_s: float, knots: int) -> Pace | None:
+def _pace_above(needed: FloatArray, period_s: float, knots: int) -> Pace | None:
     """A pace with at least the required slowness (samples,); None if raising its coefficients does not converge."""
     slowness = np.roll(needed[:: len(needed) // knots], -2)
     for _ in range(_ROUNDS):
@@ -228,5 +228,5 @@ def _above(needed: FloatArray, period_s: float, knots: int) -> Pace | None:
             return pace
         # The middle two of the four coefficients of an interval have most of the weight.
         raised = np.maximum(np.roll(missing, -1), np.roll(missing, -2))
-        slowness = slowness * np.maximum(raised * _OVER, 1.0)
+        slowness = slowness * np.maximum(raised * _RAISED_FURTHER, 1.0)
     return None

@@ -71,7 +71,7 @@ def _surface(coal: Any, shape: Any) -> FloatArray:
     """(N, 3) points of a surface, or of an enclosing one, in its own frame."""
     if isinstance(shape, coal.BVHModelBase):
         triangles = [[shape.tri_indices(i)[k] for k in range(3)] for i in range(shape.num_tris)]
-        return _between(np.array(shape.vertices()), np.array(triangles))
+        return _with_points_between(np.array(shape.vertices()), np.array(triangles))
     if isinstance(shape, coal.Box):
         half = np.array(shape.halfSide)
     elif isinstance(shape, coal.Sphere):
@@ -90,7 +90,7 @@ def _surface(coal: Any, shape: Any) -> FloatArray:
     return np.asarray(whole[(np.abs(np.abs(whole) - half) < 1e-9 + 1e-9 * half).any(axis=1)])
 
 
-def _between(vertices: FloatArray, triangles: FloatArray) -> FloatArray:
+def _with_points_between(vertices: FloatArray, triangles: FloatArray) -> FloatArray:
     """Vertices, and further points of triangles with long edges."""
     corners = vertices[triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

@@ -22,14 +22,14 @@ def _secure_one(drive: DriveObjects, of: Safety, values: SafetyValues) -> Safety
     accepted = of.key in values.drive.accept_missing
     obstacles: list[tuple[str, str]] = []
     for way in of.ways_on(values.arm.fieldbus):
-        reason = _try(drive, way, of, values)
+        reason = _secured(drive, way, of, values)
         if not reason:
             return SafetyFinding(of, way, accepted, tuple(obstacles))
         obstacles.append((way.text, reason))
     return SafetyFinding(of, None, accepted, tuple(obstacles))
 
 
-def _try(drive: DriveObjects, way: Way, of: Safety, values: SafetyValues) -> str:
+def _secured(drive: DriveObjects, way: Way, of: Safety, values: SafetyValues) -> str:
     """Try one way; returns why it is not possible, empty if it is."""
     reason = way.condition(values.drive, values.rated_current_a)
     if reason:

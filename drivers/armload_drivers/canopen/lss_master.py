@@ -30,7 +30,7 @@ ANSWER_S = 0.05
 _SWITCH_ALL, _NODE_ID, _BIT_TIMING, _STORE = 0x04, 0x11, 0x13, 0x17
 _SELECT, _SELECTED = (0x40, 0x41, 0x42, 0x43), 0x44
 _FASTSCAN, _IDENTIFIED = 0x51, 0x4F
-_ANY = 0x80
+_ANY_ANSWER = 0x80
 """Number of bits checked by the first step of fastscan: none."""
 _WORD_BITS = 32
 _REFUSALS = {
@@ -79,7 +79,7 @@ class LssMaster:
             LssRefused: a node answers inconsistently.
             BusError: the bus failed.
         """
-        if not self._scan(0, _ANY, 0, 0):
+        if not self._scan(0, _ANY_ANSWER, 0, 0):
             return None
         words = [0, 0, 0, 0]
         for sub in range(len(words)):

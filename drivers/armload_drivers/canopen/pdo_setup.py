@@ -84,7 +84,7 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout, advice: MappingAdvice) -> dict[E
         if not _write(sdo, count, 0):
             raise _fixed(sdo, layout, advice)
         for position, mapped in enumerate(layout.mapping, start=1):
-            _map(sdo, layout, position, mapped, advice)
+            _write_entry(sdo, layout, position, mapped, advice)
         if not _write(sdo, count, len(wanted), _NOT_TAKEN):
             raise _too_many(sdo, min(_FEWEST_OBJECTS, len(wanted) - 1), len(wanted), advice)
     kind = direction.type_entry(number)
@@ -135,7 +135,7 @@ def _synchronous(sdo: SdoChannel, kind: Entry, direction: PdoDirection) -> int:
     )
 
 
-def _map(sdo: SdoChannel, layout: PdoLayout, position: int, word: int, advice: MappingAdvice) -> None:
+def _write_entry(sdo: SdoChannel, layout: PdoLayout, position: int, word: int, advice: MappingAdvice) -> None:
     """Write one entry of a mapping."""
     place = layout.direction.map_entry(layout.number, position)
     try:

@@ -119,7 +119,7 @@ Condition = Callable[[DriveSettings, float | None], str]
 is."""
 
 
-def _always(drive: DriveSettings, rated_current_a: float | None) -> str:
+def _no_condition(drive: DriveSettings, rated_current_a: float | None) -> str:
     """A condition that always holds."""
     return ""
 
@@ -141,7 +141,7 @@ class Way(Struct, frozen=True):
     settings: tuple[Setting, ...] = ()
     note: str = ""
     reads: tuple[Entry, ...] = ()
-    condition: Condition = _always
+    condition: Condition = _no_condition
     by_vendor: bool = False
     fieldbus: Fieldbus | None = None
 
@@ -418,7 +418,7 @@ def has_a_way(
             entries = [setting.entry for setting in way.settings if not setting.optional]
             if all(map(is_there, (*entries, *way.reads))):
                 return True
-        elif way.condition is _always or (drive is not None and not way.condition(drive, None)):
+        elif way.condition is _no_condition or (drive is not None and not way.condition(drive, None)):
             return True
     return False
 

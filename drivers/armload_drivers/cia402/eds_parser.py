@@ -53,10 +53,9 @@ _COMMENT = re.compile(r"\s;")
 _OBJECT = re.compile(r"([0-9a-f]{4})(?:sub([0-9a-f]{1,2}))?")
 _TERM = re.compile(r"\s*([+-]?)\s*(\$nodeid|0x[0-9a-f]+|[0-9]+)\s*", re.IGNORECASE)
 _LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
-_T = DataType
 DATA_TYPES = {
-    1: _T.U8, 2: _T.I8, 3: _T.I16, 4: _T.I32, 5: _T.U8, 6: _T.U16, 7: _T.U32, 8: _T.F32, 9: _T.STRING,
-    0x11: _T.F64, 0x15: _T.I64, 0x1B: _T.U64,
+    1: DataType.U8, 2: DataType.I8, 3: DataType.I16, 4: DataType.I32, 5: DataType.U8, 6: DataType.U16,
+    7: DataType.U32, 8: DataType.F32, 9: DataType.STRING, 0x11: DataType.F64, 0x15: DataType.I64, 0x1B: DataType.U64,
 }  # fmt: skip
 """Data types by code; a BOOLEAN is a byte in SDO. Types not listed (domains, times, 24 bits) are not read as
 numbers."""

@@ -334,7 +334,7 @@ class DriveMachine:
 
     def initialised(self) -> None:
         """The self-test is complete: transition 1."""
-        self._own(1)
+        self._begin_transition(1)
 
     def receive(self, controlword: int) -> tuple[int, ...]:
         """Process a controlword.
@@ -348,7 +348,7 @@ class DriveMachine:
         rising = controlword & ~self._controlword & FAULT_RESET_BIT
         self._controlword = controlword
         if self.state is State.FAULT and rising:
-            self._own(15)
+            self._begin_transition(15)
             return (15,)
         made: list[int] = []
         while len(made) < 2:
@@ -374,13 +374,13 @@ class DriveMachine:
 
     def fault_reaction_done(self) -> None:
         """The fault reaction is complete: transition 14."""
-        self._own(14)
+        self._begin_transition(14)
 
     def quick_stop_done(self) -> None:
         """The quick stop is complete, and 605A requires switching off: transition 12."""
-        self._own(12)
+        self._begin_transition(12)
 
-    def _own(self, number: int) -> None:
+    def _begin_transition(self, number: int) -> None:
         """Make one of the drive's own transitions if the state allows it."""
         for transition in TRANSITIONS:
             if transition.number == number and transition.source is self.state:

@@ -16,9 +16,9 @@ class Rhythm:
 
     def __init__(self, what: str, period_s: float) -> None:
         self._what, self._period_s = what, period_s
-        self._forget()
+        self._start_anew()
 
-    def _forget(self) -> None:
+    def _start_anew(self) -> None:
         self._periods = self._irregular = 0
         self._shortest_s = self._longest_s = self._period_s
         self.begin()
@@ -48,5 +48,5 @@ class Rhythm:
                 f"{self._irregular} of {self._periods} periods of {self._what} differ from {self._period_s * 1e3:g} ms "
                 f"by more than a fifth ({self._shortest_s * 1e3:.2f} to {self._longest_s * 1e3:.2f} ms)"
             )
-        self._forget()
+        self._start_anew()
         return text

@@ -135,7 +135,7 @@ class TorqueRemoval:
             All that have left it so far.
         """
         self._astray += [node for node in self._nodes if node.course.lost and node not in self._astray]
-        self._drop(self._nodes if len(self._astray) > 1 else self._astray)
+        self._remove_torque(self._nodes if len(self._astray) > 1 else self._astray)
         return self._astray
 
     def _drop_if(self, late: ServoTimeout | None) -> None:
@@ -145,10 +145,10 @@ class TorqueRemoval:
             return
         for node in moving:
             node.course.leave(f"it did not come to rest within {self._timeouts.stop_s} s")
-        self._drop(self._nodes)
+        self._remove_torque(self._nodes)
         self._run_until(_is_off, self._timeouts.disable_s)
 
-    def _drop(self, nodes: Iterable[CyclicDrive]) -> None:
+    def _remove_torque(self, nodes: Iterable[CyclicDrive]) -> None:
         """Ask drives to remove torque at once, from the next cycle on."""
         for node in nodes:
             if node not in self._dropped:

@@ -154,7 +154,7 @@ class RtdeClient:
         while True:
             looked_s = time.monotonic()
             while len(buffer) < (size := self._first_size(buffer)) and time.monotonic() - looked_s <= LOOK_S:
-                buffer += self._more()
+                buffer += self._next_bytes()
             if len(buffer) < size:
                 yield None
             else:
@@ -171,7 +171,7 @@ class RtdeClient:
             raise BusError(f"{self._name}: a package of {size} bytes. Is this port RTDE's?")
         return int(size)
 
-    def _more(self) -> bytes:
+    def _next_bytes(self) -> bytes:
         """What the controller sent; empty after `LOOK_S`."""
         try:
             received = self._socket.recv(65536)

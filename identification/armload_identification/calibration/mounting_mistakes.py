@@ -25,8 +25,8 @@ Turn = Callable[[Motion], Motion]
 ResidualShares = Callable[[Chain, Turn], FloatArray]
 """Logarithms of the moving joints' shares of residual in torque, for another chain and with all runs changed."""
 
-_WHOLE: Final = "position and effort"
-_TURNED: Final = {_WHOLE: (True, True), "position": (True, False), "effort": (False, True)}
+_POSITION_AND_EFFORT: Final = "position and effort"
+_TURNED: Final = {_POSITION_AND_EFFORT: (True, True), "position": (True, False), "effort": (False, True)}
 
 
 def most_trials(chain: Chain) -> int:
@@ -65,7 +65,7 @@ def refuse_other_mounting(shares: ResidualShares, chain: Chain, coupling: FloatA
         if turned[joint, what] < min(entered - OtherMounting.better, found[best]):
             remedy = (
                 "Invert its axis in the robot's configuration"
-                if what == _WHOLE
+                if what == _POSITION_AND_EFFORT
                 else "Set the drive's polarity (607E) so that position and effort have the same direction"
             )
             raise EstimationError(

@@ -34,7 +34,7 @@ from armload_identification.signals.motion import Motion
 
 _ZERO: Final = 1e-12
 _GRAMS: Final = 1000.0
-_ANY: Final = "payload"
+_OTHER_PAYLOAD: Final = "payload"
 Explained = tuple[Posterior, str]
 """A run fitted after the correction of a mistake, and the mistake."""
 
@@ -89,7 +89,7 @@ def explain(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None
         One sentence.
     """
     elsewhere = mounting in arm.fit.problem.mountings
-    off = _trial(arm, run, mounting, mass_kg=None if elsewhere else mass_kg).deviates(0)
+    off = _fitted_to_run(arm, run, mounting, mass_kg=None if elsewhere else mass_kg).deviates(0)
     worst = int(np.argmax(off))
     start = f"joint {worst + 1} is off by {off[worst]:.0f} times the noise of the other runs"
     # If no other run carries this payload, it is fitted in every trial; another payload is therefore preferred unless a
@@ -105,7 +105,7 @@ def explain(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None
     return f"{start}, and no simple mistake explains this: a different arm, or damaged signals"
 
 
-def _trial(
+def _fitted_to_run(
     arm: ArmKnowledge, run: Motion, mounting: str, *, free: bool = False, mass_kg: float | None = None
 ) -> Posterior:
     """Fit of a run's own friction, and of its payload if unknown, with the mass if that is stated, on the arm."""
@@ -117,20 +117,20 @@ def _trial(
     else:
         terms.append(payload_term(np.zeros(PARAMETERS), np.full(PARAMETERS, Contradiction.wide), "any payload"))
     terms.append(own_friction(arm.drift * fit.change_deviation, "as between the other runs"))
-    group = Group((RunRows(arm.layout.rows(run, loaded=loaded), _ANY if loaded else EMPTY),))
+    group = Group((RunRows(arm.layout.rows(run, loaded=loaded), _OTHER_PAYLOAD if loaded else EMPTY),))
     noise = Noise.given(fit.noise_nm[0], fit.correlation[0])
-    known = [] if mass_kg is None else [WeighedPayload(mass_kg).known(_ANY)]
+    known = [] if mass_kg is None else [WeighedPayload(mass_kg).known(_OTHER_PAYLOAD)]
     return solve(Problem(terms, [group], noise, arm.layout.coupling, known), rough=True)
 
 
 def _mistakes(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | None) -> Iterator[Explained]:
     """All possible mistakes, each with the run tested after its correction."""
-    trial = _trial(arm, run, mounting, free=True)
+    trial = _fitted_to_run(arm, run, mounting, free=True)
     elsewhere = None
     if mounting in arm.fit.problem.mountings:
         place = arm.fit.problem.place(PAYLOAD, mounting)
         elsewhere = _Carried(arm.fit.x[place], arm.fit.covariance[place, place])
-    place = trial.problem.place(PAYLOAD, _ANY)
+    place = trial.problem.place(PAYLOAD, _OTHER_PAYLOAD)
     yield trial, _payload_text(_Carried(trial.x[place], trial.bread[place, place]), mounting, mass_kg, elsewhere)
     yield _scaled(arm, run, mounting)
     chain, n, coupling = arm.layout.chain, arm.layout.chain.n, arm.layout.coupling
@@ -138,18 +138,21 @@ def _mistakes(arm: ArmKnowledge, run: Motion, mounting: str, mass_kg: float | No
         swap = np.eye(n)
         swap[:, [one, other]] = swap[:, [other, one]]
         yield (
-            _trial(arm, run.turned(swap, at_axes(swap, coupling)), mounting),
+            _fitted_to_run(arm, run.turned(swap, at_axes(swap, coupling)), mounting),
             f"joints {one + 1} and {other + 1} are exchanged",
         )
     for joint in range(n):
         turn = np.diag(np.where(np.arange(n) == joint, -1.0, 1.0))
-        yield _trial(arm, run.turned(turn, np.eye(n)), mounting), f"the position of joint {joint + 1} is inverted"
-        both = _trial(arm, run.turned(turn, at_axes(turn, coupling)), mounting)
+        yield (
+            _fitted_to_run(arm, run.turned(turn, np.eye(n)), mounting),
+            f"the position of joint {joint + 1} is inverted",
+        )
+        both = _fitted_to_run(arm, run.turned(turn, at_axes(turn, coupling)), mounting)
         yield both, f"position and effort of joint {joint + 1} are inverted"
     for how, gravity in directions(chain.gravity_m_s2).items():
         mounted = chain.under(gravity)
         turned = replace(arm, layout=replace(arm.layout, chain=mounted))
-        yield _trial(turned, run, mounting), f"the arm was mounted {how} in this run"
+        yield _fitted_to_run(turned, run, mounting), f"the arm was mounted {how} in this run"
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +204,7 @@ def _scaled(arm: ArmKnowledge, run: Motion, mounting: str) -> Explained:
     coupling = arm.layout.coupling
     share, corrected, stiff = np.ones(arm.layout.chain.n), run, replace(arm, drift=Contradiction.stiff)
     for _ in range(Contradiction.scalings):
-        trial = _trial(stiff, corrected, mounting)
+        trial = _fitted_to_run(stiff, corrected, mounting)
         rows, state = trial.problem.groups[0], trial.groups[0]
         weighted, predicted = rows.weight * rows.effort_nm[0], rows.weight * state.torque[0].predicted_nm
         now = np.sum(weighted * predicted, axis=0) / np.maximum(np.sum(predicted**2, axis=0), _ZERO)
@@ -214,4 +217,4 @@ def _scaled(arm: ArmKnowledge, run: Motion, mounting: str) -> Explained:
         else f"joint {j + 1} reports {share[j]:.2f} times its effort (another gear ratio or torque constant)"
         for j in np.flatnonzero(np.abs(share - 1.0) > Contradiction.same_scale)
     ]
-    return _trial(arm, corrected, mounting), " and ".join(parts) or "nothing is changed"
+    return _fitted_to_run(arm, corrected, mounting), " and ".join(parts) or "nothing is changed"

@@ -89,7 +89,7 @@ class SessionGains:
             RecordingError: a recording that does not fit the arm, or is invalid.
         """
         tool = None if mass_kg is None else KnownPayload(mass_kg=mass_kg)
-        found, deviation = self._found(reference, calibration, chain, transmission, tool)
+        found, deviation = self._factor_in(reference, calibration, chain, transmission, tool)
         whole = float(np.hypot(deviation, min(OF_REFERENCE, self.deviation)))
         return SessionGains(found, whole, f"measured by {reference.source.path.name}")
 
@@ -106,9 +106,9 @@ class SessionGains:
             loaded: Whether it carried the payload; else nothing.
         """
         carried = KnownPayload() if loaded else None
-        found, deviation = self._found(run, calibration, chain, transmission, carried)
+        found, deviation = self._factor_in(run, calibration, chain, transmission, carried)
         beyond = max(abs(found - self.log_factor) - NORMAL_HALF_WIDTH * deviation, 0.0)
-        return self._left(found, float(np.hypot(deviation, beyond)), beyond > deviation)
+        return self._narrowed_by_run(found, float(np.hypot(deviation, beyond)), beyond > deviation)
 
     def beside(self, found: float, deviation: float) -> SessionGains:
         """The same from what a motion with the gains of this session says of an error of the factor.
@@ -124,15 +124,15 @@ class SessionGains:
         whole = deviation**-2.0 + self.deviation**-2.0
         found, deviation = found * deviation**-2.0 / whole, whole**-0.5
         reach = max(NORMAL_HALF_WIDTH * deviation, abs(found) + ONE_SIDED * deviation)
-        return self._left(found, reach / NORMAL_HALF_WIDTH, abs(found) > 3.0 * deviation)
+        return self._narrowed_by_run(found, reach / NORMAL_HALF_WIDTH, abs(found) > 3.0 * deviation)
 
-    def _left(self, found: float, deviation: float, speaks: bool) -> SessionGains:
+    def _narrowed_by_run(self, found: float, deviation: float, speaks: bool) -> SessionGains:
         """With the part that a run leaves, and what the run says if it speaks against the calibration."""
         said = f"; by itself, the run says {100.0 * np.expm1(found):+.1f} %" if speaks else ""
         left = f"what this run leaves possible of {100.0 * self.deviation:.2g} %, {self.origin}{said}"
         return SessionGains(self.log_factor, deviation, left)
 
-    def _found(
+    def _factor_in(
         self,
         run: Recording,
         calibration: ArmCalibration,

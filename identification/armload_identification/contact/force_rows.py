@@ -29,7 +29,7 @@ PAYLOAD: Final = 10
 """Number of a payload's parameters."""
 _HALF: Final = BINS // 2
 _CURVATURE: Final = np.linalg.pinv(np.arange(-_HALF, _HALF + 1)[:, None] ** np.arange(4.0))[2]
-_SEEN: Final = 2.0 * np.cumsum(np.cumsum(_CURVATURE))[: BINS - 2]
+_SEEN_ACCELERATION: Final = 2.0 * np.cumsum(np.cumsum(_CURVATURE))[: BINS - 2]
 """Weights of the true acceleration at the inner means in that of the fit."""
 
 
@@ -155,7 +155,7 @@ class RowMaker:
             np.ascontiguousarray(factor * cubic[:, order] / (span**order)[:, None])
             for order, factor in enumerate((1.0, 1.0, 2.0))
         )
-        tau = np.tensordot(windows[:, 1:-1, 1 + n :], _SEEN, (1, 0))
+        tau = np.tensordot(windows[:, 1:-1, 1 + n :], _SEEN_ACCELERATION, (1, 0))
         direction = smooth_sign(dq, body.reversal_speed_rad_s)
         columns, through, links, carried = known_arm_columns(
             self.chain, body, self._spread, self.scale, JointStates(q, dq, ddq), theta

@@ -135,7 +135,7 @@ class WatchedPayload:
         """Hold, exchange or go on."""
         if event.kind is ForceEventKind.ACTING:
             self._onset_s = event.since_s - OVER_S
-            before = self._before(self._onset_s)
+            before = self._kept_state_before(self._onset_s)
             self._held = None if before is None else before[1].estimate()
         elif event.kind is ForceEventKind.PAYLOAD:
             self._go_back(event.since_s)
@@ -149,13 +149,13 @@ class WatchedPayload:
         if event.kind not in (ForceEventKind.ACTING, ForceEventKind.PUSH):
             self._held = None
 
-    def _before(self, time_s: float) -> tuple[float, PayloadEstimator] | None:
+    def _kept_state_before(self, time_s: float) -> tuple[float, PayloadEstimator] | None:
         """The last kept state before a time."""
         return next((each for each in reversed(self._states) if each[0] <= time_s), None)
 
     def _go_back(self, time_s: float) -> None:
         """The estimator as it was at a time."""
-        before = self._before(time_s)
+        before = self._kept_state_before(time_s)
         if before is None:
             return
         self._estimator.become(before[1])

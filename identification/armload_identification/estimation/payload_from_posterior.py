@@ -92,7 +92,7 @@ class PayloadEstimate:
     considered: FloatArray
 
     @property
-    def _place(self) -> slice:
+    def _payload_place(self) -> slice:
         """Place of the parameters among the unknowns."""
         return self.posterior.problem.place(PAYLOAD, PAYLOAD)
 
@@ -107,19 +107,19 @@ class PayloadEstimate:
         return len(self.arm.problem.groups[0].runs)
 
     @cached_property
-    def _white(self) -> FloatArray:
+    def _covariance_if_independent(self) -> FloatArray:
         """(10, 10) covariance if rows are as independent as assumed."""
-        return self.posterior.bread[self._place, self._place]
+        return self.posterior.bread[self._payload_place, self._payload_place]
 
     @cached_property
     def scale(self) -> FloatArray:
         """(10,) unit of each parameter: its prior standard deviation."""
-        return self.posterior.deviation[self._place]
+        return self.posterior.deviation[self._payload_place]
 
     @cached_property
     def blind(self) -> FloatArray:
         """(10, k) directions of theta / `scale` that are not determined, orthonormal."""
-        return self._blind(self._white)
+        return self._blind(self._covariance_if_independent)
 
     def _blind(self, covariance: FloatArray) -> FloatArray:
         """(10, k) directions of which a covariance says no more than the prior."""
@@ -134,8 +134,8 @@ class PayloadEstimate:
     @cached_property
     def root(self) -> FloatArray:
         """(10, 10) R with ||R (theta - estimate)||^2 the additional cost of another theta."""
-        size = np.sqrt(np.diag(self._white))
-        lower = np.linalg.cholesky(self._white / np.outer(size, size))
+        size = np.sqrt(np.diag(self._covariance_if_independent))
+        lower = np.linalg.cholesky(self._covariance_if_independent / np.outer(size, size))
         return np.asarray(np.linalg.solve(lower, np.diag(1.0 / size)))
 
     @property
@@ -149,7 +149,9 @@ class PayloadEstimate:
         Args:
             torque_nm: (k, N, n) axis torque of the loaded run for one standard deviation of each, group by group.
         """
-        return replace(self, shifts=np.vstack([self.shifts, self.posterior.response(*torque_nm)[self._place].T]))
+        return replace(
+            self, shifts=np.vstack([self.shifts, self.posterior.response(*torque_nm)[self._payload_place].T])
+        )
 
     @property
     def drifting(self) -> FloatArray:
@@ -177,9 +179,9 @@ class PayloadEstimate:
             (k,) each; the variance is inf where a direction is not determined.
         """
         contrast = np.zeros((len(slope), self.posterior.problem.shared_size))
-        contrast[:, self._place] = slope
+        contrast[:, self._payload_place] = slope
         variance, freedom = self.posterior.spread(contrast)
-        total = variance + np.sum((slope @ self._other.T) ** 2, axis=1)
+        total = variance + np.sum((slope @ self._errors_beside_posterior.T) ** 2, axis=1)
         freedom = freedom * (total / np.maximum(variance, 1e-300)) ** 2
         unseen = np.abs((slope * self.scale) @ self.blind).max(axis=1, initial=0.0)
         size = np.sqrt(np.sum((slope * self.scale) ** 2, axis=1))
@@ -193,8 +195,10 @@ class PayloadEstimate:
     @cached_property
     def covariance(self) -> FloatArray:
         """(10, 10) of theta."""
-        place = np.eye(self.posterior.problem.shared_size)[self._place]
-        return np.asarray(self.posterior.covariance_of(place) + self._other.T @ self._other)
+        place = np.eye(self.posterior.problem.shared_size)[self._payload_place]
+        return np.asarray(
+            self.posterior.covariance_of(place) + self._errors_beside_posterior.T @ self._errors_beside_posterior
+        )
 
     @cached_property
     def gain_slope(self) -> FloatArray:
@@ -203,11 +207,11 @@ class PayloadEstimate:
             return np.asarray(-np.linalg.lstsq(self.considered_gains, self.considered)[0].T)
         gains = self.posterior.problem.place(GAIN)
         return np.asarray(
-            -self.posterior.bread[self._place, gains] @ np.linalg.pinv(self.posterior.bread[gains, gains])
+            -self.posterior.bread[self._payload_place, gains] @ np.linalg.pinv(self.posterior.bread[gains, gains])
         )
 
     @cached_property
-    def _other(self) -> FloatArray:
+    def _errors_beside_posterior(self) -> FloatArray:
         """(k, 10) the errors that are not in the posterior."""
         return np.vstack([self.shifts, self.uneven_gains @ self.gain_slope.T, self.considered])
 
@@ -222,7 +226,7 @@ class PayloadEstimate:
         gains = problem.place(GAIN)
         contrast = np.zeros((4, problem.shared_size))
         seen_slope = slope - ((slope * self.scale) @ self.blind) @ self.blind.T / self.scale
-        contrast[:, self._place], of_gains = seen_slope, seen_slope @ self.gain_slope
+        contrast[:, self._payload_place], of_gains = seen_slope, seen_slope @ self.gain_slope
         contrast[:, gains] = of_gains
         covariance, freedom = self.posterior.joint_spread(contrast)
         shifts = self.shifts @ seen_slope.T
@@ -257,13 +261,13 @@ class PayloadEstimate:
         ]
         start, steps = (None, Solver.steps) if afresh else (self.posterior, 1)
         found = solve(replace(problem, groups=groups), rough=True, start=start, steps=steps)
-        covariance = found.bread[self._place, self._place]
+        covariance = found.bread[self._payload_place, self._payload_place]
         return found.value(PAYLOAD, PAYLOAD), covariance, PARAMETERS - len(self._blind(covariance).T)
 
     def seen(self, errors: FloatArray) -> FloatArray:
         """(n, k) squared size of errors of theta, (10, k), in the rows of each axis, in standard deviations."""
         problem = self.posterior.problem
-        place = np.searchsorted(np.flatnonzero(problem.free), np.arange(problem.size)[self._place])
+        place = np.searchsorted(np.flatnonzero(problem.free), np.arange(problem.size)[self._payload_place])
         found = np.zeros((problem.noise.start_nm.size, errors.shape[1]))
         for rows in self.posterior.weighted_rows[0]:
             if rows.combination > 0:

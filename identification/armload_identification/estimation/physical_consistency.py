@@ -41,7 +41,7 @@ _SUFFICIENT_GAP: Final = 1e-9
 _BARRIER_GROWTH: Final = 20.0
 _NEWTON_STEPS: Final = 60
 _NEWTON_DECREMENT: Final = 1e-14
-_NEAR: Final = 0.06
+_NEAR_MINIMUM: Final = 0.06
 """Decrement from which Newton's steps are shortened, and up to which a minimum is accepted if rounding errors keep it
 from settling further: it increases the gap by less than a fiftieth. In 262 of 847 cases they do, at 6e-4 or less."""
 
@@ -177,7 +177,7 @@ def inside_barrier(
             return x
         # The function is self-concordant: this length stays inside and descends. Longer steps are judged by the
         # slope, which suffers less from rounding than the function's value.
-        length = 1.0 / (1.0 + np.sqrt(decrement)) if decrement > _NEAR else 1.0
+        length = 1.0 / (1.0 + np.sqrt(decrement)) if decrement > _NEAR_MINIMUM else 1.0
         gradient, whitened = derivatives(x + length * step)
         while length < 1.0:
             longer = min(2.0 * length, 1.0)
@@ -189,7 +189,7 @@ def inside_barrier(
                 break
             length, (gradient, whitened) = longer, trial
         x = x + length * step
-    if decrement > _NEAR:
+    if decrement > _NEAR_MINIMUM:
         raise np.linalg.LinAlgError(f"no minimum within {_NEWTON_STEPS} steps")
     return x
 

@@ -80,7 +80,7 @@ class Posterior:
     @cached_property
     def bread(self) -> FloatArray:
         """(s, s) inverse of `information`, 0 for unknowns that are known exactly."""
-        return self._whole(solved(self.information, np.eye(len(self.information))))
+        return self._with_known(solved(self.information, np.eye(len(self.information))))
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -88,7 +88,7 @@ class Posterior:
         covariance = self._by_priors
         for spectrum, answer in self.spectra:
             covariance = covariance + answer @ spectrum.covariance() @ answer.T
-        return self._whole(0.5 * (covariance + covariance.T))
+        return self._with_known(0.5 * (covariance + covariance.T))
 
     def spread(self, contrast: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Variance of combinations of the shared unknowns, and its degrees of freedom.
@@ -264,7 +264,7 @@ class Posterior:
     def _free(self) -> NDArray[np.intp]:
         return np.flatnonzero(self.problem.free[: self.problem.shared_size])
 
-    def _whole(self, matrix: FloatArray) -> FloatArray:
+    def _with_known(self, matrix: FloatArray) -> FloatArray:
         """A matrix of the free unknowns with zeros for those that are known exactly."""
         whole = np.zeros((self.problem.shared_size,) * 2)
         whole[np.ix_(self._free, self._free)] = matrix

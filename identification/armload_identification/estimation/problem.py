@@ -176,7 +176,7 @@ class Problem:
         places, start = {}, 0
         for scope, of_scope in owners.items():
             for owner in of_scope:
-                for term in self._of(scope):
+                for term in self._terms_of(scope):
                     places[term.name, owner] = slice(start, start + term.mean.size)
                     start += term.mean.size
         return places
@@ -189,7 +189,7 @@ class Problem:
     @cached_property
     def own_size(self) -> int:
         """Number of unknowns of each run's own."""
-        return sum(term.mean.size for term in self._of(Scope.RUN))
+        return sum(term.mean.size for term in self._terms_of(Scope.RUN))
 
     def own(self, group: int) -> slice:
         """Place of the unknowns of a group's runs.
@@ -223,7 +223,7 @@ class Problem:
         parts = []
         for number, run in enumerate(self.groups[group].runs):
             owners: dict[Scope, Owner] = {Scope.ARM: EMPTY, Scope.MOUNTING: run.mounting, Scope.RUN: (group, number)}
-            acting = [(term, owner) for scope, owner in owners.items() for term in self._of(scope)]
+            acting = [(term, owner) for scope, owner in owners.items() for term in self._terms_of(scope)]
             placed = [(term, self._places.get((term.name, owner))) for term, owner in acting]
             parts.append(tuple((term, place) for term, place in placed if place is not None))
         return tuple(parts)
@@ -272,5 +272,5 @@ class Problem:
         """
         return [place for (name, _), place in self._places.items() if name == term.name]
 
-    def _of(self, scope: Scope) -> list[Term]:
+    def _terms_of(self, scope: Scope) -> list[Term]:
         return [term for term in self.terms if term.scope is scope]

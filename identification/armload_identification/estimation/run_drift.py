@@ -49,16 +49,16 @@ class RunDrift:
     @classmethod
     def of(cls, posterior: Posterior, arm: KnownArm | None) -> RunDrift:
         """The drift of a pair's solution."""
-        found = cls._beside(posterior, arm)
+        found = cls._from_posterior(posterior, arm)
         if found.size <= Drift.refined:
             return found
         # the other unknowns have taken up a part of it: once more from where it is corrected
         groups = [_loaded_times(float(np.exp(found.log_factor)), group) for group in posterior.problem.groups]
-        rest = cls._beside(solve(replace(posterior.problem, groups=groups), rough=True), arm)
+        rest = cls._from_posterior(solve(replace(posterior.problem, groups=groups), rough=True), arm)
         return replace(rest, log_factor=found.log_factor + rest.log_factor)
 
     @classmethod
-    def _beside(cls, posterior: Posterior, arm: KnownArm | None) -> RunDrift:
+    def _from_posterior(cls, posterior: Posterior, arm: KnownArm | None) -> RunDrift:
         """To first order, beside a common factor on the loaded run's friction."""
         pull, information = posterior.beside(
             *(np.stack([state.torque[0].predicted_nm, _friction_nm(state, posterior.x)]) for state in posterior.groups)

@@ -39,7 +39,7 @@ SHARPNESS = 50
 _TURNS_RAD_S = 0.05
 """Speed within which friction changes its direction, as of the joints of large arms."""
 
-_STANDS = 1e-6
+_STANDING_SQUARED = 1e-6
 """Square of the speed in rad/s, and of a mean, that counts as none."""
 
 _RANK_TOLERANCE = 1e-8
@@ -130,7 +130,7 @@ class Criterion:
         if self.name == "condition-number":
             friction[:] = 0.0
         columns = friction.transpose(0, 2, 1)
-        share = np.asarray(np.linalg.solve(columns @ friction + _STANDS * len(dq) * np.eye(3), columns @ phi))
+        share = np.asarray(np.linalg.solve(columns @ friction + _STANDING_SQUARED * len(dq) * np.eye(3), columns @ phi))
         weight = self.row_weight * (period_s * NOISE_RATE_HZ / len(q))
         weighted = weight[:, None, None] * (phi - friction @ share)
         return np.tensordot(weighted, phi, axes=((0, 1), (0, 1))), weighted, share, friction_slope

@@ -127,19 +127,19 @@ def _findings(drift: ArmDrift) -> Iterator[DriftFinding]:
     for quantity, charts in drift.charts.items():
         for joint, chart in enumerate(charts):
             for change in chart.changes:
-                said = _said(drift, quantity, joint, change.after - change.before)
+                said = _change_in_words(drift, quantity, joint, change.after - change.before)
                 known = np.isfinite(chart.values[: change.index]).any()
                 where = f"since {drift.when(change.index)}" if known else "in all runs than in the calibration"
                 text = f"joint {joint + 1}: {said} {where}"
                 yield DriftFinding(joint, quantity, change.index, False, change.before, change.after, text)
             for run in np.flatnonzero(chart.alone):
                 level, off = float(np.nan_to_num(chart.level[run])), float(chart.values[run])
-                said = _said(drift, quantity, joint, off - level)
+                said = _change_in_words(drift, quantity, joint, off - level)
                 text = f"joint {joint + 1}: {said} than in the neighbouring runs, in {drift.when(int(run))} alone"
                 yield DriftFinding(joint, quantity, int(run), True, level, off, text)
 
 
-def _said(drift: ArmDrift, quantity: Monitored, joint: int, change: float) -> str:
+def _change_in_words(drift: ArmDrift, quantity: Monitored, joint: int, change: float) -> str:
     """A change in words, to be followed by 'since' or 'than'."""
     word = "higher" if change > 0.0 else "lower"
     if quantity is Monitored.FRICTION:

@@ -135,7 +135,7 @@ def within_ranges(
             f"the {_NAMES[quantity]} was given as {_range(quantity, limits)}, but from the data it is "
             f"{_range(quantity, interval)} (95 %). {_REMEDY}"
         )
-    binds = _beyond(interval, limits)
+    binds = _extends_beyond(interval, limits)
     if not binds.any():
         return found
     mean, covariance = _without_ranges(found, limits)
@@ -149,7 +149,7 @@ def within_ranges(
             f"the torque. {_REMEDY}"
         )
     result = identified(_prior_within(known, *truncated_moments(mean, covariance, limits)))
-    binds |= _beyond(result.uncertainty.interval_95[:4], limits)
+    binds |= _extends_beyond(result.uncertainty.interval_95[:4], limits)
     ends = np.tile([-np.inf, np.inf], (10, 1))
     ends[:4][binds] = limits[binds]
     uncertainty = replace(result.uncertainty, limits=ends)
@@ -161,7 +161,7 @@ def within_ranges(
     return replace(result, uncertainty=uncertainty, notes=(*notes, *result.notes))
 
 
-def _beyond(interval: FloatArray, limits: FloatArray) -> NDArray[np.bool_]:
+def _extends_beyond(interval: FloatArray, limits: FloatArray) -> NDArray[np.bool_]:
     """(4,) True for intervals that extend beyond the limits."""
     return np.asarray((interval[:, 0] < limits[:, 0]) | (interval[:, 1] > limits[:, 1]))
 

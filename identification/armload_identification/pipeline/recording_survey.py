@@ -21,7 +21,7 @@ from armload_identification.verdict.recording_checks.effort_mismatch import (
     require_same_effort,
 )
 
-_HOLE: Final = 3.0
+_GAP_INTERVALS: Final = 3.0
 """Multiple of the median interval from which two rows have a gap between them."""
 _MOVES_RAD_S: Final = 0.01
 _MOVES_RAD: Final = 0.01
@@ -79,7 +79,7 @@ def survey(recording: Recording) -> RecordingSurvey:
     time_s, position = recording.time_s, recording.position_rad
     step_s = np.diff(time_s)
     interval_s = float(np.median(step_s))
-    holes = step_s[step_s > _HOLE * interval_s]
+    holes = step_s[step_s > _GAP_INTERVALS * interval_s]
     speed = np.abs(np.diff(position, axis=0)) / step_s[:, None]
     # Over a tenth of a second, so that encoder noise does not count as motion.
     window = max(round(0.1 / interval_s), 1)

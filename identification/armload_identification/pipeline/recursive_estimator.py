@@ -34,7 +34,7 @@ COLOUR: Final = 2.0
 LOAD_LAW: Final = 0.08
 """Share of the load-dependent friction that follows no law: gears that lose a fifth of their load to friction shift a
 mass by 2 to 4 % whatever the motion, which no scatter of the rows shows."""
-_EVERY: Final = 4
+_ROWS_PER_SENSITIVITY: Final = 4
 """The sensitivity to gains and body is computed from every fourth stored row."""
 _WEIGHTLESS_KG: Final = 1e-3
 """Mass below which the centre of mass is undefined."""
@@ -241,7 +241,7 @@ class PayloadEstimator:
         """
         n, session = self._chain.n, self._session
         memory = np.empty((kernels.REMEMBERED_ROWS, 1 + 4 * n))
-        rows = memory[: self._kernel.rows_into(memory)][::-_EVERY][::-1]
+        rows = memory[: self._kernel.rows_into(memory)][::-_ROWS_PER_SENSITIVITY][::-1]
         if len(rows) < 2:
             return np.zeros((0, 10)), session
         q, dq, ddq, tau = (np.ascontiguousarray(part) for part in np.split(rows[:, 1:], 4, axis=1))
@@ -249,13 +249,15 @@ class PayloadEstimator:
         states = JointStates(q, dq, ddq)
         seen = KnownArmRows.of(self._chain, self._arm, states, theta, self._parameter[kernels.ESTIMATOR_NOISE] / faded)
         # The errors are independent combinations of the unknowns, whose few effects on the payload are combined.
-        changes = self.calibration.torque_changes(self._chain, states, _EVERY * ROW_S, tau)
-        errors, response = self.calibration.independent_errors, seen.shifts(changes, _EVERY)
+        changes = self.calibration.torque_changes(self._chain, states, _ROWS_PER_SENSITIVITY * ROW_S, tau)
+        errors, response = self.calibration.independent_errors, seen.shifts(changes, _ROWS_PER_SENSITIVITY)
         if session is None:
             return errors @ response, None
         carried = payload_regressor(self._chain, q, dq, ddq) @ theta
         # not the measured torque, whose noise is that of the residual
         predicted = self.calibration.body.torque(self._chain, q, dq, ddq, carried)
-        (found, *seeming), information = seen.beside(predicted, np.stack([tau - predicted, *changes]), _EVERY)
+        (found, *seeming), information = seen.beside(
+            predicted, np.stack([tau - predicted, *changes]), _ROWS_PER_SENSITIVITY
+        )
         session = session.beside(found, float(np.sqrt(COLOUR / information + np.sum((errors @ seeming) ** 2))))
         return np.vstack([errors @ response, session.deviation * response[:n].sum(axis=0)]), session

@@ -33,7 +33,7 @@ _MOST_SMALLER: Final = 3
 _INSIDE: Final = 0.98
 _SAMPLES: Final = 48
 """Samples per harmonic."""
-_SMALLER: Final = 0.9
+_SHRINKING: Final = 0.9
 _MOST_SHRINKING: Final = 25
 
 
@@ -163,7 +163,7 @@ class _Shapes:
             width = float(self._prospect.half_widths_kg(trajectory, self._judged)[0])
             if width < least:
                 best, chosen, least = trajectory, drawn, width
-        return None if best is None else _within(best, _INSIDE, _MOST_SHRINKING, self._envelope.worst)
+        return None if best is None else _shrunk_into(best, _INSIDE, _MOST_SHRINKING, self._envelope.worst)
 
     def _inside(self, drawn: FloatArray) -> FourierTrajectory | None:
         """A shape with the greatest amplitude within its limits."""
@@ -172,7 +172,7 @@ class _Shapes:
         states[0] -= self._at
         reach = np.abs(states).max(axis=1) / self._room
         whole = self._trajectory((_INSIDE / reach.max(axis=0))[:, None] * drawn)
-        return _within(whole, _SMALLER, _MOST_SMALLER, self._at_samples)
+        return _shrunk_into(whole, _SHRINKING, _MOST_SMALLER, self._at_samples)
 
     def _at_samples(self, motion: FourierTrajectory) -> FloatArray:
         """Excess over the limits at the samples."""
@@ -183,7 +183,7 @@ class _Shapes:
         return FourierTrajectory(1.0 / self._period_s, self._at, sine, cosine)
 
 
-def _within(
+def _shrunk_into(
     motion: FourierTrajectory, factor: float, times: int, excess: Callable[[FourierTrajectory], FloatArray]
 ) -> FourierTrajectory | None:
     """The motion, its amplitude multiplied by a factor up to so many times, until it exceeds no limit."""

@@ -33,10 +33,10 @@ class JointNames:
     def __init__(self, names: Sequence[str]) -> None:
         self.names = tuple(names)
         self._whole = [tuple(words_of(name)) for name in names]
-        forms = [_forms(words, self._whole) for words in self._whole]
+        forms = [_name_endings(words, self._whole) for words in self._whole]
         counts = Counter(form for own in forms for form in own)
-        self._forms = {form: joint for joint, own in enumerate(forms) for form in own if counts[form] == 1}
-        self._longest = max((len(form) for form in self._forms), default=0)
+        self._name_endings = {form: joint for joint, own in enumerate(forms) for form in own if counts[form] == 1}
+        self._longest = max((len(form) for form in self._name_endings), default=0)
 
     @property
     def numbered(self) -> bool:
@@ -54,7 +54,7 @@ class JointNames:
         """
         for size in range(min(self._longest, len(words)), 0, -1):
             parts = {first: tuple(words[first : first + size]) for first in range(len(words) - size + 1)}
-            found = {first: self._forms[part] for first, part in parts.items() if part in self._forms}
+            found = {first: self._name_endings[part] for first, part in parts.items() if part in self._name_endings}
             if found:
                 if len(set(found.values())) > 1:
                     return None
@@ -78,7 +78,7 @@ class JointNames:
         return {joint: places[0] for joint, places in found.items() if len(places) == 1} | exact
 
 
-def _forms(words: tuple[str, ...], others: Sequence[tuple[str, ...]]) -> set[tuple[str, ...]]:
+def _name_endings(words: tuple[str, ...], others: Sequence[tuple[str, ...]]) -> set[tuple[str, ...]]:
     """The ends of a joint's name, also without the words at the end that all joints share."""
     shared = 0
     while len(others) > 1 and shared < len(words) - 1 and len({other[-1 - shared :][:1] for other in others}) == 1:

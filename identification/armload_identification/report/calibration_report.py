@@ -19,9 +19,9 @@ from armload_identification.report.figures.joint_figures import COLORS
 from armload_identification.report.gain_table import gain_table
 from armload_identification.report.page import rendered
 
-_LOUD: Final = 1.5
+_BOLD_RESIDUAL: Final = 1.5
 """Ratio of a run's residual to that of all runs from which it is printed in bold."""
-_STRONG: Final = 1.0
+_BOLD_INFLUENCE: Final = 1.0
 """Influence of a run on a gain, in standard deviations, from which it is printed in bold."""
 
 
@@ -56,8 +56,8 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
         gains=Markup(gains_figure(change, width, calibration.determined.tolist(), title)),
         payloads=list(_payload_rows(calibration)),
         runs=[(run, run.residual_rms_nm / noise) for run in calibration.runs],
-        loud=_LOUD,
-        strong=_STRONG,
+        loud=_BOLD_RESIDUAL,
+        strong=_BOLD_INFLUENCE,
         drift=list(_drift(calibration, names)),
         delay=f"{numeral(1e3 * calibration.body.torque_delay_s, 1)} ± {numeral(width_ms, 1)}{NO_BREAK}ms",
         tilt=tilted if tilt_deg > tilt_width_deg else f"level within {numeral(tilt_width_deg, 2)}°",

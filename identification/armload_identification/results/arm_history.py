@@ -27,7 +27,7 @@ class ArmHistory(PrintedResult, ComparedRuns):
 
     def _row(self, joint: int, name: str) -> tuple[str, ...]:
         """Present levels of a joint; empty if the runs do not determine one."""
-        friction, gain, residual = (_present(self.drift.charts[quantity][joint].level) for quantity in Monitored)
+        friction, gain, residual = (_last_known(self.drift.charts[quantity][joint].level) for quantity in Monitored)
         warming = self._warming_nm(joint)
         return (
             f"{joint + 1} {name}",
@@ -131,7 +131,7 @@ class ArmHistory(PrintedResult, ComparedRuns):
         return ResultTable(title, headings, rows, (0,), sentences)
 
 
-def _present(level: FloatArray) -> float | None:
+def _last_known(level: FloatArray) -> float | None:
     """The last known level."""
     known = level[np.isfinite(level)]
     return float(known[-1]) if known.size else None

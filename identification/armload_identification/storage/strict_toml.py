@@ -307,7 +307,7 @@ def _problems(value: object, annotation: Any, loc: _Place, root: type[Table]) ->
         cause = problem.__cause__
         if isinstance(cause, BadValue):
             return [((*loc, cause.key) if cause.key else loc, cause.found, cause.expected)]
-        return [(loc, value, str(cause) if cause else _wanted(value, annotation, str(problem)))]
+        return [(loc, value, str(cause) if cause else _expected_in_toml(value, annotation, str(problem)))]
     return []
 
 
@@ -346,7 +346,7 @@ def _problems_of_keys(
         yield (*loc, key), values[key], "unknown key" + _near_unknown(key, fields, root)
 
 
-def _wanted(value: object, annotation: Any, problem: str) -> str:
+def _expected_in_toml(value: object, annotation: Any, problem: str) -> str:
     """What was expected, in the terms of TOML, from msgspec's message about one value."""
     bound = _BOUND.fullmatch(problem)
     metas = [m for part in (annotation, *get_args(annotation)) for m in getattr(part, "__metadata__", ())]

@@ -51,7 +51,7 @@ def _folded(*headings: str) -> list[Column]:
 def check_table(rows: Sequence[Check]) -> Table:
     """One row per step and result, for all joints that have it; what is not ok first."""
     found = [((row.step, row.verdict.value, row.detail), f"{row.joint} ({row.node_id})") for row in rows]
-    return _together("bring-up short of enabling", ("step", "what"), found, _COLOURS)
+    return _grouped_table("bring-up short of enabling", ("step", "what"), found, _COLOURS)
 
 
 def safety_table(drives: Sequence[DriveSetup]) -> Table:
@@ -61,10 +61,10 @@ def safety_table(drives: Sequence[DriveSetup]) -> Table:
         for drive in drives
         for finding in drive.safety
     ]
-    return _together("safety properties of the drives", ("the drive ...", "by"), found, _SAFETY_COLOURS)
+    return _grouped_table("safety properties of the drives", ("the drive ...", "by"), found, _SAFETY_COLOURS)
 
 
-def _together(
+def _grouped_table(
     title: str, headings: tuple[str, str], found: Sequence[tuple[tuple[str, str, str], str]], colours: Mapping[str, str]
 ) -> Table:
     """One row for equal cells, with all their joints; the second cell is a verdict, and orders the rows."""

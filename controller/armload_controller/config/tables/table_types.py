@@ -54,7 +54,7 @@ def _in_rad(angle_deg: float) -> str:
     return f"{math.radians(angle_deg):.5g}"
 
 
-def _within(limit: float, expected: Callable[[float], str]) -> Meta:
+def _limited(limit: float, expected: Callable[[float], str]) -> Meta:
     """A range of either sign, and what to say about a value outside."""
     return Meta(ge=-limit, le=limit, extra={"expected": expected})
 
@@ -63,8 +63,8 @@ Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
 Share = Annotated[float, Meta(ge=0, lt=1)]
 Vector3 = Annotated[list[float], Meta(min_length=3, max_length=3)]
-Angle = Annotated[float, _within(_FULL_TURN_RAD + 1e-3, _orientation)]
-JointPosition = Annotated[float, _within(_MOST_TURNS * _FULL_TURN_RAD, _joint_position)]
+Angle = Annotated[float, _limited(_FULL_TURN_RAD + 1e-3, _orientation)]
+JointPosition = Annotated[float, _limited(_MOST_TURNS * _FULL_TURN_RAD, _joint_position)]
 JointSpeed = Annotated[Positive, Meta(le=_FASTEST_RAD_S, extra={"expected": _joint_speed})]
 RatedMass = Annotated[Positive, Meta(le=_STRONGEST_KG, extra={"expected": _rated_mass})]
 GearRatio = Annotated[float, Meta(ge=1, extra={"expected": _reduction})]

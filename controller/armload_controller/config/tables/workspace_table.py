@@ -88,7 +88,7 @@ class WorkspaceTable(Table):
         for key, link in named:
             if link != "tool" and link > n:
                 raise BadValue(f"workspace.{key}", link, f'expected 0 (the base) to {n}, or "tool"')
-        bare = sorted(set(range(1, n + 2)) - {_number(s.link, n) for s in self.spheres})
+        bare = sorted(set(range(1, n + 2)) - {_link_number(s.link, n) for s in self.spheres})
         if bare:
             name = "tool" if bare[0] == n + 1 else str(bare[0])
             expected = "expected at least one around every link and around the tool"
@@ -107,7 +107,7 @@ class WorkspaceTable(Table):
         moving = tuple(range(1, n + 2))
 
         def links(names: Sequence[Link] | None) -> tuple[int, ...]:
-            return moving if names is None else tuple(_number(name, n) for name in names)
+            return moving if names is None else tuple(_link_number(name, n) for name in names)
 
         half_spaces = []
         if self.floor_height_m is not None:
@@ -125,13 +125,13 @@ class WorkspaceTable(Table):
             )
         return Workspace(
             chain,
-            tuple(Sphere(_number(s.link, n), np.array(s.center_m), s.radius_m) for s in self.spheres),
+            tuple(Sphere(_link_number(s.link, n), np.array(s.center_m), s.radius_m) for s in self.spheres),
             tuple(half_spaces),
             tuple(
                 Box(b.name, pose_from_xyz_rpy(b.xyz_m, b.rpy_rad), np.array(b.size_m), links(b.links))
                 for b in self.boxes
             ),
-            tuple((_number(a, n), _number(b, n)) for a, b in self.apart),
+            tuple((_link_number(a, n), _link_number(b, n)) for a, b in self.apart),
             self.keep_m,
         )
 
@@ -153,6 +153,6 @@ class WorkspaceTable(Table):
         return Meshes(folder / self.urdf, chain, joint_names, self.keep_m, touching)
 
 
-def _number(name: Link, n: int) -> int:
+def _link_number(name: Link, n: int) -> int:
     """Number of a link in the workspace: the tool of an arm of n joints is n + 1."""
     return n + 1 if name == "tool" else int(name)

@@ -81,7 +81,7 @@ def _core_file(name: str) -> Traversable:
     return resources.files("armload_core") / "source" / "estimator" / name
 
 
-def _part(file: str) -> str:
+def _fragment(file: str) -> str:
     """A file of the core as a part of a longer one."""
     text = re.sub(_UNIT, "", _core_file(file).read_text(encoding="ascii"), flags=re.MULTILINE).strip()
     return re.sub(r"\n{3,}", "\n\n", text)
@@ -89,14 +89,14 @@ def _part(file: str) -> str:
 
 def _own_part(file: str) -> str:
     """A part without its first comment, which the export replaces."""
-    return re.sub(_TITLE, "", _part(file), flags=re.DOTALL)
+    return re.sub(_TITLE, "", _fragment(file), flags=re.DOTALL)
 
 
 def _update() -> str:
     """The core's update in one file: headers, then functions, static where only the core's files share them."""
     headers = _headers_of("payload_estimator.c")
     sources = [source for header in headers if _core_file(source := header.replace(".h", ".c")).is_file()]
-    shared = [re.sub(_SHARED, "static ", _part(file), flags=re.MULTILINE) for file in (*headers, *sources)]
+    shared = [re.sub(_SHARED, "static ", _fragment(file), flags=re.MULTILINE) for file in (*headers, *sources)]
     return "\n\n".join([*shared, _own_part("payload_estimator.c")])
 
 

@@ -27,7 +27,7 @@ PLACE_TOLERANCE_M = 1e-3
 """Distances below this decide nothing: of the flange from the axis, and from the wrist along the axis."""
 _ROUNDED = 1e-4
 """Rotations this close to quarter turns are quarter turns whose angles were typed with four digits or more."""
-_OUT = np.array([0.0, 0.0, 1.0])
+_FLANGE_AXIS = np.array([0.0, 0.0, 1.0])
 
 
 def in_makers_flange(subject: ExportSubject) -> PayloadResult:
@@ -78,7 +78,7 @@ def has_makers_axes(chain: Chain) -> bool:
 def _is_out(axis: FloatArray, known: bool) -> bool:
     """Whether an axis is z; if its direction is not known, whether it is z or -z."""
     shown = axis if known else axis * np.sign(axis[2] or 1.0)
-    return bool(np.sqrt(np.sum((shown - _OUT) ** 2)) <= AXIS_TOLERANCE_RAD)
+    return bool(np.sqrt(np.sum((shown - _FLANGE_AXIS) ** 2)) <= AXIS_TOLERANCE_RAD)
 
 
 def _require_makers(subject: ExportSubject, rotation: FloatArray) -> None:

@@ -28,7 +28,7 @@ class FramePart(Struct, frozen=True):
     def packer(self, entries: Sequence[Entry], constants: bytes) -> Callable[..., bytes]:
         """All bytes, as a function of the values of some objects; the rest is that of `constants`."""
         if self._in_order(entries) and not any(constants):
-            return self._form(entries).pack
+            return self._struct_of(entries).pack
         data = bytearray(constants)
         fields = [(struct.Struct("<" + entry.type.code).pack_into, self.offsets[entry]) for entry in entries]
 
@@ -42,9 +42,9 @@ class FramePart(Struct, frozen=True):
     def unpacker(self, entries: Sequence[Entry]) -> Callable[[bytes | bytearray], tuple[int, ...]]:
         """The values of some objects, as a function of all bytes."""
         if self._in_order(entries):
-            return self._form(entries).unpack
+            return self._struct_of(entries).unpack
         ordered = sorted(entries, key=self.offsets.__getitem__)
-        unpack, places = self._form(ordered).unpack, [ordered.index(entry) for entry in entries]
+        unpack, places = self._struct_of(ordered).unpack, [ordered.index(entry) for entry in entries]
 
         def unpacked(data: bytes | bytearray) -> tuple[int, ...]:
             values = unpack(data)
@@ -57,7 +57,7 @@ class FramePart(Struct, frozen=True):
         offsets = [self.offsets[entry] for entry in entries]
         return offsets == sorted(offsets)
 
-    def _form(self, entries: Sequence[Entry]) -> struct.Struct:
+    def _struct_of(self, entries: Sequence[Entry]) -> struct.Struct:
         """Format of objects in the order of their offsets; what is between them is skipped, or 0."""
         codes, at = "<", 0
         for entry in entries:

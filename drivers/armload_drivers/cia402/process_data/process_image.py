@@ -174,8 +174,8 @@ def _fixed(pdos: Sequence[FixedPdo], drive: DriveSettings, entries: list[Entry])
     first = _carrying(pdos, entries[:2])
     second = first if first.carries(entries[2:]) else _carrying(pdos, entries[2:])
     if second is first:
-        return _own(first, drive, entries), None
-    return _own(first, drive, entries[:2]), _own(second, drive, entries[2:])
+        return _fixed_layout(first, drive, entries), None
+    return _fixed_layout(first, drive, entries[:2]), _fixed_layout(second, drive, entries[2:])
 
 
 def _carrying(pdos: Sequence[FixedPdo], entries: list[Entry]) -> FixedPdo:
@@ -187,7 +187,7 @@ def _carrying(pdos: Sequence[FixedPdo], entries: list[Entry]) -> FixedPdo:
     raise ValueError(f"none of {', '.join(pdo.key for pdo in pdos)} carries {names}")
 
 
-def _own(pdo: FixedPdo, drive: DriveSettings, entries: list[Entry]) -> PdoLayout:
+def _fixed_layout(pdo: FixedPdo, drive: DriveSettings, entries: list[Entry]) -> PdoLayout:
     """The layout of a PDO with a fixed mapping."""
     used = {entry.mapping for entry in entries} | {od.MODE.mapping}
     bits = sum(word & 0xFF for word in pdo.mapping)

@@ -31,7 +31,7 @@ from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirecti
 from armload_drivers.driver_errors import DescriptionError
 from armload_drivers.simulation.drives.sdo_server import Dictionary
 
-_OWN = frozenset(
+_SIMULATED_KEYS = frozenset(
     entry.key
     for entry in (
         od.ERROR_REGISTER,
@@ -61,7 +61,7 @@ _OWN = frozenset(
 _MEASURED = frozenset(entry.key for entry in (od.CONTROLWORD, od.STATUSWORD, od.POSITION_ACTUAL))
 """Those of them that a drive must have with the standard's size."""
 
-_WITHOUT = {
+_VALUES_IF_ABSENT = {
     od.ABORT_CONNECTION_OPTION: 0,
     od.FOLLOWING_ERROR_WINDOW: 0xFFFF_FFFF,
     od.FOLLOWING_ERROR_TIMEOUT_MS: 0,
@@ -108,7 +108,7 @@ def adopt_description(dictionary: Dictionary, described: DeviceDescription, node
         dictionary.entries.setdefault(entry.key, entry)
         dictionary.values.setdefault(entry.key, 0)
     for key, found in described.objects.items():
-        _take_value(dictionary, key, found, node_id, own=key in _OWN and key in known)
+        _take_value(dictionary, key, found, node_id, own=key in _SIMULATED_KEYS and key in known)
     for direction in PdoDirection:
         for number in range(pdo_count(described, direction)):
             cob_id = direction.cob_id_entry(number)
@@ -116,7 +116,7 @@ def adopt_description(dictionary: Dictionary, described: DeviceDescription, node
             if value is None or value in _NOT_FOR_PDOS:
                 dictionary.values[cob_id.key] = od.PDO_DISABLED
     _take_identity(dictionary, described)
-    for entry, value in _WITHOUT.items():
+    for entry, value in _VALUES_IF_ABSENT.items():
         if entry.key not in dictionary.entries:
             dictionary.values[entry.key] = value
     modes = described.modes
@@ -179,7 +179,9 @@ def _entry(found: DescribedObject, known: Entry | None, *, mapped: bool) -> Entr
         mapped: Whether a PDO contains it after a reset.
     """
     kind, mappable = found.type or DataType.STRING, found.mappable
-    too_small = known is not None and known.key in _OWN and (found.bits is None or found.bits < known.type.bits)
+    too_small = (
+        known is not None and known.key in _SIMULATED_KEYS and (found.bits is None or found.bits < known.type.bits)
+    )
     if known is not None and (found.type is None or too_small):
         kind = known.type
     # Makers confuse "rwr" and "rww".

@@ -121,7 +121,7 @@ class RosReader(RecordingReader):
         with self._opened() as reader:
             messages = reader.messages(_of_topic(reader, self._choice.topic))
             while part := list(islice(messages, _BLOCK_ROWS)):
-                rows = self._alike(reader, part)
+                rows = self._equal_messages(reader, part)
                 if rows is None:
                     rows = self._one_by_one(reader, part, account)
                 else:
@@ -142,11 +142,11 @@ class RosReader(RecordingReader):
             order = [sample.names.index(name) for name in self._choice.names]
             row = [(sample.stamp_ns if self._choice.by_header else when_ns) * 1e-9]
             for values in self._choice.of(sample.columns):
-                row += values[order].tolist() if _has(values, sample) else [np.nan] * len(order)
+                row += values[order].tolist() if _is_measured(values, sample) else [np.nan] * len(order)
             rows.append(row)
         return np.array(rows, dtype=np.float64)
 
-    def _alike(self, reader: AnyReader, part: Sequence[_Message]) -> FloatArray | None:
+    def _equal_messages(self, reader: AnyReader, part: Sequence[_Message]) -> FloatArray | None:
         """The same, if the messages are joint states that differ in stamps and numbers only; None for others.
 
         The library takes 10 us for a message. The arrays of a message are its end, each after its length, which CDR
@@ -194,7 +194,7 @@ class RosReader(RecordingReader):
 
         def worth(key: tuple[str, frozenset[str]]) -> tuple[int, int, int, int]:
             samples = [sample for _, sample in groups[key]]
-            with_effort = sum(_has(sample.columns[2], sample) for sample in samples)
+            with_effort = sum(_is_measured(sample.columns[2], sample) for sample in samples)
             return len(arm.places(sorted(key[1]))), with_effort > 0, len(key[1]), len(samples)
 
         best = max(groups, key=worth)
@@ -204,8 +204,8 @@ class RosReader(RecordingReader):
         return _Choice(
             best[0],
             (*wanted, *(name for name in samples[0].names if name not in wanted)),
-            velocity=any(_has(sample.columns[1], sample) for sample in samples),
-            effort=any(_has(sample.columns[2], sample) for sample in samples),
+            velocity=any(_is_measured(sample.columns[1], sample) for sample in samples),
+            effort=any(_is_measured(sample.columns[2], sample) for sample in samples),
             by_header=stamps.size > 1 and float(np.mean(np.diff(stamps) > 0)) >= _INCREASING,
         )
 
@@ -224,7 +224,7 @@ class RosReader(RecordingReader):
                 if file.suffix in _REQUIRE_BOUNDED:
                     _REQUIRE_BOUNDED[file.suffix](file)
             defined = any(file.suffix == ".mcap" for file in files)
-            with AnyReader([bag], default_typestore=None if defined else _humble()) as reader:
+            with AnyReader([bag], default_typestore=None if defined else _types_of_sqlite_bags()) as reader:
                 yield reader
 
 
@@ -284,7 +284,7 @@ _REQUIRE_BOUNDED: Final = {
 
 
 @cache
-def _humble() -> Typestore:
+def _types_of_sqlite_bags() -> Typestore:
     """Types for SQLite bags, which may have no definitions; MCAP and ROS 1 do."""
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(_DEFINITIONS.read_text("utf-8"), _TYPES[0]))
@@ -324,7 +324,7 @@ def _sample(connection: Connection, message: Any) -> _JointSample:
     return _JointSample(tuple(names), stamp_ns, [np.array(column, dtype=np.float64) for column in columns])
 
 
-def _has(values: FloatArray, sample: _JointSample) -> bool:
+def _is_measured(values: FloatArray, sample: _JointSample) -> bool:
     """Whether a message has a quantity for all its joints, not just NaN as a placeholder."""
     return values.size == len(sample.names) and not np.isnan(values).all()
 

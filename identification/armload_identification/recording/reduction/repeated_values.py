@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 
 _AT_BOUND: Final = 1.0 - 1e-9
-_LONG: Final = 50
+_LONG_REPETITION: Final = 50
 """Samples of the same value from which the motion meanwhile matters; drives update their values more often."""
 
 
@@ -91,10 +91,10 @@ class RepeatCounter:
             else:
                 self._open[signal] = None
             # The last one may become long with the next samples.
-            for place in np.flatnonzero(np.append(lengths[:-1] >= _LONG, True)).tolist():
+            for place in np.flatnonzero(np.append(lengths[:-1] >= _LONG_REPETITION, True)).tolist():
                 before = None if place else self._open[signal]
                 stretch = _stretch(position[starts[place] : ends[place], signal], before)
-                if lengths[place] >= _LONG and stretch.way >= found.turned_rad[signal]:
+                if lengths[place] >= _LONG_REPETITION and stretch.way >= found.turned_rad[signal]:
                     found.turned_rad[signal], found.turned_for[signal] = stretch.way, lengths[place]
                     found.turned_at[signal] = column[starts[place]]
             self._open[signal] = stretch

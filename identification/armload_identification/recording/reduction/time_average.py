@@ -65,7 +65,7 @@ class TimeAverager(Reduction):
     def _reduce(self, rows: RowBlock) -> None:
         """Average the completed intervals."""
         rows = rows if self._open is None else joined([self._open, rows])
-        number = self._number(rows)
+        number = self._interval_number(rows)
         # Only pairs of intervals are closed, so that pairs can be merged at any time.
         closed = int(np.searchsorted(number, number[-1] - number[-1] % 2))
         self._open = rows.rows(slice(closed, None))
@@ -79,7 +79,7 @@ class TimeAverager(Reduction):
         rows = _at_their_times(joined(self._means), self._width_s, (1.0 - self._samples**-2.0) / 24.0)
         return Recording(**vars(rows), excitation=self._excitation, source=source, repeats=repeats)
 
-    def _number(self, rows: RowBlock) -> FloatArray:
+    def _interval_number(self, rows: RowBlock) -> FloatArray:
         """Number of each row's interval."""
         return np.floor((rows.time_s - self._start_s) / self._width_s)
 
@@ -89,14 +89,16 @@ class TimeAverager(Reduction):
         self._size += means.size
         while self._size > self._most_means:
             rows = joined(self._means)
-            self._means = [_averaged(rows, self._number(rows) // 2.0, 1.0)]
+            self._means = [_averaged(rows, self._interval_number(rows) // 2.0, 1.0)]
             self._size = self._means[0].size
             self._width_s *= 2.0
             self._samples *= 2
 
     def _means_of(self, rows: RowBlock) -> RowBlock:
         """Means of the rows' intervals."""
-        return rows if self._samples == 1 else _averaged(rows, self._number(rows), _FEWEST_SHARE * self._samples)
+        return (
+            rows if self._samples == 1 else _averaged(rows, self._interval_number(rows), _FEWEST_SHARE * self._samples)
+        )
 
 
 def _averaged(rows: RowBlock, number: FloatArray, fewest: float) -> RowBlock:

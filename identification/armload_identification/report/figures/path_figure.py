@@ -33,7 +33,12 @@ from armload_identification.report.figures.figure_style import (
 COLORS: Final = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY_BLUE, INK)
 _FORBIDDEN: Final = "#e8d5d0"
 _WALL: Final = "#a0522d"
-_LARGER: Final = {"font.size": 8.0, "axes.titlesize": 8.5, "axes.titlelocation": "left", "lines.linewidth": 1.1}
+_STYLE_OF_FIGURE: Final = {
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.titlelocation": "left",
+    "lines.linewidth": 1.1,
+}
 _SAMPLES: Final = 600
 _POSTURES: Final = 8
 _NEAREST: Final = 5
@@ -59,7 +64,7 @@ def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[s
         raise ExcitationError(
             f"a trajectory of {excitation.trajectory.n} joints, limits of {envelope.n}, {len(joint_names)} names"
         )
-    with matplotlib.style.context(["default", FIGURE_STYLE, _LARGER]):
+    with matplotlib.style.context(["default", FIGURE_STYLE, _STYLE_OF_FIGURE]):
         figure = Figure(figsize=_SIZE_IN, layout="constrained")
         page = figure.add_gridspec(1, 2, width_ratios=(0.4, 0.6))
         left, right = figure.add_subfigure(page[0]), figure.add_subfigure(page[1])

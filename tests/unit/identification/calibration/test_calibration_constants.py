@@ -174,7 +174,7 @@ def explained(monkeypatch):
     def explained(off, payload, other):
         found = [(trial(payload), "a payload"), (trial(99.0), "bad"), (trial(other), "a mistake")]
         monkeypatch.setattr(f"{ROOM}.run_contradictions._mistakes", lambda *_: iter(found))
-        monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", lambda *_, **__: trial([0.5, off]))
+        monkeypatch.setattr(f"{ROOM}.run_contradictions._fitted_to_run", lambda *_, **__: trial([0.5, off]))
         arm = SimpleNamespace(fit=SimpleNamespace(problem=SimpleNamespace(mountings=("tool",))))
         return explain(arm, None, "tool", None)
 
@@ -216,7 +216,7 @@ def scaled(monkeypatch, reported, off=9.0):
         rows = SimpleNamespace(weight=np.ones((4, 1)), effort_nm=run.raw_nm[None])
         return trial(off, rows, 2.0 * (-1.0) ** np.arange(4)[:, None])
 
-    monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", fit)
+    monkeypatch.setattr(f"{ROOM}.run_contradictions._fitted_to_run", fit)
     arm = ArmKnowledge(None, SimpleNamespace(chain=SimpleNamespace(n=1), coupling=np.eye(1)))
     return _scaled(arm, Run(reported * 2.0 * (-1.0) ** np.arange(4)[:, None]), "tool")[1], fitted
 
@@ -244,7 +244,9 @@ def test_an_axis_reports_a_multiple_of_its_effort_beyond_3_percent(monkeypatch, 
 def test_a_run_is_fitted_with_its_stated_mass_unless_other_runs_carry_the_same(monkeypatch, mounting, known):
     asked = []
     monkeypatch.setattr(f"{ROOM}.run_contradictions._mistakes", lambda *_: [(trial(1.0), "a"), (trial(1.0), "b")])
-    monkeypatch.setattr(f"{ROOM}.run_contradictions._trial", lambda *_, mass_kg: asked.append(mass_kg) or trial(9.0))
+    monkeypatch.setattr(
+        f"{ROOM}.run_contradictions._fitted_to_run", lambda *_, mass_kg: asked.append(mass_kg) or trial(9.0)
+    )
     arm = SimpleNamespace(fit=SimpleNamespace(problem=SimpleNamespace(mountings=("tool",))))
     assert "it fits if a" in explain(arm, None, mounting, 3.0)
     assert asked == [known]
@@ -280,7 +282,7 @@ def test_what_a_motion_says_of_a_drift_is_allowed_for_and_told_if_it_is_certain(
 
 @pytest.mark.parametrize(("found", "deviation"), [(0.02, np.hypot(0.005, 0.0102)), (0.009, 0.005)])
 def test_within_a_session_a_run_leaves_what_it_cannot_tell_and_what_it_says_beyond_that(monkeypatch, found, deviation):
-    monkeypatch.setattr(SessionGains, "_found", lambda *_: (found, 0.005))
+    monkeypatch.setattr(SessionGains, "_factor_in", lambda *_: (found, 0.005))
     left = SessionGains(0.0, 0.01, "as stated").within(None, None, None, None, loaded=True)
     assert left.deviation == pytest.approx(deviation, rel=1e-3)
     assert ("by itself, the run says +2.0 %" in left.origin) is (found == 0.02)
@@ -288,7 +290,7 @@ def test_within_a_session_a_run_leaves_what_it_cannot_tell_and_what_it_says_beyo
 
 @pytest.mark.parametrize(("prior", "deviation"), [(0.01, 0.005), (0.001, np.hypot(0.004, 0.001))])
 def test_a_reference_leaves_three_tenths_of_a_percent_at_most(monkeypatch, prior, deviation):
-    monkeypatch.setattr(SessionGains, "_found", lambda *_: (0.012, 0.004))
+    monkeypatch.setattr(SessionGains, "_factor_in", lambda *_: (0.012, 0.004))
     run = SimpleNamespace(source=SimpleNamespace(path=SimpleNamespace(name="ref.mcap")))
     found = SessionGains(0.0, prior, "").measured(run, None, None, None, None)
     assert (found.log_factor, found.deviation) == (0.012, pytest.approx(deviation))
@@ -320,7 +322,7 @@ def test_the_factor_is_found_in_three_linearisations_from_the_rows_and_the_prior
         transmission=lambda _: SimpleNamespace(coupling=None),
     )
     gains = SessionGains(0.01, prior, "")
-    found, deviation = gains._found(None, calibration, SimpleNamespace(n=1), None, KnownPayload())
+    found, deviation = gains._factor_in(None, calibration, SimpleNamespace(n=1), None, KnownPayload())
     free = 0.01 + (0.02 - 0.01) * information / (information + 0.2**-2.0)
     whole = information + prior**-2.0
     assert found == pytest.approx((free * information + 0.01 * prior**-2.0) / whole)
@@ -346,7 +348,7 @@ def fit_over(lasts_s, *, periodic=False, rows_s=0.1, weight=0.31):
     return SimpleNamespace(
         _rows=one,
         _calibration=SimpleNamespace(n=1),
-        _found=SimpleNamespace(groups=[SimpleNamespace(acting=[[]])]),
+        _factor_in=SimpleNamespace(groups=[SimpleNamespace(acting=[[]])]),
         _motion=SimpleNamespace(periodic=periodic),
         _friction="friction",
         _middle=None,
@@ -388,7 +390,7 @@ def test_what_errors_of_the_calibration_leave_is_their_torque_less_what_the_unkn
     problem = SimpleNamespace(free=np.array([True, False, True]))
     found = SimpleNamespace(problem=problem, weighted_rows=[[weighted]])
     rows = SimpleNamespace(weight=np.array([[1.0], [0.5], [1.0]]))
-    fit = SimpleNamespace(_found=found, _rows=rows, _errors=np.array([[1.0, 99.0, -1.0]]), _noise_nm=np.ones(1))
+    fit = SimpleNamespace(_factor_in=found, _rows=rows, _errors=np.array([[1.0, 99.0, -1.0]]), _noise_nm=np.ones(1))
     left = _RunFit._left_nm(fit)
     assert left == pytest.approx([np.sqrt((2.0**2 + 1.5**2) / 3.0)])
 
