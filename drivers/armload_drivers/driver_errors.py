@@ -125,11 +125,7 @@ class ServoFault(ServoError):
 
 
 class SdoRefused(ServoError):
-    """A node answered an SDO transfer with an abort code.
-
-    Attributes:
-        abort_code: The code.
-    """
+    """A node answered an SDO transfer with an abort code."""
 
     def __init__(self, node_id: int, joint: str, step: str, what: str, remedy: str, abort_code: int) -> None:
         super().__init__(node_id, joint, step, what, remedy)

@@ -32,7 +32,6 @@ class Exported(PrintedResult):
 
     Attributes:
         robot: Name of the arm.
-        export_format: The format.
         files: Path of each file, and whether it was written; False if it already had this content.
         notes: What the files cannot express, or state as unknown.
     """

@@ -36,7 +36,6 @@ class DesignedWiggle(DesignedMotion):
     """A short motion that determines a mass, with its figures; prints as a few lines.
 
     Attributes:
-        arm: The arm.
         at_rad: (n,) the pose that the motion is centred on.
         wiggle: The motion and its predicted accuracy.
         envelope: The limits it was designed within.

@@ -33,7 +33,6 @@ class UrdfJoint(Struct, frozen=True, eq=False):
     """One `<joint>`.
 
     Attributes:
-        name: Its name.
         kind: Its type, such as "revolute".
         parent: The link above it.
         child: The link below it.

@@ -80,7 +80,6 @@ class EmptySlowRound:
     """The slow round of an empty arm whose own torque is known.
 
     Attributes:
-        joint_names: Names of the joints.
         position_rad: (N, n) positions.
         torque_nm: (N, n) torques.
         noise_nm: (n,) standard deviation of what remains of each torque in a fit with arbitrary links.

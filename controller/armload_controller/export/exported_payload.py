@@ -100,7 +100,6 @@ class ExportSubject:
 
         Args:
             robot: The arm.
-            payload: Its payload.
             payload_file: The file that the payload was read from.
             payload_sha256: Hash of that file.
             calibration: The arm's calibration, if any.

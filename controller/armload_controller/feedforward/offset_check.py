@@ -58,7 +58,6 @@ class OffsetVerdict:
     """Result of the check, per joint.
 
     Attributes:
-        joint_names: Names of the joints.
         tried_nm: (n,) greatest offset.
         gain: (n,) response to it; 1 is right.
         sigma: (n,) standard error of the gain.
@@ -148,7 +147,6 @@ class OffsetCheck:
         """The check that precedes the torque of a payload along a path.
 
         Args:
-            path: The path.
             robot: The arm.
             body: The payload, or the heaviest possible one.
             least_nm: (n,) least torque to try on every joint.

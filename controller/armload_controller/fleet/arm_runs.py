@@ -45,7 +45,6 @@ class Quantity:
     """One monitored quantity of an arm.
 
     Attributes:
-        kind: Its kind.
         of: Name of the payload or of the joint; empty for a payload without a name.
     """
 

@@ -28,7 +28,6 @@ class Finding:
 
     Attributes:
         arm: Name of the arm.
-        model: Its model.
         kind: Kind and quantity, the same from report to report: "change, mass of gripper".
         text: A sentence.
     """

@@ -82,7 +82,6 @@ class FigureReview:
     """One quantity of one arm over its runs.
 
     Attributes:
-        quantity: The quantity.
         recorded: Date and time of each run.
         values: (r,) SI units.
         center: The level of the first runs.
@@ -126,7 +125,6 @@ class ArmReview:
 
     Attributes:
         arm: Its name.
-        model: Its model.
         runs: Number of recordings.
         without_result: Number of recordings without a result.
         latest: When the last one was made.

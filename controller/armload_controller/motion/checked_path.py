@@ -51,8 +51,6 @@ class CheckedLeg:
     Legs of a path and segments of an approach passed all checks; the leg of `CheckedPath.back_to`, which the arm has
     just moved along by itself, passed those of the joints' limits only.
 
-    Attributes:
-        leg: The leg.
     """
 
     leg: Leg

@@ -23,11 +23,7 @@ class OperatorStop(StopRequested):
 
 
 class TerminationStop(StopRequested):
-    """The operating system requested the program to end: SIGTERM, SIGQUIT, or SIGHUP when the terminal is closed.
-
-    Attributes:
-        signal_number: Number of the signal.
-    """
+    """The operating system requested the program to end: SIGTERM, SIGQUIT, or SIGHUP when the terminal is closed."""
 
     def __init__(self, text: str, signal_number: int = signal.SIGTERM) -> None:
         super().__init__(text)

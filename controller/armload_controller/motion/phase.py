@@ -46,7 +46,6 @@ class PhaseState:
     """State of the phase.
 
     Attributes:
-        phase_s: Phase.
         rate: Its time derivative.
         acceleration_1_s: Its second time derivative.
     """
@@ -61,7 +60,6 @@ class Leg:
     """A motion from rest to rest along a path.
 
     Attributes:
-        path: The path.
         bounds: Limits of its phase.
         start_s: Phase at the start, at rest.
         end_s: Phase at the end: at rest (`rest_at_end`), or where the periods end and the ramp down begins.

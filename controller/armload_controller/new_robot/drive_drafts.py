@@ -22,7 +22,6 @@ class DriveDraft:
     """Known data of one joint's drive.
 
     Attributes:
-        node_id: Its node.
         identity: Object 1018; None if unknown.
         mode: "csp" or "ip"; None if it supports neither, or this is unknown.
         feedback: "torque" or "current"; None if unknown.
@@ -49,7 +48,6 @@ class BusDraft:
     Attributes:
         drives: One per joint, from the base to the flange.
         interface: python-can interface.
-        channel: Its channel.
         bitrate: Bit rate, bit/s.
         description: Path of the device description to write into the robot's file; None without one.
         source: Origin of the data, for the operator.

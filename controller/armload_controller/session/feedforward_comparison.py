@@ -67,7 +67,6 @@ class FollowingComparison:
 
     Attributes:
         measure: The part of the following error that is compared.
-        joint_names: Names of the joints.
         phase_s: (N,) phase along the path.
         without_rad: (N, n) error without feed-forward.
         with_rad: (N, n) error with feed-forward by label, of one or more kinds.

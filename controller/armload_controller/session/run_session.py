@@ -239,7 +239,6 @@ class RunSession:
         """Run a path at full speed, preceded by its slow round unless this session has already done that.
 
         Args:
-            path: The path.
             name: Name of the run.
             recorder: Records all rows, including the slow round and the row for which a monitor stops the arm.
             plugins: Further plug-ins, called after the monitors.

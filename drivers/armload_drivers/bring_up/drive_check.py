@@ -36,7 +36,6 @@ class Check:
 
     Attributes:
         joint: Name of the joint.
-        node_id: Node id.
         step: What was checked.
         verdict: Its result.
         detail: What was found, or what is missing or wrong and how to correct it.

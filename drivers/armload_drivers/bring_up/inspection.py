@@ -22,7 +22,6 @@ class FoundNode:
     """One node on the bus.
 
     Attributes:
-        node_id: Node id.
         device_type: 1000; None if the node refuses the request.
         name: 1008; empty if not reported.
         identity: 1018.
@@ -51,7 +50,6 @@ class DriveStatus:
 
     Attributes:
         joint: Name of the joint.
-        node_id: Node id.
         effort_unit: "A" or "N m".
         state: Power state; None if the drive does not answer.
         position_rad: Axis position; None if it or its scale is not reported.

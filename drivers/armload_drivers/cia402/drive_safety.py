@@ -59,7 +59,6 @@ class SafetyValues(Struct, frozen=True):
 
     Attributes:
         drive: The drive, its scale complete.
-        arm: The arm.
         units: Units of all drives, because motors may be coupled.
         rated_current_a: 6075 as reported by the drive; None if not reported.
     """

@@ -95,7 +95,6 @@ class DescribedObject:
     """One entry of a description.
 
     Attributes:
-        index: Index.
         subindex: Sub-index.
         name: The vendor's name.
         type: Data type; None if it is neither a number nor a text.
@@ -131,7 +130,6 @@ class DeviceDescription:
 
     Attributes:
         source: Name of the file.
-        vendor_name: Vendor.
         vendor_id: Expected value of 1018:1; None if the file gives none.
         product_code: Expected value of 1018:2, likewise.
         revision: Expected value of 1018:3, likewise.

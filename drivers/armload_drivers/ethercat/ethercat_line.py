@@ -72,11 +72,7 @@ class MailboxSilence(Exception):
 
 
 class MailboxAbort(Exception):
-    """A drive answered an SDO with an abort code.
-
-    Attributes:
-        code: The code.
-    """
+    """A drive answered an SDO with an abort code."""
 
     def __init__(self, code: int, text: str) -> None:
         super().__init__(text)

@@ -30,7 +30,6 @@ class ToldPayload:
     """The payload that an arm's controller was told.
 
     Attributes:
-        mass_kg: Its mass.
         center_of_mass_m: (x, y, z) in the flange frame.
     """
 

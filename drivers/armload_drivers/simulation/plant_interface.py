@@ -42,8 +42,6 @@ class EncoderFault:
 
     Attributes:
         scale: 1 if the encoder counts correctly, -1 if backwards, 0 if it is frozen.
-        jump_rad: Jump.
-        drift_rad_s: Drift.
     """
 
     scale: float = 1.0

@@ -27,7 +27,6 @@ class RigidBody:
     """Inertial properties of one rigid body in a given frame.
 
     Attributes:
-        mass_kg: Mass.
         center_of_mass_m: (3,) centre of mass.
         inertia_kg_m2: (3, 3) inertia tensor about the centre of mass, along the axes of the frame; the
             elements are the tensor's, I_xy = -integral(x y dm).

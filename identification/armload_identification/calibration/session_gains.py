@@ -99,7 +99,6 @@ class SessionGains:
         """As much of it as a run of the session leaves possible: what it cannot tell, and what it says beyond that.
 
         Args:
-            run: The run.
             calibration: The arm.
             chain: The arm as configured.
             transmission: Nominal gains, and coupling.

@@ -21,7 +21,6 @@ class RememberedState:
     """Payload and friction as known at a time.
 
     Attributes:
-        time_s: That time.
         value: (m,) in units of the priors.
         covariance: (m, m) likewise.
     """

@@ -28,7 +28,6 @@ class Posterior:
     """The unknowns of a problem after its rows.
 
     Attributes:
-        problem: The problem.
         x: All unknowns.
         information: (s, s) inverse covariance of the shared unknowns if the rows are as independent as assumed.
         known: (f, f) the share of the shared unknowns' priors in that, of the f that are not known exactly.

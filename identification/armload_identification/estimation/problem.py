@@ -35,7 +35,6 @@ class RunRows:
     """The rows of a run and what it carried.
 
     Attributes:
-        rows: Its rows.
         mounting: Name of its payload; empty for an empty arm.
     """
 

@@ -53,8 +53,6 @@ class PeriodRange:
     """Periods to choose from; a single one if both ends and the step are that period.
 
     Attributes:
-        shortest_s: The shortest.
-        longest_s: The longest.
         step_s: The period is a multiple of this, such as the bus cycle.
 
     Raises:

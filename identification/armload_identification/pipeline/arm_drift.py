@@ -38,7 +38,6 @@ class DriftFinding:
 
     Attributes:
         joint: Joint, from 0.
-        quantity: The quantity.
         run: Index, from 0, of the first run after the change, or of the outlying run.
         alone: Whether it is a single outlying run.
         before: Value before it, relative to the calibration: N m, relative, or the logarithm of the residual.

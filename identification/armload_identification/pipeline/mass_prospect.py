@@ -32,7 +32,6 @@ class MassProspect:
 
     Attributes:
         chain: The arm, with the tilt of its calibration.
-        calibration: Its calibration.
         payload: The expected payload.
     """
 

@@ -33,7 +33,6 @@ class RecordingSurvey:
     """Facts about one recording.
 
     Attributes:
-        recording: The recording.
         duration_s: From its first to its last row.
         rate_hz: Rows per second, from the median interval.
         holes: Number of gaps: rows further apart than three intervals.

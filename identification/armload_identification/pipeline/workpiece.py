@@ -50,7 +50,6 @@ class Workpiece:
 
         Args:
             whole: The tool with what it carries.
-            tool: The tool.
             gain_drift: Standard deviation of the drift that all gains have in common on a day: each has its own.
 
         Raises:

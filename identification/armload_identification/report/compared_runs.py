@@ -15,7 +15,6 @@ class ComparedRuns:
     Attributes:
         robot: Name of the arm.
         description: Its description, in one line.
-        joint_names: Names of its joints.
         calibration: The calibration with which the runs were compared.
         calibration_name: Its file.
         drift: The result of the comparison.

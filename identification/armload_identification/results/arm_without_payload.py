@@ -21,7 +21,6 @@ class ArmWithoutPayload:
     """An arm that carries nothing.
 
     Attributes:
-        arm: The arm.
         found: The mass and its interval.
         sources: Sources of its runs.
     """

@@ -28,7 +28,6 @@ class CalibratedArm(PrintedResult):
 
     Attributes:
         description: Description of the arm, in one line.
-        joint_names: Names of its joints.
         calibration: Gains, body and friction with their uncertainty: the content of the calibration file.
     """
 

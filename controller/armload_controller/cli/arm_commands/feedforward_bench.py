@@ -43,7 +43,6 @@ class Bench:
     """What every run requires.
 
     Attributes:
-        arm: The arm.
         path: The checked trajectory.
         used: The arm as calibrated, if it is.
         open_servos: Opens the arm.

@@ -37,7 +37,6 @@ class Node:
     """One value.
 
     Attributes:
-        kind: Its kind.
         operands: Numbers of its operand nodes.
         value: Value of a constant, greater than zero.
         name: Name of an input in C.

@@ -51,7 +51,6 @@ class CarriedSphere:
     Attributes:
         name: What it is, for messages.
         center_m: (3,) centre in the flange frame.
-        radius_m: Radius.
     """
 
     name: str
@@ -212,7 +211,6 @@ class SpeedLimit:
     """Speed limit of an arm's points.
 
     Attributes:
-        points: The points.
         speed_m_s: The limit.
     """
 

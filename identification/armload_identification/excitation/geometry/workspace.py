@@ -48,7 +48,6 @@ class Sphere:
     Attributes:
         link: What it is attached to: 0 the base, i the link moved by joint i, n + 1 the flange, for the tool.
         center_m: (3,) centre in the base frame, in joint frame i, or in the flange frame.
-        radius_m: Radius.
     """
 
     link: int
