@@ -413,7 +413,7 @@ class Endless:
 
 def peak(rows, periodic):
     file_reading.reader_of = lambda path, options: Endless(rows, periodic)
-    run = file_reading.read_recording(Path("made"))
+    run = file_reading.read_recording_file(Path("made"))
     if periodic:
         motion = Run.of(run, Transmission(np.ones(6), np.eye(6))).motion
         assert motion.periods == rows // period, motion.periods
