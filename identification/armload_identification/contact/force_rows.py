@@ -113,12 +113,11 @@ class RowMaker:
         fresh = np.column_stack([time_s, position, effort @ self._from_effort])
         self._bins = np.concatenate([self._bins, self._means(fresh[np.isfinite(fresh).all(axis=1)])])
         times = self._bins[:, 0]
-        at, last_s = [], self._row_s
+        at = []
         for k in range(_HALF, len(times) - _HALF):
-            if times[k] - last_s >= STEP_S and 0.0 < times[k + _HALF] - times[k - _HALF] < HOLE_S:
+            if times[k] - self._row_s >= STEP_S and 0.0 < times[k + _HALF] - times[k - _HALF] < HOLE_S:
                 at.append(k)
-                last_s = times[k]
-        self._row_s = last_s
+                self._row_s = times[k]
         windows = self._bins[np.array(at, dtype=np.intp)[:, None] + np.arange(-_HALF, _HALF + 1)]
         self._bins = self._bins[-2 * _HALF :]
         return self._rows(windows, theta) if at else ForceRows.none(n)

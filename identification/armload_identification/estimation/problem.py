@@ -222,8 +222,7 @@ class Problem:
         parts = []
         for number, run in enumerate(self.groups[group].runs):
             owners: dict[Scope, Owner] = {Scope.ARM: EMPTY, Scope.MOUNTING: run.mounting, Scope.RUN: (group, number)}
-            acting = [(term, owner) for scope, owner in owners.items() for term in self._terms_of(scope)]
-            placed = [(term, self._places.get((term.name, owner))) for term, owner in acting]
+            placed = [(term, self._places.get((term.name, owners[term.scope]))) for term in self.terms]
             parts.append(tuple((term, place) for term, place in placed if place is not None))
         return tuple(parts)
 

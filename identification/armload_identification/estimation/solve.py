@@ -84,16 +84,11 @@ class _Solver:
         self._mean, self._x = mean, mean.copy()
         self._free = problem.free
         self._shared_free = np.flatnonzero(self._free[: self._shared])
-        own = [problem.own(index) for index in range(len(problem.groups))]
+        places, count = np.arange(problem.size), range(len(problem.groups))
+        parts = zip(problem.groups, map(problem.acting, count), map(problem.own, count), strict=True)
         self._groups = [
-            GroupState(
-                group,
-                problem.acting(index),
-                problem.coupling,
-                self._shared_free,
-                own[index].start + np.flatnonzero(self._free[own[index]]),
-            )
-            for index, group in enumerate(problem.groups)
+            GroupState(group, acting, problem.coupling, self._shared_free, places[own][self._free[own]])
+            for group, acting, own in parts
         ]
         self._known_precision = np.zeros((self._shared, self._shared))
         self._known_target = np.zeros(self._shared)
@@ -110,9 +105,8 @@ class _Solver:
         self._least_correlation = np.broadcast_to(least, self._noise.shape)
         start = np.ones(noise.start_nm.size) if noise.correlation is None else noise.correlation
         self._correlation = np.tile(start, (combinations, 1))
-        terms = [term for state in self._groups for placed in state.acting for term in placed]
-        gains = [np.arange(place.start, place.stop) for term, place in terms if term.law is Shared.GAIN]
-        self._gains = np.concatenate([np.zeros(0, dtype=np.intp), *gains])
+        gains = [places[place] for term in problem.terms if term.law is Shared.GAIN for place in problem.places(term)]
+        self._gains = np.concatenate([places[:0], *gains])
         self._update()
 
     def start_from(self, other: Posterior) -> None:

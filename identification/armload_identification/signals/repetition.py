@@ -42,11 +42,9 @@ def repeated_after(elapsed_s: FloatArray, position_rad: FloatArray) -> float | N
     both = energy[samples - lags] + energy[samples] - energy[lags]
     alike = 2.0 * product[lags] / np.maximum(both, np.finfo(float).tiny)
     apart = np.flatnonzero(alike < Repetition.unlike)
-    if not apart.size:
-        return None
     inner = alike[1:-1]
     peaks = np.flatnonzero((inner >= alike[:-2]) & (inner > alike[2:]) & (inner >= Repetition.alike)) + 1
-    peaks = peaks[peaks > apart[0]]
+    peaks = peaks[peaks > np.append(apart, alike.size)[0]]
     if not peaks.size:
         return None
     lag = int(peaks[0])
