@@ -11,7 +11,7 @@ PROGRAM = """
 import json
 from threadpoolctl import threadpool_info
 from armload_controller.config.robot import load_robot
-from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_identification import identify_runs
 from benchmarks.arms.setups import Twin, setup_of, shipped_motion
 from benchmarks.arms.trials import pair
 
@@ -21,7 +21,7 @@ setup = setup_of("two processors", robot, Twin.NORMATIVE, shipped_motion(robot, 
 values = []
 for seed in range(2):
     loaded, unloaded, _ = pair(setup, seed)
-    found = identify(loaded, unloaded, setup.chain, setup.transmission).uncertainty
+    found = identify_runs(loaded, unloaded, setup.chain, setup.transmission).uncertainty
     values.append([found.values[:4].tolist(), found.half_width_95[:4].tolist()])
 kernels = sorted({each.get("architecture", "") for each in threadpool_info() if each["internal_api"] == "openblas"})
 print(json.dumps([kernels, values]))
