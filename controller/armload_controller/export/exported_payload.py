@@ -100,7 +100,8 @@ class ExportSubject:
 
         Args:
             robot: The arm.
-            payload_file: The file that the payload was read from.
+            payload: What is exported.
+            payload_file: The file that it was read from.
             payload_sha256: Hash of that file.
             calibration: The arm's calibration, if any.
             calibration_sha256: Hash of the calibration file by its name.

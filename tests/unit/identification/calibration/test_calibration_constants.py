@@ -348,7 +348,7 @@ def fit_over(lasts_s, *, periodic=False, rows_s=0.1, weight=0.31):
     return SimpleNamespace(
         _rows=one,
         _calibration=SimpleNamespace(n=1),
-        _factor_in=SimpleNamespace(groups=[SimpleNamespace(acting=[[]])]),
+        _found=SimpleNamespace(groups=[SimpleNamespace(acting=[[]])]),
         _motion=SimpleNamespace(periodic=periodic),
         _friction="friction",
         _middle=None,
@@ -390,7 +390,7 @@ def test_what_errors_of_the_calibration_leave_is_their_torque_less_what_the_unkn
     problem = SimpleNamespace(free=np.array([True, False, True]))
     found = SimpleNamespace(problem=problem, weighted_rows=[[weighted]])
     rows = SimpleNamespace(weight=np.array([[1.0], [0.5], [1.0]]))
-    fit = SimpleNamespace(_factor_in=found, _rows=rows, _errors=np.array([[1.0, 99.0, -1.0]]), _noise_nm=np.ones(1))
+    fit = SimpleNamespace(_found=found, _rows=rows, _errors=np.array([[1.0, 99.0, -1.0]]), _noise_nm=np.ones(1))
     left = _RunFit._left_nm(fit)
     assert left == pytest.approx([np.sqrt((2.0**2 + 1.5**2) / 3.0)])
 
