@@ -43,6 +43,7 @@ class StatedDrift:
         """The drift as measured by the reference, else as far as runs leave it possible; None without a calibration.
 
         Args:
+            arm: The arm.
             used: Its model in use.
             loaded: The run with the payload, to see how large the drift can be.
             empty: The run without it, instead; it measures the drift if that is stated without a reference.

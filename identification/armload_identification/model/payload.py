@@ -75,6 +75,7 @@ class InertialParameters:
             I_origin = I_com + m (c^T c 1 - c c^T)
 
         Args:
+            mass_kg: Mass.
             center_of_mass_m: (3,) centre of mass in the frame.
             inertia_kg_m2: (3, 3) symmetric inertia tensor about the centre of mass, in the frame's axes.
 
