@@ -8,6 +8,10 @@ from dataclasses import is_dataclass
 from functools import wraps
 from typing import get_type_hints
 
+from typer.models import ArgumentInfo
+
+from armload_controller.cli.output.output_files import require_apart
+
 
 def with_option_groups(command: Callable[..., None]) -> Callable[..., None]:
     """A command whose parameters that are dataclasses are replaced with their fields, each an option or argument."""
@@ -18,6 +22,7 @@ def with_option_groups(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def given(**values: object) -> None:
+        require_apart(values, {option.name: _shown_name(option) for option in options})
         for name, fields in groups.items():
             values[name] = kinds[name](**{field.name: values.pop(field.name) for field in fields})
         command(**values)
@@ -26,6 +31,16 @@ def with_option_groups(command: Callable[..., None]) -> Callable[..., None]:
     by_keyword = [option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in options]
     given.__signature__ = inspect.Signature(by_keyword)  # type: ignore[attr-defined]
     return given
+
+
+def _shown_name(parameter: inspect.Parameter) -> str:
+    """The name of an option or argument, as it is shown to the user."""
+    about = (*getattr(parameter.annotation, "__metadata__", ()), None)[0]
+    if isinstance(about, ArgumentInfo):
+        return str(about.metavar or parameter.name.upper()).strip("[].")
+    # the first name of an annotated option is Typer's "default"
+    declared = [getattr(about, "default", ""), *(getattr(about, "param_decls", None) or ())]
+    return next((d for d in map(str, declared) if d.startswith("--")), f"--{parameter.name.replace('_', '-')}")
 
 
 def _fields(group: type) -> list[inspect.Parameter]:

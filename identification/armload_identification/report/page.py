@@ -64,10 +64,10 @@ def write_page(path: Path, page: str) -> None:
     """Write a page.
 
     Args:
-        path: The file; an existing one is replaced.
+        path: The file; an earlier report is replaced, no other file.
         page: Its text.
 
     Raises:
-        ReportError: the file cannot be written.
+        ReportError: the file cannot be written, or is another one.
     """
     write_drawn(path, page, "report")

@@ -43,7 +43,7 @@ def feedforward_compare(
 
     arm = options.movable_arm()
     require_picture(picture)
-    require_folder(picture)
+    require_folder(picture, "picture", "--picture")
     given = usable(arm, payload)
     with options.bench(arm) as bench:
         verdict, comparisons = _compare(bench, given)

@@ -11,7 +11,7 @@ import typer
 from armload_controller.cli.given_arm import ArmOnBus
 from armload_controller.cli.options import CycleOption, duration_s
 from armload_controller.cli.output.output_files import make_folder
-from armload_controller.control_errors import ConfigurationError
+from armload_controller.control_errors import CommissioningError, ConfigurationError
 from armload_controller.motion.motion_control import MotionControl
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def simulate(
     from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.bring_up.description_file import read_description
     from armload_drivers.simulation.drives.drive_eds import drive_eds
+    from armload_identification.storage.own_file import require_own
     from armload_identification.storage.strict_toml import write_text
 
     arm = on_bus.arm(cycle_hz)
@@ -81,6 +82,7 @@ def simulate(
         make_folder(write_eds)
         for drive in arm.drives.settings.drives:
             path = write_eds / f"{drive.joint}.eds"
+            require_own(path, "EDS", CommissioningError, "--write-eds")
             write_text(path, drive_eds(drive, arm.drives.settings.cycle_s), ConfigurationError)
             screen.step(f"written: {path}")
         return

@@ -37,7 +37,7 @@ def calibrate_arm_command(
     from armload_controller.config.robot import load_robot
 
     arm = load_robot(robot)
-    require_folder(output)
+    require_folder(output, "calibration")
     require_drawable(report)
     with screen.track("reading and calibrating", total=200) as done:
         result = robot_calibration.calibrate(arm, runs, progress=lambda count, _total: done(count))

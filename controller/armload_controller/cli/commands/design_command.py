@@ -11,7 +11,7 @@ import typer
 
 from armload_controller.cli.argument_names import as_options
 from armload_controller.cli.options import CalibrationOption, RobotArgument, refuse_together
-from armload_controller.cli.output.output_files import require_drawable
+from armload_controller.cli.output.output_files import require_drawable, require_folder
 from armload_controller.cli.screen import PLAIN, Screen
 
 if TYPE_CHECKING:
@@ -107,7 +107,10 @@ def design_motion(
     from armload_controller.analysis.robot_excitation import DesignSearch, UnstreamablePeriod, design
     from armload_controller.config.robot import load_robot
 
-    require_drawable(output.with_suffix(".png"))
+    if output.suffix == ".png":
+        raise typer.BadParameter(f"{output}: the picture gets this name; expected .toml", param_hint="--output")
+    require_folder(output, "excitation")
+    require_drawable(output.with_suffix(".png"), "picture", "--output")
     arm = load_robot(robot)
     if not arm.has_workspace:
         screen.step(

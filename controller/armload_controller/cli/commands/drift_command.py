@@ -9,7 +9,7 @@ import typer
 
 from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.findings_output import ReportOption
-from armload_controller.cli.output.output_files import require_folder
+from armload_controller.cli.output.output_files import require_drawable
 from armload_controller.cli.screen import PLAIN, Screen
 
 _PARTS = 100
@@ -41,8 +41,8 @@ def watch_drift(
     from armload_controller.config.robot import load_robot
 
     arm = load_robot(robot)
-    require_folder(report)
-    require_folder(picture)
+    require_drawable(report)
+    require_drawable(picture, "picture", "--picture")
     with screen.track("reading", total=_PARTS) as done:
         history = drift(arm, runs, calibration=calibration, progress=lambda count, total: done(_PARTS * count // total))
     screen.result_table(history.table())

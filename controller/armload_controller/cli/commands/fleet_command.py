@@ -13,7 +13,7 @@ import typer
 
 from armload_controller.cli.command_group import Commands
 from armload_controller.cli.exit_status import ExitStatus
-from armload_controller.cli.output.output_files import make_folder, require_drawable, require_writable
+from armload_controller.cli.output.output_files import make_folder, require_drawable, require_folder, require_writable
 from armload_controller.cli.screen import PLAIN, Screen
 
 if TYPE_CHECKING:
@@ -168,7 +168,8 @@ def report_command(
     now = datetime.now(UTC)
     page = output or folder / "report.html"
     runs = runs_of(folder)
-    require_drawable(page)
+    require_folder(metrics, "metrics", "--metrics")
+    require_drawable(page, option="--output")
     from armload_controller.fleet.report.fleet_report import render_fleet_report
     from armload_identification.report.page import write_page
 
@@ -213,7 +214,7 @@ def history_command(
     if arm not in names:
         raise ConfigurationError("command line", "ARM", arm, f"expected one of {', '.join(names)}")
     page = output or folder / f"{quote(arm, safe=' ')}.html"
-    require_drawable(page)
+    require_drawable(page, option="--output")
     from armload_controller.fleet.report.fleet_report import render_arm_history
     from armload_identification.report.page import write_page
 

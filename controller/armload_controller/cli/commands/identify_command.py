@@ -147,7 +147,7 @@ def identify_payload(
     require_extra(Extra.IDENTIFY, "armload identify")
     require_folder(output)
     require_drawable(report)
-    require_drawable(picture)
+    require_drawable(picture, "picture", "--picture")
     known = prior.known()
     if every_s is None:
         refuse_together(context, "needs --every", "picture")
@@ -168,6 +168,9 @@ def identify_payload(
         screen.write(history.picture, picture)
         screen.document(history.to_dict, {"picture": picture})
         return
+    fitted = runs[: 1 if unloaded is None else 2]
+    if output is not None and not force:
+        require_replaceable(output, [run.source.sha256 for run in fitted])
     reference = drift.reference and read_of(arm, drift.reference, replace(choices[0], between_s=None))
     try:
         findings = robot_identification.identify(
@@ -182,10 +185,8 @@ def identify_payload(
             drift=drift.stated(reference),
         )
     except NothingMounted as empty:
-        sources = [run.source for run in runs[: 1 if unloaded is None else 2]]
-        finish_without_payload(screen, ArmWithoutPayload(arm, empty, sources), payload=output, report=report)
+        found = ArmWithoutPayload(arm, empty, [run.source for run in fitted])
+        finish_without_payload(screen, found, payload=output, report=report)
         return
-    if output is not None and not force:
-        require_replaceable(output, findings.payload)
     finish(screen, findings, payload=output, report=report)
     require_not_wrong(findings.outcome)

@@ -63,6 +63,8 @@ def init(
     require_folder(output)
     if output.exists():
         raise CommissioningError(f"{output} exists and is not overwritten: choose another --output")
+    for role in _ROLES:
+        require_folder(output.with_name(f"{output.stem}_{role}.toml"), "excitation")
     if urdf is None and not attended():
         raise ConfigurationError("command line", "URDF", None, "required if there is no terminal to ask at")
     if payload_kg is None and attended():

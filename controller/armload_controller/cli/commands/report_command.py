@@ -32,7 +32,7 @@ def report(
     """Write the report of a payload file and its recordings. Exit status 3: the payload is wrong."""
     from armload_controller.analysis.robot_identification import findings_from_files
 
-    require_drawable(output)
+    require_drawable(output, option="--output")
     findings = findings_from_files(
         robot,
         payload,

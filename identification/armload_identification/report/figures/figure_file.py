@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from armload_identification.identification_errors import ReportError
+from armload_identification.storage.own_file import require_own
 from armload_identification.storage.replace_file import replace_file
 
 if TYPE_CHECKING:
@@ -14,14 +15,14 @@ if TYPE_CHECKING:
 
 
 def write_figure(path: Path, figure: Figure, dpi: float = 130.0) -> None:
-    """Write a figure; an existing file is replaced atomically.
+    """Write a figure; an earlier one is replaced atomically.
 
     Args:
         path: The file; its suffix is the format, such as .svg or .png.
         dpi: Resolution in pixels per inch.
 
     Raises:
-        ReportError: the file cannot be written, or the suffix is that of no format.
+        ReportError: the file cannot be written or is no picture, or the suffix is that of no format.
     """
     kind, kinds = path.suffix.removeprefix(".").lower(), figure.canvas.get_supported_filetypes()
     if kind not in kinds:
@@ -34,15 +35,16 @@ def write_figure(path: Path, figure: Figure, dpi: float = 130.0) -> None:
 
 
 def write_drawn(path: Path, content: str | bytes, what: str) -> None:
-    """Write a report or a picture; an existing file is replaced atomically.
+    """Write a report or a picture; an earlier one is replaced atomically.
 
     Args:
-        what: What it is, for messages.
+        what: What it is: a report or a picture.
 
     Raises:
-        ReportError: the file cannot be written.
+        ReportError: the file cannot be written, or is another one.
     """
     try:
+        require_own(path, what, ReportError)
         replace_file(path, content)
     except OSError as problem:
         raise ReportError(

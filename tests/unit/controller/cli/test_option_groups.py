@@ -2,8 +2,14 @@
 
 import inspect
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import pytest
+import typer
 
 from armload_controller.cli.option_groups import with_option_groups
+from armload_controller.control_errors import CommissioningError
 
 
 @dataclass
@@ -34,6 +40,17 @@ def test_a_group_is_its_fields_with_those_that_it_inherits_by_keyword():
     assert {each.kind for each in parameters} == {inspect.Parameter.KEYWORD_ONLY}
     assert [each.default for each in parameters if each.default is not each.empty] == [3, "x", "z"]
     assert given.__doc__ == "What it does."
+
+
+def reads(loaded: Annotated[Path, typer.Argument()], output: Annotated[Path, typer.Option("--out", "-o")]) -> None:
+    CALLS.append((loaded, output))
+
+
+def test_a_command_is_not_called_to_write_over_what_it_reads():
+    CALLS.clear()
+    with pytest.raises(CommissioningError, match="a is given as --out, to be written, and as LOADED: give another"):
+        with_option_groups(reads)(loaded=Path("a"), output=Path("a"))
+    assert CALLS == []
 
 
 def test_the_command_gets_one_value_of_the_group():

@@ -7,6 +7,7 @@ import pytest
 
 from armload_controller.cli.output.output_files import (
     make_folder,
+    require_apart,
     require_drawable,
     require_folder,
     require_replaceable,
@@ -75,21 +76,54 @@ def payload(make_subject):
 )
 def test_a_payload_replaces_only_one_from_the_same_recordings(tmp_path, payload, there, new, refused):
     file = tmp_path / "payload.toml"
-    require_replaceable(file, payload(**new))
+    require_replaceable(file, new.values())
     write_payload(file, payload(**there))
     if not refused:
-        require_replaceable(file, payload(**new))
+        require_replaceable(file, new.values())
         return
     with pytest.raises(CommissioningError) as caught:
-        require_replaceable(file, payload(**new))
+        require_replaceable(file, new.values())
     assert str(caught.value) == (
         f"{file} holds another payload (2.700 kg, from {', '.join(there)}): give another --output, or --force to "
         "replace it"
     )
 
 
-def test_what_is_no_payload_is_not_replaced(tmp_path, payload):
+def test_what_is_no_payload_is_not_replaced(tmp_path):
     file = tmp_path / "notes.toml"
     file.write_text("a = 1")
     with pytest.raises(CommissioningError, match=r"notes\.toml already exists and is not a payload file \(.*--force$"):
-        require_replaceable(file, payload(a="1"))
+        require_replaceable(file, ["1"])
+
+
+@pytest.mark.parametrize(
+    ("given", "names"),
+    [
+        ({"report": Path("a/../x"), "unloaded": Path("x")}, "--report, to be written, and as --unloaded"),
+        ({"report": Path("x"), "output": Path("./x")}, "--output, to be written, and as --report"),
+        ({"output": Path("new"), "record": Path("new")}, "--output, to be written, and as --record"),
+        ({"picture": Path("x"), "validation": (Path("y"), Path("x"))}, "--picture, to be written, and as --validation"),
+        ({"metrics": Path("x"), "runs": [Path("x")]}, "--metrics, to be written, and as --runs"),
+        ({"decisions": Path("x"), "robot": "x"}, "--decisions, to be written, and as --robot"),
+    ],
+)
+def test_a_file_to_be_written_is_no_other_file_of_the_command(tmp_path, monkeypatch, given, names):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a").mkdir()
+    (tmp_path / "x").write_text("1")
+    shown = {key: f"--{key}" for key in given}
+    with pytest.raises(CommissioningError, match=f"is given as {names}: give another --"):
+        require_apart(given, shown)
+    others = {"robot": "er50", "output": Path("er50"), "report": None, "picture": Path("/dev/null"), "by": [2]}
+    require_apart(others | {"metrics": Path("/dev/null")}, {})
+
+
+@pytest.mark.parametrize("what", ["report", "picture"])
+def test_a_report_or_a_picture_replaces_only_its_like(tmp_path, what):
+    file = tmp_path / "there"
+    file.write_text("time_s,joint_1_position_rad")
+    with pytest.raises(CommissioningError, match=rf"there exists and is not armload's {what}: .* Give another --it,"):
+        require_drawable(file, what, "--it")
+    for own in ("", '<meta name="generator" content="armload 0.1"> Matplotlib'):
+        file.write_text(own)
+        require_drawable(file, what, "--it")
