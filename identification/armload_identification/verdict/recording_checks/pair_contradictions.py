@@ -24,7 +24,7 @@ from armload_identification.verdict.decision_levels import Correlations, FalseAl
 from armload_identification.verdict.joint_words import numbered_joints
 from armload_identification.verdict.recording_checks.column_mistakes import RunColumns
 from armload_identification.verdict.recording_checks.joint_scales import JointScales, joint_scales
-from armload_identification.verdict.recording_checks.nothing_mounted import refuse_nothing
+from armload_identification.verdict.recording_checks.nothing_mounted import is_slight, refuse_nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +59,11 @@ class FittedPair:
         A short run cannot tell Coulomb friction from the rest.
         """
         return np.abs(ArmFriction.of(self.body, self.signal.unloaded.states.velocity_rad_s).torque_nm)
+
+    @cached_property
+    def slight(self) -> bool:
+        """Whether a payload of these runs is so light that its torque says nothing about the joints'."""
+        return is_slight(self.plain, self.plain.half_width_kg, self.regressor, self.signal.unloaded.torque_nm)
 
     @property
     def determined(self) -> bool:
@@ -118,7 +123,7 @@ def _refuse_contradicting_joint(fit: FittedPair) -> None:
     noise_nm = signal.averaged_noise_nm / np.sqrt(len(measured))
     loud = np.sqrt(power) > JointContradiction.clear_deviations * noise_nm
     suspect = signal.loaded.moves & loud & (left > JointContradiction.unexplained * power)
-    if fit.gains is not None and fit.determined and not suspect.any():
+    if fit.slight or (fit.gains is not None and fit.determined and not suspect.any()):
         return
     implied_nm = np.zeros_like(signal.torque_nm)
     for joint in np.flatnonzero(signal.loaded.moves & loud).tolist():
@@ -149,15 +154,15 @@ def _refuse_no_mass(fit: FittedPair) -> None:
         )
     else:
         text = (
-            f"the estimated mass is negative, {estimate}. The loaded and the unloaded recording are exchanged: "
-            "exchange them."
+            f"the estimated mass is negative, {estimate}. If the loaded and the unloaded recording are exchanged: "
+            "exchange them; else check gravity, joint order and signs in the configuration and the log."
         )
     raise NoPayloadMass(text, mass_kg, half_width_kg)
 
 
 def _refuse_strange_scales(fit: FittedPair) -> None:
     """Raise if the measured torque on a joint is not nearly that of a payload whose mass is determined."""
-    if not fit.determined:
+    if fit.slight or not fit.determined:
         return
     signal = fit.adjusted
     payload_nm = payload_regressor(fit.plain.arm.layout.chain, *signal.states) @ fit.plain.theta

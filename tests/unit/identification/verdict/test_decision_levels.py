@@ -445,7 +445,8 @@ def test_nothing_is_mounted_if_at_most_4_percent_of_the_arms_own_torque_is_left(
     """10 N m per kg, and 0.296 kg at most; of negative masses and of moments two half widths."""
     variance = np.array([0.1, 0.01, 0.01, 0.01]) ** 2
     theta = np.array([mass_kg, center_kg_m, *np.zeros(8)])
-    plain = SimpleNamespace(theta=theta, spread=lambda _: (variance, np.full(4, 1e6)))
+    nothing_left = SimpleNamespace(residual_nm=np.zeros((1, 1)))
+    plain = SimpleNamespace(theta=theta, spread=lambda _: (variance, np.full(4, 1e6)), posterior=nothing_left)
     regressor, arm_nm = np.zeros((9, 1, 10)), np.full((9, 1), own_nm)
     regressor[..., 0] = 10.0
     assert bool(refusal(refuse_nothing, plain, regressor, arm_nm)) is nothing
@@ -543,7 +544,7 @@ def test_what_others_imply_counts_from_20_deviations_and_a_tenth_of_the_friction
     ("left", "noise_nm", "compared"), [(0.33, 1.0, "again"), (0.30, 1.0, None), (0.33, 13.0, None)]
 )
 def test_joints_are_compared_if_a_loud_one_is_unexplained_by_a_tenth_of_its_power(left, noise_nm, compared):
-    """Loud is five times the noise of a mean of 100 samples, 6.5 N m with a noise of 13 N m."""
+    """Loud is five times the noise of a mean of 100 samples, 6.5 N m with 13 N m; a slight payload says nothing."""
     asked = []
     plain = SimpleNamespace(theta=np.array([1.0]))
     plain.without = lambda joint, afresh: asked.append("again" if afresh else "once") or (np.ones(2), 0, 1)
@@ -556,7 +557,10 @@ def test_joints_are_compared_if_a_loud_one_is_unexplained_by_a_tenth_of_its_powe
         states=SimpleNamespace(velocity_rad_s=np.ones((100, 1))),
     )
     fit = SimpleNamespace(plain=plain, signal=signal, regressor=(1.0 - left) * torque[:, :, None], determined=True)
-    fit.gains = object()
+    fit.gains, fit.slight = object(), True
+    _refuse_contradicting_joint(fit)
+    assert not asked
+    fit.slight = False
     _refuse_contradicting_joint(fit)
     assert asked == ([compared] if compared else [])
     asked.clear()

@@ -16,11 +16,13 @@ LEAST_KG = EmptyArmLevels.torque_share * OWN_NM / PER_KG_NM
 """Mass of which the torque is the share of the arm's own up to which it is nothing: 2 kg."""
 
 
-def refuse(mass_kg, deviation_kg=0.1, moments=(0.0, 0.0, 0.0), floor_kg=0.0, moment_deviation=0.01):
+def refuse(mass_kg, deviation_kg=0.1, moments=(0.0, 0.0, 0.0), floor_kg=0.0, left_nm=0.0):
     """An estimate with almost certain intervals, on an arm of two joints."""
-    variance = np.array([deviation_kg, *[moment_deviation] * 3]) ** 2
+    variance = np.array([deviation_kg, *[0.01] * 3]) ** 2
     plain = SimpleNamespace(
-        theta=np.array([mass_kg, *moments, *np.zeros(6)]), spread=lambda slope: (variance, np.full(4, 1e6))
+        theta=np.array([mass_kg, *moments, *np.zeros(6)]),
+        spread=lambda slope: (variance, np.full(4, 1e6)),
+        posterior=SimpleNamespace(residual_nm=left_nm * np.array([[0.6, 0.8], [9.0, 9.0]])),
     )
     regressor = np.zeros((50, 2, 10))
     regressor[..., 0] = PER_KG_NM * np.array([0.6, 0.8])
@@ -76,3 +78,13 @@ def test_an_error_that_is_not_in_the_estimate_widens_the_interval():
     with pytest.raises(NothingMounted) as raised:
         refuse(0.3, floor_kg=0.15)
     assert raised.value.half_width_kg == pytest.approx(1.96 * np.hypot(0.1, 0.15), rel=1e-3)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.99, True), (1.01, False)])
+def test_torque_that_remains_unexplained_may_be_a_payload_with_wrong_gravity(share, told):
+    left_nm = share * EmptyArmLevels.left_share * OWN_NM
+    if told:
+        with pytest.raises(NothingMounted):
+            refuse(0.0, left_nm=left_nm)
+    else:
+        refuse(0.0, left_nm=left_nm)
