@@ -44,9 +44,10 @@ def given_arm(robot: str, base: str | None, flange: str | None) -> MeasuredArm:
         return read_urdf_arm(robot, base, flange)
     from armload_controller.config.robot import load_robot
 
+    arm = load_robot(robot)
     if base is not None or flange is not None:
         raise typer.BadParameter(f"select the arm in a URDF; ROBOT {robot!r} is none", param_hint="--base, --flange")
-    return load_robot(robot)
+    return arm
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,11 @@ def test_links_need_a_urdf(base, flange):
     assert caught.value.param_hint == "--base, --flange"
 
 
+def test_links_of_a_missing_file_are_not_its_problem():
+    with pytest.raises(ConfigurationError, match=r"^missing\.urdf: no such file, and no shipped robot"):
+        given_arm("missing.urdf", None, "tool0")
+
+
 def test_a_urdf_is_read_with_its_links(tmp_path, monkeypatch):
     read = []
     monkeypatch.setattr("armload_controller.config.chain_from_urdf.read_urdf_arm", lambda *given: read.append(given))
