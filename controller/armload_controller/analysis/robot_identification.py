@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import version
+from numbers import Real
 from os import PathLike
 
 from armload_controller.analysis.arm_in_use import ArmInUse, Calibration, arm_in_use
@@ -95,7 +96,8 @@ def read_recording(
     source = path if isinstance(path, DataFrame) else path_of("path", path, "the path of a recording, or a data frame")
     if isinstance(joints, str):
         raise wrong_type("joints", joints, "indices from 0, such as [0, 1, 2]")
-    if between_s is not None and not isinstance(between_s, Sequence):
+    times = list(between_s) if isinstance(between_s, Sequence) else []
+    if between_s is not None and (len(times) != 2 or not all(isinstance(time, Real) for time in times)):
         raise wrong_type("between_s", between_s, "two times in s, such as (10.0, 90.0)")
     if robot is not None:
         return read_of(arm_of(robot), source, choice)

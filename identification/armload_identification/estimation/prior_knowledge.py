@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.argument_types import wrong_type
 from armload_identification.estimation.arm_terms import PAYLOAD
 from armload_identification.estimation.problem import Known
 from armload_identification.identification_errors import ModelError
@@ -66,6 +67,7 @@ class KnownPayload:
         symmetric: Whether it is symmetric about the flange axis, z: a chuck, a suction cup, a disc.
 
     Raises:
+        TypeError: a mass or coordinate that is no number.
         ModelError: a mass or confidence that is not positive, not three coordinates, a range whose lower number is
             not below the higher, or a symmetric body with a centre of mass off the flange axis.
 
@@ -157,7 +159,13 @@ class KnownPayload:
 
 def _require_known(name: str, unit: str, value: float | tuple[float, float]) -> None:
     """Raise unless the value is a number or a range from a lower number to a higher one."""
-    known = np.asarray(value, dtype=np.float64)
+    try:
+        known = np.asarray(value)
+    except ValueError:  # entries of several lengths
+        known = np.asarray(None)
+    if known.dtype.kind not in "iuf":
+        argument = "mass_kg" if unit == "kg" else "center_of_mass_m"
+        raise wrong_type(argument, value, f"numbers in {unit}, each one or a range (low, high)")
     if known.shape not in {(), (2,)} or not np.isfinite(known).all():
         raise ModelError(f"the known {name} is {known.tolist()} {unit}; expected a number, or a range (low, high)")
     if known.shape == (2,) and known[0] >= known[1]:
